@@ -1,0 +1,125 @@
+"""The configuration file: what may stand in it, with units in the names. See config.toml for every key explained."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, Struct, field
+
+from fmfts.pad import Magnet, Pad, SensorArray, rotation_from_vector
+
+Vector = tuple[float, float, float]
+PositiveFloat = Annotated[float, Meta(gt=0)]
+NonNegativeFloat = Annotated[float, Meta(ge=0)]
+PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+
+
+class _Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the file: unknown keys are errors."""
+
+
+class BusConfig(_Section):
+    publish: str | None = None  # None: the default endpoints (see fmfts_client.endpoints)
+    control: str | None = None
+
+
+class _HardwareSource(_Section):
+    rate_hz: Annotated[int, Meta(ge=1, le=220)] = 220
+    range_gauss: float = 2.5
+    trigger: Literal["free", "simultaneous"] = "free"
+    chip: Literal["hmc5983", "hmc5883l"] = "hmc5983"
+
+
+class BridgeSource(_HardwareSource, tag="bridge", tag_field="type"):
+    port: str
+    uid: str | None = None  # 24 hex digits; binds this pad to one board whatever the port is called
+    pad_index: Annotated[int, Meta(ge=0, le=2)] = 0
+    baud: Annotated[int, Meta(ge=9600)] = 460800
+
+
+class I2cSource(_HardwareSource, tag="i2c", tag_field="type"):
+    bus: Annotated[int, Meta(ge=0)]
+    mux_address: Annotated[int, Meta(ge=0x70, le=0x77)] = 0x70
+    channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)
+    clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
+
+
+class SimulatedSource(_HardwareSource, tag="simulated", tag_field="type"):
+    seed: int = 1
+    finger: Literal["script", "none"] = "script"
+    warming_k_per_minute: float = 0.0
+
+
+class ReplaySource(_Section, tag="replay", tag_field="type"):
+    path: str
+    speed: PositiveFloat = 1.0
+
+
+SourceConfig = BridgeSource | I2cSource | SimulatedSource | ReplaySource
+
+
+class GeometryConfig(_Section):
+    sensors_mm: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
+    sensor_rotations_deg: tuple[Vector, ...] = ()
+
+
+class MagnetConfig(_Section):
+    diameter_mm: PositiveFloat = 2.0
+    length_mm: PositiveFloat = 2.0
+    remanence_t: Annotated[float, Meta(gt=0, le=2)] = 1.23
+    rest_mm: Vector = (0, 0, 12)
+    rest_axis: Vector = (0, 0, 1)
+    temperature_coefficient_per_k: float = -0.0012
+
+
+class ToleranceConfig(_Section):
+    """How well a pad is built: one standard deviation of each error; the priors of the baseline's estimate."""
+
+    sensor_position_mm: NonNegativeFloat = 0.1
+    magnet_position_mm: NonNegativeFloat = 0.1
+    magnet_tilt_deg: NonNegativeFloat = 1.0
+    gain: NonNegativeFloat = 0.05
+    remanence: NonNegativeFloat = 0.1
+
+
+class SceneConfig(_Section):
+    ambient: Literal["constant", "drifting"] = "constant"
+    remanence: Literal["measured", "nominal", "drifting"] = "measured"
+    neighbours: tuple[PadName, ...] = ()
+    steel_nearby: bool = False
+
+
+class ContactConfig(_Section):
+    model: str = "default"
+
+
+class PadConfig(_Section):
+    name: PadName
+    source: SourceConfig
+    geometry: GeometryConfig = field(default_factory=GeometryConfig)
+    magnet: MagnetConfig = field(default_factory=MagnetConfig)
+    tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
+    scene: SceneConfig = field(default_factory=SceneConfig)
+    contact: ContactConfig = field(default_factory=ContactConfig)
+
+    def pad(self) -> Pad:
+        """The same facts in SI."""
+        positions = np.array(self.geometry.sensors_mm, dtype=float) * 1e-3
+        sensors = SensorArray.aligned(positions)
+        if self.geometry.sensor_rotations_deg:
+            vectors = np.deg2rad(np.array(self.geometry.sensor_rotations_deg, dtype=float))
+            sensors = SensorArray(positions, np.array([rotation_from_vector(vector) for vector in vectors]))
+        axis = np.array(self.magnet.rest_axis, dtype=float)
+        return Pad(
+            name=self.name,
+            sensors=sensors,
+            magnet=Magnet(self.magnet.diameter_mm * 1e-3, self.magnet.length_mm * 1e-3, self.magnet.remanence_t),
+            rest_position_m=np.array(self.magnet.rest_mm, dtype=float) * 1e-3,
+            rest_axis=axis / np.linalg.norm(axis),
+        )
+
+
+class Config(_Section):
+    pad: tuple[PadConfig, ...]
+    bus: BusConfig = field(default_factory=BusConfig)

@@ -1,0 +1,95 @@
+"""What a pad is, in SI: where its sensors sit, which magnet it holds, and where that magnet rests."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def rotation_from_vector(vector_rad: Array) -> Array:
+    """Rotation matrix (3, 3) of a rotation vector (3,) in radians (Rodrigues' formula)."""
+    angle = float(np.linalg.norm(vector_rad))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector_rad / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorArray:
+    """Places of N sensors: `position_m` (N, 3), and `rotation` (N, 3, 3), pad axes from sensor axes."""
+
+    position_m: Array
+    rotation: Array
+
+    @classmethod
+    def aligned(cls, position_m: Array) -> Self:
+        """Sensors whose axes are the pad's."""
+        position_m = np.asarray(position_m, dtype=float)
+        return cls(position_m, np.broadcast_to(np.eye(3), (len(position_m), 3, 3)).copy())
+
+    def __len__(self) -> int:
+        return len(self.position_m)
+
+    def to_pad(self, field: Array) -> Array:
+        """Vectors (…, N, 3) in each sensor's own axes → the same vectors in pad axes."""
+        turned: Array = np.einsum("nij,...nj->...ni", self.rotation, field)
+        return turned
+
+    def to_sensor(self, field: Array) -> Array:
+        """Vectors (…, N, 3) in pad axes → the same vectors in each sensor's own axes."""
+        turned: Array = np.einsum("nji,...nj->...ni", self.rotation, field)
+        return turned
+
+
+@dataclass(frozen=True, slots=True)
+class Magnet:
+    """An axially magnetised cylinder."""
+
+    diameter_m: float
+    length_m: float
+    remanence_t: float
+
+    @property
+    def strength_t_m3(self) -> float:
+        """B_T = Br·r²·L/4 of the paper's Eq. 2, in T·m³: the dipole's field is B_T·(3(m̂·r)r/r⁵ − m̂/r³)."""
+        return self.remanence_t * (self.diameter_m / 2) ** 2 * self.length_m / 4
+
+    def with_remanence(self, remanence_t: float) -> Self:
+        return replace(self, remanence_t=remanence_t)
+
+
+@dataclass(frozen=True, slots=True)
+class Pad:
+    """One pad as its drawing has it: nominal places; what a mounted pad really is, its baseline estimates."""
+
+    name: str
+    sensors: SensorArray
+    magnet: Magnet
+    rest_position_m: Array
+    rest_axis: Array
+
+    @property
+    def geometry_hash(self) -> str:
+        """Twelve hex digits that change with any nominal dimension: binds baselines and models to a structure.
+
+        The remanence is left out: pads of one structure share a calibration whatever their magnets' strength.
+        """
+        numbers = np.concatenate(
+            [
+                self.sensors.position_m.ravel(),
+                self.sensors.rotation.ravel(),
+                [self.magnet.diameter_m, self.magnet.length_m],
+                self.rest_position_m,
+                self.rest_axis,
+            ]
+        )
+        canonical = ",".join(f"{value + 0.0:.9f}" for value in np.round(numbers, 9) + 0.0)
+        return hashlib.sha256(canonical.encode()).hexdigest()[:12]

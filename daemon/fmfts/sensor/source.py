@@ -1,0 +1,52 @@
+"""What every source of frames looks like to the pipeline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from fmfts.sensor.frame import Frame
+
+
+class SourceError(Exception):
+    """A source cannot do what was asked; the text names pad, device, cause and what to do next."""
+
+
+@dataclass(slots=True)
+class SourceState:
+    """What a source knows of itself; read by `status`, written by the source alone. Counters only grow."""
+
+    description: str
+    connected: bool = False
+    reason: str = "not opened yet"
+    since_ns: int = 0
+    crc_errors: int = 0
+    garbage_bytes: int = 0
+    reconnects: int = 0
+    sensor_faults: dict[tuple[int, int], str] = field(default_factory=dict)  # (pad index, sensor) → what is wrong
+    board: dict[str, object] = field(default_factory=dict)  # identity: uid, firmware, reset cause, chips …
+
+
+class Source(Protocol):
+    """A device (or a stand-in) that feeds one or several pads. No call here ever blocks."""
+
+    state: SourceState
+
+    def fileno(self) -> int | None:
+        """The descriptor to wait on, None while there is none (device absent, or driven by time alone)."""
+
+    def deadline_ns(self) -> int | None:
+        """CLOCK_MONOTONIC time at which `poll` wants to be called although nothing is readable; None: never."""
+
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        """The frames that are complete now; also opens, reopens and asks again when their time has come."""
+
+    def request_selftest(self, pad_index: int) -> None:
+        """Start a self-test; its result appears later in `selftest_result`. SourceError where it cannot."""
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        """The last self-test's facts for this pad (see SelfTest in hmc5983), None while it runs."""
+
+    def close(self) -> None:
+        """Give the device back. Idempotent."""
