@@ -31,27 +31,27 @@ class _HardwareSource(_Section):
     chip: Literal["hmc5983", "hmc5883l"] = "hmc5983"
 
 
-class BridgeSource(_HardwareSource, tag="bridge", tag_field="type"):
+class BridgeSource(_HardwareSource, tag="bridge", tag_field="type", kw_only=True):
     port: str
     uid: str | None = None  # 24 hex digits; binds this pad to one board whatever the port is called
     pad_index: Annotated[int, Meta(ge=0, le=2)] = 0
     baud: Annotated[int, Meta(ge=9600)] = 460800
 
 
-class I2cSource(_HardwareSource, tag="i2c", tag_field="type"):
+class I2cSource(_HardwareSource, tag="i2c", tag_field="type", kw_only=True):
     bus: Annotated[int, Meta(ge=0)]
     mux_address: Annotated[int, Meta(ge=0x70, le=0x77)] = 0x70
     channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)
     clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
 
 
-class SimulatedSource(_HardwareSource, tag="simulated", tag_field="type"):
+class SimulatedSource(_HardwareSource, tag="simulated", tag_field="type", kw_only=True):
     seed: int = 1
     finger: Literal["script", "none"] = "script"
     warming_k_per_minute: float = 0.0
 
 
-class ReplaySource(_Section, tag="replay", tag_field="type"):
+class ReplaySource(_Section, tag="replay", tag_field="type", kw_only=True):
     path: str
     speed: PositiveFloat = 1.0
 
@@ -94,7 +94,7 @@ class ContactConfig(_Section):
     model: str = "default"
 
 
-class PadConfig(_Section):
+class PadConfig(_Section, kw_only=True):
     name: PadName
     source: SourceConfig
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
