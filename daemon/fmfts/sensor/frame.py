@@ -18,10 +18,11 @@ class Frame:
     """Raw counts of N sensors with all that is needed to read them.
 
     counts: (N, 3) int16, order x, y, z in the sensor's axes; OVERFLOW_COUNT marks a saturated axis.
-    age_us: (N,) how much older than `device_time_us` each sample is (chips that run free differ); AGE_UNKNOWN_US at most.
+    age_us: (N,) how much older than `device_time_us` each sample is (free chips differ); AGE_UNKNOWN_US at most.
     fresh: (N,) bool, this sample was not in an earlier frame. valid: (N,) bool, this sample may be used.
     device_time_us: the source's own clock at the newest conversion, 64 bit, never wraps.
-    host_time_ns: the same instant on the host's CLOCK_MONOTONIC. temperature_c: None where the source has no thermometer.
+    host_time_ns: the same instant on the host's CLOCK_MONOTONIC.
+    temperature_c: None where the source has no thermometer.
     """
 
     pad_index: int

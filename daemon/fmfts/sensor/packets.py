@@ -1,0 +1,135 @@
+"""The packets of docs/wire.md as values: what a board says and what a host asks; wire.py turns them into bytes."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+MAX_SENSORS = 8
+MAX_PADS = 3
+ALL_PADS = 255
+TEMPERATURE_UNKNOWN = -32768
+
+
+class PacketType(IntEnum):
+    SAMPLE = 1
+    HELLO = 2
+    STATUS = 3
+    REPLY = 4
+    SELFTEST = 5
+
+
+class Verb(IntEnum):
+    HELLO = 8
+    RANGE = 9
+    RATE = 10
+    TRIGGER = 11
+    START = 12
+    STOP = 13
+    SELFTEST = 14
+    STATUS = 15
+
+
+class Result(IntEnum):
+    DONE = 0
+    UNKNOWN_REQUEST = 1
+    OUT_OF_RANGE = 2
+    NO_SUCH_PAD = 3
+    BUSY = 4
+
+
+class SensorState(IntEnum):
+    OK = 0
+    NO_ANSWER = 1
+    WRONG_IDENTIFICATION = 2
+    CONFIGURATION_LOST = 3
+    NO_NEW_DATA = 4
+    SELFTEST_FAILED = 5
+    BUS_STUCK = 6
+    MUX_SILENT = 7
+    NOT_STARTED = 8
+
+
+class Sample(Struct, frozen=True, eq=False, gc=False):
+    """counts (N, 3) int16 in the order x, y, z; age_us (N,) uint16; valid and fresh are masks, bit i = sensor i."""
+
+    pad_index: int
+    sequence: int
+    time_us: int
+    gain_code: int
+    trigger: int
+    valid: int
+    fresh: int
+    temperature_raw: int
+    counts: NDArray[np.int16]
+    age_us: NDArray[np.uint16]
+
+
+class HelloSensor(Struct, frozen=True):
+    channel: int
+    state: int
+    identification: bytes
+
+
+class HelloPad(Struct, frozen=True):
+    i2c_port: int
+    mux_address: int
+    sensors: tuple[HelloSensor, ...]
+
+
+class Hello(Struct, frozen=True):
+    firmware_version: tuple[int, int, int]
+    reset_cause: int
+    clock: int
+    uid: bytes
+    rate_hz: int
+    gain_code: int
+    trigger: int
+    running: int
+    pads: tuple[HelloPad, ...]
+
+
+class StatusPad(Struct, frozen=True):
+    bus_errors: int
+    bus_recoveries: int
+    config_repairs: int
+    states: tuple[int, ...]
+
+
+class Status(Struct, frozen=True):
+    time_us: int
+    transmit_dropped: int
+    receive_errors: int
+    pads: tuple[StatusPad, ...]
+
+
+class Reply(Struct, frozen=True):
+    request_id: int
+    request_type: int
+    result: int
+
+
+class SelftestSensor(Struct, frozen=True):
+    state: int
+    positive: tuple[int, int, int]
+    negative: tuple[int, int, int]
+
+
+class Selftest(Struct, frozen=True):
+    request_id: int
+    pad_index: int
+    gain_code: int
+    sensors: tuple[SelftestSensor, ...]
+
+
+class Request(Struct, frozen=True):
+    verb: int
+    request_id: int
+    pad_index: int
+    argument: int
+
+
+Packet = Sample | Hello | Status | Reply | Selftest | Request
