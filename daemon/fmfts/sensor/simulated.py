@@ -1,0 +1,151 @@
+"""A pad that exists only in numbers, read as a real one is: raw counts of chips that run on their own clocks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from math import exp
+
+import numpy as np
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.pad import Array
+from fmfts.sensor.frame import AGE_UNKNOWN_US, TESLA_PER_GAUSS, Frame
+from fmfts.sensor.hmc5983 import gain_code_for_range
+from fmfts.sensor.source import SourceState
+from fmfts.simulate.chip import NOISE_T, STRAP_GAUSS, ChipArray
+from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
+from fmfts.simulate.mounted import MountedPad
+
+CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
+SELFTEST_GAIN_CODE = 5
+ROOM_C = 25.0
+WARMEST_K = 15.0  # a warming board comes to rest somewhere
+
+
+class Simulated:
+    """A Source of one simulated pad, the same frames for the same seed and start.
+
+    `mounted = False` takes the magnet away (for a bare baseline), `finger` may be replaced at any time. The clock is
+    whatever `poll` is given: a test or a baseline may run it faster than real time. It starts at the first poll.
+    """
+
+    def __init__(self, config: PadConfig, *, noise_t: float = NOISE_T, perfect: bool = False) -> None:
+        """`perfect`: built exactly as drawn and far from the Earth's field; ValueError unless the source is simulated."""
+        source = config.source
+        if not isinstance(source, SimulatedSource):
+            raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
+        drawing = config.pad()
+        self.state = SourceState(description=f"simulated pad, seed {source.seed}")
+        self.finger: Finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
+        self.mounted = True
+        self._built = MountedPad.exact(drawing) if perfect else MountedPad.built(drawing, _random(source, "pad"))
+        self._chips = ChipArray(
+            len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, _random(source, "chips")
+        )
+        self._gain_code = gain_code_for_range(source.range_gauss)
+        self._period_ns = 1_000_000_000 / source.rate_hz
+        self._warming_k_per_s = source.warming_k_per_minute / 60.0
+        self._magnet_per_k = config.magnet.temperature_coefficient_per_k
+        self._has_thermometer = source.chip == "hmc5983"
+        self._start_ns: int | None = None
+        self._sequence = 0
+        self._delivered = np.full(len(drawing.sensors), np.iinfo(np.int64).min)
+        self._counts = np.zeros((len(drawing.sensors), 3), dtype=np.int16)
+        self._selftest: dict[str, object] | None = None
+
+    def fileno(self) -> None:
+        return None
+
+    def deadline_ns(self) -> int:
+        return 0 if self._start_ns is None else self._due_ns(self._sequence)
+
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        """The frames that fell due; after a stall the newest few, and a gap in the sequence for the others."""
+        if self._start_ns is None:
+            self._start_ns = now_ns
+            self.state.connected, self.state.reason, self.state.since_ns = True, "", now_ns
+        frames: list[Frame] = []
+        due = int((now_ns - self._start_ns) // self._period_ns)
+        self._sequence = max(self._sequence, due + 1 - CATCH_UP_FRAMES)
+        while self._due_ns(self._sequence) <= now_ns:
+            frames.append(self._frame())
+            self._sequence += 1
+        return frames
+
+    def truth(self, host_time_ns: int) -> tuple[float, float, float]:
+        """Where the finger is (m, m) and how hard it presses (N) at a time of this source's clock."""
+        return self.finger(self._seconds(host_time_ns))
+
+    def request_selftest(self, pad_index: int) -> None:
+        """Strap currents both ways at gain code 5, the field without them subtracted (data sheet, self-test operation)."""
+        now_s = self._sequence * self._period_ns * 1e-9
+        warming_k = self._warming_k(now_s)
+        strap = STRAP_GAUSS * TESLA_PER_GAUSS * self._built.gain
+        resting = self._field(np.full(len(strap), now_s), warming_k)
+
+        def counts(field_t: Array) -> Array:
+            return self._chips.counts(field_t, SELFTEST_GAIN_CODE, warming_k).astype(float)
+
+        unbiased = counts(resting)
+        self._selftest = {
+            "gain_code": SELFTEST_GAIN_CODE,
+            "positive_counts": (counts(resting + strap) - unbiased).astype(int).tolist(),
+            "negative_counts": (counts(resting - strap) - unbiased).astype(int).tolist(),
+        }
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return self._selftest
+
+    def close(self) -> None:
+        self.state.connected, self.state.reason, self.state.since_ns = False, "closed", time.monotonic_ns()
+
+    def _frame(self) -> Frame:
+        assert self._start_ns is not None
+        now_s = self._sequence * self._period_ns * 1e-9
+        warming_k = self._warming_k(now_s)
+        conversion = self._chips.newest_conversion(now_s)
+        sampled_s = self._chips.time_of(conversion)
+        fresh = conversion != self._delivered
+        counts = self._chips.counts(self._field(sampled_s, warming_k), self._gain_code, warming_k)
+        self._counts = np.where(fresh[:, None], counts, self._counts)
+        self._delivered = conversion
+        newest_s = float(sampled_s.max())
+        age_us = np.minimum(np.rint((newest_s - sampled_s) * 1e6), AGE_UNKNOWN_US).astype(np.uint16)
+        return Frame(
+            pad_index=0,
+            sequence=self._sequence,
+            device_time_us=max(round(newest_s * 1e6), 0),
+            host_time_ns=self._start_ns + round(newest_s * 1e9),
+            gain_code=self._gain_code,
+            counts=self._counts,
+            age_us=age_us,
+            fresh=fresh,
+            valid=np.ones(len(fresh), dtype=bool),
+            temperature_c=ROOM_C + round(warming_k * 128) / 128 if self._has_thermometer else None,
+        )
+
+    def _field(self, sampled_s: Array, warming_k: float) -> Array:
+        """(N, 3) what each sensor's own axes and gain make of the field at its own time."""
+        ambient = np.broadcast_to(self._built.ambient_t, (len(sampled_s), 3))
+        if not self.mounted:
+            return self._built.sensed(ambient)
+        x_m, y_m, force_n = np.array([self.finger(moment) for moment in sampled_s.tolist()]).T
+        magnet = self._built.pad.magnet
+        warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
+        return self._built.sensed(ambient + self._built.magnet_field(x_m, y_m, force_n, warm))
+
+    def _warming_k(self, now_s: float) -> float:
+        return WARMEST_K * (1.0 - exp(-self._warming_k_per_s * now_s / WARMEST_K))
+
+    def _seconds(self, host_time_ns: int) -> float:
+        return (host_time_ns - (self._start_ns or 0)) * 1e-9
+
+    def _due_ns(self, sequence: int) -> int:
+        # Rounded up, so that a caller who wakes at the deadline finds the frame due.
+        return (self._start_ns or 0) + int(-(-sequence * self._period_ns // 1))
+
+
+def _random(source: SimulatedSource, what: str) -> np.random.Generator:
+    """Independent streams, so that a change of the chips leaves the pad as it was built."""
+    return np.random.default_rng([source.seed, *what.encode()])

@@ -1,0 +1,94 @@
+"""A finger that taps, presses, slides and once squeezes too hard, the same way for the same seed.
+
+Time is in seconds since the pad was switched on. Any function from time to Touch serves as a finger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import cos, pi
+from typing import NamedTuple
+
+import numpy as np
+
+UNLOADED_AT_START_S = 4.0  # so that a baseline can be recorded before anything touches
+CYCLE_S = 12.0
+REACH_M = 8e-3  # the script stays where this pad's estimates are good
+SQUEEZE_N = 2.6  # beyond the 1.98 N up to which the pad was calibrated
+
+
+class Touch(NamedTuple):
+    x_m: float
+    y_m: float
+    force_n: float
+
+
+Finger = Callable[[float], Touch]
+
+
+def no_finger(time_s: float) -> Touch:
+    return Touch(0.0, 0.0, 0.0)
+
+
+def steady_finger(x_m: float, y_m: float, force_n: float) -> Finger:
+    """A finger that never lets go."""
+    touch = Touch(x_m, y_m, force_n)
+    return lambda time_s: touch
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """One contact: ramps of `ramp_s` at both ends of `duration_s`, moving evenly from `start_m` to `end_m`."""
+
+    begin_s: float
+    duration_s: float
+    ramp_s: float
+    force_n: float
+    start_m: tuple[float, float]
+    end_m: tuple[float, float]
+
+    def at(self, time_s: float) -> Touch:
+        elapsed = time_s - self.begin_s
+        travelled = min(max(elapsed / self.duration_s, 0.0), 1.0)
+        x, y = (start + (end - start) * travelled for start, end in zip(self.start_m, self.end_m, strict=True))
+        from_edge = min(elapsed, self.duration_s - elapsed)
+        rise = min(max(from_edge / self.ramp_s, 0.0), 1.0)
+        return Touch(x, y, self.force_n * (1.0 - cos(pi * rise)) / 2.0)
+
+
+class ScriptedFinger:
+    """Three taps, a press, a slide, a light touch and a squeeze in every twelve seconds, with rests between."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def __call__(self, time_s: float) -> Touch:
+        cycle, within_s = divmod(time_s - UNLOADED_AT_START_S, CYCLE_S)
+        strokes = _strokes(self._seed, max(int(cycle), 0))
+        begun = [stroke for stroke in strokes if stroke.begin_s <= within_s]
+        if cycle < 0 or not begun:
+            return Touch(*strokes[0].start_m, 0.0)
+        return begun[-1].at(within_s)
+
+
+@lru_cache(maxsize=64)
+def _strokes(seed: int, cycle: int) -> tuple[Stroke, ...]:
+    """One cycle; the places and most forces differ from cycle to cycle."""
+    random = np.random.default_rng((seed, cycle))
+
+    def stroke(begin_s: float, duration_s: float, ramp_s: float, force_n: float, slides: bool = False) -> Stroke:
+        places = random.uniform(-REACH_M, REACH_M, (2, 2))
+        start, end = ((float(x), float(y)) for x, y in places)
+        return Stroke(begin_s, duration_s, ramp_s, force_n, start, end if slides else start)
+
+    return (
+        stroke(0.2, 0.12, 0.05, random.uniform(0.4, 1.0)),
+        stroke(0.7, 0.15, 0.06, random.uniform(0.6, 1.4)),
+        stroke(1.2, 0.20, 0.08, random.uniform(0.8, 1.8)),
+        stroke(2.2, 2.0, 0.40, random.uniform(0.8, 1.9)),
+        stroke(4.8, 2.7, 0.25, random.uniform(0.8, 1.5), slides=True),
+        stroke(8.0, 1.2, 0.30, random.uniform(0.1, 0.3)),
+        stroke(9.8, 0.7, 0.20, SQUEEZE_N),
+    )
