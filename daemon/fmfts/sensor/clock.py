@@ -1,0 +1,121 @@
+"""When a sample was taken, on the host's clock: a board's microseconds mapped to CLOCK_MONOTONIC.
+
+Every packet arrives later than it was sent, by an amount that is never negative and often near its minimum. So the
+map is a line below all points (device time, arrival): its slope from the lower convex hull of the last half minute
+(Moon, Skelly, Towsley 1999), its height from the earliest arrivals of the last seconds. What no host can see is the
+constant part of the delay; the caller subtracts what it knows of it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+
+BUCKET_US = 250_000
+SLOPE_BUCKETS = 128  # 32 s: a crystal's drift is constant over that, an RC oscillator's nearly
+HEIGHT_BUCKETS = 16  # 4 s: longer than a host's hiccup, short enough for an error of the slope not to matter
+JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step beyond this is a reset, or a suspended host
+
+Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
+
+
+class HostClock:
+    """The clock of a source on this host: its device time is CLOCK_MONOTONIC already."""
+
+    drift_ppm = 0.0
+
+    def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
+        return min(device_us * 1000, arrival_ns)
+
+    def restart(self) -> None:
+        """Nothing to forget."""
+
+
+class DeviceClock:
+    """A free-running clock with `tolerance` (relative: 200e-6 for a crystal, 0.02 for an RC oscillator)."""
+
+    def __init__(self, tolerance: float = 0.02, fixed_delay_ns: int = 0) -> None:
+        self.tolerance = tolerance
+        self.fixed_delay_ns = fixed_delay_ns
+        self.restarts = -1
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget everything: the board was reset, or the line was closed."""
+        self.restarts += 1
+        self._origin: Point | None = None
+        self._newest_us = 0
+        self._bucket_end_us = 0
+        self._minima: deque[Point] = deque(maxlen=SLOPE_BUCKETS)
+        self._lowest: Point = (0, 0)
+        self._slope = 0.0  # ns per µs by which the host's clock outruns the board's
+        self._height = 0.0  # ns at device time zero
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much slower than the host's the board's clock runs."""
+        return self._slope * 1000.0
+
+    def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
+        """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
+        if self._origin is not None and not self._plausible(device_us, arrival_ns):
+            self.restart()
+        if self._origin is None:
+            self._begin(device_us, arrival_ns)
+        point = self._point(device_us, arrival_ns)
+        if point[0] >= self._bucket_end_us:
+            self._close_bucket(point)
+        elif self._lowest[0] < point[0] and self._above_line(point) < self._above_line(self._lowest):
+            self._lowest = point
+        self._height = min(self._height, point[1] - self._slope * point[0])
+        self._newest_us = max(self._newest_us, device_us)
+        return arrival_ns - max(0, int(self._above_line(point))) - self.fixed_delay_ns
+
+    def _begin(self, device_us: int, arrival_ns: int) -> None:
+        self._origin = (device_us, arrival_ns - 1000 * device_us)
+        self._newest_us = device_us
+        self._bucket_end_us = BUCKET_US
+        self._lowest = (0, 0)
+        self._slope = self._height = 0.0
+
+    def _point(self, device_us: int, arrival_ns: int) -> Point:
+        assert self._origin is not None
+        return device_us - self._origin[0], arrival_ns - 1000 * device_us - self._origin[1]
+
+    def _plausible(self, device_us: int, arrival_ns: int) -> bool:
+        point = self._point(device_us, arrival_ns)
+        went_back_ns = 1000 * (self._newest_us - device_us)
+        # Not yet knowing the slope, the line may be wrong by the tolerance times the time since it was last anchored.
+        unsure_ns = JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
+        return went_back_ns < JUMP_NS and self._above_line(point) > -unsure_ns
+
+    def _above_line(self, point: Point) -> float:
+        return point[1] - self._height - self._slope * point[0]
+
+    def _close_bucket(self, first: Point) -> None:
+        self._minima.append(self._lowest)
+        while first[0] >= self._bucket_end_us:
+            self._bucket_end_us += BUCKET_US
+        self._lowest = first
+        limit = self.tolerance * 1000
+        self._slope = min(limit, max(-limit, _hull_slope(self._minima)))
+        recent = list(self._minima)[-HEIGHT_BUCKETS:]
+        self._height = min(residual - self._slope * time_us for time_us, residual in recent)
+
+
+def _hull_slope(points: deque[Point]) -> float:
+    """Slope of that edge of the lower convex hull which spans the points' mean time; 0 for a single point."""
+    hull: list[Point] = []
+    for point in points:
+        while len(hull) > 1 and _turns_down(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    mean_us = sum(time_us for time_us, _ in points) / len(points)
+    for (start_us, start_ns), (end_us, end_ns) in pairwise(hull):
+        if end_us >= mean_us:
+            return (end_ns - start_ns) / (end_us - start_us)
+    return 0.0
+
+
+def _turns_down(a: Point, b: Point, c: Point) -> bool:
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

@@ -1,0 +1,126 @@
+"""A board's clock mapped to the host's, under the delays that serial lines and busy hosts really have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmfts.sensor.clock import DeviceClock, HostClock
+
+PERIOD_US = 4545
+BOOT_NS = 5_000_000_000_000
+
+
+class Board:
+    """Sends a sample every period; its clock runs `ppm` slow, its packets take 300 µs and an exponential rest."""
+
+    def __init__(self, ppm: float = 0.0, mean_delay_us: float = 200.0, minimum_delay_us: float = 0.0, seed: int = 1):
+        self.rate = 1.0 + ppm * 1e-6
+        self.mean_delay_us = mean_delay_us
+        self.minimum_delay_us = minimum_delay_us
+        self.random = np.random.default_rng(seed)
+        self.start_ns = BOOT_NS
+
+    def true_ns(self, device_us: int) -> int:
+        return self.start_ns + int(device_us * 1000 * self.rate)
+
+    def packets(self, seconds: float, start_us: int = 0) -> list[tuple[int, int]]:
+        times = [start_us + i * PERIOD_US for i in range(int(seconds * 1e6 / PERIOD_US))]
+        delays_us = self.minimum_delay_us + self.random.exponential(self.mean_delay_us, len(times))
+        arrivals = [self.true_ns(t) + int(d * 1000) for t, d in zip(times, delays_us, strict=True)]
+        return list(zip(times, np.maximum.accumulate(arrivals).tolist(), strict=True))
+
+
+def errors_us(clock: DeviceClock, board: Board, packets: list[tuple[int, int]]) -> np.ndarray:
+    mapped = [clock.to_host_ns(device_us, arrival_ns) for device_us, arrival_ns in packets]
+    assert all(host_ns <= arrival_ns for host_ns, (_, arrival_ns) in zip(mapped, packets, strict=True))
+    return np.array([host - board.true_ns(time) for host, (time, _) in zip(mapped, packets, strict=True)]) / 1000
+
+
+@pytest.mark.parametrize("ppm", [-100, 0, 37, 100])
+def test_a_crystals_drift_is_recovered_and_samples_are_timed_within_20_us(ppm: float) -> None:
+    """With 200 µs mean excess delay the least of the 880 delays within the 4 s window is some 0.2 µs, so what is left
+    is the slope's error (a few ppm) over those 4 s."""
+    board, clock = Board(ppm), DeviceClock(tolerance=200e-6)
+    errors = errors_us(clock, board, board.packets(60))
+    assert clock.drift_ppm == pytest.approx(ppm, abs=3)
+    assert np.abs(errors[2200:]).max() < 20  # after ten seconds
+    assert np.abs(errors[220:]).max() < 200  # after one, no worse than not mapping at all
+
+
+@pytest.mark.parametrize("ppm", [-10_000, 10_000])
+def test_an_rc_oscillators_percent_is_recovered(ppm: float) -> None:
+    board, clock = Board(ppm), DeviceClock(tolerance=0.02)
+    errors = errors_us(clock, board, board.packets(60))
+    assert clock.drift_ppm == pytest.approx(ppm, abs=5)
+    assert np.abs(errors[2200:]).max() < 50
+
+
+def test_a_drift_that_changes_with_warmth_is_followed() -> None:
+    """2 ppm a second, a warming RC oscillator: 32 s of window lag the slope by 32 ppm, 4 s of height by 0.13 ms."""
+    board, clock = Board(), DeviceClock(tolerance=0.02)
+    board.true_ns = lambda t: BOOT_NS + int(t * 1000 + 0.5 * 2e-6 * (t * 1e-6) ** 2 * 1e9)  # type: ignore[method-assign]
+    errors = errors_us(clock, board, board.packets(90))
+    assert np.abs(errors[2200:]).max() < 300
+
+
+def test_late_arrivals_do_not_move_the_map() -> None:
+    """Every third second the host stalls for half a second; its backlog arrives at once."""
+    board, clock = Board(50), DeviceClock(tolerance=200e-6)
+    packets = []
+    for device_us, arrival_ns in board.packets(40):
+        since_ns = (arrival_ns - BOOT_NS) % 3_000_000_000
+        packets.append((device_us, arrival_ns + 500_000_000 - since_ns if since_ns < 500_000_000 else arrival_ns))
+    errors = errors_us(clock, board, packets)
+    assert clock.restarts == 0
+    assert clock.drift_ppm == pytest.approx(50, abs=5)
+    assert np.abs(errors[2200:]).max() < 50
+
+
+def test_the_constant_part_of_the_delay_is_what_the_caller_says() -> None:
+    board = Board(minimum_delay_us=1150)
+    clock = DeviceClock(tolerance=200e-6, fixed_delay_ns=1_150_000)
+    assert np.abs(errors_us(clock, board, board.packets(30))[2200:]).max() < 20
+
+
+@pytest.mark.parametrize("uptime_s", [0.05, 3, 3600])
+def test_a_reset_board_is_noticed_at_its_first_sample(uptime_s: float) -> None:
+    board, clock = Board(80), DeviceClock(tolerance=200e-6)
+    for packet in board.packets(uptime_s if uptime_s < 60 else 5):
+        clock.to_host_ns(*packet)
+    board.start_ns += int(uptime_s * 1e9) + 700_000_000
+    errors = errors_us(clock, board, board.packets(30))
+    assert clock.restarts == 1
+    assert errors[0] < 2000  # one delay at most: nothing of the old map is left
+    assert np.abs(errors[2200:]).max() < 20
+
+
+def test_a_host_that_slept_starts_a_new_map() -> None:
+    """CLOCK_MONOTONIC stands still while the host is suspended; the board's clock does not."""
+    board, clock = Board(10), DeviceClock(tolerance=200e-6)
+    for packet in board.packets(10):
+        clock.to_host_ns(*packet)
+    board.start_ns -= 60_000_000_000
+    errors = errors_us(clock, board, board.packets(20, start_us=70_000_000))
+    assert clock.restarts == 1
+    assert np.abs(errors[2200:]).max() < 20
+
+
+def test_pads_of_one_board_may_interleave_out_of_order() -> None:
+    board, clock = Board(20), DeviceClock(tolerance=200e-6)
+    packets = board.packets(20)
+    swapped = [(time - (3000 if i % 2 else 0), arrival) for i, (time, arrival) in enumerate(packets)]
+    mapped = [clock.to_host_ns(*packet) for packet in swapped]
+    assert clock.restarts == 0
+    assert all(host <= arrival for host, (_, arrival) in zip(mapped, swapped, strict=True))
+
+
+def test_years_of_uptime_lose_no_precision() -> None:
+    board, clock = Board(30), DeviceClock(tolerance=200e-6)
+    errors = errors_us(clock, board, board.packets(30, start_us=2**48 - 60_000_000))
+    assert np.abs(errors[2200:]).max() < 20
+
+
+def test_a_source_on_this_host_needs_no_map() -> None:
+    assert HostClock().to_host_ns(1234, 9_999_999) == 1_234_000
+    assert HostClock().to_host_ns(1234, 1_000_000) == 1_000_000
