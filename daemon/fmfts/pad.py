@@ -19,7 +19,8 @@ def rotation_from_vector(vector_rad: Array) -> Array:
         return np.eye(3)
     x, y, z = vector_rad / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    rotation: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    return rotation
 
 
 @dataclass(frozen=True, slots=True)

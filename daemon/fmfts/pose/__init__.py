@@ -1,5 +1,6 @@
 """Field → pose: where the magnet is, how it points, how strong it is, and how sure that is."""
 
+from fmfts.pose.alignment import Aligned, Alignment
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.solver import (
     FREE_FIELD,
@@ -12,15 +13,21 @@ from fmfts.pose.solver import (
     solve_batch,
 )
 from fmfts.pose.state import State, tangent_basis
+from fmfts.pose.tracker import Track, Tracker, TrackHealth
 
 __all__ = [
     "FREE_FIELD",
     "FREE_PAPER",
     "FREE_POSE",
     "STOP_CONVERGED",
+    "Aligned",
+    "Alignment",
     "PoseEstimate",
     "State",
     "Status",
+    "Track",
+    "TrackHealth",
+    "Tracker",
     "dipole_derivatives",
     "dipole_field",
     "solve",

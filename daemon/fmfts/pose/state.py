@@ -38,7 +38,7 @@ class State:
         return cls(pad.rest_position_m, pad.rest_axis, 0.0, np.zeros(3))
 
     def stepped(self, step: Array) -> Self:
-        """The state moved by `step` (9,): SI units, radians; the axis stays a unit vector (retraction on the sphere)."""
+        """The state moved by `step` (9,), SI units and radians; the axis stays a unit vector."""
         turned = self.axis + tangent_basis(self.axis) @ step[AXIS]
         return replace(
             self,
@@ -53,7 +53,7 @@ class State:
         step = np.empty(SIZE)
         step[POSITION] = self.position_m - origin.position_m
         along = self.axis @ origin.axis
-        # The gnomonic retraction reaches less than 90°; beyond it, the shadow on the tangent plane still has the direction.
+        # The retraction reaches less than 90°; beyond it, the shadow on the tangent plane still has the direction.
         step[AXIS] = tangent_basis(origin.axis).T @ self.axis / max(float(along), 1e-3)
         step[LOG_MOMENT] = self.log_moment - origin.log_moment
         step[AMBIENT] = self.ambient_t - origin.ambient_t

@@ -1,0 +1,173 @@
+"""The baseline of a pad as a file: what was recorded before loading, and all that is needed to use it again."""
+
+from __future__ import annotations
+
+import hashlib
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from fmfts.ambient.diagnosis import check_bare, estimate_and_judge
+from fmfts.ambient.mounting import Mounting, Tolerance, nominal_mounting
+from fmfts.ambient.recording import BaselineError, Recording
+from fmfts.pad import Pad
+from fmfts.pose import FREE_FIELD, solve
+
+FORMAT = 1
+Rows = tuple[tuple[float, float, float], ...]
+Kind = Literal["bare", "rest"]
+
+
+class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A `Recording` with the time at which it was made."""
+
+    utc: str
+    mean_t: Rows
+    noise_t: Rows
+    samples: tuple[int, ...]
+    gain_code: int
+    temperature_c: float | None
+    duration_s: float
+
+    @classmethod
+    def of(cls, recording: Recording) -> StoredRecording:
+        return cls(
+            utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            mean_t=_rows(recording.mean_t),
+            noise_t=_rows(recording.noise_t),
+            samples=tuple(int(count) for count in recording.samples),
+            gain_code=recording.gain_code,
+            temperature_c=recording.temperature_c,
+            duration_s=recording.duration_s,
+        )
+
+    def recording(self) -> Recording:
+        return Recording(
+            mean_t=np.array(self.mean_t),
+            noise_t=np.array(self.noise_t),
+            samples=np.array(self.samples),
+            gain_code=self.gain_code,
+            temperature_c=self.temperature_c,
+            duration_s=self.duration_s,
+        )
+
+
+class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The recordings are the facts; the mounting follows from them, the tolerances and the drawing, the same each time.
+
+    `id` is the first twelve hex digits of the SHA-256 of everything else: a damaged file does not have its own id.
+    """
+
+    format: int
+    id: str
+    pad: str
+    geometry_hash: str
+    tolerance: dict[str, float]
+    bare: StoredRecording | None
+    rest: StoredRecording | None
+
+    @property
+    def kind(self) -> Kind:
+        """What was recorded last: only a rest baseline has a mounting."""
+        return "rest" if self.rest is not None else "bare"
+
+    def mounting(self, pad: Pad) -> Mounting:
+        """The mounting that the recordings show, the drawing's where only a bare one is there.
+
+        BaselineError where they do not fit `pad`.
+        """
+        tolerance = Tolerance(**self.tolerance)
+        bare = None if self.bare is None else self.bare.recording()
+        if self.rest is not None:
+            return estimate_and_judge(pad, tolerance, self.rest.recording(), bare)
+        if bare is not None:
+            return nominal_mounting(pad, tolerance, bare)
+        raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
+
+    def sealed(self) -> Baseline:
+        """The same with its own id."""
+        blank = msgspec.structs.replace(self, id="")
+        digest = hashlib.sha256(msgspec.json.encode(blank, order="deterministic")).hexdigest()[:12]
+        return msgspec.structs.replace(self, id=digest)
+
+
+def make_bare(pad: Pad, tolerance: Tolerance, recording: Recording) -> Baseline:
+    """A baseline of the field alone, the pad not mounted; it ends what any rest recording of before said."""
+    check_bare(pad, recording)
+    return _baseline(pad, tolerance, StoredRecording.of(recording), None)
+
+
+def make_rest(
+    pad: Pad, tolerance: Tolerance, recording: Recording, before: Baseline | None, replaced: bool = False
+) -> tuple[Baseline, Mounting]:
+    """A baseline of the mounted, unloaded pad; `before` lends its bare recording. Refused where it does not fit.
+
+    Unless the pad was `replaced`, its magnet must be where it was before: a load would become the new zero.
+    """
+    bare = None if before is None else before.bare
+    baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording))
+    mounting = baseline.mounting(pad)
+    if before is not None and before.rest is not None and not replaced:
+        _require_unmoved(pad, tolerance, before, recording)
+    return baseline, mounting
+
+
+def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
+    """Seen through the last baseline, the magnet must rest where it did; the ambient field may have turned since."""
+    last = before.mounting(pad)
+    estimate = solve(
+        last.magnet_field(recording.mean_t),
+        last.mounted(pad),
+        last.rest,
+        deviation_t=recording.mean_deviation_t,
+        free=FREE_FIELD,
+    )
+    moved = estimate.position_m - last.rest.position_m
+    if not np.linalg.norm(moved) < tolerance.magnet_position_m:
+        x, y, z = moved * 1e3
+        raise BaselineError(
+            f"the pad looks loaded: its magnet is ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm away from where baseline "
+            f"{before.id} found it (limit {tolerance.magnet_position_m * 1e3:.2f} mm): unload it, or say --replaced if "
+            "this is another pad"
+        )
+
+
+def load(path: Path, pad: Pad) -> Baseline | None:
+    """The stored baseline, None where there is none; BaselineError where the file is damaged or another pad's."""
+    again = "record it again (fmfts-daemon baseline)"
+    try:
+        text = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise BaselineError(f"pad '{pad.name}': baseline {path} cannot be read: {error.strerror}") from error
+    try:
+        baseline = msgspec.json.decode(text, type=Baseline)
+    except msgspec.DecodeError as error:
+        raise BaselineError(f"pad '{pad.name}': baseline {path} is damaged ({error}): {again}") from error
+    if baseline.format != FORMAT:
+        raise BaselineError(f"pad '{pad.name}': baseline {path} has format {baseline.format}, not {FORMAT}: {again}")
+    if baseline.sealed().id != baseline.id:
+        raise BaselineError(f"pad '{pad.name}': baseline {path} is damaged (its id does not match): {again}")
+    if baseline.pad != pad.name:
+        raise BaselineError(f"pad '{pad.name}': baseline {path} belongs to pad '{baseline.pad}': {again}")
+    if baseline.geometry_hash != pad.geometry_hash:
+        raise BaselineError(f"pad '{pad.name}': baseline {path} was recorded with another geometry: {again}")
+    return baseline
+
+
+def encode(baseline: Baseline) -> bytes:
+    """The file's content."""
+    return msgspec.json.format(msgspec.json.encode(baseline), indent=1) + b"\n"
+
+
+def _baseline(pad: Pad, tolerance: Tolerance, bare: StoredRecording | None, rest: StoredRecording | None) -> Baseline:
+    tolerances = {name: getattr(tolerance, name) for name in Tolerance.__slots__}
+    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest).sealed()
+
+
+def _rows(array: np.ndarray) -> Rows:
+    return tuple((float(x), float(y), float(z)) for x, y, z in array)

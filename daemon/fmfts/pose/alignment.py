@@ -1,0 +1,61 @@
+"""Samples of chips that run free, brought to one instant.
+
+Each chip converts on its own clock, so the samples of a frame are up to one period (4.5 ms) apart; a tap moves the
+field further than its noise in that time. The newest instant that every chip has passed lies between two samples of
+each: interpolating to it adds no noise, and of the motion it leaves out only the curvature, which goes into the deviation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+# A chip that is this many periods behind the others has stopped: it must not hold them back.
+STOPPED_PERIODS = 2.5
+
+
+@dataclass(frozen=True, slots=True)
+class Aligned:
+    """field_t (N, 3) at `time_us`, NaN where a sensor has nothing to say; bend_t (N, 3): what curvature may add."""
+
+    field_t: Array
+    bend_t: Array
+    time_us: int
+
+
+class Alignment:
+    """The last three samples of each of `count` sensors."""
+
+    def __init__(self, count: int, period_us: float) -> None:
+        self._field = np.full((3, count, 3), np.nan)  # newest first
+        self._time = np.zeros((3, count), dtype=np.int64)
+        self._stopped_us = STOPPED_PERIODS * period_us
+
+    def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
+        """Take the newest field (N, 3) with the time of each sensor's sample (N,); only `fresh` ones are new."""
+        if fresh.any():
+            self._field[1:, fresh] = self._field[:-1, fresh]
+            self._time[1:, fresh] = self._time[:-1, fresh]
+            self._field[0, fresh] = field_t[fresh]
+            self._time[0, fresh] = time_us[fresh]
+        newest, previous, oldest = self._field
+        time, before = self._time[0], self._time[1]
+        running = (time.max() - time <= self._stopped_us) & np.isfinite(field_t).any(axis=1)
+        if not running.any():
+            return Aligned(np.full_like(newest, np.nan), np.zeros_like(newest), int(time.max()))
+        instant = int(time[running].min())
+        # Share of the previous sample: 0 for the chip whose newest sample is the instant, never an extrapolation.
+        share = np.clip((time - instant) / np.maximum(time - before, 1), 0.0, 1.0)[:, None]
+        linear = np.isfinite(previous) & (before > 0)[:, None]
+        field = np.where(linear, (1.0 - share) * newest + share * previous, newest)
+        field[~running] = np.nan
+        # Error of linear interpolation: half the second derivative times the distances to both ends.
+        bend = np.abs(0.5 * share * (1.0 - share) * (newest - 2.0 * previous + oldest))
+        # Without a third sample the step itself bounds the error.
+        step = np.abs(share * (newest - previous))
+        return Aligned(field, np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0)), instant)
