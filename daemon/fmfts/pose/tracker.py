@@ -53,7 +53,7 @@ class Tracker:
     def update(self, field_t: Array, deviation_t: Array) -> Track:
         """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3)."""
         used = np.isfinite(field_t)
-        whole = used.all(axis=1)
+        whole: NDArray[np.bool_] = np.asarray(used.all(axis=1), dtype=np.bool_)
         if whole.sum() < FEWEST_SENSORS:
             self._last = self._rest
             return Track(
