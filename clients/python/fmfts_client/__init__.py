@@ -1,0 +1,28 @@
+"""Contacts from fmfts-daemon: `Client` for a controller, `Subscription` for everything, `request` for commands."""
+
+from fmfts_client.client import ALIVE_S, Client
+from fmfts_client.contact import Contact, Event, Pose, Status
+from fmfts_client.control import ControlError, RefusedError, UnreachableError, request
+from fmfts_client.endpoints import EndpointError, Endpoints
+from fmfts_client.fields import SCHEMA_VERSION, MessageError, SchemaError
+from fmfts_client.subscription import Message, Subscription
+
+__all__ = [
+    "ALIVE_S",
+    "SCHEMA_VERSION",
+    "Client",
+    "Contact",
+    "ControlError",
+    "EndpointError",
+    "Endpoints",
+    "Event",
+    "Message",
+    "MessageError",
+    "Pose",
+    "RefusedError",
+    "SchemaError",
+    "Status",
+    "Subscription",
+    "UnreachableError",
+    "request",
+]

@@ -1,0 +1,141 @@
+"""One pad for a controller: the newest contact, and whether it may be believed."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Optional, Union
+
+from fmfts_client.contact import Contact, Status
+from fmfts_client.endpoints import Endpoints
+from fmfts_client.fields import MessageError
+from fmfts_client.subscription import Subscription
+
+ALIVE_S = 0.3  # the daemon speaks at 10 Hz or more even when the hardware is silent: three misses
+RATE_WINDOW_S = 1.0
+RATE_TOLERANCE = 0.1
+
+
+class Client:
+    """Contacts of `pad` from the daemon on this machine.
+
+    `endpoint`: a base as in FMFTS_BUS, or Endpoints; the defaults where None. The connection is made in the
+    background and again after the daemon restarts, so a daemon that is not there is no error: `alive` is False.
+    Messages are taken in by `latest()` and by iteration only; the properties speak of what was taken in.
+
+    Raises EndpointError at once, and SchemaError when the daemon speaks another schema version. Every other message
+    that must not be used is skipped and counted in `refused`; `refusal` says why.
+    """
+
+    def __init__(self, pad: str, endpoint: Optional[Union[str, Endpoints]] = None) -> None:
+        self.pad = pad
+        self.contact: Optional[Contact] = None
+        self.status: Optional[Status] = None
+        self.restarts = 0
+        self._subscription = Subscription(("contact", "status"), pad, endpoint)
+        self._published_ns: deque[int] = deque()
+
+    @property
+    def refused(self) -> int:
+        return self._subscription.refused
+
+    @property
+    def refusal(self) -> str:
+        return self._subscription.refusal
+
+    def latest(self, timeout_s: float = 0.0) -> Optional[Contact]:
+        """The newest contact that was not returned before; older ones are dropped. None: nothing new in `timeout_s`.
+
+        What was sent more than ALIVE_S ago (it waited in a queue while the caller was busy) does not count as new.
+        """
+        deadline = time.monotonic() + timeout_s
+        while True:
+            newest = None
+            while (contact := self._next(0.0)) is not None:
+                newest = contact
+            if newest is not None and self.alive:
+                return newest
+            left_s = deadline - time.monotonic()
+            if left_s <= 0 or not self._subscription.wait(left_s):
+                return None
+
+    def contacts(self, timeout_s: Optional[float] = None) -> Iterator[Contact]:
+        """Every contact in order; ends after `timeout_s` seconds of silence (None: waits for ever)."""
+        while True:
+            contact = self._next(timeout_s)
+            if contact is None:
+                return
+            yield contact
+
+    def __iter__(self) -> Iterator[Contact]:
+        return self.contacts()
+
+    @property
+    def alive(self) -> bool:
+        """Did the daemon send something about this pad in the last 0.3 s?"""
+        return self.contact is not None and 0 <= self.contact.publish_age_s < ALIVE_S
+
+    @property
+    def fresh(self) -> bool:
+        """Was the pad sampled in the last 0.3 s? (While the hardware is silent the daemon still sends health.)"""
+        return self.contact is not None and 0 <= self.contact.sample_age_s < ALIVE_S
+
+    @property
+    def rate_hz(self) -> float:
+        """Contacts taken in that were sent in the last second, per second."""
+        oldest_ns = time.monotonic_ns() - int(RATE_WINDOW_S * 1e9)
+        while self._published_ns and self._published_ns[0] < oldest_ns:
+            self._published_ns.popleft()
+        return len(self._published_ns) / RATE_WINDOW_S
+
+    @property
+    def freq_ok(self) -> bool:
+        """Is the rate of the last second within 10 % (and one message) of the configured rate that `status` tells?"""
+        if self.status is None:
+            return False
+        nominal_hz = self.status.rate_nominal_hz
+        return abs(self.rate_hz - nominal_hz) <= RATE_TOLERANCE * nominal_hz + 1 / RATE_WINDOW_S
+
+    @property
+    def valid(self) -> bool:
+        """May the last contact be acted upon now: alive, fresh, and `Contact.valid`?"""
+        return self.alive and self.fresh and self.contact is not None and self.contact.valid
+
+    def _next(self, timeout_s: Optional[float]) -> Optional[Contact]:
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            left_s = None if deadline is None else max(0.0, deadline - time.monotonic())
+            message = self._subscription.receive(left_s)
+            if message is None:
+                return None
+            try:
+                if message.kind == "status":
+                    self.status = Status.from_message(message.body)
+                else:
+                    return self._take(Contact.from_message(message.body))
+            except MessageError as error:
+                self._subscription.refuse(error)
+
+    def _take(self, contact: Contact) -> Contact:
+        if self.contact is not None and contact.boot != self.contact.boot:
+            self.restarts += 1
+            self.status = None
+            self._published_ns.clear()
+        self.contact = contact
+        self._published_ns.append(contact.t_publish_ns)
+        if len(self._published_ns) > 1 and contact.t_publish_ns - self._published_ns[0] > RATE_WINDOW_S * 1e9:
+            self._published_ns.popleft()
+        return contact
+
+    def close(self) -> None:
+        self._subscription.close()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self, kind: Optional[type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]
+    ) -> None:
+        self.close()

@@ -1,0 +1,143 @@
+"""What the daemon says, field by field: SI units, the unit in every name. docs/messages.md explains each one."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Optional
+
+from fmfts_client.fields import check_version, parse
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Pose of the magnet in pad axes (origin in the sensor plane, z toward the finger)."""
+
+    position_m: Vector
+    position_sd_m: Vector
+    axis: Vector
+    axis_sd_rad: float
+    remanence_t: float
+    remanence_sd_t: float
+    ambient_t: Optional[Vector]
+    ambient_sd_t: Optional[Vector]
+    residual_t: float
+    chi2: float
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One reading of one pad. What is None is not known; no number here is ever a guess or a NaN."""
+
+    v: int
+    pad: str
+    boot: str
+    seq: int
+    t_sample_ns: int
+    t_publish_ns: int
+    utc_ns: int
+    temperature_c: Optional[float]
+    health: str
+    reason: str
+    contact: Optional[bool]
+    x_m: Optional[float]
+    x_sd_m: Optional[float]
+    y_m: Optional[float]
+    y_sd_m: Optional[float]
+    force_n: Optional[float]
+    force_sd_n: Optional[float]
+    shear_x_n: Optional[float]
+    shear_x_sd_n: Optional[float]
+    shear_y_n: Optional[float]
+    shear_y_sd_n: Optional[float]
+    over_range: bool
+    force_min_n: Optional[float]
+    pose: Optional[Pose]
+    sensors_ok: int
+    solver: str
+    model: str
+    baseline: Optional[str]
+
+    @classmethod
+    def from_message(cls, message: dict[str, Any]) -> Contact:
+        """The contact in a decoded `contact/<pad>` message; MessageError where anything in it is wrong."""
+        check_version(message)
+        return parse(cls, message)
+
+    @property
+    def valid(self) -> bool:
+        """May `contact` and `force_n` (and, in contact, `x_m` and `y_m`) be used as a measurement?
+
+        True when health is "ok", contact is known, the force is inside the model's range and estimated, and a touch
+        has a place. Says nothing about age: `Client.valid` does. What is not valid is not "no force".
+        """
+        known = self.health == "ok" and self.contact is not None and self.force_n is not None
+        placed = not self.contact or (self.x_m is not None and self.y_m is not None)
+        return known and placed and not self.over_range
+
+    @property
+    def sample_age_s(self) -> float:
+        """Seconds since the sensors were sampled, on this machine's monotonic clock."""
+        return (time.monotonic_ns() - self.t_sample_ns) * 1e-9
+
+    @property
+    def publish_age_s(self) -> float:
+        """Seconds since the daemon sent this, on this machine's monotonic clock."""
+        return (time.monotonic_ns() - self.t_publish_ns) * 1e-9
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something happened: `kind` is "onset", "release", "over_range", "health", "baseline" or a later daemon's word."""
+
+    v: int
+    pad: str
+    boot: str
+    t_ns: int
+    utc_ns: int
+    kind: str
+    detail: str
+
+    @classmethod
+    def from_message(cls, message: dict[str, Any]) -> Event:
+        check_version(message)
+        return parse(cls, message)
+
+
+@dataclass(frozen=True)
+class Status:
+    """How a pad's pipeline is doing, once a second."""
+
+    v: int
+    pad: str
+    boot: str
+    t_publish_ns: int
+    utc_ns: int
+    health: str
+    reason: str
+    since_ns: int
+    source: str
+    connected: bool
+    rate_hz: float
+    rate_nominal_hz: float
+    frames: int
+    dropped: int
+    gaps: int
+    crc_errors: int
+    reconnects: int
+    latency_p50_s: Optional[float]
+    latency_p99_s: Optional[float]
+    latency_max_s: Optional[float]
+    temperature_c: Optional[float]
+    ambient_t: Optional[Vector]
+    remanence_t: Optional[float]
+    sensor_faults: tuple[str, ...]
+    board: dict[str, Any]
+    uptime_s: float
+
+    @classmethod
+    def from_message(cls, message: dict[str, Any]) -> Status:
+        check_version(message)
+        return parse(cls, message)

@@ -1,0 +1,72 @@
+"""Commands to the daemon: one request, progress while it works, one answer."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from typing import Any, Callable, Optional, Union
+
+import msgpack  # type: ignore[import-untyped]
+import zmq
+
+from fmfts_client.endpoints import Endpoints, for_client
+
+
+class ControlError(Exception):
+    """The command was not carried out."""
+
+
+class UnreachableError(ControlError):
+    """Nobody answered in time."""
+
+
+class RefusedError(ControlError):
+    """The daemon answered with an error; the text is the daemon's."""
+
+
+def request(
+    verb: str,
+    *,
+    endpoint: Optional[Union[str, Endpoints]] = None,
+    timeout_s: float = 5.0,
+    progress: Optional[Callable[[dict[str, Any]], None]] = None,
+    **arguments: Any,
+) -> dict[str, Any]:
+    """The daemon's answer to `verb`, a map of facts.
+
+    `timeout_s` is the longest silence: each progress message starts it anew, and is handed to `progress`.
+    Raises UnreachableError, RefusedError, EndpointError.
+    """
+    address = for_client(endpoint).control
+    number = secrets.token_hex(8)
+    socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
+    with socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(address)
+        socket.send(msgpack.packb({**arguments, "id": number, "verb": verb}))
+        deadline = time.monotonic() + timeout_s
+        while socket.poll(max(0, round((deadline - time.monotonic()) * 1e3))):
+            reply = _decode(socket.recv_multipart()[-1])
+            if reply.pop("id", None) != number:
+                continue
+            if "error" in reply:
+                raise RefusedError(f"{verb}: {reply['error']}")
+            if reply.pop("ok", None) is True:
+                return reply
+            deadline = time.monotonic() + timeout_s
+            if progress is not None and isinstance(reply.get("progress"), dict):
+                progress(reply["progress"])
+    raise UnreachableError(
+        f"{verb}: no answer from {address} for {timeout_s:g} s: is fmfts-daemon running, "
+        "as a user whose sockets you may open, and on this endpoint (FMFTS_BUS)?"
+    )
+
+
+def _decode(payload: bytes) -> dict[str, Any]:
+    try:
+        reply = msgpack.unpackb(payload)
+    except (ValueError, msgpack.UnpackException) as error:
+        raise ControlError(f"the daemon's answer cannot be decoded: {error}") from error
+    if not isinstance(reply, dict):
+        raise ControlError(f"the daemon's answer is not a map but {type(reply).__name__}")
+    return reply

@@ -1,0 +1,107 @@
+"""Where daemon and clients meet: the one definition of the default endpoints.
+
+In order: `FMFTS_BUS` (a base, see `Endpoints.from_base`); the service's `/run/fmfts`; `$XDG_RUNTIME_DIR/fmfts`;
+`fmfts-<uid>` in the directory for temporary files. The last two are the user's own: made 0700, and refused when
+somebody else owns or may enter them, because whoever can place a socket there can tell a robot any force.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Optional, Union
+
+OVERRIDE = "FMFTS_BUS"
+SERVICE_DIRECTORY = Path("/run/fmfts")
+LONGEST_SOCKET_PATH = 107  # sockaddr_un.sun_path holds 108 bytes with the closing zero
+
+
+class EndpointError(Exception):
+    """There is no safe or well-formed place to meet; the text says where and what to do."""
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """ZeroMQ endpoints: `bus` (contacts, events, status), `control` (requests), `frames` (raw counts)."""
+
+    bus: str
+    control: str
+    frames: str
+
+    @classmethod
+    def from_base(cls, base: str) -> Endpoints:
+        """The three endpoints of a base.
+
+        `ipc:///path/dir` → `ipc:///path/dir/bus`, `…/control`, `…/frames`;
+        `tcp://host:port` → bus on `port`, control on `port + 1`, frames on `port + 2`.
+        """
+        if base.startswith("ipc:///"):
+            return cls._in_directory(Path(base[len("ipc://") :]))
+        host, colon, port = base[len("tcp://") :].rpartition(":")
+        if base.startswith("tcp://") and colon and host and port.isdecimal() and 0 < int(port) <= 65533:
+            return cls(*(f"tcp://{host}:{int(port) + offset}" for offset in range(3)))
+        raise EndpointError(
+            f"{base!r} is no base of endpoints: give ipc:///absolute/directory or tcp://host:port (port at most 65533)"
+        )
+
+    @classmethod
+    def _in_directory(cls, directory: Path) -> Endpoints:
+        if len(os.fsencode(directory / "control")) > LONGEST_SOCKET_PATH:
+            raise EndpointError(
+                f"{directory} is too long for a socket (at most {LONGEST_SOCKET_PATH} bytes with the name): "
+                f"choose a shorter directory with {OVERRIDE}"
+            )
+        return cls(*(f"ipc://{directory / name}" for name in ("bus", "control", "frames")))
+
+
+def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mapping[str, str] = os.environ) -> Endpoints:
+    """Where a client finds the daemon: what it was given (a base or Endpoints), else the defaults."""
+    if isinstance(endpoint, Endpoints):
+        return endpoint
+    base = endpoint or environ.get(OVERRIDE)
+    if base:
+        return Endpoints.from_base(base)
+    if SERVICE_DIRECTORY.is_dir():
+        if not os.access(SERVICE_DIRECTORY, os.X_OK):
+            raise EndpointError(
+                f"the service's {SERVICE_DIRECTORY} is closed to you: join its group "
+                f"(sudo usermod -aG fmfts $USER, then log in again), or name another daemon with {OVERRIDE}"
+            )
+        return Endpoints._in_directory(SERVICE_DIRECTORY)
+    return Endpoints._in_directory(_own_directory(environ))
+
+
+def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Endpoints:
+    """Where the daemon serves: FMFTS_BUS, else the base in its configuration, else the defaults.
+
+    `RUNTIME_DIRECTORY` is what systemd made for it. Clients never read it: it would be their own service's.
+    """
+    base = environ.get(OVERRIDE) or configured
+    if base:
+        return Endpoints.from_base(base)
+    service = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+    return Endpoints._in_directory(Path(service) if service else _own_directory(environ))
+
+
+def _own_directory(environ: Mapping[str, str]) -> Path:
+    runtime = environ.get("XDG_RUNTIME_DIR", "")
+    if runtime and Path(runtime).is_dir():
+        directory = Path(runtime).absolute() / "fmfts"
+    else:
+        directory = Path(tempfile.gettempdir()) / f"fmfts-{os.getuid()}"
+    try:
+        directory.mkdir(mode=0o700, exist_ok=True)
+        found = directory.lstat()
+    except OSError as error:
+        raise EndpointError(f"cannot use {directory} for the bus ({error.strerror}): set {OVERRIDE}") from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise EndpointError(
+            f"{directory} is not a directory of yours alone (owner {found.st_uid}, "
+            f"mode {stat.filemode(found.st_mode)}): somebody else could feed false forces "
+            f"through it. Remove it, or set {OVERRIDE}"
+        )
+    return directory

@@ -1,0 +1,99 @@
+"""Strict reading of message maps into dataclasses: a wrong type or a number that is none is refused, by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any, Callable, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+SCHEMA_VERSION = 1
+
+T = TypeVar("T")
+Check = Callable[[Any], Any]
+
+
+class MessageError(ValueError):
+    """A message that must not be used; the text names the field and what stands in it."""
+
+
+class SchemaError(MessageError):
+    """The daemon speaks another version of the schema than this client."""
+
+
+def check_version(message: Mapping[str, object]) -> None:
+    version = message.get("v")
+    if version != SCHEMA_VERSION or isinstance(version, bool):
+        raise SchemaError(
+            f"the daemon sends schema version {version!r}, this client reads {SCHEMA_VERSION}: "
+            "install the fmfts-client that belongs to the daemon"
+        )
+
+
+def parse(kind: type[T], message: object) -> T:
+    """`message` as a `kind` (a dataclass); keys that `kind` does not know are ignored.
+
+    Raises MessageError for a missing key, a wrong type (True is not a number), NaN and infinity.
+    """
+    if not isinstance(message, Mapping):
+        raise MessageError(f"{kind.__name__}: not a map but {_shown(message)}")
+    values = {}
+    for name, check in _checks(cast(Hashable, kind)):
+        if name not in message:
+            raise MessageError(f"{kind.__name__}: {name} is missing")
+        try:
+            values[name] = check(message[name])
+        except MessageError as error:
+            raise MessageError(f"{kind.__name__}.{name}: {error}") from None
+    return kind(**values)
+
+
+@cache
+def _checks(kind: Any) -> tuple[tuple[str, Check], ...]:
+    hints = get_type_hints(kind)
+    return tuple((field.name, _check_for(hints[field.name])) for field in fields(kind))
+
+
+def _check_for(hint: Any) -> Check:
+    if get_origin(hint) is Union:  # only Optional[...] is used
+        inner = _check_for(next(arg for arg in get_args(hint) if arg is not type(None)))
+        return lambda value: None if value is None else inner(value)
+    if get_origin(hint) is tuple:
+        return _sequence_check(get_args(hint))
+    if is_dataclass(hint) and isinstance(hint, type):
+        return lambda value: parse(hint, value)
+    if hint is float:
+        return _number
+    return _exactly(dict if get_origin(hint) is dict else hint)
+
+
+def _number(value: Any) -> float:
+    if type(value) not in (float, int) or not math.isfinite(value):
+        raise MessageError(f"not a finite number but {_shown(value)}")
+    return float(value)
+
+
+def _exactly(kind: type) -> Check:
+    def check(value: Any) -> Any:
+        if type(value) is not kind:  # `type`, not isinstance: True is an int to Python, not to us
+            raise MessageError(f"not {kind.__name__} but {_shown(value)}")
+        return value
+
+    return check
+
+
+def _sequence_check(items: tuple[Any, ...]) -> Check:
+    one = _check_for(items[0])
+    length = None if items[-1] is Ellipsis else len(items)
+
+    def check(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, (list, tuple)) or length not in (None, len(value)):
+            raise MessageError(f"not a list of {length if length is not None else 'any'} length but {_shown(value)}")
+        return tuple(map(one, value))
+
+    return check
+
+
+def _shown(value: object) -> str:
+    return f"{type(value).__name__} {repr(value)[:60]}"

@@ -1,0 +1,107 @@
+"""Messages of the bus as they come, of one pad or of all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Optional, Union
+
+import msgpack  # type: ignore[import-untyped]
+import zmq
+
+from fmfts_client.endpoints import Endpoints, for_client
+from fmfts_client.fields import MessageError, SchemaError, check_version
+
+LARGEST_MESSAGE = 1 << 20
+
+
+@dataclass(frozen=True)
+class Message:
+    """`kind` is the first word of the topic ("contact", "event", "status", "frame"), `body` the decoded map."""
+
+    kind: str
+    pad: str
+    body: dict[str, Any]
+
+
+class Subscription:
+    """The messages of `kinds`, of `pad` or of all pads. Reconnects by itself; not for use by two threads at once.
+
+    What cannot be decoded is skipped, counted in `refused` and explained in `refusal`; another schema version raises
+    SchemaError, for waiting would not mend it. `kinds=("frame",)` connects to the frame socket, which is apart.
+    """
+
+    def __init__(
+        self,
+        kinds: Sequence[str] = ("contact", "event", "status"),
+        pad: Optional[str] = None,
+        endpoint: Optional[Union[str, Endpoints]] = None,
+    ) -> None:
+        if "frame" in kinds and len(kinds) > 1:
+            raise ValueError("frames come over a socket of their own: subscribe to them alone")
+        self.endpoints = for_client(endpoint)
+        self.refused = 0
+        self.refusal = ""
+        self._kinds = tuple(kinds)
+        self._pad = pad
+        self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.SUB)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
+        if "frame" in kinds:
+            self._socket.setsockopt(zmq.RCVHWM, 100_000)  # a recording wants every frame: 7 min of one pad at 220 Hz
+        for kind in self._kinds:
+            self._socket.subscribe(f"{kind}/{pad or ''}")
+        self._socket.connect(self.endpoints.frames if "frame" in kinds else self.endpoints.bus)
+
+    def receive(self, timeout_s: Optional[float] = None) -> Optional[Message]:
+        """The next message, or None after `timeout_s` seconds (None: wait for ever; 0: only what is here)."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            if not self.wait(None if deadline is None else deadline - time.monotonic()):
+                return None
+            message = self._accept(self._socket.recv_multipart())
+            if message is not None:
+                return message
+
+    def wait(self, timeout_s: Optional[float] = None) -> bool:
+        """Is there something to receive before `timeout_s` seconds are over (None: for ever)?"""
+        return bool(self._socket.poll(None if timeout_s is None else max(0, round(timeout_s * 1e3))))
+
+    def refuse(self, error: Exception) -> None:
+        """Count a message that must not be used."""
+        self.refused += 1
+        self.refusal = str(error)
+
+    def _accept(self, parts: Sequence[bytes]) -> Optional[Message]:
+        try:
+            kind, _, pad = parts[0].decode().partition("/")
+            # ZeroMQ matches prefixes: a subscription to contact/left gets contact/left2 as well.
+            if kind not in self._kinds or self._pad not in (None, pad):
+                return None
+            if len(parts) != 2:
+                raise MessageError(f"{kind}/{pad}: {len(parts)} parts instead of topic and body")
+            body = msgpack.unpackb(parts[1])
+            if not isinstance(body, dict):
+                raise MessageError(f"{kind}/{pad}: not a map but {type(body).__name__}")
+            check_version(body)
+            if body.get("pad") != pad:
+                raise MessageError(f"{kind}/{pad}: speaks of pad {body.get('pad')!r}")
+            return Message(kind, pad, body)
+        except SchemaError:
+            raise
+        except (ValueError, msgpack.UnpackException) as error:  # MessageError and wrong UTF-8 are ValueErrors
+            self.refuse(error)
+            return None
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def __enter__(self) -> Subscription:
+        return self
+
+    def __exit__(
+        self, kind: Optional[type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]
+    ) -> None:
+        self.close()

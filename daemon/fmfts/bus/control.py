@@ -1,0 +1,153 @@
+"""Commands from clients: one ROUTER socket, drained by the pipeline's own loop."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from typing import Any, TypeVar
+
+import msgspec
+import zmq
+
+from fmfts.bus.messages import NotFiniteError, encode_facts, not_finite_field
+from fmfts.bus.server import BoundSocket
+
+VERBS = frozenset({"status", "baseline", "selftest", "probe", "pads"})
+LARGEST_REQUEST = 16 * 1024
+LARGEST_RECEIVED = 1 << 20  # beyond this ZeroMQ hangs up instead of answering
+LARGEST_BATCH = 256  # a flood of requests must not keep the pipeline from its frames
+HIGH_MARK = 1000
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+_decoder = msgspec.msgpack.Decoder(dict[str, Any])
+
+
+class BadRequestError(ValueError):
+    """A request that cannot be carried out as it stands; the text is for whoever sent it."""
+
+
+class Request:
+    """A command: `verb`, one of VERBS, and its `arguments`. Answer it once with `reply` or `fail`."""
+
+    def __init__(self, server: ControlServer, route: list[bytes], identity: int | str, content: dict[str, Any]) -> None:
+        self.verb: str = content["verb"]
+        self.arguments = {key: value for key, value in content.items() if key not in ("id", "verb")}
+        self._server = server
+        self._route = route
+        self._identity = identity
+        self._answered = False
+
+    def arguments_as(self, kind: type[T]) -> T:
+        """The arguments as a msgspec Struct (forbid_unknown_fields=True to be strict). Raises BadRequestError."""
+        try:
+            return msgspec.convert(self.arguments, kind)
+        except msgspec.ValidationError as error:
+            raise BadRequestError(f"{self.verb}: {error}") from error
+
+    def reply(self, **facts: Any) -> None:
+        """It is done; `facts` may hold messages, maps, lists, numbers and text."""
+        try:
+            answer = encode_facts({**facts, "id": self._identity, "ok": True})
+        except NotFiniteError as error:
+            log.error("the answer to %s is withheld, a program error worth reporting: %s", self.verb, error)
+            self.fail(f"internal error: {error}")
+            return
+        self._send(answer, last=True)
+
+    def fail(self, text: str) -> None:
+        """It was not done, and nothing was changed; `text` says why."""
+        self._send(encode_facts({"id": self._identity, "error": text}), last=True)
+
+    def progress(self, **facts: Any) -> None:
+        """It is under way."""
+        self._send(encode_facts({"id": self._identity, "progress": facts}), last=False)
+
+    def _send(self, payload: bytes, last: bool) -> None:
+        if self._answered:
+            raise RuntimeError(f"{self.verb}: this request was answered already")
+        self._answered = last
+        self._server._send(self._route, payload)
+
+
+class ControlServer:
+    """Serves `endpoint`. Raises BusError where it cannot be had."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED)
+        self._early: deque[list[bytes]] = deque()
+
+    def fileno(self) -> int:
+        """To wait on. ZeroMQ signals it at edges only: call `poll` on every turn of the loop too, it costs 1 µs."""
+        return int(self._socket.zmq.getsockopt(zmq.FD))
+
+    def poll(self) -> list[Request]:
+        """The well-formed requests that are here, at most LARGEST_BATCH; all others are answered with an error."""
+        requests = []
+        for _ in range(LARGEST_BATCH):
+            if self._early:
+                parts = self._early.popleft()
+            elif self._socket.readable():
+                parts = self._socket.zmq.recv_multipart(zmq.NOBLOCK)
+            else:
+                break
+            request = self._read(parts)
+            if request is not None:
+                requests.append(request)
+        return requests
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _read(self, parts: list[bytes]) -> Request | None:
+        # DEALER sends [identity, body], REQ [identity, "", body].
+        route = parts[:2] if len(parts) == 3 and not parts[1] else parts[:1]
+        identity: int | str | None = None
+        try:
+            content = _decode(parts[len(route) :])
+            identity = _identity(content)
+            _check(content)
+            return Request(self, route, identity, content)
+        except BadRequestError as error:
+            self._send(route, encode_facts({"id": identity, "error": str(error)}))
+            return None
+
+    def _send(self, route: list[bytes], payload: bytes) -> None:
+        # A peer that has gone is no error: ROUTER drops what it cannot route.
+        self._socket.zmq.send_multipart((*route, payload), flags=zmq.NOBLOCK)
+        # Sending may swallow the edge that announced a request: fetch it now, for the next `poll`.
+        if self._socket.readable() and len(self._early) < LARGEST_BATCH:
+            self._early.append(self._socket.zmq.recv_multipart(zmq.NOBLOCK))
+
+
+def _decode(body: list[bytes]) -> dict[str, Any]:
+    if len(body) != 1:
+        raise BadRequestError(f"a request is one message part, not {len(body)}")
+    if len(body[0]) > LARGEST_REQUEST:
+        raise BadRequestError(f"a request is at most {LARGEST_REQUEST} bytes, not {len(body[0])}")
+    try:
+        return _decoder.decode(body[0])
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise BadRequestError(f"not a msgpack map with text keys: {error}") from error
+
+
+def _identity(content: dict[str, Any]) -> int | str:
+    identity = content.get("id")
+    if isinstance(identity, str) and len(identity) <= 64:
+        return identity
+    if type(identity) is int and -(2**63) <= identity < 2**64:
+        return identity
+    raise BadRequestError("`id` must be an integer, or text of at most 64 characters: it comes back in the answer")
+
+
+def _check(content: dict[str, Any]) -> None:
+    verb = content.get("verb")
+    if not isinstance(verb, str) or verb not in VERBS:
+        shown = repr(verb[:40]) if isinstance(verb, str) else f"of type {type(verb).__name__}"
+        raise BadRequestError(f"unknown verb {shown}: one of {', '.join(sorted(VERBS))}")
+    try:
+        field = not_finite_field(content)
+    except RecursionError:
+        raise BadRequestError("nested too deeply") from None
+    if field:
+        raise BadRequestError(f"{verb}: {field[:80]} is not a finite number")

@@ -1,0 +1,70 @@
+"""One daemon per endpoint: ZeroMQ lets a second bind on an ipc path silently take it from the first."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+
+
+class BusError(Exception):
+    """The bus cannot be served; the text says which endpoint, why, and what to do."""
+
+
+def socket_path(endpoint: str) -> Path | None:
+    """The file of an ipc endpoint, None for other transports."""
+    return Path(endpoint[len("ipc://") :]) if endpoint.startswith("ipc://") else None
+
+
+class EndpointLock:
+    """A lock beside an ipc socket, held until `release` or the end of the process.
+
+    The file stays when the lock goes: removing it would let two daemons lock two files of one name.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        path = socket_path(endpoint)
+        self._descriptor = -1 if path is None else _take(path, endpoint)
+
+    def release(self) -> None:
+        if self._descriptor >= 0:
+            os.ftruncate(self._descriptor, 0)
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def serving_pid(endpoint: str) -> int | None:
+    """Process id of the daemon that serves an ipc endpoint; None: nobody does. 0: somebody, pid unknown."""
+    path = socket_path(endpoint)
+    if path is None or not (lock := _lock_file(path)).exists():
+        return None
+    with lock.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            text = file.read(32).strip()
+            return int(text) if text.isdigit() else 0
+    return None
+
+
+def _lock_file(path: Path) -> Path:
+    return path.with_name(f"{path.name}.lock")
+
+
+def _take(path: Path, endpoint: str) -> int:
+    try:
+        descriptor = os.open(_lock_file(path), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o660)
+    except OSError as error:
+        raise BusError(f"cannot serve {endpoint}: {_lock_file(path)}: {error.strerror}") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        pid = os.read(descriptor, 32).decode(errors="replace").strip() or "unknown"
+        os.close(descriptor)
+        raise BusError(
+            f"another fmfts-daemon (pid {pid}) serves {endpoint}: stop it, "
+            "or give this one a place of its own with FMFTS_BUS=ipc:///another/directory"
+        ) from None
+    os.ftruncate(descriptor, 0)
+    os.write(descriptor, f"{os.getpid()}\n".encode())
+    return descriptor

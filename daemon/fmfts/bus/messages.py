@@ -1,0 +1,203 @@
+"""The schema of the bus: what the daemon says. docs/messages.md explains every field; fmfts_client reads it.
+
+SI units, named in the keys. A value that is not known is null; one that is not a finite number is never encoded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from operator import attrgetter
+from typing import Any, Literal
+
+import msgspec
+
+from fmfts_client.fields import SCHEMA_VERSION
+
+Health = Literal["ok", "degraded", "disturbed", "lost", "stale", "disconnected", "no_baseline"]
+Solver = Literal["c", "numpy"]
+EventKind = Literal["onset", "release", "over_range", "health", "baseline"]
+Vector = tuple[float, float, float]
+
+
+class NotFiniteError(ValueError):
+    """A message holds a number that is none; the text names the field."""
+
+
+class _Message(msgspec.Struct, frozen=True, kw_only=True):
+    """Fields of every message: schema version, pad, and a word that is drawn anew at each start of the daemon."""
+
+    v: int = SCHEMA_VERSION
+    pad: str
+    boot: str
+
+
+class PoseMessage(msgspec.Struct, frozen=True, kw_only=True):
+    position_m: Vector
+    position_sd_m: Vector
+    axis: Vector
+    axis_sd_rad: float
+    remanence_t: float
+    remanence_sd_t: float
+    ambient_t: Vector | None
+    ambient_sd_t: Vector | None
+    residual_t: float
+    chi2: float
+
+
+class ContactMessage(_Message, frozen=True, kw_only=True):
+    """`contact/<pad>`, one per frame, and at least ten a second while the source is silent."""
+
+    seq: int
+    t_sample_ns: int
+    t_publish_ns: int
+    utc_ns: int
+    temperature_c: float | None
+    health: Health
+    reason: str
+    contact: bool | None
+    x_m: float | None
+    x_sd_m: float | None
+    y_m: float | None
+    y_sd_m: float | None
+    force_n: float | None
+    force_sd_n: float | None
+    shear_x_n: float | None
+    shear_x_sd_n: float | None
+    shear_y_n: float | None
+    shear_y_sd_n: float | None
+    over_range: bool
+    force_min_n: float | None
+    pose: PoseMessage | None
+    sensors_ok: int
+    solver: Solver
+    model: str
+    baseline: str | None
+
+
+NO_ESTIMATE: dict[str, None] = dict.fromkeys(
+    (
+        *("contact", "x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n"),
+        *("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n", "force_min_n", "pose"),
+    )
+)
+
+
+class EventMessage(_Message, frozen=True, kw_only=True):
+    """`event/<pad>`, when something changes."""
+
+    t_ns: int
+    utc_ns: int
+    kind: EventKind
+    detail: str
+
+
+class StatusMessage(_Message, frozen=True, kw_only=True):
+    """`status/<pad>`, once a second."""
+
+    t_publish_ns: int
+    utc_ns: int
+    health: Health
+    reason: str
+    since_ns: int
+    source: str
+    connected: bool
+    rate_hz: float
+    rate_nominal_hz: float
+    frames: int
+    dropped: int
+    gaps: int
+    crc_errors: int
+    reconnects: int
+    latency_p50_s: float | None
+    latency_p99_s: float | None
+    latency_max_s: float | None
+    temperature_c: float | None
+    ambient_t: Vector | None
+    remanence_t: float | None
+    sensor_faults: list[str]
+    board: dict[str, Any]
+    uptime_s: float
+
+
+class FrameMessage(_Message, frozen=True, kw_only=True):
+    """`frame/<pad>`, while somebody subscribes: one reading as raw counts, all that a recording needs."""
+
+    sequence: int
+    device_time_us: int
+    host_time_ns: int
+    utc_ns: int
+    gain_code: int
+    counts: list[tuple[int, int, int]]
+    age_us: list[int]
+    fresh: list[bool]
+    valid: list[bool]
+    temperature_c: float | None
+
+
+AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's scalars as Python's: they pass for float and int everywhere but in the encoder."""
+    if hasattr(value, "item"):
+        return value.item()
+    raise NotImplementedError(f"{type(value).__name__} has no place in a message")
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=_plain)
+
+
+def encode(message: AnyMessage) -> bytes:
+    """The msgpack map of `message`. Raises NotFiniteError, naming the field, for NaN and infinity anywhere in it."""
+    if not _numbers_are_finite(message):
+        field = not_finite_field(message)
+        raise NotFiniteError(f"pad {message.pad!r}: {type(message).__name__}.{field} is not a finite number")
+    return _encoder.encode(message)
+
+
+def encode_facts(facts: dict[str, Any]) -> bytes:
+    """The msgpack map of free-form facts (a reply of the control socket), under the same rule."""
+    field = not_finite_field(facts)
+    if field:
+        raise NotFiniteError(f"{field} is not a finite number")
+    return _encoder.encode(facts)
+
+
+def not_finite_field(value: object, path: str = "") -> str:
+    """Path of the first NaN or infinity in messages, maps and lists, "" where there is none."""
+    if isinstance(value, float):
+        return "" if math.isfinite(value) else path or "value"
+    children: Any = ()
+    if isinstance(value, msgspec.Struct):
+        children = ((name, getattr(value, name)) for name in value.__struct_fields__)
+    elif isinstance(value, dict):
+        children = value.items()
+    elif isinstance(value, list | tuple):
+        children = enumerate(value)
+    found = (not_finite_field(child, f"{path}.{name}" if path else str(name)) for name, child in children)
+    return next(filter(None, found), "")
+
+
+def _getter(kind: type[msgspec.Struct], item: str) -> Callable[[Any], tuple[Any, ...]]:
+    """One call that fetches all fields of `kind` whose annotation is `item`, or `item` or None."""
+    names = [name for name, hint in kind.__annotations__.items() if hint in (item, f"{item} | None")]
+    getter: Callable[[Any], tuple[Any, ...]] = attrgetter(*names)
+    return getter
+
+
+_contact_numbers = _getter(ContactMessage, "float")
+_pose_numbers = _getter(PoseMessage, "float")
+_pose_vectors = _getter(PoseMessage, "Vector")
+
+
+def _numbers_are_finite(message: AnyMessage) -> bool:
+    """At the rate of contacts this must cost next to nothing: a sum is finite only if all its terms are."""
+    if not isinstance(message, ContactMessage):
+        return not not_finite_field(message)
+    total = sum(filter(None, _contact_numbers(message)))
+    if (pose := message.pose) is not None:
+        total += sum(_pose_numbers(pose))
+        for vector in filter(None, _pose_vectors(pose)):
+            total += sum(vector)
+    return math.isfinite(total)

@@ -1,0 +1,86 @@
+"""Binding the daemon's sockets: who may connect, and that nobody else serves there already."""
+
+from __future__ import annotations
+
+import grp
+import ipaddress
+import logging
+import os
+from pathlib import Path
+
+import zmq
+
+from fmfts.bus.lock import BusError, EndpointLock, socket_path
+
+GROUP = "fmfts"
+log = logging.getLogger(__name__)
+
+
+class BoundSocket:
+    """A bound ZeroMQ socket and the lock of its endpoint."""
+
+    def __init__(self, kind: int, endpoint: str, send_high_mark: int, largest_received: int) -> None:
+        """Raises BusError: another daemon serves there, the place is not accessible, or it is open to the network."""
+        path = socket_path(endpoint)
+        if path is not None:
+            _prepare_directory(path.parent, endpoint)
+        else:
+            _require_loopback(endpoint)
+        self._lock = EndpointLock(endpoint)
+        self.zmq: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
+        self.zmq.setsockopt(zmq.LINGER, 0)
+        self.zmq.setsockopt(zmq.SNDHWM, send_high_mark)
+        self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
+        try:
+            _bind(self.zmq, endpoint, path)
+        except OSError as error:  # zmq.ZMQError among them
+            self.close()
+            raise BusError(f"cannot serve {endpoint}: {error}") from error
+
+    def readable(self) -> bool:
+        return bool(int(self.zmq.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+
+    def close(self) -> None:
+        self.zmq.close()
+        self._lock.release()
+
+
+def _bind(socket: zmq.Socket[bytes], endpoint: str, path: Path | None) -> None:
+    before = os.umask(0o117)  # the socket is 0660 from its first moment
+    try:
+        socket.bind(endpoint)
+    finally:
+        os.umask(before)
+    if path is not None:
+        _give_to_group(path)
+
+
+def _give_to_group(path: Path) -> None:
+    """To the group whose members may talk to the daemon, where it exists and is ours to give."""
+    try:
+        group = grp.getgrnam(GROUP).gr_gid
+    except KeyError:
+        return
+    if os.geteuid() == 0 or group in os.getgroups():
+        os.chown(path, -1, group)
+
+
+def _prepare_directory(directory: Path, endpoint: str) -> None:
+    try:
+        directory.mkdir(mode=0o750, exist_ok=True)
+    except OSError as error:
+        raise BusError(f"cannot serve {endpoint}: {directory}: {error.strerror}") from error
+
+
+def _require_loopback(endpoint: str) -> None:
+    """Off this machine anybody could listen and, over the control socket, re-record a baseline."""
+    host = endpoint[len("tcp://") :].rpartition(":")[0].strip("[]")
+    try:
+        local = host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        local = False
+    if not endpoint.startswith("tcp://") or not local:
+        raise BusError(
+            f"{endpoint} would be open to the network without a key: serve ipc://… or tcp://127.0.0.1:port, "
+            "and tunnel (ssh -L) where another machine must listen"
+        )

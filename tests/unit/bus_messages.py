@@ -1,0 +1,121 @@
+"""Messages for the tests of bus, client and view: plausible ones, made with few words."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from fmfts.bus.messages import ContactMessage, EventMessage, FrameMessage, PoseMessage, StatusMessage
+
+BOOT = "b00t"
+
+
+def pose_message(**changes: Any) -> PoseMessage:
+    values: dict[str, Any] = {
+        "position_m": (0.0005, 0.0003, 0.0105),
+        "position_sd_m": (9.7e-6, 9.5e-6, 3.2e-6),
+        "axis": (0.1, 0.05, 0.99372),
+        "axis_sd_rad": 0.0022,
+        "remanence_t": 1.23,
+        "remanence_sd_t": 0.01,
+        "ambient_t": (1e-6, 0.0, 0.0),
+        "ambient_sd_t": (1e-7, 1e-7, 1e-7),
+        "residual_t": 2e-7,
+        "chi2": 3.9,
+    }
+    return PoseMessage(**(values | changes))
+
+
+def contact_message(**changes: Any) -> ContactMessage:
+    """A touch of 1.5 N at (5, 3) mm, sampled 1 ms before now."""
+    now_ns = time.monotonic_ns()
+    values: dict[str, Any] = {
+        "pad": "demo",
+        "boot": BOOT,
+        "seq": 1,
+        "t_sample_ns": now_ns - 1_000_000,
+        "t_publish_ns": now_ns,
+        "utc_ns": time.time_ns(),
+        "temperature_c": 25.5,
+        "health": "ok",
+        "reason": "",
+        "contact": True,
+        "x_m": 0.005,
+        "x_sd_m": 0.0002,
+        "y_m": 0.003,
+        "y_sd_m": 0.0002,
+        "force_n": 1.5,
+        "force_sd_n": 0.05,
+        "shear_x_n": None,
+        "shear_x_sd_n": None,
+        "shear_y_n": None,
+        "shear_y_sd_n": None,
+        "over_range": False,
+        "force_min_n": None,
+        "pose": pose_message(),
+        "sensors_ok": 0b1111,
+        "solver": "numpy",
+        "model": "0123456789ab",
+        "baseline": "2025-01-01T00:00:00Z-abcd",
+    }
+    return ContactMessage(**(values | changes))
+
+
+def status_message(**changes: Any) -> StatusMessage:
+    values: dict[str, Any] = {
+        "pad": "demo",
+        "boot": BOOT,
+        "t_publish_ns": time.monotonic_ns(),
+        "utc_ns": time.time_ns(),
+        "health": "ok",
+        "reason": "",
+        "since_ns": 1,
+        "source": "simulated pad",
+        "connected": True,
+        "rate_hz": 219.6,
+        "rate_nominal_hz": 220.0,
+        "frames": 1000,
+        "dropped": 1,
+        "gaps": 2,
+        "crc_errors": 3,
+        "reconnects": 4,
+        "latency_p50_s": 0.0005,
+        "latency_p99_s": 0.001,
+        "latency_max_s": 0.002,
+        "temperature_c": 25.5,
+        "ambient_t": (1e-5, 0.0, 4e-5),
+        "remanence_t": 1.23,
+        "sensor_faults": [],
+        "board": {"firmware": "0.1.0"},
+        "uptime_s": 4.5,
+    }
+    return StatusMessage(**(values | changes))
+
+
+def event_message(**changes: Any) -> EventMessage:
+    values: dict[str, Any] = {
+        "pad": "demo",
+        "boot": BOOT,
+        "t_ns": time.monotonic_ns(),
+        "utc_ns": time.time_ns(),
+        "kind": "onset",
+        "detail": "1.5 N",
+    }
+    return EventMessage(**(values | changes))
+
+
+def frame_message(sequence: int = 0) -> FrameMessage:
+    return FrameMessage(
+        pad="demo",
+        boot=BOOT,
+        sequence=sequence,
+        device_time_us=4545 * sequence,
+        host_time_ns=time.monotonic_ns(),
+        utc_ns=time.time_ns(),
+        gain_code=3,
+        counts=[(1, -2, 3), (4, 5, -4096), (7, 8, 9), (-10, 11, 12)],
+        age_us=[0, 10, 20, 65535],
+        fresh=[True, True, False, True],
+        valid=[True, True, True, False],
+        temperature_c=None,
+    )
