@@ -41,11 +41,12 @@ class Mounting:
     """A pad as it is mounted: everything that turns a measured field into the magnet's, with its deviation.
 
     rest: the unloaded magnet. rest_covariance: (6, 6) of its step (position, axis, log moment).
-    gain: (N, 3) measured = gain·true, per axis. sensor_position_m: (N, 3). offset_t: (N, 3) in sensor axes, what
-    remains of the field when the magnet's is taken away: the ambient field, with what no parameter explains, so that an
-    untouched pad has no residual. rest_field_t: (N, 3) the unloaded magnet's share. noise_t: (N, 3) of one sample.
-    proportional: (N, 3) error of a change of field, relative to it. chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured −
-    predicted. rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
+    gain: (N, 3) measured = gain·true, per axis. sensor_position_m: (N, 3).
+    offset_t: (N, 3) in sensor axes, what remains of the field when the magnet's is taken away: the ambient field, with
+    what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
+    noise_t: (N, 3) of one sample. proportional: (N, 3) error of a change of field, relative to it.
+    chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
+    rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
     ambient_t: (3,) where a bare recording measured it, else None.
     """
 
@@ -76,12 +77,14 @@ class Mounting:
         """Measured field (N, 3), sensor axes → the magnet's share of it, gains and ambient field removed."""
         return measured_t / self.gain - self.offset_t
 
-    def deviation_t(self, magnet_field_t: Array) -> Array:
-        """(N, 3) standard deviation of one sample of the magnet's field.
+    def deviation_t(self, magnet_field_t: Array, noise_share: Array) -> Array:
+        """(N, 3) standard deviation of the magnet's field; `noise_share` (N, 1): of the noise of one sample.
 
         Real errors are proportional (gain, placement). Those at rest are in the estimate, so only the change counts.
         """
-        deviation: Array = np.hypot(self.noise_t, self.proportional * (magnet_field_t - self.rest_field_t))
+        deviation: Array = np.hypot(
+            self.noise_t * noise_share, self.proportional * (magnet_field_t - self.rest_field_t)
+        )
         return deviation
 
 

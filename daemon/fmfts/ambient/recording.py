@@ -55,13 +55,16 @@ def summarise(frames: Sequence[Frame]) -> Recording:
         raise BaselineError("the range was changed during the recording: record again")
     valid = np.array([frame.valid for frame in frames])
     _require(
-        np.asarray(valid.mean(axis=0) >= MINIMUM_SHARE_VALID, dtype=bool),
+        np.asarray(valid.mean(axis=0) >= MINIMUM_SHARE_VALID, dtype=np.bool_),
         lambda sensor: (
             f"sensor {sensor + 1} answered in {valid[:, sensor].sum()} of {len(frames)} frames: check wiring"
         ),
     )
     overflow = np.array([frame.overflow for frame in frames]).any(axis=(0, 2))
-    _require(~overflow, lambda sensor: f"sensor {sensor + 1} is saturated: choose a larger range_gauss")
+    _require(
+        ~np.asarray(overflow, dtype=np.bool_),
+        lambda sensor: f"sensor {sensor + 1} is saturated: choose a larger range_gauss",
+    )
     fresh = np.array([frame.fresh & frame.valid for frame in frames])
     fields = np.array([frame.field_t for frame in frames])
     mean, noise, wander = np.empty(fields.shape[1:]), np.empty(fields.shape[1:]), np.empty(fields.shape[1:])

@@ -2,7 +2,7 @@
 
 Each chip converts on its own clock, so the samples of a frame are up to one period (4.5 ms) apart; a tap moves the
 field further than its noise in that time. The newest instant that every chip has passed lies between two samples of
-each: interpolating to it adds no noise, and of the motion it leaves out only the curvature, which goes into the deviation.
+each: interpolating to it adds no noise and leaves out only the motion's curvature, which goes into the deviation.
 """
 
 from __future__ import annotations
@@ -21,9 +21,13 @@ STOPPED_PERIODS = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Aligned:
-    """field_t (N, 3) at `time_us`, NaN where a sensor has nothing to say; bend_t (N, 3): what curvature may add."""
+    """field_t (N, 3) at `time_us`, NaN where a sensor has nothing to say.
+
+    noise_share (N, 1): its noise over that of one sample, a mean of two has less. bend_t (N, 3): what curvature may add.
+    """
 
     field_t: Array
+    noise_share: Array
     bend_t: Array
     time_us: int
 
@@ -47,7 +51,8 @@ class Alignment:
         time, before = self._time[0], self._time[1]
         running = (time.max() - time <= self._stopped_us) & np.isfinite(field_t).any(axis=1)
         if not running.any():
-            return Aligned(np.full_like(newest, np.nan), np.zeros_like(newest), int(time.max()))
+            nothing = np.full_like(newest, np.nan)
+            return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()))
         instant = int(time[running].min())
         # Share of the previous sample: 0 for the chip whose newest sample is the instant, never an extrapolation.
         share = np.clip((time - instant) / np.maximum(time - before, 1), 0.0, 1.0)[:, None]
@@ -58,4 +63,5 @@ class Alignment:
         bend = np.abs(0.5 * share * (1.0 - share) * (newest - 2.0 * previous + oldest))
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
-        return Aligned(field, np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0)), instant)
+        bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
+        return Aligned(field, np.hypot(share, 1.0 - share), bend, instant)
