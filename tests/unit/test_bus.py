@@ -1,0 +1,313 @@
+"""Publisher and client over real ZeroMQ sockets."""
+
+from __future__ import annotations
+
+import grp
+import logging
+import math
+import os
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgpack
+import pytest
+import zmq
+from bus_messages import BOOT, contact_message, event_message, frame_message, status_message
+
+from fmfts.bus.lock import BusError, serving_pid
+from fmfts.bus.publisher import BUS_HIGH_MARK, Publisher
+from fmfts_client import Client, Endpoints, SchemaError, Subscription
+
+LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
+
+
+@pytest.fixture
+def endpoints(tmp_path: Path) -> Endpoints:
+    return Endpoints.from_base(f"ipc://{tmp_path}")
+
+
+@pytest.fixture
+def publisher(endpoints: Endpoints) -> Iterator[Publisher]:
+    publisher = Publisher(endpoints, BOOT)
+    yield publisher
+    publisher.close()
+
+
+def eventually(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + LIVENESS_S
+    while not condition():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.005)
+
+
+def connect(publisher: Publisher, client: Client) -> None:
+    """Send until the client hears: a subscription takes a moment to arrive."""
+
+    def heard() -> bool:
+        publisher.send_contact("demo", contact_message(seq=0))
+        return client.latest(timeout_s=0.02) is not None
+
+    eventually(heard)
+
+
+def test_latest_drains_to_the_newest_contact(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        for seq in range(1, 51):
+            publisher.send_contact("demo", contact_message(seq=seq))
+        eventually(lambda: client.latest() is not None and client.contact is not None and client.contact.seq == 50)
+        assert client.latest() is None, "the same contact is not handed out twice"
+
+
+def test_iteration_gives_every_contact_in_order_and_ends_on_silence(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        for seq in range(1, 101):
+            publisher.send_contact("demo", contact_message(seq=seq))
+        received = [contact.seq for contact in client.contacts(timeout_s=0.3) if contact.seq]
+        assert received == list(range(1, 101))
+
+
+def test_pad_whose_name_begins_alike_is_not_mixed_in(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        publisher.send_contact("demo2", contact_message(pad="demo2", force_n=9.0))
+        publisher.send_contact("demo", contact_message(seq=5))
+        assert [contact.pad for contact in client.contacts(timeout_s=0.2)] == ["demo"]
+        assert client.refused == 0
+
+
+def test_alive_ends_when_nothing_arrives(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        assert not client.alive
+        connect(publisher, client)
+        publisher.send_contact("demo", contact_message())
+        assert client.latest(timeout_s=1.0) is not None
+        assert client.alive
+        assert client.valid
+        time.sleep(0.35)
+        assert not client.alive
+        assert not client.valid
+        assert client.latest(timeout_s=0.0) is None
+
+
+def test_daemon_that_speaks_of_an_old_sample_is_alive_but_not_valid(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        publisher.send_contact("demo", contact_message(t_sample_ns=time.monotonic_ns() - 400_000_000))
+        assert client.latest(timeout_s=1.0) is not None
+        assert client.alive
+        assert not client.fresh
+        assert not client.valid
+
+
+def test_contact_that_waited_in_a_queue_is_not_the_latest(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        publisher.send_contact("demo", contact_message(seq=1, t_publish_ns=time.monotonic_ns() - 400_000_000))
+        assert client.latest(timeout_s=0.1) is None
+        assert client.contact is not None
+        assert client.contact.seq == 1
+        publisher.send_contact("demo", contact_message(seq=2))
+        newest = client.latest(timeout_s=1.0)
+        assert newest is not None
+        assert newest.seq == 2
+
+
+@pytest.mark.parametrize(("rate_hz", "freq_ok"), [(100.0, True), (100.0 * 1.05, True), (85.0, False), (120.0, False)])
+def test_rate_is_compared_with_the_configured_one(
+    publisher: Publisher, endpoints: Endpoints, rate_hz: float, freq_ok: bool
+) -> None:
+    """The times in the messages are those of a stream at `rate_hz` over the last second and a half."""
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        assert not client.freq_ok, "without a status the configured rate is unknown"
+        # A restarted daemon has no history, so the messages of `connect` do not count.
+        now_ns = time.monotonic_ns() + 200_000_000
+        for number in range(int(1.5 * rate_hz)):
+            published_ns = now_ns - round((1.5 * rate_hz - 1 - number) / rate_hz * 1e9)
+            publisher.send_contact("demo", contact_message(boot="two", seq=number, t_publish_ns=published_ns))
+        publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
+        while time.monotonic_ns() < now_ns:
+            client.latest(timeout_s=0.01)
+        assert client.rate_hz == pytest.approx(rate_hz, abs=0.02 * rate_hz), "20 ms of the window may have passed"
+        assert client.freq_ok is freq_ok
+
+
+def test_restart_of_the_daemon_is_survived_and_noticed(endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        first = Publisher(endpoints, "one")
+        connect(first, client)
+        first.close()
+        second = Publisher(endpoints, "two")
+
+        def heard() -> bool:
+            second.send_contact("demo", contact_message(boot="two"))
+            client.latest(timeout_s=0.02)
+            return client.restarts == 1
+
+        eventually(heard)
+        second.close()
+        assert client.contact is not None
+        assert client.contact.boot == "two"
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xc1",
+        b"\x93\x01\x02\x03",
+        msgpack.packb({"v": 1, "pad": "demo"}),
+        msgpack.packb({"v": 1, "pad": "other"}),
+        msgpack.packb({1: 2}),
+        b"\x81" * 5000,
+        b"\x91" * 5000,
+    ],
+)
+def test_message_that_makes_no_sense_is_counted_and_skipped(
+    publisher: Publisher, endpoints: Endpoints, payload: bytes
+) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        publisher._bus.zmq.send_multipart([b"contact/demo", payload])
+        publisher._bus.zmq.send_multipart([b"contact/demo"])
+        publisher.send_contact("demo", contact_message(seq=9))
+        contact = client.latest(timeout_s=1.0)
+        assert contact is not None
+        assert contact.seq == 9
+        assert client.refused == 2
+        assert client.refusal
+
+
+def test_another_schema_version_is_an_error_at_once(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        publisher.send_contact("demo", contact_message(v=2))
+        with pytest.raises(SchemaError, match="sends schema version 2, this client reads 1"):
+            client.latest(timeout_s=1.0)
+
+
+def test_number_that_is_none_goes_out_as_lost(
+    publisher: Publisher, endpoints: Endpoints, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Client("demo", endpoints) as client, caplog.at_level(logging.ERROR):
+        connect(publisher, client)
+        publisher.send_contact("demo", contact_message(force_n=math.nan, temperature_c=math.inf))
+        contact = client.latest(timeout_s=1.0)
+        assert contact is not None
+        assert (contact.health, contact.contact, contact.force_n, contact.x_m) == ("lost", None, None, None)
+        assert "force_n" in contact.reason or "temperature_c" in contact.reason
+        assert not client.valid
+        publisher.send_status("demo", status_message(rate_hz=math.nan))
+        assert publisher.refused == 2
+        assert "program error" in caplog.text
+
+
+def test_events_and_status_arrive_by_topic(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Subscription(("event", "status"), endpoint=endpoints) as subscription:
+
+        def heard() -> bool:
+            publisher.send_event("demo", event_message())
+            return subscription.receive(0.02) is not None
+
+        eventually(heard)
+        publisher.send_contact("demo", contact_message())
+        publisher.send_status("demo", status_message())
+        kinds = []
+        while (message := subscription.receive(0.2)) is not None:
+            kinds.append(message.kind)
+        assert kinds[-1] == "status"
+        assert "contact" not in kinds
+
+
+def test_slow_subscriber_neither_blocks_the_publisher_nor_others(publisher: Publisher, endpoints: Endpoints) -> None:
+    with zmq.Context() as context, Client("demo", endpoints) as client:
+        slow = context.socket(zmq.SUB)
+        slow.linger = 0
+        slow.rcvhwm = 1
+        slow.subscribe("contact/")
+        slow.connect(endpoints.bus)
+        connect(publisher, client)
+        eventually(lambda: publisher.send_contact("demo", contact_message(seq=0)) or slow.poll(10))
+        list(client.contacts(timeout_s=0.2))
+        sent = BUS_HIGH_MARK * 25  # far beyond what sockets and kernel hold for the slow one
+        received = 0
+        begun = time.monotonic()
+        for seq in range(1, sent + 1):
+            publisher.send_contact("demo", contact_message(seq=seq))
+            if seq % 64 == 0:
+                received += sum(1 for _ in zip(range(64), client.contacts(timeout_s=1.0), strict=False))
+        assert time.monotonic() - begun < LIVENESS_S, "sending waited for the slow one"
+        assert received == sent, "the one that keeps up loses nothing"
+        slow.close()
+
+
+def test_frames_are_wanted_while_somebody_subscribes(publisher: Publisher, endpoints: Endpoints) -> None:
+    assert not publisher.frames_wanted("demo")
+    with Subscription(("frame",), "demo", endpoints) as subscription:
+        eventually(lambda: publisher.frames_wanted("demo"))
+        assert not publisher.frames_wanted("other")
+        for sequence in range(3000):
+            publisher.send_frame("demo", frame_message(sequence))
+        received = []
+        while (message := subscription.receive(0.3)) is not None:
+            received.append(message.body["sequence"])
+        assert received == list(range(3000)), "a recording loses nothing"
+    eventually(lambda: not publisher.frames_wanted("demo"))
+
+
+def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, endpoints: Endpoints) -> None:
+    with pytest.raises(BusError, match=rf"another fmfts-daemon \(pid {os.getpid()}\) serves ipc://"):
+        Publisher(endpoints, "two")
+    assert serving_pid(endpoints.bus) == os.getpid()
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)  # and the first still serves
+
+
+def test_endpoint_is_free_again_after_close_and_after_a_kill(endpoints: Endpoints) -> None:
+    Publisher(endpoints, "one").close()
+    assert serving_pid(endpoints.bus) is None
+    script = (
+        "import sys, time; from fmfts.bus.publisher import Publisher; from fmfts_client import Endpoints\n"
+        "Publisher(Endpoints.from_base(sys.argv[1]), 'x'); print('up', flush=True); time.sleep(60)"
+    )
+    base = endpoints.bus.removesuffix("/bus")
+    with subprocess.Popen([sys.executable, "-c", script, base], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert serving_pid(endpoints.bus) == process.pid
+        process.kill()
+    assert serving_pid(endpoints.bus) is None
+    Publisher(endpoints, "two").close()
+
+
+def test_frames_endpoint_taken_leaves_the_bus_free(endpoints: Endpoints) -> None:
+    holder = Publisher(Endpoints(endpoints.control, endpoints.control, endpoints.frames), "one")
+    with pytest.raises(BusError):
+        Publisher(endpoints, "two")
+    assert serving_pid(endpoints.bus) is None
+    holder.close()
+
+
+def test_sockets_are_for_owner_and_group_only(publisher: Publisher, endpoints: Endpoints) -> None:
+    for endpoint in (endpoints.bus, endpoints.frames):
+        found = Path(endpoint.removeprefix("ipc://")).stat()
+        assert stat.S_IMODE(found.st_mode) == 0o660
+        if os.geteuid() == 0 and "fmfts" in [group.gr_name for group in grp.getgrall()]:
+            assert found.st_gid == grp.getgrnam("fmfts").gr_gid
+
+
+@pytest.mark.parametrize("base", ["tcp://0.0.0.0:5570", "tcp://*:5570", "tcp://192.0.2.1:5570", "tcp://eth0:5570"])
+def test_endpoint_open_to_the_network_is_refused(base: str) -> None:
+    with pytest.raises(BusError, match="open to the network"):
+        Publisher(Endpoints.from_base(base), BOOT)
+
+
+def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BusError, match="missing/fmfts: No such file"):
+        Publisher(Endpoints.from_base(f"ipc://{tmp_path}/missing/fmfts"), BOOT)
