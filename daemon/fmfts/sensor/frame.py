@@ -39,16 +39,18 @@ class Frame:
     @property
     def overflow(self) -> NDArray[np.bool_]:
         """(N, 3) axes that the chip reports as saturated (data sheet: −4096)."""
-        return self.counts == OVERFLOW_COUNT
+        overflow: NDArray[np.bool_] = self.counts == OVERFLOW_COUNT
+        return overflow
 
     @property
     def usable(self) -> NDArray[np.bool_]:
         """(N, 3) axes that hold a measurement."""
-        return self.valid[:, None] & ~self.overflow
+        usable: NDArray[np.bool_] = self.valid[:, None] & ~self.overflow
+        return usable
 
     @property
     def field_t(self) -> NDArray[np.float64]:
         """(N, 3) field in tesla, in each sensor's own axes, NaN where an axis holds no measurement."""
-        field = self.counts * (TESLA_PER_GAUSS / LSB_PER_GAUSS[self.gain_code])
+        field: NDArray[np.float64] = self.counts.astype(np.float64) * (TESLA_PER_GAUSS / LSB_PER_GAUSS[self.gain_code])
         field[~self.usable] = np.nan
         return field

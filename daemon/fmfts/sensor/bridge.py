@@ -1,0 +1,234 @@
+"""Frames from an STM32 on a serial port. Everything happens inside `poll`, and nothing there waits."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import serial
+
+from fmfts.config import BridgeSource, PadConfig
+from fmfts.sensor import serial_port
+from fmfts.sensor.clock import DeviceClock
+from fmfts.sensor.faults import note
+from fmfts.sensor.frame import Frame
+from fmfts.sensor.link import Link
+from fmfts.sensor.packets import UID_BYTES, Verb
+from fmfts.sensor.source import SourceError, SourceState
+
+READ_BYTES = 65536
+FIRST_BACKOFF_NS = 50_000_000
+LONGEST_BACKOFF_NS = 1_000_000_000
+SILENCE_NS = 1_500_000_000  # a board says its status every second, whatever else it does
+REOPEN_NS = 5_000_000_000  # some adapters recover only so
+IDENTIFY_NS = 1_500_000_000  # what a port gets to show that it holds the right board
+FRAME_BYTES = (21, 8)  # on the line: of any sample packet, and for each sensor
+
+
+class Bridge:
+    """A Source: one board on one port, feeding the pads of `pads` (pad index → config)."""
+
+    def __init__(self, pads: Mapping[int, PadConfig], by_id: Path = Path("/dev/serial/by-id")) -> None:
+        source = next(iter(pads.values())).source
+        assert isinstance(source, BridgeSource)
+        self.state = SourceState(description=f"bridge on {source.port}")
+        self._pads = pads
+        self._configured_port = source.port
+        self._baud = source.baud
+        self._uid = None if source.uid is None else _uid_bytes(source.uid, next(iter(pads.values())).name)
+        self._clock = DeviceClock()
+        self._link = Link(pads, self.state, self._clock, self._uid)
+        self._by_id = by_id
+        self._candidates: list[str] = []
+        self._found: dict[str, str] = {}  # port → what is there, of the present round
+        self._serial: serial.Serial | None = None
+        self._port = source.port
+        self._opened_ns = 0
+        self._attempt_ns = 0
+        self._backoff_ns = FIRST_BACKOFF_NS
+        self._outbox = b""
+        self._was_connected = False
+
+    def fileno(self) -> int | None:
+        return None if self._serial is None else self._serial.fileno()
+
+    def deadline_ns(self) -> int | None:
+        if self._serial is None:
+            return self._attempt_ns
+        patience_ns = SILENCE_NS if self.state.connected else REOPEN_NS
+        times = [self._quiet_since_ns + patience_ns, self._link.due_ns]
+        if not self._link.is_right_board:
+            times.append(self._opened_ns + IDENTIFY_NS)
+        return min(when for when in times if when is not None)
+
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
+            return ()
+        frames = self._receive(now_ns)
+        if self._serial is not None:
+            self._judge(now_ns)
+        if self._serial is not None:
+            self._send(now_ns)
+        return frames
+
+    def request_selftest(self, pad_index: int) -> None:
+        if not self.state.connected:
+            raise SourceError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
+        self._link.request_selftest(pad_index, time.monotonic_ns())
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return self._link.selftest_result(pad_index)
+
+    def close(self) -> None:
+        self._release()
+        self._attempt_ns = 1 << 62
+        self._set_connected(False, "closed", time.monotonic_ns())
+
+    @property
+    def _quiet_since_ns(self) -> int:
+        return max(self._link.heard_ns, self._opened_ns)
+
+    @property
+    def _is_configured_port(self) -> bool:
+        """No byte goes to another port before it has spoken the wire: it may be anything."""
+        return self._port == self._configured_port
+
+    def _open(self, now_ns: int) -> bool:
+        if not self._candidates:
+            self._candidates = self._ports_to_try()
+            self._found.clear()
+        self._port = self._candidates.pop(0)
+        try:
+            self._serial = serial_port.open_raw(self._port, self._baud)
+        except OSError as error:
+            self._found[self._port] = serial_port.why_not_open(self._port, error)
+            self._next_attempt(now_ns)
+            return False
+        self._opened_ns = now_ns
+        self._outbox = b""
+        sensors = max(len(pad.geometry.sensors_mm) for pad in self._pads.values())
+        frame_bytes = FRAME_BYTES[0] + FRAME_BYTES[1] * sensors
+        self._clock.fixed_delay_ns = serial_port.transfer_ns(self._port, self._baud, frame_bytes)
+        self._link.restart()
+        note(self.state.warnings, "latency timer", serial_port.latency_warning(self._port))
+        if self._is_configured_port:
+            self._link.ask(Verb.HELLO)
+        return True
+
+    def _ports_to_try(self) -> list[str]:
+        """The configured port; with a binding also every other one that udev knows, for the board may have moved."""
+        if self._uid is None:
+            return [self._configured_port]
+        others = {os.path.realpath(path): str(path) for path in sorted(self._by_id.glob("*"))}
+        others.pop(os.path.realpath(self._configured_port), None)
+        return [self._configured_port, *others.values()]
+
+    def _receive(self, now_ns: int) -> Sequence[Frame]:
+        assert self._serial is not None
+        try:
+            data = os.read(self._serial.fileno(), READ_BYTES)
+        except BlockingIOError:
+            return ()
+        except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
+            self._disconnect(f"{self._port} is gone ({error.strerror}): plug the board in again", now_ns)
+            return ()
+        if not data:
+            self._disconnect(f"{self._port} hung up: plug the board in again", now_ns)
+            return ()
+        unheard = self._link.heard_ns == 0
+        frames = self._link.feed(data, now_ns)
+        if unheard and self._link.heard_ns and not self._is_configured_port:
+            self._link.ask(Verb.HELLO)
+        return frames
+
+    def _judge(self, now_ns: int) -> None:
+        """Connected, silent, or the wrong board?"""
+        link = self._link
+        if not link.is_right_board:
+            if link.hello is not None:
+                self._found[self._port] = f"holds board {link.hello.uid.hex()}"
+                self._give_port_up(now_ns)
+            elif now_ns - self._opened_ns >= IDENTIFY_NS:
+                self._found[self._port] = (
+                    "answers, but tells no uid" if link.heard_ns else "holds no board that answers"
+                )
+                self._give_port_up(now_ns)
+        elif now_ns - self._quiet_since_ns >= SILENCE_NS:
+            self._silent(now_ns)
+        elif link.heard_ns and not self.state.connected:
+            self._backoff_ns = FIRST_BACKOFF_NS
+            self._candidates.clear()
+            self.state.description = f"bridge on {self._port}"
+            self._set_connected(True, "", now_ns)
+
+    def _silent(self, now_ns: int) -> None:
+        quiet_s = (now_ns - self._quiet_since_ns) / 1e9
+        reason = f"{self._port} is open but silent for {quiet_s:.1f} s: is the board powered and running?"
+        if now_ns - self._quiet_since_ns >= REOPEN_NS:
+            self._disconnect(reason, now_ns)
+            return
+        if self.state.connected:
+            self._link.ask(Verb.HELLO)
+        self._set_connected(False, reason, now_ns)
+
+    def _send(self, now_ns: int) -> None:
+        assert self._serial is not None
+        self._outbox = self._outbox or self._link.outgoing(now_ns)
+        if not self._outbox:
+            return
+        try:
+            self._outbox = self._outbox[os.write(self._serial.fileno(), self._outbox) :]
+        except BlockingIOError:
+            return  # the rest goes at the next poll; the repetition after 250 ms brings one about
+        except OSError as error:
+            self._disconnect(f"{self._port} takes no requests ({error.strerror}): plug the board in again", now_ns)
+
+    def _give_port_up(self, now_ns: int) -> None:
+        self._release()
+        self._next_attempt(now_ns)
+
+    def _next_attempt(self, now_ns: int) -> None:
+        """The next candidate at once; after the last, say what was found and wait."""
+        if self._candidates:
+            self._attempt_ns = now_ns
+            return
+        self._attempt_ns = now_ns + self._backoff_ns
+        self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
+        found = "; ".join(f"{port} {what}" for port, what in self._found.items())
+        wanted = "" if self._uid is None else f"board {self._uid.hex()} is nowhere: "
+        self._set_connected(False, wanted + found, now_ns)
+
+    def _disconnect(self, reason: str, now_ns: int) -> None:
+        """The descriptor goes before anything else: kept, it would make the adapter come back under another name."""
+        self._release()
+        self._link.lost(reason)
+        self._candidates.clear()
+        self._attempt_ns = now_ns + self._backoff_ns
+        self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
+        self._set_connected(False, reason, now_ns)
+
+    def _release(self) -> None:
+        if self._serial is not None:
+            serial_port.close(self._serial)
+            self._serial = None
+
+    def _set_connected(self, connected: bool, reason: str, now_ns: int) -> None:
+        if connected != self.state.connected or not self.state.since_ns:
+            self.state.since_ns = now_ns
+            self.state.reconnects += connected and self._was_connected
+            self._was_connected |= connected
+        self.state.connected, self.state.reason = connected, reason
+
+
+def _uid_bytes(text: str, pad_name: str) -> bytes:
+    try:
+        uid = bytes.fromhex(text)
+    except ValueError:
+        uid = b""
+    if len(uid) != UID_BYTES:
+        raise SourceError(
+            f"pad {pad_name!r}: uid = {text!r}: a board's uid is {2 * UID_BYTES} hex digits; `probe` shows it"
+        )
+    return uid

@@ -1,0 +1,73 @@
+"""Serial ports as Linux really has them: opening without waiting, and what /sys knows of the adapter."""
+
+from __future__ import annotations
+
+import errno
+import os
+import termios
+from contextlib import suppress
+from pathlib import Path
+
+import serial
+
+from fmfts.sensor.lock import in_use
+
+SYS_CLASS_TTY = Path("/sys/class/tty")
+BITS_PER_BYTE = 10  # start, eight data bits, stop
+
+
+def open_raw(port: str, baud: int) -> serial.Serial:
+    """The port, locked for this process, 8N1 and non-blocking: reads raise BlockingIOError while nothing is there.
+
+    Raises OSError (SerialException is one).
+    """
+    device = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
+    try:
+        attributes = termios.tcgetattr(device.fileno())
+        # pyserial sets VMIN to 0, and then "nothing yet" and "hung up" are both a read of 0 bytes.
+        attributes[6][termios.VMIN] = 1
+        termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)
+    except termios.error as error:
+        device.close()
+        raise OSError(*error.args) from error
+    return device
+
+
+def close(device: serial.Serial) -> None:
+    """Close without waiting for bytes that an unplugged adapter will never send."""
+    with suppress(termios.error, OSError):  # nothing is left to flush where the device has gone
+        termios.tcflush(device.fileno(), termios.TCIOFLUSH)
+    device.close()
+
+
+def why_not_open(port: str, error: OSError) -> str:
+    """The end of a sentence that begins with the port's name."""
+    match error.errno:
+        case errno.ENOENT | errno.ENXIO | errno.ENODEV:
+            return "does not exist: is the board plugged in?"
+        case errno.EACCES | errno.EPERM:
+            return "may not be opened by this user: add it to the group of the device (dialout on Debian)"
+        case errno.EAGAIN | errno.EBUSY:
+            return in_use(port).removeprefix(f"{port} ")
+        case code:
+            return f"does not open: {os.strerror(code) if code else error}"
+
+
+def transfer_ns(port: str, baud: int, size: int) -> int:
+    """Time that `size` bytes take on the port's UART; 0 where there is none (a pty, or a board's own USB)."""
+    driver = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "driver"
+    if not driver.exists() or driver.resolve().name == "cdc_acm":
+        return 0
+    return round(size * BITS_PER_BYTE * 1e9 / baud)
+
+
+def latency_warning(port: str) -> str | None:
+    """FTDI adapters hold bytes back for `latency_timer` ms, 16 unless somebody asked for 1."""
+    timer = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "latency_timer"
+    try:
+        milliseconds = int(timer.read_text())
+    except (OSError, ValueError):
+        return None  # no FTDI adapter
+    if milliseconds <= 1:
+        return None
+    return f"{port} holds bytes back for up to {milliseconds} ms: write 1 to {timer} (the shipped udev rule does)"

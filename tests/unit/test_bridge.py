@@ -1,0 +1,361 @@
+"""The bridge on a real pty: opening, binding, configuring, losing the board and getting it back."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from emulator.board import UID, Board
+
+from fmfts.config import BridgeSource, GeometryConfig, PadConfig
+from fmfts.sensor.bridge import Bridge
+from fmfts.sensor.framing import encode
+from fmfts.sensor.packets import SensorState, Verb
+from fmfts.sensor.source import SourceError
+
+PATIENCE_S = 10.0  # bounds liveness on a busy machine; nothing here takes a second but what says so
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Board]:
+    with plugged(tmp_path / "port") as board:
+        yield board
+
+
+@contextmanager
+def plugged(port: Path, **options: object) -> Iterator[Board]:
+    board = Board(port, **options)  # type: ignore[arg-type]
+    yield board
+    if board.link.is_symlink():
+        board.unplug()
+
+
+def pad(port: Path, name: str = "left", sensors: int = 4, **source: object) -> PadConfig:
+    positions = tuple((float(i), 0.0, 0.0) for i in range(sensors))
+    return PadConfig(
+        name=name,
+        source=BridgeSource(port=str(port), **source),  # type: ignore[arg-type]
+        geometry=GeometryConfig(sensors_mm=positions),
+    )
+
+
+def run(bridge: Bridge, *boards: Board, until: Callable[[], object]) -> list:
+    """Poll as the pipeline does, with the board answering in between; the frames that came."""
+    frames = []
+    end = time.monotonic() + PATIENCE_S
+    while not until():
+        assert time.monotonic() < end, f"still waiting: {bridge.state}"
+        for board in boards:
+            board.serve()
+        frames += bridge.poll(time.monotonic_ns())
+        time.sleep(0.001)
+    return frames
+
+
+def connected(bridge: Bridge, board: Board) -> None:
+    run(bridge, board, until=lambda: bridge.state.board and bridge._link.due_ns is None)
+    board.requests.clear()
+
+
+def test_frames_arrive_with_their_numbers_and_a_time_not_in_the_future(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    board.time_us = 2**32
+    board.send(board.sample(valid=0b1011, fresh=0b0001, age_us=np.array([0, 10, 65535, 4544], np.uint16)))
+    arrived: list = []
+    before_ns = time.monotonic_ns()
+    run(bridge, board, until=lambda: arrived.extend(bridge.poll(time.monotonic_ns())) or arrived)
+    (frame,) = arrived
+    assert frame.counts.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]]
+    assert frame.valid.tolist() == [True, True, False, True]
+    assert frame.fresh.tolist() == [True, False, False, False]
+    assert frame.age_us.tolist() == [0, 10, 65535, 4544]
+    assert (frame.device_time_us, frame.gain_code, frame.temperature_c) == (2**32, 3, 26.0)
+    assert before_ns - 1_000_000_000 < frame.host_time_ns <= time.monotonic_ns()
+    assert frame.counts.dtype == np.int16
+    assert frame.age_us.dtype == np.uint16
+    bridge.close()
+
+
+def test_the_board_is_given_the_configs_settings_and_started(board: Board) -> None:
+    board.running = 0
+    bridge = Bridge({0: pad(board.link, rate_hz=100, range_gauss=4.0, trigger="simultaneous")})
+    run(bridge, board, until=lambda: board.running)
+    run(bridge, board, until=lambda: bridge._link.due_ns is None)
+    assert (board.gain_code, board.rate_hz, board.trigger) == (4, 100, 1)
+    order = [Verb(request.verb) for request in board.requests]
+    assert order.index(Verb.RATE) < order.index(Verb.TRIGGER)  # 220 Hz are not possible when simultaneous
+    assert order[-1] is Verb.START
+    bridge.close()
+
+
+def test_a_board_that_is_as_configured_is_left_alone(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    run(bridge, board, until=lambda: bridge.state.board)
+    assert {request.verb for request in board.requests} == {Verb.HELLO}
+    assert bridge.state.board["uid"] == UID.hex()
+    bridge.close()
+
+
+def test_a_board_that_was_reset_is_configured_again(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link, rate_hz=50)})
+    connected(bridge, board)
+    assert board.rate_hz == 50
+    board.rate_hz = 220
+    board.send(board.hello())
+    run(bridge, board, until=lambda: board.rate_hz == 50)
+    bridge.close()
+
+
+def test_an_unanswered_request_is_repeated_under_its_number(board: Board) -> None:
+    board.deaf = True
+    bridge = Bridge({0: pad(board.link)})
+    start = time.monotonic()
+    run(bridge, board, until=lambda: len(board.requests) >= 3)
+    assert time.monotonic() - start > 0.45  # two pauses of 250 ms, less the first poll's delay
+    assert len({request.request_id for request in board.requests}) == 1
+    board.deaf = False
+    run(bridge, board, until=lambda: bridge.state.board)
+    bridge.close()
+
+
+def test_a_board_that_sends_but_never_answers_is_named(board: Board) -> None:
+    board.deaf = True
+    bridge = Bridge({0: pad(board.link)})
+    stream = iter(lambda: board.stream() or bridge.state.warnings, None)
+    run(bridge, board, until=lambda: next(stream))
+    assert "check the line from host to board" in bridge.state.warnings["requests"]
+    assert bridge.state.connected
+    bridge.close()
+
+
+def test_gaps_and_errors_are_counted_and_good_frames_go_on(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    board.stream(3)
+    board.sequence[0] += 5
+    board.stream(1)
+    damaged = bytearray(encode(board.sample()))
+    damaged[20] ^= 0x10
+    os.write(board.master, bytes(damaged))
+    os.write(board.master, b"\x05garbage\0")
+    board.stream(1)
+    frames = run(bridge, board, until=lambda: bridge._link._expected.get(0) == board.sequence[0])
+    assert [frame.sequence for frame in frames] == [0, 1, 2, 8, 10]
+    assert bridge.state.gaps == {0: 6}
+    assert bridge.state.crc_errors == 1
+    assert bridge.state.garbage_bytes == 8
+    bridge.close()
+
+
+def test_an_absent_port_is_named_and_found_when_it_appears(tmp_path: Path) -> None:
+    bridge = Bridge({0: pad(tmp_path / "port")})
+    bridge.poll(time.monotonic_ns())
+    assert not bridge.state.connected
+    assert bridge.state.reason == f"{tmp_path / 'port'} does not exist: is the board plugged in?"
+    assert bridge.fileno() is None
+    with plugged(tmp_path / "port") as board:
+        run(bridge, board, until=lambda: bridge.state.connected)
+        assert bridge.state.reconnects == 0
+    bridge.close()
+
+
+def test_unplugging_closes_the_descriptor_says_why_and_reopens(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    for again in range(1, 4):
+        descriptor = bridge.fileno()
+        assert descriptor is not None
+        board.unplug()
+        run(bridge, until=lambda: not bridge.state.connected)
+        assert str(board.link) in bridge.state.reason
+        assert bridge.fileno() is None
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(descriptor)
+        board.plug()
+        board.sequence[0] += 100
+        run(bridge, board, until=lambda: bridge.state.connected)
+        assert bridge.state.reconnects == again
+    assert bridge.state.gaps == {}
+    bridge.close()
+
+
+def test_backoff_never_exceeds_a_second(tmp_path: Path) -> None:
+    bridge = Bridge({0: pad(tmp_path / "port")})
+    now_ns = 0
+    for _ in range(20):
+        bridge.poll(now_ns)
+        deadline_ns = bridge.deadline_ns()
+        assert deadline_ns is not None
+        assert 0 < deadline_ns - now_ns <= 1_000_000_000
+        now_ns = deadline_ns
+    assert deadline_ns - now_ns == 0
+
+
+def test_a_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    bridge.poll(time.monotonic_ns() + 2_000_000_000)
+    assert not bridge.state.connected
+    assert "silent" in bridge.state.reason
+    run(bridge, board, until=lambda: bridge.state.connected)
+    assert board.requests[0].verb == Verb.HELLO
+    bridge.close()
+
+
+def test_one_board_serves_several_pads_and_ignores_those_not_configured(tmp_path: Path) -> None:
+    with plugged(tmp_path / "port", pads=3) as board:
+        bridge = Bridge({0: pad(board.link, "left"), 2: pad(board.link, "right", pad_index=2)})
+        connected(bridge, board)
+        board.stream(2)
+        frames = run(bridge, board, until=lambda: bridge._link._expected.get(2) == 2)
+        assert sorted(frame.pad_index for frame in frames) == [0, 0, 2, 2]
+        bridge.close()
+
+
+def test_sensor_faults_are_sentences_and_go_when_mended(board: Board) -> None:
+    board.states[0][2] = SensorState.NO_ANSWER
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    assert bridge.state.sensor_faults == {
+        (0, 2): "sensor 3 (mux 0x70, channel 2) does not answer at 0x1E: check SDA/SCL of that channel"
+    }
+    for state in list(SensorState)[1:]:
+        board.states[0][2] = state
+        board.send(board.status())
+        run(bridge, board, until=lambda: bridge.poll(time.monotonic_ns()) == [] or True)
+        assert (0, 2) in bridge.state.sensor_faults
+    board.states[0][2] = SensorState.OK
+    board.send(board.status())
+    run(bridge, board, until=lambda: not bridge.state.sensor_faults)
+    bridge.close()
+
+
+def test_a_wrong_chip_is_named_by_what_it_answers(board: Board) -> None:
+    board.states[0][0] = SensorState.WRONG_IDENTIFICATION
+    board.identification = b"H44"
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    assert "answers 48 34 34" in bridge.state.sensor_faults[0, 0]
+    bridge.close()
+
+
+def test_another_number_of_sensors_is_refused_with_both_numbers(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link, sensors=3)})
+    connected(bridge, board)
+    assert "the source has 4 sensors, geometry.sensors_mm has 3" in bridge.state.warnings["left"]
+    board.stream(5)
+    frames = run(bridge, board, until=lambda: bridge._link.heard_ns > 0)
+    assert frames == []
+    bridge.close()
+
+
+def test_a_pad_that_the_board_lacks_is_named(board: Board) -> None:
+    bridge = Bridge({1: pad(board.link, pad_index=1)})
+    connected(bridge, board)
+    assert "pad_index = 1, but the board has 1 pad(s)" in bridge.state.warnings["left"]
+    bridge.close()
+
+
+def test_a_bound_board_is_found_where_it_was_plugged_in_again(board: Board, tmp_path: Path) -> None:
+    by_id = tmp_path / "by-id"
+    by_id.mkdir()
+    with plugged(by_id / "moved", uid=b"R" * 12) as right:
+        bridge = Bridge({0: pad(board.link, uid=(b"R" * 12).hex())}, by_id)
+        stream = iter(lambda: right.stream() or board.stream() or bridge.state.connected, None)
+        frames = run(bridge, board, right, until=lambda: next(stream))
+        assert bridge.state.description == f"bridge on {by_id / 'moved'}"
+        assert bridge.state.board["uid"] == (b"R" * 12).hex()
+        assert frames == [] or {frame.sequence for frame in frames} <= set(range(right.sequence[0]))
+        bridge.close()
+
+
+def test_a_bound_board_that_is_nowhere_leaves_no_frame_and_a_list_of_what_was_found(
+    board: Board, tmp_path: Path
+) -> None:
+    wanted = b"W" * 12
+    bridge = Bridge({0: pad(board.link, uid=wanted.hex())}, tmp_path / "by-id")
+    stream = iter(lambda: board.stream() or "nowhere" in bridge.state.reason, None)
+    frames = run(bridge, board, until=lambda: next(stream))
+    assert frames == []
+    assert bridge.state.reason == f"board {wanted.hex()} is nowhere: {board.link} holds board {UID.hex()}"
+    bridge.close()
+
+
+def test_nothing_is_written_to_a_strange_port_that_does_not_speak_the_wire(tmp_path: Path) -> None:
+    by_id = tmp_path / "by-id"
+    by_id.mkdir()
+    with plugged(by_id / "somebody-elses-robot") as stranger:
+        bridge = Bridge({0: pad(tmp_path / "port", uid="00" * 12)}, by_id)
+        run(bridge, until=lambda: "nowhere" in bridge.state.reason)
+        with pytest.raises(OSError):  # noqa: PT011 — EAGAIN or EIO, both mean that no byte ever came
+            os.read(stranger.master, 100)
+        assert "somebody-elses-robot holds no board that answers" in bridge.state.reason
+        bridge.close()
+
+
+def test_a_malformed_uid_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="24 hex digits"):
+        Bridge({0: pad(tmp_path / "port", uid="123")})
+
+
+def test_a_second_process_is_refused_with_the_firsts_pid(board: Board) -> None:
+    hold = f"import serial; port = serial.Serial({str(board.link)!r}, exclusive=True); print(1, flush=True); input()"
+    command = [sys.executable, "-c", hold]
+    holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert holder.stdout
+    holder.stdout.readline()
+    bridge = Bridge({0: pad(board.link)})
+    bridge.poll(time.monotonic_ns())
+    assert f"is in use by process {holder.pid} (" in bridge.state.reason
+    holder.communicate(b"\n")
+    run(bridge, board, until=lambda: bridge.state.connected)
+    bridge.close()
+
+
+def test_a_selftest_brings_counts_and_gain_factors(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    with pytest.raises(SourceError, match="no self-test"):
+        bridge.request_selftest(0)
+    connected(bridge, board)
+    bridge.request_selftest(0)
+    assert bridge.selftest_result(0) is None
+    with pytest.raises(SourceError, match="running already"):
+        bridge.request_selftest(0)
+    run(bridge, board, until=lambda: bridge.selftest_result(0))
+    result = bridge.selftest_result(0)
+    assert result is not None
+    assert result["passed"] is True
+    assert result["sensors"][0]["gain_factor"] == pytest.approx([1.0, 1.0, 1.0], abs=1e-3)  # 452/(1.16 G · 390/G)
+    bridge.close()
+
+
+def test_a_selftest_ends_when_the_board_refuses_or_goes(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    board.result = 4
+    bridge.request_selftest(0)
+    run(bridge, board, until=lambda: bridge.selftest_result(0))
+    assert "busy" in str(bridge.selftest_result(0))
+    board.deaf = True
+    bridge.request_selftest(0)
+    board.unplug()
+    run(bridge, until=lambda: bridge.selftest_result(0))
+    assert "plug the board in again" in str(bridge.selftest_result(0))
+    bridge.close()
+
+
+def test_a_closed_bridge_stays_closed(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    bridge.close()
+    bridge.close()
+    assert list(bridge.poll(time.monotonic_ns())) == []
+    assert bridge.fileno() is None
