@@ -1,0 +1,287 @@
+#include "sampler.h"
+
+enum {
+    MUX_STRIKES_MAX = 3,
+    BUS_RETRY_US = 100000,
+    CHORE_STAGGER_US = 11000,
+    LATE_FRAME_US = 50000,
+    // Select, status and six bytes: 145 bits at 400 kHz.
+    TURN_US = 363,
+};
+
+void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus *buses, uint8_t bus_count,
+                  const struct pad_wiring *pads, uint8_t pad_count)
+{
+    uint64_t now_us = clock_now(clock);
+    *sampler = (struct sampler){
+        .clock = clock,
+        .settings = {.rate_hz = RATE_MAX_HZ, .gain_code = 3, .trigger = TRIGGER_FREE},
+        .pad_count = pad_count,
+        .frame_us = now_us,
+    };
+    for (int bus = 0; bus < bus_count; bus++)
+        route_init(&sampler->buses[bus].route, &buses[bus]);
+    for (int p = 0; p < pad_count; p++) {
+        struct sampler_pad *pad = &sampler->pads[p];
+        pad->wiring = pads[p];
+        route_add_switch(&sampler->buses[pad->wiring.bus].route, pad->wiring.mux_address);
+        for (int i = 0; i < pad->wiring.sensor_count; i++)
+            sensor_init(&pad->sensors[i], now_us, now_us + (uint64_t)(CHORE_STAGGER_US * (p * SAMPLER_SENSORS_MAX + i)));
+    }
+}
+
+void sampler_apply(struct sampler *sampler, const struct sampler_settings *settings)
+{
+    uint64_t now_us = clock_now(sampler->clock);
+    bool sensors_too = settings->gain_code != sampler->settings.gain_code ||
+                       settings->trigger != sampler->settings.trigger;
+    sampler->settings = *settings;
+    sampler->frame_us = now_us;
+    sampler->frame_remainder = 0;
+    for (int p = 0; p < sampler->pad_count && sensors_too; p++) {
+        struct sampler_pad *pad = &sampler->pads[p];
+        pad->trigger_due = pad->converting = pad->frame_due = false;
+        for (int i = 0; i < pad->wiring.sensor_count; i++)
+            sensor_reconfigure(&pad->sensors[i], now_us);
+    }
+}
+
+uint16_t sampler_rate_max(const struct sampler *sampler, enum trigger trigger)
+{
+    int sensors[SAMPLER_BUSES_MAX] = {0}, most = 0;
+    if (trigger == TRIGGER_FREE)
+        return RATE_MAX_HZ;
+    for (int p = 0; p < sampler->pad_count; p++) {
+        const struct pad_wiring *wiring = &sampler->pads[p].wiring;
+        sensors[wiring->bus] += wiring->sensor_count;
+        most = sensors[wiring->bus] > most ? sensors[wiring->bus] : most;
+    }
+    int rate_hz = 1000000 / (SINGLE_WAIT_US + most * TURN_US);
+    return (uint16_t)(rate_hz < SINGLE_RATE_MAX_HZ ? rate_hz : SINGLE_RATE_MAX_HZ);
+}
+
+void sampler_stream(struct sampler *sampler, bool streaming)
+{
+    if (streaming && !sampler->streaming)
+        sampler->frame_us = clock_now(sampler->clock);
+    sampler->streaming = streaming;
+}
+
+enum bus_result sampler_reach(struct sampler *sampler, struct sampler_pad *pad, uint8_t channels)
+{
+    enum bus_result result = route_open(&sampler->buses[pad->wiring.bus].route, pad->wiring.mux_address, channels);
+    if (result == BUS_OK) {
+        pad->mux_strikes = 0;
+    } else if (result == BUS_NO_ANSWER && ++pad->mux_strikes >= MUX_STRIKES_MAX) {
+        pad->mux_strikes = 0;
+        for (int i = 0; i < pad->wiring.sensor_count; i++)
+            sensor_fail(&pad->sensors[i], SENSOR_MUX_NO_ANSWER, clock_now(sampler->clock));
+    }
+    return result;
+}
+
+static void recover(struct sampler *sampler, uint8_t bus_index)
+{
+    struct sampler_bus *bus = &sampler->buses[bus_index];
+    enum bus_result result = bus->route.bus->recover(bus->route.bus->context);
+    uint64_t now_us = clock_now(sampler->clock);
+    bus->recoveries++;
+    bus->route.known = false; // recovery may have pulled the switches' RESET
+    if (result == BUS_OK)
+        return;
+    bus->retry_us = now_us + BUS_RETRY_US;
+    for (int p = 0; p < sampler->pad_count; p++)
+        for (int i = 0; i < sampler->pads[p].wiring.sensor_count && sampler->pads[p].wiring.bus == bus_index; i++)
+            sensor_fail(&sampler->pads[p].sensors[i], SENSOR_BUS_STUCK, now_us);
+}
+
+void sampler_account(struct sampler *sampler, struct sampler_pad *pad, struct sensor *sensor, enum bus_result result)
+{
+    if (result == BUS_OK)
+        return;
+    pad->bus_errors++;
+    if (sensor)
+        sensor_strike(sensor, clock_now(sampler->clock));
+    if (result != BUS_NO_ANSWER)
+        recover(sampler, pad->wiring.bus);
+}
+
+static struct sensor_link link_of(struct sampler *sampler, struct sampler_pad *pad)
+{
+    return (struct sensor_link){
+        .bus = sampler->buses[pad->wiring.bus].route.bus,
+        .clock = sampler->clock,
+        .config_repairs = &pad->config_repairs,
+        .gain_code = sampler->settings.gain_code,
+        .trigger = sampler->settings.trigger,
+    };
+}
+
+static void turn(struct sampler *sampler, struct sampler_pad *pad, struct sensor *sensor, uint8_t channel)
+{
+    enum bus_result result = sampler_reach(sampler, pad, (uint8_t)(1 << channel));
+    if (result != BUS_OK) {
+        pad->bus_errors++;
+        // The sensor is not to blame for its switch: it waits, but earns no strike.
+        uint64_t now_us = clock_now(sampler->clock);
+        if (sensor->due_us <= now_us)
+            sensor->due_us = now_us + 1000;
+        if (result != BUS_NO_ANSWER)
+            recover(sampler, pad->wiring.bus);
+        return;
+    }
+    bool held = true;
+    if (sensor->phase == PHASE_CHORE)
+        result = route_check(&sampler->buses[pad->wiring.bus].route, &held);
+    if (result == BUS_OK && !held) {
+        pad->bus_errors++;
+        return;
+    }
+    const struct sensor_link link = link_of(sampler, pad);
+    if (result == BUS_OK)
+        result = sensor_turn(sensor, &link);
+    sampler_account(sampler, pad, sensor, result);
+}
+
+// A switch passes a write to several channels at once, so all sensors of the pad start within one bit time.
+static void trigger_pad(struct sampler *sampler, struct sampler_pad *pad)
+{
+    uint8_t channels = 0;
+    for (int i = 0; i < pad->wiring.sensor_count; i++)
+        if (sensor_is_running(&pad->sensors[i]))
+            channels |= (uint8_t)(1 << pad->wiring.channels[i]);
+    pad->trigger_due = false;
+    pad->converting = true;
+    if (!channels)
+        return;
+    enum bus_result result = sampler_reach(sampler, pad, channels);
+    if (result == BUS_OK)
+        result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
+    sampler_account(sampler, pad, NULL, result);
+    uint64_t now_us = clock_now(sampler->clock);
+    for (int i = 0; i < pad->wiring.sensor_count && result == BUS_OK; i++)
+        if (sensor_is_running(&pad->sensors[i]))
+            sensor_await(&pad->sensors[i], now_us);
+}
+
+static void schedule_frames(struct sampler *sampler, uint64_t now_us)
+{
+    if (!sampler->streaming || now_us < sampler->frame_us)
+        return;
+    uint32_t interval_us = 1000000U / sampler->settings.rate_hz;
+    if (now_us > sampler->frame_us + interval_us + LATE_FRAME_US)
+        sampler->frame_us = now_us; // after a pause, frames are not made up for
+    // 1 s / 220 is no whole number of microseconds; the remainder is carried so that the rate is exact.
+    sampler->frame_us += interval_us;
+    sampler->frame_remainder += 1000000 % sampler->settings.rate_hz;
+    if (sampler->frame_remainder >= sampler->settings.rate_hz) {
+        sampler->frame_remainder -= sampler->settings.rate_hz;
+        sampler->frame_us++;
+    }
+    for (int p = 0; p < sampler->pad_count; p++) {
+        if (sampler->settings.trigger == TRIGGER_FREE)
+            sampler->pads[p].frame_due = true;
+        else
+            sampler->pads[p].trigger_due = true;
+    }
+}
+
+static bool is_awaiting(const struct sampler_pad *pad)
+{
+    for (int i = 0; i < pad->wiring.sensor_count; i++)
+        if (pad->sensors[i].awaiting)
+            return true;
+    return false;
+}
+
+static bool poll_triggers(struct sampler *sampler, uint64_t now_us)
+{
+    for (int p = 0; p < sampler->pad_count; p++) {
+        struct sampler_pad *pad = &sampler->pads[p];
+        if (pad->borrowed)
+            continue;
+        if (pad->converting && !is_awaiting(pad)) {
+            pad->converting = false;
+            pad->frame_due = true;
+        } else if (pad->trigger_due && !pad->converting && !pad->frame_due &&
+                   sampler->buses[pad->wiring.bus].retry_us <= now_us) {
+            trigger_pad(sampler, pad);
+            return true;
+        }
+    }
+    return false;
+}
+
+bool sampler_poll(struct sampler *sampler)
+{
+    uint64_t now_us = clock_now(sampler->clock);
+    schedule_frames(sampler, now_us);
+    if (poll_triggers(sampler, now_us))
+        return true;
+    for (int n = 0; n < SAMPLER_PADS_MAX * SAMPLER_SENSORS_MAX; n++) {
+        sampler->turn = (uint8_t)((sampler->turn + 1) % (SAMPLER_PADS_MAX * SAMPLER_SENSORS_MAX));
+        struct sampler_pad *pad = &sampler->pads[sampler->turn / SAMPLER_SENSORS_MAX];
+        int i = sampler->turn % SAMPLER_SENSORS_MAX;
+        if (i >= pad->wiring.sensor_count || pad->borrowed || pad->sensors[i].due_us > now_us ||
+            sampler->buses[pad->wiring.bus].retry_us > now_us)
+            continue;
+        turn(sampler, pad, &pad->sensors[i], pad->wiring.channels[i]);
+        return true;
+    }
+    return false;
+}
+
+static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_sample *frame)
+{
+    uint64_t now_us = clock_now(sampler->clock), newest_us = 0;
+    int temperature = 0, thermometers = 0;
+    for (int i = 0; i < pad->wiring.sensor_count; i++) {
+        struct sensor *sensor = &pad->sensors[i];
+        frame->age_us[i] = WIRE_AGE_UNKNOWN;
+        if (!sensor_is_valid(sensor, sampler->settings.trigger, now_us))
+            continue;
+        frame->valid |= (uint8_t)(1 << i);
+        frame->fresh |= (uint8_t)(sensor->fresh << i);
+        newest_us = sensor->converted_us > newest_us ? sensor->converted_us : newest_us;
+        for (int axis = 0; axis < 3; axis++)
+            frame->counts[i][axis] = sensor->counts[axis];
+        if (sensor->temperature_raw != WIRE_TEMPERATURE_UNKNOWN) {
+            temperature += sensor->temperature_raw;
+            thermometers++;
+        }
+        sensor->fresh = false;
+    }
+    if (!frame->valid)
+        newest_us = now_us;
+    // A frame's time never runs backwards, although the sensor that had the newest sample may just have been lost.
+    frame->time_us = newest_us > pad->last_time_us ? newest_us : pad->last_time_us;
+    pad->last_time_us = frame->time_us;
+    frame->temperature_raw = (int16_t)(thermometers ? temperature / thermometers : WIRE_TEMPERATURE_UNKNOWN);
+    for (int i = 0; i < pad->wiring.sensor_count; i++) {
+        uint64_t age_us = frame->time_us - pad->sensors[i].converted_us;
+        if ((frame->valid >> i & 1) && age_us < WIRE_AGE_UNKNOWN)
+            frame->age_us[i] = (uint16_t)age_us;
+    }
+}
+
+bool sampler_take(struct sampler *sampler, struct wire_sample *frame)
+{
+    for (uint8_t p = 0; p < sampler->pad_count; p++) {
+        struct sampler_pad *pad = &sampler->pads[p];
+        if (!pad->frame_due)
+            continue;
+        pad->frame_due = false;
+        if (pad->borrowed || !sampler->streaming)
+            continue;
+        *frame = (struct wire_sample){
+            .pad_index = p,
+            .sensor_count = pad->wiring.sensor_count,
+            .sequence = pad->sequence++,
+            .gain_code = sampler->settings.gain_code,
+            .trigger = sampler->settings.trigger,
+        };
+        fill(sampler, pad, frame);
+        return true;
+    }
+    return false;
+}

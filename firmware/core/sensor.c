@@ -1,0 +1,286 @@
+#include "sensor.h"
+
+#include <string.h>
+
+enum {
+    STRIKES_MAX = 3,
+    MISSED_MAX = 3,
+    UNCHANGED_MAX = 400,
+    BACKOFF_FIRST_US = 50000,
+    BACKOFF_DOUBLINGS = 4,
+    STRIKE_PAUSE_US = 1000,
+    POLL_PAUSE_US = 100,
+    SILENCE_US = 50000,        // eleven conversions
+    STALE_US = 4 * CONVERSION_PERIOD_US,
+    LATE_CONVERSION_US = 3000, // beyond SINGLE_WAIT_US
+    CHORE_INTERVAL_US = 125000,
+    PERIOD_TOLERANCE_US = CONVERSION_PERIOD_US / 20, // ±5 %, beyond the ±3 % of the chips
+    SHARP_WINDOW_US = 500,
+};
+
+static const uint64_t NEVER = UINT64_MAX;
+
+void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us)
+{
+    *sensor = (struct sensor){
+        .state = SENSOR_NOT_STARTED,
+        .temperature_raw = WIRE_TEMPERATURE_UNKNOWN,
+        .temperature_next = true,
+        .period_us = CONVERSION_PERIOD_US,
+        .due_us = now_us,
+        .chore_us = first_chore_us,
+    };
+}
+
+void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us)
+{
+    sensor->state = (uint8_t)state;
+    sensor->phase = PHASE_IDENTIFY;
+    sensor->has_sample = sensor->fresh = sensor->awaiting = false;
+    sensor->strikes = sensor->missed = 0;
+    sensor->temperature_raw = WIRE_TEMPERATURE_UNKNOWN;
+    sensor->due_us = now_us + ((uint64_t)BACKOFF_FIRST_US << sensor->failures);
+    if (sensor->failures < BACKOFF_DOUBLINGS)
+        sensor->failures++;
+    if (state == SENSOR_NO_ANSWER)
+        memset(sensor->identification, 0, sizeof sensor->identification);
+}
+
+void sensor_strike(struct sensor *sensor, uint64_t now_us)
+{
+    sensor->due_us = now_us + STRIKE_PAUSE_US;
+    if (++sensor->strikes >= STRIKES_MAX)
+        sensor_fail(sensor, SENSOR_NO_ANSWER, now_us);
+}
+
+void sensor_reconfigure(struct sensor *sensor, uint64_t now_us)
+{
+    sensor->has_sample = sensor->fresh = sensor->awaiting = false;
+    if (!sensor_is_running(sensor))
+        return;
+    sensor->phase = PHASE_CONFIGURE;
+    sensor->due_us = now_us;
+}
+
+void sensor_await(struct sensor *sensor, uint64_t triggered_us)
+{
+    sensor->awaiting = true;
+    sensor->fresh = false;
+    sensor->converted_us = triggered_us + SINGLE_CONVERSION_US;
+    sensor->due_us = triggered_us + SINGLE_WAIT_US;
+}
+
+bool sensor_is_running(const struct sensor *sensor)
+{
+    return sensor->phase == PHASE_RUN || sensor->phase == PHASE_CHORE;
+}
+
+bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t now_us)
+{
+    if (sensor->state != SENSOR_OK || !sensor->has_sample)
+        return false;
+    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->converted_us + STALE_US;
+}
+
+static struct hmc5983_config config_of(const struct sensor_link *link)
+{
+    return (struct hmc5983_config){
+        .gain_code = link->gain_code,
+        .bias = HMC5983_BIAS_NONE,
+        .mode = link->trigger == TRIGGER_FREE ? HMC5983_CONTINUOUS : HMC5983_IDLE,
+    };
+}
+
+static void schedule_next(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
+{
+    if (sensor->phase == PHASE_CHORE)
+        sensor->due_us = now_us;
+    else if (link->trigger == TRIGGER_FREE)
+        sensor->due_us = sensor->converted_us + sensor->period_us - sensor->period_us / 16U;
+    else if (sensor->awaiting)
+        sensor->due_us = now_us;
+    else
+        sensor->due_us = NEVER;
+}
+
+static enum bus_result identify(struct sensor *sensor, const struct sensor_link *link)
+{
+    enum bus_result result = hmc5983_identify(link->bus, sensor->identification);
+    if (result != BUS_OK)
+        return result;
+    if (hmc5983_is_identification(sensor->identification))
+        sensor->phase = PHASE_CONFIGURE;
+    else
+        sensor_fail(sensor, SENSOR_WRONG_IDENTIFICATION, clock_now(link->clock));
+    return BUS_OK;
+}
+
+// Also empties the output registers: what they hold was converted before, and reading all six undoes a LOCK.
+static enum bus_result configure(struct sensor *sensor, const struct sensor_link *link)
+{
+    const struct hmc5983_config config = config_of(link);
+    bool held = false;
+    enum bus_result result = hmc5983_configure(link->bus, &config);
+    if (result == BUS_OK)
+        result = hmc5983_verify(link->bus, &config, &held);
+    if (result == BUS_OK)
+        result = hmc5983_read(link->bus, sensor->counts);
+    if (result != BUS_OK)
+        return result;
+    uint64_t now_us = clock_now(link->clock);
+    if (!held) {
+        sensor_fail(sensor, SENSOR_CONFIG_NOT_HELD, now_us);
+        return BUS_OK;
+    }
+    sensor->phase = PHASE_RUN;
+    sensor->has_sample = sensor->fresh = sensor->awaiting = false;
+    sensor->discard_next = true;
+    sensor->unchanged = 0;
+    sensor->converted_us = sensor->not_ready_us = now_us;
+    // Two periods until the first measurement (data sheet, mode register), and that one still has the old gain.
+    sensor->settled_us = now_us + CONVERSION_PERIOD_US * 5 / 2;
+    schedule_next(sensor, link, now_us);
+    return BUS_OK;
+}
+
+static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
+{
+    if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + SILENCE_US)
+        sensor->converted_us = now_us; // nobody looked for so long: that is not the sensor's silence
+    sensor->not_ready_us = now_us;
+    sensor->unchanged = 0;
+    sensor->due_us = now_us + POLL_PAUSE_US;
+    if (link->trigger == TRIGGER_FREE) {
+        if (now_us > sensor->converted_us + SILENCE_US)
+            sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
+    } else if (now_us > sensor->converted_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
+        sensor->awaiting = false;
+        schedule_next(sensor, link, now_us);
+        if (++sensor->missed >= MISSED_MAX)
+            sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
+    }
+}
+
+// The conversion ended after READY was last seen clear and before it was seen set; between these bounds the chip's own
+// period says when. So a chip's phase is known better than the interval between two polls.
+static void note_conversion(struct sensor *sensor, uint64_t seen_us)
+{
+    uint64_t earliest = sensor->not_ready_us > sensor->converted_us ? sensor->not_ready_us : sensor->converted_us;
+    uint64_t elapsed = seen_us - sensor->converted_us;
+    uint64_t periods = (elapsed + sensor->period_us / 2U) / sensor->period_us;
+    uint64_t predicted = sensor->converted_us + (periods ? periods : 1) * sensor->period_us;
+    uint64_t estimate = predicted < earliest ? earliest : predicted > seen_us ? seen_us : predicted;
+    if (periods == 1 && seen_us - earliest < SHARP_WINDOW_US) {
+        int period = sensor->period_us + (int)((int64_t)(estimate - predicted) / 4);
+        int low = CONVERSION_PERIOD_US - PERIOD_TOLERANCE_US, high = CONVERSION_PERIOD_US + PERIOD_TOLERANCE_US;
+        sensor->period_us = (uint16_t)(period < low ? low : period > high ? high : period);
+    }
+    sensor->converted_us = estimate;
+}
+
+// The data sheet is not clear whether a read clears READY in continuous mode, or only the next conversion does. So equal
+// bytes that come too early are the old sample again, and a chip whose bytes never change while READY stays set is dead.
+static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen_us)
+{
+    if (memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
+        sensor->unchanged = 0;
+        return true;
+    }
+    if (seen_us < sensor->converted_us + sensor->period_us * 3U / 4U)
+        return false;
+    sensor->unchanged++;
+    return true;
+}
+
+static enum bus_result unchanged_for_long(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    if (result == BUS_OK && (status & HMC5983_READY))
+        sensor_fail(sensor, SENSOR_NO_NEW_DATA, clock_now(link->clock));
+    sensor->unchanged = 0;
+    return result;
+}
+
+static void accept(struct sensor *sensor, const struct sensor_link *link, const int16_t counts[3])
+{
+    uint64_t now_us = clock_now(link->clock);
+    memcpy(sensor->counts, counts, sizeof sensor->counts);
+    sensor->awaiting = false;
+    sensor->missed = 0;
+    if (!sensor->discard_next && sensor->converted_us >= sensor->settled_us) {
+        sensor->has_sample = sensor->fresh = true;
+        sensor->state = SENSOR_OK;
+        sensor->failures = 0;
+    }
+    sensor->discard_next = false;
+    if (now_us >= sensor->chore_us) {
+        sensor->chore_us = now_us + CHORE_INTERVAL_US;
+        sensor->phase = PHASE_CHORE;
+    }
+    schedule_next(sensor, link, now_us);
+}
+
+static enum bus_result poll(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    int16_t counts[3];
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    uint64_t seen_us = clock_now(link->clock);
+    if (result != BUS_OK)
+        return result;
+    bool ready = status & HMC5983_READY;
+    if (!ready)
+        not_ready(sensor, link, seen_us);
+    if (!ready && !(status & HMC5983_LOCKED))
+        return BUS_OK;
+    result = hmc5983_read(link->bus, counts); // where only LOCK is set, to undo it
+    if (result != BUS_OK || !ready)
+        return result;
+    if (link->trigger == TRIGGER_FREE) {
+        if (!is_new(sensor, counts, seen_us)) {
+            sensor->due_us = seen_us + POLL_PAUSE_US;
+            return BUS_OK;
+        }
+        note_conversion(sensor, seen_us);
+    }
+    accept(sensor, link, counts);
+    return sensor->unchanged < UNCHANGED_MAX ? BUS_OK : unchanged_for_long(sensor, link);
+}
+
+static enum bus_result do_chore(struct sensor *sensor, const struct sensor_link *link)
+{
+    enum bus_result result;
+    bool held = true;
+    if (sensor->temperature_next) {
+        result = hmc5983_read_temperature(link->bus, &sensor->temperature_raw);
+    } else {
+        const struct hmc5983_config config = config_of(link);
+        result = hmc5983_verify(link->bus, &config, &held);
+    }
+    if (result != BUS_OK)
+        return result;
+    uint64_t now_us = clock_now(link->clock);
+    sensor->temperature_next = !sensor->temperature_next;
+    sensor->phase = PHASE_RUN;
+    schedule_next(sensor, link, now_us);
+    if (!held) {
+        (*link->config_repairs)++;
+        sensor_reconfigure(sensor, now_us);
+    }
+    return BUS_OK;
+}
+
+enum bus_result sensor_turn(struct sensor *sensor, const struct sensor_link *link)
+{
+    static enum bus_result (*const turns[])(struct sensor *, const struct sensor_link *) = {
+        [PHASE_IDENTIFY] = identify,
+        [PHASE_CONFIGURE] = configure,
+        [PHASE_RUN] = poll,
+        [PHASE_CHORE] = do_chore,
+    };
+    enum bus_result result = turns[sensor->phase](sensor, link);
+    if (result == BUS_OK)
+        sensor->strikes = 0;
+    return result;
+}

@@ -1,0 +1,36 @@
+// The TCA9548A I2C switch, and the route through all switches of one bus to the sensor that is wanted.
+#ifndef FMFTS_TCA9548A_H
+#define FMFTS_TCA9548A_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "bus.h"
+
+enum { TCA9548A_FIRST_ADDRESS = 0x70, TCA9548A_ADDRESSES = 8 };
+
+// A channel is connected only after the STOP that ends this transfer (data sheet 8.5.1): never join it with a read.
+// More than one channel may be on for a write; a read would return the wired-AND of all answers.
+enum bus_result tca9548a_select(const struct bus *bus, uint8_t address, uint8_t channels);
+enum bus_result tca9548a_selected(const struct bus *bus, uint8_t address, uint8_t *channels);
+
+// All sensors answer at one address, so at most one switch of a bus may have channels on.
+struct route {
+    const struct bus *bus;
+    uint8_t switches; // bit i: there is a switch at 0x70 + i
+    bool known;
+    uint8_t address;
+    uint8_t channels;
+};
+
+void route_init(struct route *route, const struct bus *bus);
+void route_add_switch(struct route *route, uint8_t address);
+
+// Opens exactly these channels of this switch, closing all others. No transfer when they are open already.
+// BUS_NO_ANSWER means that this switch is silent.
+enum bus_result route_open(struct route *route, uint8_t address, uint8_t channels);
+
+// Reads the control byte back; a switch that lost it (brown-out, RESET) is selected anew at the next route_open.
+enum bus_result route_check(struct route *route, bool *held);
+
+#endif

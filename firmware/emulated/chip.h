@@ -1,0 +1,50 @@
+// An HMC5983 as its data sheet has it, strict enough that a careless driver reads wrong numbers.
+#ifndef FMFTS_EMULATED_CHIP_H
+#define FMFTS_EMULATED_CHIP_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct emulated_chip {
+    // What a test may set at any time; `emulated_chip_advance` first, so that past conversions keep the old values.
+    double field_ut[3];
+    double noise_ut;
+    double temperature_c;
+    double strap_gauss[3]; // field of the offset strap at full bias current
+    double gain_error[3];  // relative, per axis
+    double ppm;            // how much faster than nominal its clock runs
+    uint8_t saturated_axes; // bit i: a strong magnet sits on axis i
+    bool present;
+    bool clock_stopped;
+    bool config_read_only;       // configuration writes are lost
+    bool ready_survives_reading; // READY is cleared by the next conversion only: the other reading of the data sheet
+    bool strap_leaves_external;  // biased measurements keep the external field
+    char identification[3];
+
+    uint8_t config_a, config_b, mode;
+    uint8_t data[6];
+    int16_t temperature_raw;
+    bool ready, overwritten;
+    bool mode_was_read;
+    uint8_t bytes_read; // bit i: data byte i was read since the last conversion was placed
+    bool old_gain_pending;
+    uint8_t old_gain_code;
+    uint8_t pointer;
+    bool pointer_expected;
+    uint64_t next_conversion_ns;
+    uint64_t now_ns;
+    uint64_t conversions;
+    uint64_t last_conversion_ns;
+    uint32_t random;
+};
+
+void emulated_chip_init(struct emulated_chip *chip, uint32_t seed);
+void emulated_chip_power_on(struct emulated_chip *chip);
+void emulated_chip_advance(struct emulated_chip *chip, uint64_t now_ns);
+
+// One transfer as the chip sees it: start, bytes, and so on. Time stands in `now_ns`.
+void emulated_chip_start_write(struct emulated_chip *chip);
+void emulated_chip_put(struct emulated_chip *chip, uint8_t byte);
+uint8_t emulated_chip_get(struct emulated_chip *chip);
+
+#endif

@@ -1,0 +1,22 @@
+// The commands that the host build takes on its standard input, one a line.
+#ifndef FMFTS_HOST_COMMANDS_H
+#define FMFTS_HOST_COMMANDS_H
+
+#include <stdbool.h>
+
+#include "emulation.h"
+#include "line.h"
+
+struct session {
+    struct emulation emulation;
+    struct line line;
+    uint64_t jumped_ns; // virtual time that did not pass in real time
+    bool quit;
+};
+
+extern const char commands_help[];
+
+// Executes one command (changed in the process). Returns what is wrong with it, NULL when it is done.
+const char *commands_execute(struct session *session, char *command);
+
+#endif
