@@ -1,17 +1,22 @@
-"""The configuration file: what may stand in it, with units in the names. See config.toml for every key explained."""
+"""The configuration file: what may stand in it, with units in the names. See config.toml for every key explained.
+
+`config_file.load` reads one, `config_checks.problem_in` knows what types cannot tell.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from fmfts.pad import Magnet, Pad, SensorArray, rotation_from_vector
+from fmfts.pad import Magnet, Pad, SensorArray, Tolerance, rotation_from_vector
 
 Vector = tuple[float, float, float]
 PositiveFloat = Annotated[float, Meta(gt=0)]
 NonNegativeFloat = Annotated[float, Meta(ge=0)]
+BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
 PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
 
@@ -19,61 +24,55 @@ class _Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A table of the file: unknown keys are errors."""
 
 
-class BusConfig(_Section):
-    publish: str | None = None  # None: the default endpoints (see fmfts_client.endpoints)
-    control: str | None = None
+class BusConfig(_Section, frozen=True):
+    endpoint: str | None = None  # a base as in FMFTS_BUS (fmfts_client.endpoints); None: the default
 
 
-class _HardwareSource(_Section):
+class _HardwareSource(_Section, frozen=True):
     rate_hz: Annotated[int, Meta(ge=1, le=220)] = 220
     range_gauss: float = 2.5
     trigger: Literal["free", "simultaneous"] = "free"
     chip: Literal["hmc5983", "hmc5883l"] = "hmc5983"
 
 
-class BridgeSource(_HardwareSource, tag="bridge", tag_field="type", kw_only=True):
+class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type", kw_only=True):
     port: str
-    uid: str | None = None  # 24 hex digits; binds this pad to one board whatever the port is called
+    uid: BoardUid | None = None  # binds this pad to one board whatever the port is called
     pad_index: Annotated[int, Meta(ge=0, le=2)] = 0
     baud: Annotated[int, Meta(ge=9600)] = 460800
 
 
-class I2cSource(_HardwareSource, tag="i2c", tag_field="type", kw_only=True):
+class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_only=True):
     bus: Annotated[int, Meta(ge=0)]
     mux_address: Annotated[int, Meta(ge=0x70, le=0x77)] = 0x70
     channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)
     clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
 
 
-class SimulatedSource(_HardwareSource, tag="simulated", tag_field="type", kw_only=True):
+class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
     seed: int = 1
     finger: Literal["script", "none"] = "script"
     warming_k_per_minute: float = 0.0
 
 
-class ReplaySource(_Section, tag="replay", tag_field="type", kw_only=True):
-    path: str
-    speed: PositiveFloat = 1.0
+SourceConfig = BridgeSource | I2cSource | SimulatedSource
 
 
-SourceConfig = BridgeSource | I2cSource | SimulatedSource | ReplaySource
-
-
-class GeometryConfig(_Section):
+class GeometryConfig(_Section, frozen=True):
     sensors_mm: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
     sensor_rotations_deg: tuple[Vector, ...] = ()
 
 
-class MagnetConfig(_Section):
+class MagnetConfig(_Section, frozen=True):
     diameter_mm: PositiveFloat = 2.0
     length_mm: PositiveFloat = 2.0
     remanence_t: Annotated[float, Meta(gt=0, le=2)] = 1.23
     rest_mm: Vector = (0, 0, 12)
     rest_axis: Vector = (0, 0, 1)
-    temperature_coefficient_per_k: float = -0.0012
+    temperature_coefficient_per_k: Annotated[float, Meta(ge=-0.01, le=0.01)] = -0.0012
 
 
-class ToleranceConfig(_Section):
+class ToleranceConfig(_Section, frozen=True):
     """How well a pad is built: one standard deviation of each error; the priors of the baseline's estimate."""
 
     sensor_position_mm: NonNegativeFloat = 0.1
@@ -82,19 +81,29 @@ class ToleranceConfig(_Section):
     gain: NonNegativeFloat = 0.05
     remanence: NonNegativeFloat = 0.1
 
+    def si(self) -> Tolerance:
+        """The same facts in SI."""
+        return Tolerance(
+            sensor_position_m=self.sensor_position_mm * 1e-3,
+            magnet_position_m=self.magnet_position_mm * 1e-3,
+            magnet_tilt_rad=math.radians(self.magnet_tilt_deg),
+            gain=self.gain,
+            remanence=self.remanence,
+        )
 
-class SceneConfig(_Section):
+
+class SceneConfig(_Section, frozen=True):
     ambient: Literal["constant", "drifting"] = "constant"
     remanence: Literal["measured", "nominal", "drifting"] = "measured"
     neighbours: tuple[PadName, ...] = ()
     steel_nearby: bool = False
 
 
-class ContactConfig(_Section):
+class ContactConfig(_Section, frozen=True):
     model: str = "default"
 
 
-class PadConfig(_Section, kw_only=True):
+class PadConfig(_Section, frozen=True, kw_only=True):
     name: PadName
     source: SourceConfig
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
@@ -120,6 +129,6 @@ class PadConfig(_Section, kw_only=True):
         )
 
 
-class Config(_Section):
+class Config(_Section, frozen=True):
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)

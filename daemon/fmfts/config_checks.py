@@ -1,0 +1,161 @@
+"""What a configuration must satisfy beyond its types: chips, geometry, names, and who reads which sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+
+from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, SourceConfig
+from fmfts.sensor.hmc5983 import gain_code_for_range
+from fmfts_client.endpoints import EndpointError, Endpoints
+
+Key = str | int
+Problem = tuple[tuple[Key, ...], str]  # keys that lead to the value, and what is wrong with it
+
+FEWEST_SENSORS, MOST_SENSORS = 3, 8
+FREE_RUNNING_HMC5883L_HZ = 75  # data sheet: the fastest continuous mode of the older chip
+SIMULTANEOUS_HZ = 160  # data sheet: 6 ms for a single measurement
+BITS_PER_SENSOR = 146  # of the bus, to select, ask and read one sensor: 584 for four
+CLOSEST_MM = 2.0  # a magnet this near has touched the chip
+FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
+SENSOR_SPACING_MM = 1.0
+
+
+def problem_in(config: Config) -> Problem | None:
+    """The first problem in reading order, None where there is none."""
+    return next(_problems(config), None)
+
+
+def _problems(config: Config) -> Iterator[Problem]:
+    if config.bus.endpoint is not None:
+        try:
+            Endpoints.from_base(config.bus.endpoint)
+        except EndpointError as error:
+            yield ("bus", "endpoint"), str(error)
+    if not config.pad:
+        yield ("pad",), "at least one [[pad]] is needed"
+    for number, pad in enumerate(config.pad):
+        checks: tuple[Callable[[PadConfig], Iterator[Problem]], ...] = (_source, _sensors, _rest, _model)
+        for check in checks:
+            for keys, text in check(pad):
+                yield ("pad", number, *keys), text
+    yield from _names(config.pad)
+    yield from _neighbours(config.pad)
+    yield from _shared_sensors(config.pad)
+    yield from _i2c_buses(config.pad)
+
+
+def _source(pad: PadConfig) -> Iterator[Problem]:
+    source = pad.source
+    try:
+        gain_code_for_range(source.range_gauss)
+    except ValueError as error:
+        yield ("source", "range_gauss"), str(error)
+    if source.trigger == "simultaneous" and source.rate_hz > SIMULTANEOUS_HZ:
+        yield ("source", "rate_hz"), f'at most {SIMULTANEOUS_HZ} with trigger = "simultaneous"'
+    if source.chip == "hmc5883l" and source.trigger == "free" and source.rate_hz > FREE_RUNNING_HMC5883L_HZ:
+        yield ("source", "rate_hz"), f'at most {FREE_RUNNING_HMC5883L_HZ} with chip = "hmc5883l" running free'
+    if isinstance(source, I2cSource):
+        if len(source.channels) != len(pad.geometry.sensors_mm):
+            yield (
+                ("source", "channels"),
+                f"one channel for each of the {len(pad.geometry.sensors_mm)} sensors in geometry.sensors_mm",
+            )
+        if len(set(source.channels)) != len(source.channels):
+            yield ("source", "channels"), "each sensor needs a channel of its own"
+
+
+def _sensors(pad: PadConfig) -> Iterator[Problem]:
+    places = pad.geometry.sensors_mm
+    if len(places) < FEWEST_SENSORS:
+        yield (
+            ("geometry", "sensors_mm"),
+            f"at least {FEWEST_SENSORS} sensors are needed: with two, a diagonal pair is singular at rest "
+            "and an adjacent pair is ten times less certain along one axis",
+        )
+    if len(places) > MOST_SENSORS:
+        yield ("geometry", "sensors_mm"), f"at most {MOST_SENSORS} sensors: a mux has eight channels"
+    for (first, one), (second, other) in combinations(enumerate(places), 2):
+        if math.dist(one, other) < SENSOR_SPACING_MM:
+            yield ("geometry", "sensors_mm", second), f"is where sensor {first} is already"
+    rotations = pad.geometry.sensor_rotations_deg
+    if rotations and len(rotations) != len(places):
+        yield (
+            ("geometry", "sensor_rotations_deg"),
+            f"either empty or one rotation vector for each of the {len(places)} sensors, not {len(rotations)}",
+        )
+
+
+def _rest(pad: PadConfig) -> Iterator[Problem]:
+    rest, axis = pad.magnet.rest_mm, pad.magnet.rest_axis
+    if math.hypot(*axis) < 1e-6:
+        yield ("magnet", "rest_axis"), "a direction is needed, and this has none"
+    if rest[2] <= max((place[2] for place in pad.geometry.sensors_mm), default=0.0):
+        yield ("magnet", "rest_mm"), "the magnet rests above the sensors: its z must be greater than theirs"
+    distance_mm = min((math.dist(rest, place) for place in pad.geometry.sensors_mm), default=math.inf)
+    if distance_mm < CLOSEST_MM:
+        yield ("magnet", "rest_mm"), f"at least {CLOSEST_MM} mm from every sensor, not {distance_mm:.3g} mm"
+    if distance_mm > FARTHEST_MM:
+        yield (
+            ("magnet", "rest_mm"),
+            f"the nearest sensor is {distance_mm:.3g} mm away and would feel next to nothing (these are millimetres)",
+        )
+
+
+def _model(pad: PadConfig) -> Iterator[Problem]:
+    if pad.contact.model != "default" and not Path(pad.contact.model).is_file():
+        yield ("contact", "model"), f'neither "default" nor a file: there is no {pad.contact.model}'
+
+
+def _names(pads: Sequence[PadConfig]) -> Iterator[Problem]:
+    for number, pad in enumerate(pads):
+        if any(pad.name == earlier.name for earlier in pads[:number]):
+            yield ("pad", number, "name"), "another pad has this name"
+
+
+def _neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
+    names = [pad.name for pad in pads]
+    for number, pad in enumerate(pads):
+        for index, neighbour in enumerate(pad.scene.neighbours):
+            keys = ("pad", number, "scene", "neighbours", index)
+            if neighbour not in names:
+                yield keys, f"there is no such pad: the pads are {', '.join(names)}"
+            elif neighbour == pad.name:
+                yield keys, "a pad is not its own neighbour"
+
+
+def _sensor_addresses(source: SourceConfig) -> set[tuple[Key, ...]]:
+    """What a source reads, so that two pads that read the same are found: the second would take the first's frames."""
+    if isinstance(source, BridgeSource):
+        return {(source.uid.lower() if source.uid else source.port, source.pad_index)}
+    if isinstance(source, I2cSource):
+        return {(source.bus, source.mux_address, channel) for channel in source.channels}
+    return set()
+
+
+def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
+    for (first, one), (second, other) in combinations(enumerate(pads), 2):
+        shared = _sensor_addresses(one.source) & _sensor_addresses(other.source)
+        if shared:
+            what = "channels" if isinstance(other.source, I2cSource) else "pad_index"
+            yield ("pad", second, "source", what), f"pad {pads[first].name!r} reads the same sensors"
+
+
+def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
+    load_hz: dict[int, int] = {}
+    clock_hz: dict[int, int] = {}
+    for number, pad in enumerate(pads):
+        source = pad.source
+        if not isinstance(source, I2cSource):
+            continue
+        if clock_hz.setdefault(source.bus, source.clock_hz) != source.clock_hz:
+            yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
+        load_hz[source.bus] = load_hz.get(source.bus, 0) + len(source.channels) * source.rate_hz * BITS_PER_SENSOR
+        if load_hz[source.bus] > source.clock_hz:
+            yield (
+                ("pad", number, "source", "rate_hz"),
+                f"more than bus {source.bus} can carry: its pads need {load_hz[source.bus]} bits a second, "
+                f"and clock_hz is {source.clock_hz}",
+            )

@@ -1,0 +1,221 @@
+# ruff: noqa: E501  (a table of input and expected text reads best one case a line)
+"""The configuration: what is read, and what a stranger is told who got it wrong."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmfts import config_file
+from fmfts.config import BridgeSource, Config, I2cSource, SimulatedSource
+from fmfts.config_file import ConfigError, load
+
+SHIPPED = Path(__file__).parents[2] / "config.toml"
+PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'
+BRIDGE = '[[pad]]\nname = "b"\n[pad.source]\ntype = "bridge"\nport = "/dev/ttyUSB0"\n'
+I2C = '[[pad]]\nname = "i"\n[pad.source]\ntype = "i2c"\nbus = 1\n'
+
+
+def write(folder: Path, text: str) -> Path:
+    file = folder / "config.toml"
+    file.write_text(text)
+    return file
+
+
+def complaint(folder: Path, text: str) -> str:
+    file = write(folder, text)
+    with pytest.raises(ConfigError) as error:
+        load(file)
+    assert str(error.value).startswith(f"{file}: ")
+    return str(error.value).removeprefix(f"{file}: ")
+
+
+def test_shipped_file_is_the_demo_and_shows_the_defaults() -> None:
+    config, file = load(SHIPPED)
+    assert file == SHIPPED
+    assert [pad.name for pad in config.pad] == ["demo"]
+    assert config.pad[0].source == SimulatedSource()
+    minimal = msgspec.convert({"pad": [{"name": "demo", "source": {"type": "simulated"}}]}, Config)
+    assert config == minimal
+
+
+def test_examples_in_the_shipped_file_are_right_when_uncommented(tmp_path: Path) -> None:
+    text = re.sub(r"^# (?=\[|\w+ = )", "", SHIPPED.read_text(), flags=re.MULTILINE)
+    config, _ = load(write(tmp_path, text))
+    sources = [type(pad.source) for pad in config.pad]
+    assert sources == [SimulatedSource, BridgeSource, I2cSource]
+    assert config.bus.endpoint == "ipc:///run/fmfts"
+
+
+def all_keys(kind: Any) -> set[str]:
+    info = msgspec.inspect.type_info(kind) if isinstance(kind, type) else kind
+    if isinstance(info, msgspec.inspect.StructType):
+        own = {field.name for field in info.fields} | ({"type"} if info.tag else set())
+        return own.union(*(all_keys(field.type) for field in info.fields))
+    if isinstance(info, msgspec.inspect.UnionType):
+        return set().union(*(all_keys(each) for each in info.types))
+    return all_keys(info.item_type) if isinstance(info, msgspec.inspect.VarTupleType) else set()
+
+
+def test_every_key_is_explained_in_the_shipped_file() -> None:
+    text = SHIPPED.read_text()
+    keys = all_keys(Config)
+    assert {"clock_hz", "uid", "endpoint", "steel_nearby", "sensors_mm"} <= keys, "the walk finds the keys"
+    for key in keys:
+        assert re.search(rf"^(# )?(\[+(pad\.)?{key}\]|{key} = )", text, flags=re.MULTILINE), key
+
+
+SIMULATED = "pad 'a' (first [[pad]]): "
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (PAD + "rate_hz = 500", SIMULATED + "source.rate_hz = 500: must be a whole number from 1 to 220"),
+        (PAD + "rate_hz = 219.5", SIMULATED + "source.rate_hz = 219.5: must be a whole number from 1 to 220"),
+        (PAD + 'rate_hz = "fast"', SIMULATED + "source.rate_hz = 'fast': must be a whole number from 1 to 220"),
+        (PAD + "rate = 100", SIMULATED + "source.rate: there is no such key; did you mean rate_hz, in hertz?"),
+        (PAD + "[pad.magnet]\ndiameter = 2", SIMULATED + "magnet.diameter: there is no such key; did you mean diameter_mm, in millimetres?"),
+        (PAD + "[pad.scene]\nx = 2", SIMULATED + "scene.x: there is no such key (there are ambient, remanence, neighbours, steel_nearby)"),
+        (PAD + "[pads]", "pads: there is no such key; did you mean pad?"),
+        (PAD + "[pad.magnets]", SIMULATED + "magnets: there is no such key; did you mean magnet?"),
+        (PAD + 'trigger = "both"', SIMULATED + "source.trigger = 'both': must be one of \"free\", \"simultaneous\""),
+        (PAD + "[pad.geometry]\nsensors_mm = [[1, 2]]", SIMULATED + "geometry.sensors_mm[0] = [1, 2]: must be a list of 3, each a number"),
+        (PAD + '[pad.magnet]\nrest_mm = [1, 2, "z"]', SIMULATED + "magnet.rest_mm[2] = 'z': must be a number"),
+        (PAD + "[pad.magnet]\nremanence_t = 0", SIMULATED + "magnet.remanence_t = 0: must be a number greater than 0 and at most 2"),
+        (PAD + "[pad.scene]\nsteel_nearby = 1", SIMULATED + "scene.steel_nearby = 1: must be true or false"),
+        (PAD + "[pad.contact]\nmodel = 3", SIMULATED + "contact.model = 3: must be text in quotes"),
+        ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be text in quotes that matches"),
+        ('[[pad]]\nname = "a"', SIMULATED + "source is missing: give a table"),
+        ('[[pad]]\nname = "a"\n[pad.source]', SIMULATED + 'source.type is missing: give one of "bridge", "i2c", "simulated"'),
+        ('[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"', SIMULATED + "source.type = 'usb': must be one of \"bridge\", \"i2c\", \"simulated\""),
+        ('[[pad]]\nname = "a"\nsource = 3', SIMULATED + "source = 3: must be a table"),
+        ('[[pad]]\nname = "a"\n[pad.source]\ntype = "bridge"', SIMULATED + "source.port is missing: give text in quotes"),
+        (PAD + PAD.replace('name = "a"\n', ""), "second [[pad]]: name is missing: give text in quotes"),
+        ('[pad]\nname = "a"', "pad: must be a list of tables ([[double brackets]])"),
+        ("", "pad is missing: give a list of tables"),
+        ("pad = []", "pad = []: at least one [[pad]] is needed"),
+        (BRIDGE + 'uid = "12"', "pad 'b' (first [[pad]]): source.uid = '12': must be text in quotes that matches ^[0-9A-Fa-f]{24}$"),
+        (I2C + "channels = [0, 1, 2, 9]", "pad 'i' (first [[pad]]): source.channels[3] = 9: must be a whole number from 0 to 7"),
+        (I2C + "mux_address = 0x50", "pad 'i' (first [[pad]]): source.mux_address = 80: must be a whole number from 112 to 119"),
+    ],
+)  # fmt: skip
+def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: str, expected: str) -> None:
+    assert complaint(tmp_path, text).startswith(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (PAD + "range_gauss = 3", "source.range_gauss = 3: the chip has no range of ±3.0 G: one of 0.88, 1.3,"),
+        (PAD + 'trigger = "simultaneous"', 'source.rate_hz: at most 160 with trigger = "simultaneous"'),
+        (PAD + 'chip = "hmc5883l"', 'source.rate_hz: at most 75 with chip = "hmc5883l" running free'),
+        (I2C + "channels = [0, 1]", "source.channels = [0, 1]: one channel for each of the 4 sensors"),
+        (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),
+        (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [-8, -8, 0]]", "at least 3 sensors are needed: with two, a diagonal pair is singular"),
+        (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 18, 2)]}", "at most 8 sensors"),
+        (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [8, 8, 0.5]]", "geometry.sensors_mm[2] = [8, 8, 0.5]: is where sensor 0 is already"),
+        (PAD + "[pad.geometry]\nsensor_rotations_deg = [[0, 0, 90]]", "either empty or one rotation vector for each of the 4 sensors, not 1"),
+        (PAD + "[pad.magnet]\nrest_axis = [0, 0, 0]", "magnet.rest_axis = [0, 0, 0]: a direction is needed, and this has none"),
+        (PAD + "[pad.magnet]\nrest_mm = [0, 0, -12]", "magnet.rest_mm = [0, 0, -12]: the magnet rests above the sensors"),
+        (PAD + "[pad.magnet]\nrest_mm = [8, 8, 1.5]", "magnet.rest_mm = [8, 8, 1.5]: at least 2.0 mm from every sensor, not 1.5 mm"),
+        (PAD + "[pad.magnet]\nrest_mm = [0, 0, 12000]", "would feel next to nothing (these are millimetres)"),
+        (PAD + '[pad.scene]\nneighbours = ["z"]', "scene.neighbours[0] = 'z': there is no such pad: the pads are a"),
+        (PAD + '[pad.scene]\nneighbours = ["a"]', "a pad is not its own neighbour"),
+        (PAD + '[pad.contact]\nmodel = "no.onnx"', 'neither "default" nor a file: there is no /'),
+        (PAD + PAD, "pad 'a' (second [[pad]]): name = 'a': another pad has this name"),
+        (BRIDGE + BRIDGE.replace('"b"', '"c"'), "pad 'c' (second [[pad]]): source.pad_index: pad 'b' reads the same sensors"),
+        (I2C + I2C.replace('"i"', '"j"'), "pad 'j' (second [[pad]]): source.channels: pad 'i' reads the same sensors"),
+        (I2C + "clock_hz = 100000", "more than bus 1 can carry: its pads need 128480 bits a second, and clock_hz is 100000"),
+        ('[bus]\nendpoint = "udp://x"\n' + PAD, "bus.endpoint = 'udp://x': 'udp://x' is no base of endpoints"),
+        *((PAD + f"[pad.magnet]\nrest_mm = [0, {number}, 12]", f"magnet.rest_mm[1] = {number}: must be a finite number") for number in ("nan", "inf", "-inf")),
+        (PAD + "[pad.tolerance]\ngain = nan", "tolerance.gain = nan: must be a finite number"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in complaint(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PAD + 'trigger = "simultaneous"\nrate_hz = 160',
+        PAD + 'chip = "hmc5883l"\nrate_hz = 75',
+        PAD + 'chip = "hmc5883l"\ntrigger = "simultaneous"\nrate_hz = 160',
+        PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0]]",
+        PAD + "[pad.magnet]\nrest_mm = [8, 8, 2]",
+        BRIDGE + 'uid = "0123456789abcdefABCDEF01"',
+        BRIDGE + BRIDGE.replace('"b"', '"c"') + "pad_index = 1",
+        I2C + I2C.replace('"i"', '"j"') + "channels = [4, 5, 6, 7]",
+        "\ufeff" + PAD,
+    ],
+)
+def test_limits_themselves_are_allowed(tmp_path: Path, text: str) -> None:
+    load(write(tmp_path, text))
+
+
+def test_syntax_error_is_shown_with_its_line(tmp_path: Path) -> None:
+    said = complaint(tmp_path, PAD + "rate_hz = = 3\n")
+    assert said == "is not TOML: Invalid value (at line 5, column 11): rate_hz = = 3"
+
+
+def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nothing.toml: cannot be read: No such file"):
+        load(tmp_path / "nothing.toml")
+    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+        load(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"a = 1\n\xff")
+    with pytest.raises(ConfigError, match=r"is not UTF-8 text \(byte 6\)"):
+        load(tmp_path / "binary.toml")
+
+
+def test_files_are_searched_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [tmp_path / name for name in ("given.toml", "environment.toml", "etc.toml", "here.toml")]
+    monkeypatch.setattr(config_file, "DEFAULT_PATHS", paths[2:])
+    with pytest.raises(ConfigError, match=r"no configuration found.*etc\.toml or .*here\.toml"):
+        load(None, {})
+    for path in paths:
+        path.write_text(PAD)
+    environ = {"FMFTS_CONFIG": str(paths[1])}
+    assert load(paths[0], environ)[1] == paths[0]
+    assert load(None, environ)[1] == paths[1]
+    assert load(None, {})[1] == paths[2]
+    paths[2].unlink()
+    assert load(None, {})[1] == paths[3]
+
+
+def test_path_of_a_model_is_taken_from_the_folder_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.onnx").touch()
+    (tmp_path / "elsewhere").mkdir()
+    file = write(tmp_path, PAD + '[pad.contact]\nmodel = "mine.onnx"')
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert load(file)[0].pad[0].contact.model == str(tmp_path / "mine.onnx")
+
+
+VALUES = st.recursive(
+    st.integers() | st.floats() | st.booleans() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["type", "a"]), inner, max_size=2),
+    max_leaves=6,
+)
+
+
+@given(table=st.sampled_from(["", "source", "geometry", "magnet", "tolerance", "scene", "contact"]), data=st.data())
+def test_any_wrong_value_of_any_key_is_an_error_that_names_it(table: str, data: st.DataObject) -> None:
+    """The parser alone, without the file: every path that msgspec may report must be found again."""
+    content = tomllib.loads(SHIPPED.read_text())
+    target = content["pad"][0][table] if table else content["pad"][0]
+    key = data.draw(st.sampled_from(sorted(target)))
+    target[key] = data.draw(VALUES)
+    try:
+        msgspec.convert(content, Config)
+    except msgspec.ValidationError as error:
+        said = config_file._explain(content, str(error))
+        assert key in said or f"{table}." in said
+        assert "must be" in said or "is missing" in said or "no such key" in said
