@@ -1,0 +1,53 @@
+"""Where the daemon keeps what must outlive it, and how it writes there."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def state_directory(environ: Mapping[str, str] = os.environ) -> Path:
+    """Made when missing: what systemd gave ($STATE_DIRECTORY), else $XDG_STATE_HOME/fmfts, else ~/.local/state/fmfts.
+
+    Raises OSError where it cannot be made.
+    """
+    service = environ.get("STATE_DIRECTORY", "").split(":")[0]
+    home = environ.get("XDG_STATE_HOME", "")
+    if service:
+        directory = Path(service)
+    elif Path(home).is_absolute():  # the XDG specification: a relative path is to be ignored
+        directory = Path(home) / "fmfts"
+    else:
+        directory = Path.home() / ".local" / "state" / "fmfts"
+    directory.mkdir(parents=True, exist_ok=True)
+    return directory
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """After this, and after a power cut during it, `path` holds either all of `content` or what it held before.
+
+    Raises OSError and leaves no temporary file.
+    """
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+    try:
+        with open(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    _sync_directory(path.parent)
+
+
+def _sync_directory(directory: Path) -> None:
+    """The new name is on the disk only when its directory is."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

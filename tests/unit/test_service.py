@@ -1,0 +1,161 @@
+"""What systemd sees, what survives a power cut, and what the log looks like."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import secrets
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fmfts.service import log
+from fmfts.service.notify import Notifier
+from fmfts.service.state import state_directory, write_atomically
+
+SYSTEMD = Path(__file__).parents[2] / "systemd"
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_systemd_is_told(tmp_path: Path, abstract: bool) -> None:
+    name = f"fmfts-test-{secrets.token_hex(8)}"
+    address = f"@{name}" if abstract else str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(f"\0{name}" if abstract else address)
+        systemd.settimeout(5)
+        notifier = Notifier({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "5000000", "WATCHDOG_PID": str(os.getpid())})
+        notifier.ready("2 pads")
+        notifier.status("left: ok\nREADY=0")
+        notifier.watchdog()
+        notifier.stopping()
+        notifier.close()
+        received = [systemd.recv(1000).decode() for _ in range(4)]
+    assert received == ["READY=1\nSTATUS=2 pads", "STATUS=left: ok READY=0", "WATCHDOG=1", "STOPPING=1"]
+    assert notifier.watchdog_interval_s == 2.5
+
+
+def test_without_systemd_nothing_is_said() -> None:
+    notifier = Notifier({})
+    notifier.ready()
+    assert notifier.watchdog_interval_s is None
+    notifier.close()
+
+
+@pytest.mark.parametrize(
+    "environ",
+    [{"WATCHDOG_USEC": "0"}, {"WATCHDOG_USEC": "soon"}, {"WATCHDOG_USEC": "5000000", "WATCHDOG_PID": "1"}],
+)
+def test_watchdog_of_another_process_or_none_is_not_served(environ: dict[str, str]) -> None:
+    assert Notifier(environ).watchdog_interval_s is None
+
+
+def test_systemd_that_does_not_listen_is_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "nobody")})
+    notifier.ready()
+    notifier.watchdog()
+    notifier.close()
+    assert len(caplog.records) == 1
+    assert "systemd cannot be told READY=1" in caplog.text
+
+
+def test_state_directory_is_systemds_then_xdgs_then_homes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    service, xdg = tmp_path / "service", tmp_path / "xdg"
+    assert state_directory({"STATE_DIRECTORY": f"{service}:/other", "XDG_STATE_HOME": str(xdg)}) == service
+    assert state_directory({"XDG_STATE_HOME": str(xdg)}) == xdg / "fmfts"
+    assert state_directory({"XDG_STATE_HOME": "relative"}) == tmp_path / "home/.local/state/fmfts"
+    assert state_directory({}).is_dir()
+
+
+def test_file_is_replaced_whole(tmp_path: Path) -> None:
+    path = tmp_path / "baseline.json"
+    write_atomically(path, b"old")
+    before = path.stat().st_ino
+    write_atomically(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert path.stat().st_ino != before, "written beside and renamed, not written over"
+    assert os.listdir(tmp_path) == ["baseline.json"]
+
+
+def test_failed_write_keeps_the_old_file_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "baseline.json"
+    write_atomically(path, b"old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["baseline.json"]
+
+
+def test_content_is_on_the_disk_before_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[str] = []
+    real_fsync, real_replace = os.fsync, Path.replace
+    monkeypatch.setattr(os, "fsync", lambda number: (order.append("fsync"), real_fsync(number))[1])
+    monkeypatch.setattr(Path, "replace", lambda self, to: (order.append("rename"), real_replace(self, to))[1])
+    write_atomically(tmp_path / "a", b"x")
+    assert order == ["fsync", "rename", "fsync"]
+
+
+LOGGING = """
+import logging, sys, os
+from fmfts.service import log
+if sys.argv[1] == "journal":
+    found = os.fstat(2)
+    os.environ["JOURNAL_STREAM"] = f"{found.st_dev}:{found.st_ino}"
+else:
+    os.environ["JOURNAL_STREAM"] = "1:2"
+log.configure(logging.DEBUG)
+logging.debug("d"); logging.info("i"); logging.warning("w"); logging.error("two\\nlines"); logging.critical("c")
+"""
+
+
+def logged(where: str) -> list[str]:
+    run = subprocess.run([sys.executable, "-c", LOGGING, where], capture_output=True, text=True, check=True)
+    return run.stderr.splitlines()
+
+
+def test_journal_gets_a_priority_on_every_line() -> None:
+    assert logged("journal") == ["<7>d", "<6>i", "<4>w", "<3>two", "<3>lines", "<2>c"]
+
+
+def test_people_get_time_and_level_even_in_a_shell_that_inherited_a_journal() -> None:
+    assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} DEBUG d", logged("terminal")[0])
+
+
+def test_stream_without_a_descriptor_is_no_journal() -> None:
+    assert not log.is_journal(io.StringIO(), {"JOURNAL_STREAM": "1:2"})
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze (apt install systemd)")
+def test_unit_is_one_that_systemd_accepts_without_a_word(tmp_path: Path) -> None:
+    text = (SYSTEMD / "fmfts.service").read_text()
+    assert "ExecStart=/opt/fmfts/bin/fmfts-daemon run\n" in text
+    unit = tmp_path / "fmfts.service"
+    # The program is not installed where the tests run; everything else is checked as shipped.
+    unit.write_text(text.replace("/opt/fmfts/bin/fmfts-daemon", "/bin/true"))
+    run = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(unit)], capture_output=True, text=True, check=False
+    )
+    assert (run.stdout + run.stderr, run.returncode) == ("", 0)
+
+
+@pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="needs systemd-sysusers (apt install systemd)")
+def test_users_and_folders_are_made(tmp_path: Path) -> None:
+    (tmp_path / "etc").mkdir()
+    for tool, file in (("systemd-sysusers", "fmfts.sysusers"), ("systemd-tmpfiles", "fmfts.tmpfiles")):
+        arguments = ["--create"] if tool == "systemd-tmpfiles" else []
+        command = [tool, *arguments, f"--root={tmp_path}", str(SYSTEMD / file)]
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stderr
+    assert "fmfts:x:" in (tmp_path / "etc/passwd").read_text()
+    assert "i2c:x:" in (tmp_path / "etc/group").read_text()
+    assert (tmp_path / "etc/fmfts").is_dir()
