@@ -94,3 +94,14 @@ class Pad:
         )
         canonical = ",".join(f"{value + 0.0:.9f}" for value in np.round(numbers, 9) + 0.0)
         return hashlib.sha256(canonical.encode()).hexdigest()[:12]
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """One standard deviation of each way in which a pad differs from its drawing (gain, remanence: relative)."""
+
+    sensor_position_m: float
+    magnet_position_m: float
+    magnet_tilt_rad: float
+    gain: float
+    remanence: float

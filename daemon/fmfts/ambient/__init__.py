@@ -1,7 +1,7 @@
 """The baseline: what an unloaded pad's sensors see, recorded, checked, stored, and taken away from every frame."""
 
 from fmfts.ambient.baseline import Baseline, encode, load, make_bare, make_rest
-from fmfts.ambient.mounting import Mounting, Tolerance, estimate_mounting
+from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.recording import BaselineError, Recording, summarise
 
 __all__ = [
@@ -9,7 +9,6 @@ __all__ = [
     "BaselineError",
     "Mounting",
     "Recording",
-    "Tolerance",
     "encode",
     "estimate_mounting",
     "load",

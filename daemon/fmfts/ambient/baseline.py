@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from fmfts.ambient.diagnosis import check_bare, estimate_and_judge
-from fmfts.ambient.mounting import Mounting, Tolerance, nominal_mounting
+from fmfts.ambient.mounting import Mounting, nominal_mounting
 from fmfts.ambient.recording import BaselineError, Recording
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
 
 FORMAT = 1

@@ -9,10 +9,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.ambient.mounting import Mounting, Tolerance, estimate_mounting
+from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.recording import BaselineError, Recording
 from fmfts.chi2 import quantile
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Tolerance
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient.recording import Recording
-from fmfts.pad import Pad, SensorArray
+from fmfts.pad import Pad, SensorArray, Tolerance
 from fmfts.pose import State, dipole_derivatives, dipole_field, tangent_basis
 
 Array = NDArray[np.float64]
@@ -26,17 +26,6 @@ SETTLED = 1e-6  # largest step, in prior deviations, at which the search ends
 
 
 @dataclass(frozen=True, slots=True)
-class Tolerance:
-    """One standard deviation of each way in which a pad differs from its drawing (gain, remanence: relative)."""
-
-    sensor_position_m: float
-    magnet_position_m: float
-    magnet_tilt_rad: float
-    gain: float
-    remanence: float
-
-
-@dataclass(frozen=True, slots=True)
 class Mounting:
     """A pad as it is mounted: everything that turns a measured field into the magnet's, with its deviation.
 
@@ -47,7 +36,7 @@ class Mounting:
     noise_t: (N, 3) of one sample. proportional: (N, 3) error of a change of field, relative to it.
     chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
     rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
-    ambient_t: (3,) where a bare recording measured it, else None.
+    ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
     """
 
     rest: State
@@ -63,6 +52,7 @@ class Mounting:
     misfit_t: Array
     rest_strain: Array
     ambient_t: Array | None
+    ambient_deviation_t: Array | None
 
     def mounted(self, pad: Pad) -> Pad:
         """The drawing with the estimated sensor places and rest pose in it."""
@@ -72,6 +62,10 @@ class Mounting:
             rest_position_m=self.rest.position_m,
             rest_axis=self.rest.axis,
         )
+
+    def remanence_t(self, pad: Pad) -> float:
+        """The strength of this pad's magnet as the remanence of a magnet of its drawing's size."""
+        return pad.magnet.remanence_t * float(np.exp(self.rest.log_moment))
 
     def magnet_field(self, measured_t: Array) -> Array:
         """Measured field (N, 3), sensor axes → the magnet's share of it, gains and ambient field removed."""
@@ -174,6 +168,7 @@ def estimate_mounting(
     covariance = np.linalg.inv(normal) * unknowns.deviation[:, None] * unknowns.deviation
     magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
     distance = np.linalg.norm(places - state.position_m, axis=1)
+    ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
     spread = np.sqrt(np.diagonal(covariance)[9:]).reshape(2, count, 3)
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),
@@ -188,7 +183,8 @@ def estimate_mounting(
         measurements=int(believed.sum()),
         misfit_t=misfit,
         rest_strain=scaled[:5],
-        ambient_t=None if bare is None else pad.sensors.to_pad(bare.mean_t).mean(axis=0),
+        ambient_t=ambient,
+        ambient_deviation_t=ambient_deviation,
     )
 
 
@@ -200,24 +196,32 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
     shape = bare.mean_t.shape
     field = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
     typical_t = np.sqrt(np.mean(field**2))
-    deviation = np.concatenate(
-        [np.full(3, tolerance.magnet_position_m), np.full(2, tolerance.magnet_tilt_rad), [tolerance.remanence]]
-    )
+    distance = np.linalg.norm(pad.sensors.position_m - pad.rest_position_m, axis=1)
+    place, gain = np.full(shape, tolerance.sensor_position_m), np.full(shape, tolerance.gain)
+    proportional = np.sqrt(np.mean(_proportional(place, gain, distance) ** 2))
+    ambient, ambient_deviation = _ambient(pad, bare)
     return Mounting(
         rest=State.at_rest(pad),
-        rest_covariance=np.diag(deviation**2),
+        rest_covariance=np.zeros((6, 6)),
         gain=np.ones(shape),
         sensor_position_m=pad.sensors.position_m,
         offset_t=bare.mean_t,
         rest_field_t=pad.sensors.to_sensor(field),
-        noise_t=np.full(shape, np.hypot(np.sqrt(np.mean(bare.noise_t**2)), tolerance.gain * typical_t)),
+        noise_t=np.full(shape, np.hypot(np.sqrt(np.mean(bare.noise_t**2)), proportional * typical_t)),
         proportional=np.zeros(shape),
         chi2=0.0,
         measurements=0,
         misfit_t=np.zeros(shape),
         rest_strain=np.zeros(5),
-        ambient_t=pad.sensors.to_pad(bare.mean_t).mean(axis=0),
+        ambient_t=ambient,
+        ambient_deviation_t=ambient_deviation,
     )
+
+
+def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
+    """The uniform ambient field (3,), and its deviation (3,) from how far the sensors differ about it."""
+    seen = pad.sensors.to_pad(bare.mean_t)
+    return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
 
 
 def _proportional(place_deviation_m: Array, gain_deviation: Array, distance_m: Array) -> Array:

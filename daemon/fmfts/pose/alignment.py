@@ -23,7 +23,7 @@ STOPPED_PERIODS = 2.5
 class Aligned:
     """field_t (N, 3) at `time_us`, NaN where a sensor has nothing to say.
 
-    noise_share (N, 1): its noise over that of one sample, a mean of two has less. bend_t (N, 3): what curvature may add.
+    noise_share (N, 1): its noise over that of one sample (a mean has less). bend_t (N, 3): what curvature may add.
     """
 
     field_t: Array

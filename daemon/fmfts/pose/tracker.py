@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,7 @@ REACH_M = 8e-3
 MOMENT_FACTOR = 3.0
 
 
-class TrackHealth(StrEnum):
-    OK = "ok"
-    DEGRADED = "degraded"
-    DISTURBED = "disturbed"
-    LOST = "lost"
+TrackHealth = Literal["ok", "degraded", "disturbed", "lost"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +52,14 @@ class Tracker:
         whole: NDArray[np.bool_] = np.asarray(used.all(axis=1), dtype=np.bool_)
         if whole.sum() < FEWEST_SENSORS:
             self._last = self._rest
-            return Track(
-                None, used, TrackHealth.LOST, f"{_listed(~whole)} silent or saturated: fewer than three are left"
-            )
+            return Track(None, used, "lost", f"{_listed(~whole)} silent or saturated: fewer than three are left")
         estimate = self._solve(field_t, deviation_t)
         if self._fits(estimate):
             self._suspect = None
             self._last = estimate.state
             if whole.all():
-                return Track(estimate, used, TrackHealth.OK, "")
-            return Track(estimate, used, TrackHealth.DEGRADED, f"{_listed(~whole)} silent or saturated: left out")
+                return Track(estimate, used, "ok", "")
+            return Track(estimate, used, "degraded", f"{_listed(~whole)} silent or saturated: left out")
         return self._without_one(field_t, deviation_t, estimate)
 
     def _solve(self, field_t: Array, deviation_t: Array) -> PoseEstimate:
@@ -97,17 +91,17 @@ class Tracker:
             self._suspect, self._last = sensor, estimate.state
             used[sensor] = False
             reason = f"sensor {sensor + 1} contradicts the others (χ² {whole_estimate.chi2:.0f} with it): left out"
-            return Track(estimate, used, TrackHealth.DEGRADED, reason)
+            return Track(estimate, used, "degraded", reason)
         self._last = self._rest
         if not self._plausible(whole_estimate):
             reason = "no magnet of this pad explains the field: is the pad mounted, the magnet whole?"
-            return Track(None, used, TrackHealth.LOST, reason)
+            return Track(None, used, "lost", reason)
         limit = quantile(FALSE_ALARM, whole_estimate.degrees_of_freedom)
         reason = f"the field does not come from this magnet alone (χ² {whole_estimate.chi2:.0f}, limit {limit:.0f})"
         if len(fitting) > 1:
             named = " or ".join(str(sensor + 1) for sensor, _ in fitting)
-            return Track(None, used, TrackHealth.LOST, f"{reason}: sensor {named} may be at fault, which is not clear")
-        return Track(whole_estimate, used, TrackHealth.DISTURBED, f"{reason}: steel, a magnet, or a turned robot")
+            return Track(None, used, "lost", f"{reason}: sensor {named} may be at fault, which is not clear")
+        return Track(whole_estimate, used, "disturbed", f"{reason}: steel, a magnet, or a turned robot")
 
     def _plausible(self, estimate: PoseEstimate) -> bool:
         return (

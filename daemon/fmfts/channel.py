@@ -1,0 +1,145 @@
+"""One pad within the daemon: its pipeline, what it delivered, and what is told about it besides contacts."""
+
+from __future__ import annotations
+
+import time
+
+from fmfts.baselines import BaselineJob
+from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, FrameMessage, Health, StatusMessage
+from fmfts.bus.publisher import Publisher
+from fmfts.pipeline import PadPipeline
+from fmfts.sensor import Frame, Source
+from fmfts.statistics import PadStatistics
+
+# Without a frame for this long a pad is silent: at the slowest usual rate (10 Hz) one frame may be missing.
+SILENT_NS = 150_000_000
+
+
+class Channel:
+    """Feeds one pad's frames through its pipeline and publishes all that follows from them."""
+
+    def __init__(
+        self, source: Source, pad_index: int, pipeline: PadPipeline, publisher: Publisher, boot: str, rate_hz: float
+    ) -> None:
+        self.name = pipeline.pad.name
+        self.source = source
+        self.pad_index = pad_index
+        self.pipeline = pipeline
+        self.job: BaselineJob | None = None
+        self._publisher = publisher
+        self._boot = boot
+        self._rate_hz = rate_hz
+        self._statistics = PadStatistics()
+        self._started_ns = time.monotonic_ns()
+        self._last_frame_ns: int | None = None
+        self._last: ContactMessage | None = None
+        self._health_since_ns = self._started_ns
+
+    @property
+    def health(self) -> Health:
+        return "disconnected" if self._last is None else self._last.health
+
+    @property
+    def faults(self) -> list[str]:
+        """A sentence for everything that is wrong with the source now."""
+        state = self.source.state
+        sensors = [text for (pad, _), text in sorted(state.sensor_faults.items()) if pad == self.pad_index]
+        return sensors + sorted(state.warnings.values())
+
+    def frame(self, frame: Frame) -> None:
+        """One frame in: a contact, and whatever changed, out."""
+        self._last_frame_ns = time.monotonic_ns()
+        self._statistics.frame(frame)
+        message = self.pipeline.process(frame)
+        self._publish(message)
+        self._statistics.published(message.t_sample_ns, message.t_publish_ns)
+        if self.job is not None:
+            self.job.take(frame)
+        if self._publisher.frames_wanted(self.name):
+            self._publisher.send_frame(self.name, self._frame_message(frame))
+
+    def tick(self, now_ns: int) -> None:
+        """Called twenty times a second: while the source is silent, its health is said anyway."""
+        last = self._last_frame_ns
+        if last is not None and now_ns - last < SILENT_NS:
+            return
+        state = self.source.state
+        if not state.connected:
+            self._publish(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}", now_ns))
+        elif last is None:
+            self._publish(self.pipeline.absent("stale", f"{state.description}: connected, but no frame yet", now_ns))
+        else:
+            silent_s = (now_ns - last) * 1e-9
+            self._publish(self.pipeline.absent("stale", f"{state.description}: silent for {silent_s:.1f} s", now_ns))
+
+    def event(self, kind: EventKind, detail: str) -> None:
+        now = EventMessage(
+            pad=self.name, boot=self._boot, t_ns=time.monotonic_ns(), utc_ns=time.time_ns(), kind=kind, detail=detail
+        )
+        self._publisher.send_event(self.name, now)
+
+    def status(self, now_ns: int) -> StatusMessage:
+        """Facts of the last interval; ends it."""
+        latency = self._statistics.interval(now_ns)
+        state, last, mounting = self.source.state, self._last, self.pipeline.mounting
+        return StatusMessage(
+            pad=self.name,
+            boot=self._boot,
+            t_publish_ns=now_ns,
+            utc_ns=time.time_ns(),
+            health=self.health,
+            reason="" if last is None else last.reason,
+            since_ns=self._health_since_ns,
+            source=state.description,
+            connected=state.connected,
+            rate_hz=self._statistics.rate_hz,
+            rate_nominal_hz=self._rate_hz,
+            frames=self._statistics.frames,
+            dropped=self._statistics.dropped,
+            gaps=self._statistics.gaps,
+            crc_errors=state.crc_errors,
+            reconnects=state.reconnects,
+            latency_p50_s=latency and latency[0],
+            latency_p99_s=latency and latency[1],
+            latency_max_s=latency and latency[2],
+            temperature_c=None if last is None else last.temperature_c,
+            ambient_t=None if last is None or last.pose is None else last.pose.ambient_t,
+            remanence_t=mounting and mounting.remanence_t(self.pipeline.pad),
+            sensor_faults=self.faults,
+            board=state.board,
+            uptime_s=(now_ns - self._started_ns) * 1e-9,
+        )
+
+    def _publish(self, message: ContactMessage) -> None:
+        before, self._last = self._last, message
+        self._publisher.send_contact(self.name, message)
+        if before is None or before.health != message.health:
+            self._health_since_ns = message.t_publish_ns
+            self.event("health", f"{message.health}: {message.reason}" if message.reason else message.health)
+        was = before is not None and before.contact is True
+        if (message.contact is True) != was:
+            self.event("release" if was else "onset", _place(message))
+        if message.over_range and not (before is not None and before.over_range):
+            self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
+
+    def _frame_message(self, frame: Frame) -> FrameMessage:
+        return FrameMessage(
+            pad=self.name,
+            boot=self._boot,
+            sequence=frame.sequence,
+            device_time_us=frame.device_time_us,
+            host_time_ns=frame.host_time_ns,
+            utc_ns=time.time_ns(),
+            gain_code=frame.gain_code,
+            counts=[(x, y, z) for x, y, z in frame.counts.tolist()],
+            age_us=frame.age_us.tolist(),
+            fresh=frame.fresh.tolist(),
+            valid=frame.valid.tolist(),
+            temperature_c=frame.temperature_c,
+        )
+
+
+def _place(message: ContactMessage) -> str:
+    if message.x_m is None or message.y_m is None or message.force_n is None:
+        return message.reason
+    return f"{message.force_n:.3f} N at ({message.x_m * 1e3:+.1f}, {message.y_m * 1e3:+.1f}) mm"

@@ -1,0 +1,237 @@
+"""The command `fmfts-daemon`: its verbs, options and exit codes. Each verb imports what it needs, and no more."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmfts import __version__
+
+if TYPE_CHECKING:
+    from fmfts.config import Config, PadConfig
+
+EXIT_USAGE = 2
+EXIT_DATA = 65  # sysexits.h EX_DATAERR
+EXIT_UNAVAILABLE = 69  # EX_UNAVAILABLE
+EXIT_CONFIG = 78  # EX_CONFIG: systemd does not restart after it
+
+log = logging.getLogger("fmfts")
+
+
+class VerbError(Exception):
+    """Ends the command with `code` and one sentence."""
+
+    def __init__(self, code: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.code = code
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb; the exit code: 0, 2 usage, 65 refused data, 69 hardware or daemon absent, 78 bad configuration."""
+    from fmfts.service.log import set_up
+
+    options = _parser().parse_args(arguments)
+    set_up()
+    try:
+        code: int = options.handler(options)
+        return code
+    except VerbError as failure:
+        print(f"fmfts-daemon {options.verb}: {failure}", file=sys.stderr)
+        return failure.code
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # Whoever read our output has gone: say nothing more, also not at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="fmfts-daemon", description="Contact location and force from a magnet pad.")
+    parser.add_argument("--version", action=_Version)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    def verb(name: str, handler: Any, text: str, config: bool = True) -> argparse.ArgumentParser:
+        added = verbs.add_parser(name, help=text, description=text)
+        added.set_defaults(handler=handler)
+        if config:
+            added.add_argument("--config", type=Path, metavar="FILE", help="default: see the README, Configuration")
+        return added
+
+    def facts(added: argparse.ArgumentParser) -> None:
+        added.add_argument("--json", action="store_true", help="print facts as JSON")
+
+    verb("run", _run, "read the pads and publish contacts until stopped")
+    baseline = verb("baseline", _baseline, "record the baseline of a pad, before loading it")
+    kind = baseline.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--bare", action="store_true", help="the pad is not mounted: the ambient field alone")
+    kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
+    baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
+    baseline.add_argument("--duration-s", type=float, default=3.0)
+    selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
+    for added in (baseline, selftest):
+        added.add_argument("--pad", metavar="NAME", help="needed where there are several")
+        facts(added)
+    facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
+    facts(verb("status", _status, "ask a running daemon how its pads are", config=False))
+    facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
+    listen = verb("listen", _listen, "show the contacts of a running daemon", config=False)
+    listen.add_argument("--pad", metavar="NAME", help="only this pad")
+    listen.add_argument("--seconds", type=float, help="end after this time, with a summary")
+    facts(listen)
+    pose = verb("pose", _pose, "solve the magnet's pose for every row of a CSV file of fields")
+    pose.add_argument("fields", type=Path, metavar="FIELD.csv")
+    pose.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: standard output")
+    pose.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
+    pose.add_argument("--baseline", type=Path, metavar="FILE", help="fields are raw: subtract this baseline")
+    pose.add_argument("--sequence", action="store_true", help="start each row from the one before, not from rest")
+    pose.add_argument("--noise-ut", type=float, default=0.2, help="standard deviation of a field value (0.2)")
+    return parser
+
+
+class _Version(argparse.Action):
+    def __init__(self, **rest: Any) -> None:
+        super().__init__(nargs=0, help="versions of package, wire and message schema", **rest)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from fmfts.sensor.wire import WIRE_VERSION
+        from fmfts_client import SCHEMA_VERSION
+
+        print(f"fmfts-daemon {__version__} (wire {WIRE_VERSION}, schema {SCHEMA_VERSION})")
+        parser.exit()
+
+
+def _config(options: argparse.Namespace) -> Config:
+    from fmfts.config_file import ConfigError, load
+
+    try:
+        config, path = load(options.config)
+    except ConfigError as error:
+        raise VerbError(EXIT_CONFIG, str(error)) from error
+    log.info("configuration: %s", path)
+    return config
+
+
+def _one_pad(config: Config, name: str | None) -> PadConfig:
+    known = {pad.name: pad for pad in config.pad}
+    if name is None and len(known) == 1:
+        return config.pad[0]
+    if name not in known:
+        raise VerbError(EXIT_USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}")
+    return known[name]
+
+
+def _run(options: argparse.Namespace) -> int:
+    from fmfts.bus.lock import BusError
+    from fmfts.contact import ModelError
+    from fmfts.daemon import Daemon
+    from fmfts.sensor import SourceError
+    from fmfts_client.endpoints import EndpointError
+
+    config = _config(options)
+    try:
+        with Daemon(config) as daemon:
+            daemon.run()
+    except (BusError, EndpointError) as error:
+        raise VerbError(EXIT_UNAVAILABLE, str(error)) from error
+    except (ModelError, SourceError) as error:
+        raise VerbError(EXIT_CONFIG, str(error)) from error
+    return 0
+
+
+def _baseline(options: argparse.Namespace) -> int:
+    from fmfts.oneshot import record_baseline
+
+    arguments = {"bare": options.bare, "replaced": options.replaced, "duration_s": options.duration_s}
+    return _through_daemon(options, "baseline", arguments, record_baseline)
+
+
+def _selftest(options: argparse.Namespace) -> int:
+    from fmfts.oneshot import run_selftest
+
+    return _through_daemon(options, "selftest", {}, run_selftest)
+
+
+def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
+    """A verb on one pad's device: the running daemon does it, for it owns the device; without one, we do."""
+    from fmfts import oneshot
+    from fmfts.view.facts import print_facts
+
+    pad = _one_pad(_config(options), options.pad)
+    try:
+        facts = oneshot.ask_daemon(verb, pad=pad.name, **arguments)
+        if facts is None:
+            facts = directly(pad, **arguments)
+    except oneshot.RefusedError as error:
+        raise VerbError(EXIT_DATA, str(error)) from error
+    except oneshot.AbsentError as error:
+        raise VerbError(EXIT_UNAVAILABLE, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0 if facts.get("passed", True) else 1
+
+
+def _probe(options: argparse.Namespace) -> int:
+    from fmfts import oneshot
+    from fmfts.view.facts import print_facts
+
+    config = _config(options)
+    try:
+        facts = oneshot.ask_daemon("probe") or oneshot.probe(config)
+    except oneshot.RefusedError as error:
+        raise VerbError(EXIT_DATA, str(error)) from error
+    except oneshot.AbsentError as error:
+        raise VerbError(EXIT_UNAVAILABLE, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0 if all(pad["connected"] for pad in facts["pads"]) else EXIT_UNAVAILABLE
+
+
+def _status(options: argparse.Namespace) -> int:
+    from fmfts.view.status import status
+
+    return status(as_json=options.json)
+
+
+def _check_config(options: argparse.Namespace) -> int:
+    config = _config(options)
+    if options.json:
+        import msgspec
+
+        print(json.dumps(msgspec.to_builtins(config), indent=1))
+    else:
+        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
+    return 0
+
+
+def _listen(options: argparse.Namespace) -> int:
+    from fmfts.view.listen import listen
+
+    return listen(options.pad, options.seconds, as_json=options.json)
+
+
+def _pose(options: argparse.Namespace) -> int:
+    from fmfts import field_table
+    from fmfts.offline_pose import PoseOptions, solve_table
+
+    pad = _one_pad(_config(options), options.pad).pad()
+    if not options.noise_ut > 0.0:
+        raise VerbError(EXIT_USAGE, f"--noise-ut is {options.noise_ut}: it must be greater than zero")
+    try:
+        table = field_table.read(options.fields, len(pad.sensors))
+        solving = PoseOptions(options.baseline, options.sequence, options.noise_ut * 1e-6)
+        columns = solve_table(table, pad, solving)
+        if options.output is None:
+            field_table.write(columns, sys.stdout)
+        else:
+            with options.output.open("w", newline="") as out:
+                field_table.write(columns, out)
+    except field_table.DataError as error:
+        raise VerbError(EXIT_DATA, str(error)) from error
+    except OSError as error:
+        raise VerbError(EXIT_DATA, f"{options.output}: {error.strerror}") from error
+    return 0

@@ -1,0 +1,165 @@
+"""The running daemon: one loop that waits for bytes, requests and deadlines, and for nothing else."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import selectors
+import signal
+import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
+from typing import Self
+
+from fmfts import ambient
+from fmfts.ambient import BaselineError
+from fmfts.baselines import path_of
+from fmfts.bus.control import ControlServer
+from fmfts.bus.publisher import Publisher
+from fmfts.channel import Channel
+from fmfts.config import Config, PadConfig
+from fmfts.contact import ContactModel
+from fmfts.pipeline import PadPipeline
+from fmfts.sensor import Source
+from fmfts.sensor.factory import open_sources
+from fmfts.service.notify import Notifier
+from fmfts.simulated_baseline import simulated_baseline
+from fmfts.verbs import Verbs
+from fmfts_client.endpoints import for_daemon
+
+log = logging.getLogger(__name__)
+
+TICK_NS = 50_000_000
+STATUS_NS = 1_000_000_000
+
+
+class Daemon:
+    """All pads of one configuration. Use as a context manager; `run` returns when asked to stop."""
+
+    def __init__(self, config: Config) -> None:
+        """Opens models, baselines and endpoints; raises their errors. Devices may come later."""
+        self._boot = secrets.token_hex(4)
+        endpoints = for_daemon(config.bus.endpoint)
+        self._selector = selectors.DefaultSelector()
+        self._registered: dict[int, tuple[Source, int]] = {}
+        models = {pad.name: ContactModel.load(pad.contact.model, pad.pad()) for pad in config.pad}
+        self._publisher = Publisher(endpoints, self._boot)
+        self._control = ControlServer(endpoints.control)
+        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
+        self._channels: dict[tuple[int, int], Channel] = {}
+        self._sources: list[Source] = []
+        by_name = {pad.name: pad for pad in config.pad}
+        for source, names in open_sources(config.pad):
+            self._sources.append(source)
+            for pad_index, name in names.items():
+                self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
+        self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
+        self._notifier = Notifier()
+        self._stopping = False
+        self._wake_read, self._wake_write = socket.socketpair()
+        log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for source in self._sources:
+            source.close()
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        self._control.close()
+        self._publisher.close()
+        self._selector.close()
+        self._wake_read.close()
+        self._wake_write.close()
+
+    def run(self) -> None:
+        """Frames in, contacts out, until SIGTERM or SIGINT."""
+        self._wake_write.setblocking(False)
+        signal.set_wakeup_fd(self._wake_write.fileno())
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._stop)
+        self._selector.register(self._wake_read, selectors.EVENT_READ, None)
+        self._selector.register(self._control.fileno(), selectors.EVENT_READ, None)
+        self._notifier.ready()
+        next_tick_ns = next_status_ns = time.monotonic_ns()
+        while not self._stopping:
+            ready = self._wait(next_tick_ns)
+            now_ns = time.monotonic_ns()
+            for source in self._sources:
+                deadline_ns = source.deadline_ns()
+                if source in ready or (deadline_ns is not None and deadline_ns <= now_ns):
+                    self._serve(source, now_ns)
+            for request in self._control.poll():
+                self._verbs.handle(request)
+            if now_ns >= next_tick_ns:
+                next_tick_ns = now_ns + TICK_NS
+                self._verbs.finish_jobs()
+                for channel in self._channels.values():
+                    channel.tick(now_ns)
+                self._notifier.watchdog()
+            if now_ns >= next_status_ns:
+                next_status_ns = now_ns + STATUS_NS
+                self._report(now_ns)
+        self._notifier.stopping()
+
+    def _wait(self, next_tick_ns: int) -> list[Source]:
+        """Sleep until something is readable or due; the sources that are readable."""
+        deadlines = [next_tick_ns, *(d for source in self._sources if (d := source.deadline_ns()) is not None)]
+        timeout_s = max(0.0, (min(deadlines) - time.monotonic_ns()) * 1e-9)
+        return [key.data for key, _ in self._selector.select(timeout_s) if key.data is not None]
+
+    def _serve(self, source: Source, now_ns: int) -> None:
+        for frame in source.poll(now_ns):
+            channel = self._channels.get((id(source), frame.pad_index))
+            if channel is not None:
+                channel.frame(frame)
+        self._follow_descriptor(source)
+
+    def _follow_descriptor(self, source: Source) -> None:
+        """Wait on what the source has open now: an unplugged and reopened device has another descriptor."""
+        before = self._registered.get(id(source))
+        descriptor = source.fileno()
+        if (before and before[1]) == descriptor:
+            return
+        if before is not None:
+            # A closed descriptor has left epoll by itself; its number may be somebody else's by now.
+            try:
+                self._selector.unregister(before[1])
+            except (KeyError, OSError):
+                log.debug("descriptor %d was closed already", before[1])
+            del self._registered[id(source)]
+        if descriptor is not None:
+            self._selector.register(descriptor, selectors.EVENT_READ, source)
+            self._registered[id(source)] = (source, descriptor)
+
+    def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
+        pad = config.pad()
+        rate_hz = float(config.source.rate_hz)
+        pipeline = PadPipeline(pad, model, self._boot, rate_hz)
+        channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
+        try:
+            baseline = ambient.load(path_of(pad.name), pad)
+            if baseline is None and config.source.type == "simulated":
+                baseline = simulated_baseline(config)
+                log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
+            if baseline is None:
+                log.warning("pad '%s': no baseline yet: fmfts-daemon baseline", pad.name)
+            else:
+                pipeline.use(baseline)
+        except BaselineError as error:
+            log.error("%s", error)
+        return channel
+
+    def _report(self, now_ns: int) -> None:
+        words = []
+        for channel in self._channels.values():
+            status = channel.status(now_ns)
+            self._verbs.last_status[channel.name] = status
+            self._publisher.send_status(channel.name, status)
+            words.append(f"{channel.name}: {status.health} {status.rate_hz:.0f} Hz")
+        self._notifier.status("; ".join(words))
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        log.info("stopping: %s", signal.Signals(number).name)
+        self._stopping = True

@@ -1,0 +1,75 @@
+"""CSV files of fields: the offline verbs' input. Columns b1x_ut … bNz_ut in µT, sensors in the order of the config."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LARGEST_FIELD_UT = 1000.0  # 10 G: the chip's largest range ends at 8.1 G
+
+
+class DataError(Exception):
+    """The file cannot be used; the text names file, row and column."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldTable:
+    """field_t (K, N, 3), NaN where a cell is empty; `others`: the columns that are passed through, as they were."""
+
+    field_t: Array
+    others: dict[str, list[str]]
+
+
+def field_columns(sensors: int) -> list[str]:
+    return [f"b{sensor}{axis}_ut" for sensor in range(1, sensors + 1) for axis in "xyz"]
+
+
+def read(path: Path, sensors: int) -> FieldTable:
+    """Raises DataError: a missing column, a cell that is no number, a field no sensor could have measured."""
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read: {error}") from error
+    lines = csv.DictReader(io.StringIO(text))
+    header = list(lines.fieldnames or [])
+    wanted = field_columns(sensors)
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
+    rows = list(lines)
+    if not rows:
+        raise DataError(f"{path}: there is no row below the header")
+    values = np.array([[_number(path, line, name, row[name]) for name in wanted] for line, row in enumerate(rows, 2)])
+    return FieldTable(
+        field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
+        others={name: [row[name] or "" for row in rows] for name in header if name not in wanted},
+    )
+
+
+def write(columns: dict[str, Sequence[str]], out: io.TextIOBase) -> None:
+    """The columns, which have equal lengths, as CSV."""
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+
+
+def _number(path: Path, line: int, name: str, cell: str | None) -> float:
+    if cell is None or not cell.strip():
+        return float("nan")
+    try:
+        value = float(cell)
+    except ValueError:
+        raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number") from None
+    if not abs(value) <= LARGEST_FIELD_UT:
+        raise DataError(
+            f"{path}: row {line}, column {name}: {cell} µT is beyond any range of the chip (810 µT): "
+            "is the column in another unit? 1 G = 100 µT"
+        )
+    return value

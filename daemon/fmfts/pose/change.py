@@ -1,0 +1,49 @@
+"""The pose's change from rest: all that contact depends on. What mounting left open cancels in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pad import Pad
+from fmfts.pose.solver import PoseEstimate
+from fmfts.pose.state import State, tangent_basis
+
+Array = NDArray[np.float64]
+
+
+def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
+    """(5,) change of position (m) and of the axis in the rest axis's tangent plane (rad), and its covariance (5, 5)."""
+    basis = tangent_basis(rest.axis)
+    change = np.concatenate([estimate.position_m - rest.position_m, basis.T @ estimate.axis])
+    project = np.zeros((5, 6))
+    project[:3, :3] = np.eye(3)
+    project[3:, 3:] = basis.T
+    return change, project @ estimate.pose_covariance @ project.T
+
+
+def as_drawn(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, Array, Array]:
+    """The pose that the drawing's pad would have under the same load: position (3,), axis (3,), covariance (6, 6).
+
+    Position: the drawing's rest plus the displacement. Axis: turned by the rotation that puts this pad's rest axis on
+    the drawing's; for the degree or so that mounting leaves open, that is the load's own tilt to second order.
+    """
+    position = drawing.rest_position_m + (estimate.position_m - rest.position_m)
+    turn = _shortest_rotation(rest.axis, drawing.rest_axis)
+    spread = np.eye(6)
+    spread[3:, 3:] = turn
+    return position, turn @ estimate.axis, spread @ estimate.pose_covariance @ spread.T
+
+
+def _shortest_rotation(start: Array, end: Array) -> Array:
+    """Matrix (3, 3) that takes unit vector `start` to `end`; they are less than 180° apart."""
+    x, y, z = np.array(
+        [
+            start[1] * end[2] - start[2] * end[1],
+            start[2] * end[0] - start[0] * end[2],
+            start[0] * end[1] - start[1] * end[0],
+        ]
+    )
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation: Array = np.eye(3) + cross + cross @ cross / (1.0 + float(start @ end))
+    return rotation

@@ -1,0 +1,29 @@
+"""The baseline of a simulated pad: bare and at rest, in its own fast time, before anything touches it."""
+
+from __future__ import annotations
+
+from fmfts.ambient import Baseline
+from fmfts.baselines import DURATION_S, BaselineRequest
+from fmfts.config import PadConfig
+from fmfts.sensor.frame import Frame
+from fmfts.sensor.simulated import Simulated
+from fmfts.simulate.finger import no_finger
+
+
+def simulated_baseline(config: PadConfig) -> Baseline:
+    """Of the very pad that `config` simulates: the same seed builds the same pad."""
+    bare = BaselineRequest(config.pad(), config.tolerance.si(), bare=True, replaced=False)
+    rest = BaselineRequest(config.pad(), config.tolerance.si(), bare=False, replaced=False)
+    before, _ = bare.make(_frames(config, mounted=False), None)
+    return rest.make(_frames(config, mounted=True), before)[0]
+
+
+def _frames(config: PadConfig, mounted: bool) -> list[Frame]:
+    source = Simulated(config)
+    source.finger = no_finger
+    source.mounted = mounted
+    period_ns = round(1e9 / config.source.rate_hz)
+    frames: list[Frame] = []
+    for step in range(round(DURATION_S * config.source.rate_hz)):
+        frames.extend(source.poll(step * period_ns))
+    return frames

@@ -1,0 +1,43 @@
+"""What a pad really delivered: true rate, gaps, latency. Published once a second; counters only grow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fmfts.sensor import Frame
+
+
+@dataclass(slots=True)
+class PadStatistics:
+    """Counters since the start, and the latencies (sample → publish) since the last `interval`."""
+
+    frames: int = 0
+    gaps: int = 0
+    dropped: int = 0
+    rate_hz: float = 0.0
+    _sequence: int | None = None
+    _first_ns: int | None = None
+    _latencies_s: list[float] = field(default_factory=list)
+
+    def frame(self, frame: Frame) -> None:
+        """Account for a frame: a jump of the sequence is a gap of that many frames, a step back a restart."""
+        self.frames += 1
+        if self._sequence is not None and frame.sequence > self._sequence + 1:
+            self.gaps += 1
+            self.dropped += frame.sequence - self._sequence - 1
+        self._sequence = frame.sequence
+
+    def published(self, sampled_ns: int, published_ns: int) -> None:
+        self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
+
+    def interval(self, now_ns: int) -> tuple[float, float, float] | None:
+        """End the interval: sets `rate_hz`; latencies p50, p99, max in seconds, None where nothing was published."""
+        count = len(self._latencies_s)
+        if self._first_ns is not None and now_ns > self._first_ns:
+            self.rate_hz = count / ((now_ns - self._first_ns) * 1e-9)
+        self._first_ns = now_ns
+        if not count:
+            return None
+        ordered = sorted(self._latencies_s)
+        self._latencies_s.clear()
+        return ordered[count // 2], ordered[min(count - 1, int(count * 0.99))], ordered[-1]
