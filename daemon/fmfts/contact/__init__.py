@@ -1,4 +1,4 @@
-"""Pose → contact: where the finger is, how hard it presses, and whether it is there at all."""
+"""Pose → contact: whether, where, how hard, and how sure that is."""
 
 from fmfts.contact.contract import ModelError
 from fmfts.contact.model import ContactEstimate, ContactModel

@@ -7,18 +7,25 @@ from collections.abc import Sequence
 from math import exp
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array
 from fmfts.sensor.frame import AGE_UNKNOWN_US, TESLA_PER_GAUSS, Frame
-from fmfts.sensor.hmc5983 import gain_code_for_range
+from fmfts.sensor.hmc5983 import (
+    OVERFLOW_COUNT,
+    SELFTEST_GAIN_CODE,
+    STRAP_GAUSS,
+    Axes,
+    gain_code_for_range,
+    selftest_facts,
+)
 from fmfts.sensor.source import SourceState
-from fmfts.simulate.chip import NOISE_T, STRAP_GAUSS, ChipArray
+from fmfts.simulate.chip import NOISE_T, ChipArray
 from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
 from fmfts.simulate.mounted import MountedPad
 
 CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
-SELFTEST_GAIN_CODE = 5
 ROOM_C = 25.0
 WARMEST_K = 15.0  # a warming board comes to rest somewhere
 
@@ -31,7 +38,7 @@ class Simulated:
     """
 
     def __init__(self, config: PadConfig, *, noise_t: float = NOISE_T, perfect: bool = False) -> None:
-        """`perfect`: built exactly as drawn and far from the Earth's field; ValueError unless the source is simulated."""
+        """`perfect`: exactly as drawn, far from the Earth's field. ValueError unless the source is a simulated one."""
         source = config.source
         if not isinstance(source, SimulatedSource):
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
@@ -78,21 +85,18 @@ class Simulated:
         return self.finger(self._seconds(host_time_ns))
 
     def request_selftest(self, pad_index: int) -> None:
-        """Strap currents both ways at gain code 5, the field without them subtracted (data sheet, self-test operation)."""
+        """Strap currents both ways at gain code 5, the unbiased field subtracted (data sheet, self-test operation)."""
         now_s = self._sequence * self._period_ns * 1e-9
         warming_k = self._warming_k(now_s)
-        strap = STRAP_GAUSS * TESLA_PER_GAUSS * self._built.gain
-        resting = self._field(np.full(len(strap), now_s), warming_k)
+        strap_t = np.array(STRAP_GAUSS) * TESLA_PER_GAUSS * self._built.gain
+        resting_t = self._field(np.full(len(strap_t), now_s), warming_k)
 
-        def counts(field_t: Array) -> Array:
-            return self._chips.counts(field_t, SELFTEST_GAIN_CODE, warming_k).astype(float)
+        def counts(bias_t: Array | float) -> NDArray[np.int16]:
+            return self._chips.counts(resting_t + bias_t, SELFTEST_GAIN_CODE, warming_k)
 
-        unbiased = counts(resting)
-        self._selftest = {
-            "gain_code": SELFTEST_GAIN_CODE,
-            "positive_counts": (counts(resting + strap) - unbiased).astype(int).tolist(),
-            "negative_counts": (counts(resting - strap) - unbiased).astype(int).tolist(),
-        }
+        unbiased = counts(0.0)
+        positive, negative = (_less(counts(bias_t), unbiased) for bias_t in (strap_t, -strap_t))
+        self._selftest = selftest_facts(SELFTEST_GAIN_CODE, positive, negative)
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         return self._selftest
@@ -149,3 +153,9 @@ class Simulated:
 def _random(source: SimulatedSource, what: str) -> np.random.Generator:
     """Independent streams, so that a change of the chips leaves the pad as it was built."""
     return np.random.default_rng([source.seed, *what.encode()])
+
+
+def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16]) -> list[Axes]:
+    """Counts less the field's own; a saturated axis stays marked as one."""
+    saturated = (counts == OVERFLOW_COUNT) | (unbiased == OVERFLOW_COUNT)
+    return [(x, y, z) for x, y, z in np.where(saturated, OVERFLOW_COUNT, counts - unbiased).tolist()]

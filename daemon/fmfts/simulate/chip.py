@@ -19,12 +19,11 @@ NOISE_T = 2e-3 * TESLA_PER_GAUSS
 CLOCK_TOLERANCE = 0.03
 LARGEST_COUNT = 2047  # of the 12-bit converter
 SINGLE_CONVERSION_S = 6e-3
-STRAP_GAUSS = np.array([1.16, 1.16, 1.08])  # bias strap, nominal (data sheet, self-test operation)
 SENSITIVITY_PER_K = {"hmc5983": -0.0003, "hmc5883l": -0.003}  # with and without the chip's own compensation
 
 
 class ChipArray:
-    """N chips. `trigger` "free": each converts at `rate_hz` ± 3 % on its own; "simultaneous": all at the host's word."""
+    """N chips. `trigger` "free": each converts at `rate_hz` ± 3 % by itself; "simultaneous": all at the host's word."""
 
     def __init__(
         self,

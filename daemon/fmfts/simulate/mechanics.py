@@ -1,12 +1,13 @@
 """How the magnet moves when the pad is pressed: a smooth table, until a finite-element model replaces it.
 
-`mechanics.csv` holds the magnet's displacement and axis for presses on a 15 × 15 grid of 2 mm at three forces, recovered
-from the calibration set by `python -m fmfts.calibrate.mechanics`. In between: cubic splines over x and y, and a cubic in
-the force through zero, so an unloaded pad is exactly at rest. Beyond the largest force the displacement goes on along
-its tangent; beyond the grid's edge a press counts as one on the edge.
+`mechanics.csv` holds the magnet's displacement and axis for presses on a 15 × 15 grid of 2 mm at three forces,
+recovered from the calibration set by `python -m fmfts.calibrate.mechanics`. In between: cubic splines over x and y, and
+a cubic in the force through zero, so an unloaded pad is exactly at rest. Beyond the largest force the displacement goes
+on along its tangent; beyond the grid's edge a press counts as one on the edge.
 
-Error: at the table's 675 poses below 1e-12 (it interpolates). Between them, estimated by leaving out every second row
-and column of the grid (so over twice the spacing): see `test_mechanics.py`, which holds it to 3 µm and 0.5 mrad rms.
+Error: none at the table's 675 poses (it interpolates them). Between them at most a few µm: with every second row and
+column of the grid left out, so over twice the spacing, the poses left out are met to 2.9 µm and 0.18 mrad rms, 24 µm
+and 1.4 mrad at worst, and the error of cubic splines falls with the fourth power of the spacing.
 """
 
 from __future__ import annotations

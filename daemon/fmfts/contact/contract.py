@@ -1,0 +1,139 @@
+"""The contract between a calibration and the daemon: what an ONNX contact model must be, and must say of itself.
+
+The facts stand as JSON under METADATA_KEY in the model's metadata; `Facts` is their schema.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+CONTRACT_VERSION: Literal[1] = 1
+OPSET = 17
+IR_VERSION = 9
+METADATA_KEY = "fmfts.contact"
+INPUT_ORDER = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
+OUTPUT_ORDER = ("x_mm", "y_mm", "force_n")
+SIZE_LIMIT_BYTES = 4_000_000
+
+Pose = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]
+Positive = Annotated[float, Meta(gt=0)]
+Table = tuple[tuple[Positive, ...], ...]
+
+
+class ModelError(Exception):
+    """A contact model cannot be used; the text names the file, what is wrong, and what to do."""
+
+
+class Envelope(Struct, frozen=True, forbid_unknown_fields=True):
+    """What the calibration covered: smallest and largest pose components (rest included), largest force, places."""
+
+    pose_min: Pose
+    pose_max: Pose
+    force_max_n: Positive
+    x_mm: tuple[float, float]
+    y_mm: tuple[float, float]
+
+
+class OwnError(Struct, frozen=True, forbid_unknown_fields=True):
+    """The model's own error: rms over held-out noise-free poses, in bins of predicted force and radius.
+
+    Row i is for forces up to force_n[i], column j for radii up to radius_mm[j]; the last of each for all beyond.
+    """
+
+    force_n: tuple[Positive, ...]
+    radius_mm: tuple[Positive, ...]
+    x_mm: Table
+    y_mm: Table
+    force_error_n: Table
+
+    def __post_init__(self) -> None:
+        for table in (self.x_mm, self.y_mm, self.force_error_n):
+            if len(table) != len(self.force_n) or any(len(row) != len(self.radius_mm) for row in table):
+                raise ValueError("its error tables do not have a row per force and a column per radius")
+
+
+class Facts(Struct, frozen=True, forbid_unknown_fields=True):
+    contract: Literal[1]
+    geometry_hash: Annotated[str, Meta(pattern="^[0-9a-f]{12}$")]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rest_pose: Pose
+    envelope: Envelope
+    own_error: OwnError
+    metrics: dict[str, float]
+    made_by: str
+
+    def __post_init__(self) -> None:
+        if self.inputs != INPUT_ORDER:
+            raise ValueError(f"its input order is {', '.join(self.inputs)}, not {', '.join(INPUT_ORDER)}")
+        if self.outputs != OUTPUT_ORDER:
+            raise ValueError(f"its output order is {', '.join(self.outputs)}, not {', '.join(OUTPUT_ORDER)}")
+        below = (low > rest + 1e-6 for low, rest in zip(self.envelope.pose_min, self.rest_pose, strict=True))
+        above = (rest > high + 1e-6 for rest, high in zip(self.rest_pose, self.envelope.pose_max, strict=True))
+        if any(below) or any(above):
+            raise ValueError("its envelope does not contain the rest pose: zero force must be part of a training set")
+
+
+def parse_facts(metadata: dict[str, str]) -> Facts:
+    """The facts in a model's metadata; ValueError says what is missing or wrong."""
+    if METADATA_KEY not in metadata:
+        raise ValueError(f"its metadata has no {METADATA_KEY!r}: it was not made for this daemon")
+    try:
+        return msgspec.json.decode(metadata[METADATA_KEY], type=Facts)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"its metadata is wrong: {error}") from error
+    except msgspec.DecodeError as error:
+        raise ValueError(f"its metadata is not JSON: {error}") from error
+
+
+def read_versions(model: bytes) -> tuple[int, int]:
+    """IR version and version of the default operator set of a serialised ONNX ModelProto (onnx.proto, fields 1 and 8).
+
+    onnxruntime does not tell them, and the onnx package is no runtime dependency. ValueError if it is no protobuf.
+    """
+    ir_version, opset = 0, 0
+    for field, value in _protobuf_fields(model):
+        if field == 1 and isinstance(value, int):
+            ir_version = value
+        elif field == 8 and isinstance(value, bytes):
+            entry = dict(_protobuf_fields(value))
+            version = entry.get(2, 0)
+            if entry.get(1, b"") in (b"", b"ai.onnx") and isinstance(version, int):
+                opset = version
+    return ir_version, opset
+
+
+def _protobuf_fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Number and value of each top-level field; ValueError where the bytes end within one."""
+    position = 0
+
+    def varint() -> int:
+        nonlocal position
+        value, shift = 0, 0
+        while True:
+            if position >= len(message) or shift > 63:
+                raise ValueError("it is not an ONNX file, or a truncated one")
+            byte = message[position]
+            position += 1
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+
+    while position < len(message):
+        key = varint()
+        wire_type = key & 7
+        if wire_type == 0:
+            yield key >> 3, varint()
+            continue
+        if wire_type not in (1, 2, 5):
+            raise ValueError("it is not an ONNX file")
+        size = {1: 8, 5: 4}[wire_type] if wire_type != 2 else varint()
+        if position + size > len(message):
+            raise ValueError("it is truncated")
+        yield key >> 3, message[position : position + size]
+        position += size

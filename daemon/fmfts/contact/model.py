@@ -1,0 +1,197 @@
+"""The contact model: pose → location and force, an ONNX graph that has to prove what it is before it is believed."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import onnxruntime
+
+from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts, ModelError, parse_facts, read_versions
+from fmfts.pad import Array, Pad
+
+DEFAULT_PATH = Path(__file__).with_name("default.onnx")
+REMEDY = "make it again with `python -m fmfts.calibrate.default_model`, or set [pad.contact] model to one that fits"
+
+# A pose or force must be this many deviations outside the envelope to be called over range, …
+OUTSIDE_DEVIATIONS = 3.0
+# … and the force it certainly reached is the model's, less this many.
+CERTAIN_DEVIATIONS = 3.0
+POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a number
+CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0])  # mm → m; newtons stay
+# Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
+EVEN_SPREAD = 1.0 / np.sqrt(12.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ContactEstimate:
+    """x_m, y_m, force_n, their covariance (3, 3) in SI, all finite.
+
+    over_range: the pose or the force is beyond what the model was trained on; then the three are those of the nearest
+    pose that it knows, and only force_min_n, a lower bound of the force, is to be believed. None otherwise.
+    """
+
+    x_m: float
+    y_m: float
+    force_n: float
+    covariance: Array
+    over_range: bool
+    force_min_n: float | None
+
+    @property
+    def x_sd_m(self) -> float:
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def y_sd_m(self) -> float:
+        return float(np.sqrt(self.covariance[1, 1]))
+
+    @property
+    def force_sd_n(self) -> float:
+        return float(np.sqrt(self.covariance[2, 2]))
+
+
+class ContactModel:
+    """A verified model. `hash`: first 12 hex digits of the file's SHA-256."""
+
+    def __init__(self, session: onnxruntime.InferenceSession, facts: Facts, digest: str) -> None:
+        self._session = session
+        self.facts = facts
+        self.hash = digest
+        self._rest = np.array(facts.rest_pose)
+        self._lowest = np.array(facts.envelope.pose_min)
+        # A magnet above its rest height is not a squeeze, however it came there.
+        self._highest = np.where([False, False, True, False, False, True], np.inf, facts.envelope.pose_max)
+        own = facts.own_error
+        self._own_deviation = np.stack([own.x_mm, own.y_mm, own.force_error_n], axis=-1) * CONTACT_UNIT
+        self._force_bins, self._radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
+        width_m = np.diff([facts.envelope.x_mm, facts.envelope.y_mm], axis=1)[:, 0] * 1e-3
+        self._spread_m = width_m * EVEN_SPREAD
+
+    @classmethod
+    def load(cls, path: str, pad: Pad) -> Self:
+        """The model at `path` ("default": the one that ships) for `pad`; ModelError names what is wrong with it."""
+        file = DEFAULT_PATH if path == "default" else Path(path)
+        try:
+            content = _read(file)
+            _check_versions(content)
+            session = _session(content)
+            _check_signature(session)
+            facts = parse_facts(session.get_modelmeta().custom_metadata_map)
+        except ValueError as error:
+            raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
+        if facts.geometry_hash != pad.geometry_hash:
+            raise ModelError(
+                f"contact model {file} was trained for a pad of other dimensions ({facts.geometry_hash}) than "
+                f"pad {pad.name!r} has ({pad.geometry_hash}): correct [pad.geometry] and [pad.magnet], or calibrate "
+                "this pad and set [pad.contact] model"
+            )
+        model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12])
+        contact, jacobian = model._infer(model._rest)  # also warms the session up
+        if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
+            raise ModelError(f"contact model {file}: it does not answer with numbers for the rest pose; {REMEDY}")
+        return model
+
+    def estimate(self, position_m: Array, axis: Array, covariance: Array) -> ContactEstimate:
+        """Location and force of one pose, relative to the nominal rest pose.
+
+        position_m (3,), unit axis (3,), covariance (6, 6) of both. ValueError if any is not finite: no number goes out
+        that none went in for.
+        """
+        pose = np.concatenate([position_m, axis]) * POSE_UNIT
+        pose_covariance = covariance * POSE_UNIT * POSE_UNIT[:, None]
+        if not (np.isfinite(pose).all() and np.isfinite(pose_covariance).all()):
+            raise ValueError("a contact was asked for of a pose that is not finite")
+        slack = OUTSIDE_DEVIATIONS * np.sqrt(np.maximum(np.diagonal(pose_covariance), 0.0))
+        share = self._share_inside(pose, slack)
+        if share < 1.0:
+            pose = self._rest + share * (pose - self._rest)
+        contact, spread = self._contact(pose, pose_covariance)
+        limit_n = self.facts.envelope.force_max_n
+        force_sd = float(np.sqrt(spread[2, 2]))
+        over_range = bool(share < 1.0 or contact[2] - limit_n > OUTSIDE_DEVIATIONS * force_sd)
+        certain_n = max(min(float(contact[2]), limit_n) - CERTAIN_DEVIATIONS * force_sd, 0.0)
+        x_m, y_m, force_n = contact.tolist()
+        return ContactEstimate(x_m, y_m, force_n, spread, over_range, certain_n if over_range else None)
+
+    def _share_inside(self, pose: Array, slack: Array) -> float:
+        """The largest share, at most 1, of the displacement from rest that stays in the envelope widened by `slack`.
+
+        Displacement grows with force at every place, so a share of it belongs to no larger force.
+        """
+        displacement = pose - self._rest
+        room = np.where(displacement > 0.0, self._highest + slack, self._lowest - slack) - self._rest
+        moved = np.abs(displacement) > 1e-9
+        return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
+
+    def _contact(self, pose: Array, pose_covariance: Array) -> tuple[Array, Array]:
+        """Contact (3,) and covariance (3, 3) in SI: the pose's, carried over by the Jacobian, and the model's own."""
+        contact, jacobian = self._infer(pose)
+        contact, jacobian = contact * CONTACT_UNIT, jacobian * CONTACT_UNIT[:, None]
+        force_bin = np.searchsorted(self._force_bins, contact[2])
+        radius_bin = np.searchsorted(self._radius_bins_m, np.hypot(contact[0], contact[1]))
+        spread = jacobian @ pose_covariance @ jacobian.T + np.diag(self._own_deviation[force_bin, radius_bin] ** 2)
+        # Both the measurement and the pad's edges bound the place: deviations add like resistances in parallel.
+        variance = np.diagonal(spread)[:2]
+        shrink = np.append(1.0 / np.sqrt(1.0 + variance / self._spread_m**2), 1.0)
+        return contact, spread * shrink * shrink[:, None]
+
+    def _infer(self, pose: Array) -> tuple[Array, Array]:
+        contact, jacobian = self._session.run(OUTPUTS, {"pose": pose[None].astype(np.float32)})
+        return contact[0].astype(np.float64), jacobian[0].astype(np.float64)
+
+
+OUTPUTS = ["contact", "jacobian"]
+SIGNATURE = {"pose": 2, "contact": 2, "jacobian": 3}  # tensor → number of dimensions
+LAST_DIMENSIONS = {"pose": [6], "contact": [3], "jacobian": [3, 6]}
+
+
+def _read(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            content = stream.read(SIZE_LIMIT_BYTES + 1)
+    except OSError as error:
+        raise ValueError(f"it cannot be read ({error.strerror})") from error
+    if len(content) > SIZE_LIMIT_BYTES:
+        raise ValueError(f"it is larger than {SIZE_LIMIT_BYTES / 1e6:g} MB, no contact model is")
+    return content
+
+
+def _check_versions(content: bytes) -> None:
+    ir_version, opset = read_versions(content)
+    if (ir_version, opset) != (IR_VERSION, OPSET):
+        raise ValueError(f"it has IR version {ir_version} and opset {opset}, not {IR_VERSION} and {OPSET}")
+
+
+def _session(content: bytes) -> onnxruntime.InferenceSession:
+    """One thread that never spins: at onnxruntime's defaults a pad's 220 inferences a second keep a core busy."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_session_config_entry("session.inter_op.allow_spinning", "0")
+    options.log_severity_level = 4  # what goes wrong is raised, and said in our own words
+    try:
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors have no other common base
+        raise ValueError(f"onnxruntime does not load it ({str(error).splitlines()[0]})") from error
+
+
+def _check_signature(session: onnxruntime.InferenceSession) -> None:
+    inputs, outputs = session.get_inputs(), session.get_outputs()
+    names = [tensor.name for tensor in (*inputs, *outputs)]
+    if names != ["pose", *OUTPUTS]:
+        raise ValueError(f"its tensors are {', '.join(names)}, not pose → contact, jacobian")
+    for tensor in (*inputs, *outputs):
+        wanted = LAST_DIMENSIONS[tensor.name]
+        if tensor.type != "tensor(float)":
+            raise ValueError(f"{tensor.name} is a {tensor.type}, not a tensor(float)")
+        if (
+            len(tensor.shape) != SIGNATURE[tensor.name]
+            or tensor.shape[1:] != wanted
+            or isinstance(tensor.shape[0], int)
+        ):
+            raise ValueError(f"{tensor.name} has the shape {tensor.shape}, not {['N', *wanted]}")
