@@ -1,0 +1,194 @@
+"""`fmfts-daemon listen`: contacts as they come, for people in a terminal, in a log, or for machines."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol, TextIO
+
+from rich.columns import Columns
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.text import Text
+
+from fmfts.view.picture import EXIT_UNAVAILABLE, render_contact
+from fmfts.view.tally import Tally, now_line
+from fmfts_client import Contact, EndpointError, Event, Message, MessageError, SchemaError, Status, Subscription
+
+PICTURES_PER_SECOND = 12
+log = logging.getLogger(__name__)
+
+
+class _Output(Protocol):
+    """How messages are shown; `interval_s` is how often `refresh` is wanted."""
+
+    interval_s: float
+
+    def message(self, message: Message) -> None: ...
+    def refresh(self) -> None: ...
+    def end(self) -> None: ...
+
+
+def listen(
+    pad: str | None = None,
+    seconds: float | None = None,
+    out: TextIO | None = None,
+    *,
+    as_json: bool = False,
+    endpoint: str | None = None,
+) -> int:
+    """Show `pad` (None: all) for `seconds` (None: until Ctrl-C), then a summary. Returns the exit code.
+
+    0, or EXIT_UNAVAILABLE when there is nothing to listen to: no place to meet, a daemon of another schema, or not
+    one message in `seconds`.
+    """
+    out = sys.stdout if out is None else out
+    try:
+        with Subscription(("contact", "event", "status"), pad, endpoint) as subscription, _stopped_by_signals():
+            return _listen(subscription, seconds, out, as_json)
+    except (EndpointError, SchemaError) as error:
+        log.error("%s", error)
+        return EXIT_UNAVAILABLE
+    except BrokenPipeError:  # `listen | head` has seen enough; what is still buffered has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
+        return 0
+
+
+def _listen(subscription: Subscription, seconds: float | None, out: TextIO, as_json: bool) -> int:
+    tallies: dict[str, Tally] = {}
+    output: _Output = _Json(out) if as_json else _Pictures(tallies, out) if out.isatty() else _Lines(tallies, out)
+    end = None if seconds is None else time.monotonic() + seconds
+    try:
+        for message in _messages(subscription, output, end):
+            try:
+                _count(tallies, message)
+            except MessageError as error:
+                subscription.refuse(error)
+            else:
+                output.message(message)
+    except KeyboardInterrupt:
+        pass  # the usual end
+    finally:
+        output.end()
+    _summarise(tallies, subscription, out, as_json)
+    if seconds is not None and not tallies:
+        return EXIT_UNAVAILABLE
+    return 0
+
+
+def _messages(subscription: Subscription, output: _Output, end: float | None) -> Iterator[Message]:
+    """Messages until `end`; lets the output refresh in between."""
+    refresh = time.monotonic()
+    while end is None or time.monotonic() < end:
+        if time.monotonic() >= refresh:
+            output.refresh()
+            refresh = time.monotonic() + output.interval_s
+        message = subscription.receive(max(0.0, min(refresh, end or refresh) - time.monotonic()))
+        if message is not None:
+            yield message
+
+
+def _count(tallies: dict[str, Tally], message: Message) -> None:
+    if message.kind == "contact":
+        contact = Contact.from_message(message.body)
+        tallies.setdefault(message.pad, Tally(message.pad)).add(contact)
+    elif message.kind == "status":
+        status = Status.from_message(message.body)
+        if message.pad in tallies:
+            tallies[message.pad].status = status
+    else:
+        Event.from_message(message.body)
+
+
+def _summarise(tallies: dict[str, Tally], subscription: Subscription, out: TextIO, as_json: bool) -> None:
+    if as_json:
+        facts = [tallies[pad].facts() for pad in sorted(tallies)]
+        print(json.dumps({"topic": "summary", "pads": facts, "refused": subscription.refused}), file=out)
+        return
+    for pad in sorted(tallies):
+        print(tallies[pad].sentence(), file=out)
+    if not tallies:
+        print(f"nothing arrived from {subscription.endpoints.bus}: is fmfts-daemon running?", file=out)
+    if subscription.refused:
+        print(f"{subscription.refused} messages refused; the last: {subscription.refusal}", file=out)
+    out.flush()
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """SIGTERM ends like Ctrl-C, so that the terminal gets its cursor back."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+class _Pictures:
+    interval_s = 1.0 / PICTURES_PER_SECOND
+
+    def __init__(self, tallies: dict[str, Tally], out: TextIO) -> None:
+        self._tallies = tallies
+        self._event = ""
+        self._live = Live(console=Console(file=out, markup=False, highlight=False), auto_refresh=False)
+        self._live.start()
+
+    def message(self, message: Message) -> None:
+        if message.kind == "event":
+            self._event = f"{message.pad}: {message.body.get('kind')} {message.body.get('detail')}"
+
+    def refresh(self) -> None:
+        compact = len(self._tallies) > 1
+        pictures = [self._picture(self._tallies[pad], compact) for pad in sorted(self._tallies)]
+        shown = Columns(pictures) if pictures else Text("waiting for fmfts-daemon …")
+        self._live.update(Group(shown, Text(self._event or " ", "bright_black", no_wrap=True)), refresh=True)
+
+    def end(self) -> None:
+        self._live.stop()
+
+    def _picture(self, tally: Tally, compact: bool) -> RenderableType:
+        if tally.contact is None or not tally.alive:
+            return Text(now_line(tally), "bold red")
+        return render_contact(tally.contact, tally.status, tally.rate_hz, compact)
+
+
+class _Lines:
+    interval_s = 1.0
+
+    def __init__(self, tallies: dict[str, Tally], out: TextIO) -> None:
+        self._tallies = tallies
+        self._out = out
+
+    def message(self, message: Message) -> None:
+        if message.kind == "event":
+            print(f"{message.pad}: {message.body.get('kind')} {message.body.get('detail')}", file=self._out, flush=True)
+
+    def refresh(self) -> None:
+        for pad in sorted(self._tallies):
+            print(now_line(self._tallies[pad]), file=self._out, flush=True)
+
+    def end(self) -> None:
+        """Nothing to put back."""
+
+
+class _Json:
+    interval_s = 1.0
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+
+    def message(self, message: Message) -> None:
+        line = json.dumps({"topic": f"{message.kind}/{message.pad}", **message.body}, default=repr)
+        print(line, file=self._out, flush=True)
+
+    def refresh(self) -> None:
+        """Each message is a line already."""
+
+    def end(self) -> None:
+        """Nothing to put back."""

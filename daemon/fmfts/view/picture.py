@@ -1,0 +1,198 @@
+"""One contact as a picture: the pad from above, and every figure beside it.
+
+`python -m fmfts.view.picture OUT.svg` draws the first touch that a running daemon reports.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import math
+import re
+import sys
+from pathlib import Path
+
+from rich.console import Console, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
+
+HALF_WIDTH_M = 0.020  # the pad is not described on the bus: what is farther out is drawn at the edge
+HALF_COLUMNS = 20  # one column is 1 mm wide; a row is twice as high as a column is wide
+FULL_BAR_N = 5.0
+BAR_COLUMNS = 20
+MAGNET_RADIUS_M = 0.002
+EXIT_UNAVAILABLE = 69
+
+
+def render_contact(
+    contact: Contact, status: Status | None = None, rate_hz: float | None = None, compact: bool = False
+) -> RenderableType:
+    """The picture of one contact; `status` adds the configured rate, `rate_hz` is what the listener counted."""
+    table = Table.grid(padding=(0, 1))
+    table.add_row(_surface(contact, HALF_COLUMNS // 2 if compact else HALF_COLUMNS), _figures(contact, status, rate_hz))
+    return Panel.fit(table, title=Text(f"pad {contact.pad}"), border_style=_health_style(contact.health), padding=0)
+
+
+def tilt_deg(axis: tuple[float, float, float]) -> float:
+    """Angle between the magnet's axis and the pad's normal."""
+    return math.degrees(math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2])))
+
+
+def force_text(contact: Contact) -> str:
+    if contact.over_range:
+        bound = "?" if contact.force_min_n is None else f"{contact.force_min_n:.2f}"
+        return f"more than {bound} N"
+    return _with_deviation(contact.force_n, contact.force_sd_n, 1.0, 2, "N")
+
+
+def _with_deviation(value: float | None, deviation: float | None, scale: float, digits: int, unit: str) -> str:
+    if value is None:
+        return "–"
+    spread = "" if deviation is None else f" ± {deviation * scale:.{digits}f}"
+    return f"{value * scale:.{digits}f}{spread} {unit}"
+
+
+def _health_style(health: str) -> str:
+    return {"ok": "green", "degraded": "yellow"}.get(health, "red")
+
+
+def _force_style(contact: Contact) -> str:
+    force_n = contact.force_n or 0.0
+    if contact.over_range:
+        return "bold white on red"
+    return "green" if force_n < 1.0 else "yellow" if force_n < 2.5 else "red"
+
+
+def _surface(contact: Contact, half_columns: int) -> Text:
+    """The pad from above: x to the right, y up."""
+    column_m = HALF_WIDTH_M / half_columns
+    cells: dict[tuple[int, int], tuple[str, str]] = {}
+    if contact.pose is not None:
+        x_m, y_m, _ = contact.pose.position_m
+        cells |= dict.fromkeys(_disc(x_m, y_m, MAGNET_RADIUS_M, column_m), ("▒", "blue"))
+    if contact.contact is not False and contact.x_m is not None and contact.y_m is not None:
+        radius_m = 0.001 + 0.001 * min(contact.force_n or contact.force_min_n or 0.0, FULL_BAR_N)
+        mark = ("▲" if contact.over_range else "●", _force_style(contact))
+        cells |= dict.fromkeys(_disc(contact.x_m, contact.y_m, radius_m, column_m), mark)
+    text = Text()
+    half_rows = half_columns // 2
+    for row in range(half_rows, -half_rows - 1, -1):
+        for column in range(-half_columns, half_columns + 1):
+            text.append(*cells.get((column, row), (_ground(column, row, half_columns), "bright_black")))
+        text.append("\n" if row > -half_rows else "")
+    return text
+
+
+def _ground(column: int, row: int, half_columns: int) -> str:
+    """A cross in the middle, and dots every 10 mm of a full picture."""
+    if column == row == 0:
+        return "+"
+    return "·" if column % (half_columns // 2) == 0 and row % (half_columns // 4) == 0 else " "
+
+
+def _disc(x_m: float, y_m: float, radius_m: float, column_m: float) -> list[tuple[int, int]]:
+    """Cells (column, row) of a disc; the one in its middle always."""
+    half_columns = round(HALF_WIDTH_M / column_m)
+    middle = round(x_m / column_m), round(y_m / (2 * column_m))
+    column = min(max(middle[0], -half_columns), half_columns)
+    row = min(max(middle[1], -half_columns // 2), half_columns // 2)
+    reach = math.ceil(radius_m / column_m)
+    near = [
+        (column + i, row + j)
+        for i in range(-reach, reach + 1)
+        for j in range(-reach, reach + 1)
+        if math.hypot(i * column_m, 2 * j * column_m) <= radius_m
+        and abs(column + i) <= half_columns
+        and abs(row + j) <= half_columns // 2
+    ]
+    return [*near, (column, row)]
+
+
+def _figures(contact: Contact, status: Status | None, rate_hz: float | None) -> Table:
+    figures = Table.grid(padding=(0, 1))
+    figures.add_column(style="bright_black", no_wrap=True)
+    figures.add_column(no_wrap=False, min_width=23, max_width=23)
+    figures.add_row("health", Text(contact.health, _health_style(contact.health)))
+    if contact.reason:
+        figures.add_row("", Text(contact.reason, "red"))
+    figures.add_row("contact", {True: "yes", False: "no", None: "not known"}[contact.contact])
+    figures.add_row("force", Text(force_text(contact), _force_style(contact)))
+    figures.add_row("", _bar(contact))
+    for name, value, deviation in (("x", contact.x_m, contact.x_sd_m), ("y", contact.y_m, contact.y_sd_m)):
+        figures.add_row(name, _with_deviation(value, deviation, 1e3, 2, "mm"))
+    if contact.shear_x_n is not None and contact.shear_y_n is not None:
+        figures.add_row("shear", f"{contact.shear_x_n:+.2f} {contact.shear_y_n:+.2f} N")
+    _add_pose(figures, contact)
+    nominal = "" if status is None else f" of {status.rate_nominal_hz:g}"
+    figures.add_row("rate", "–" if rate_hz is None else f"{rate_hz:.1f}{nominal} Hz")
+    sending_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
+    figures.add_row("latency", f"{sending_ms:.2f} ms to publish")
+    used = [str(sensor) for sensor in range(8) if contact.sensors_ok >> sensor & 1]
+    figures.add_row("sensors", " ".join(used) or "none")
+    figures.add_row("", "–" if contact.temperature_c is None else f"{contact.temperature_c:.1f} °C")
+    return figures
+
+
+def _add_pose(figures: Table, contact: Contact) -> None:
+    pose = contact.pose
+    if pose is None:
+        figures.add_row("magnet", "–")
+        return
+    for name, value, deviation in zip("abc", pose.position_m, pose.position_sd_m, strict=True):
+        figures.add_row(name, _with_deviation(value, deviation, 1e3, 3, "mm"))
+    figures.add_row("tilt", f"{tilt_deg(pose.axis):.2f} ± {math.degrees(pose.axis_sd_rad):.2f}°")
+    figures.add_row("remanence", _with_deviation(pose.remanence_t, pose.remanence_sd_t, 1.0, 3, "T"))
+
+
+def _bar(contact: Contact) -> Text:
+    force_n = contact.force_min_n if contact.over_range else contact.force_n
+    filled = 0 if force_n is None else min(max(round(force_n / FULL_BAR_N * BAR_COLUMNS), 0), BAR_COLUMNS)
+    return Text("█" * filled, _force_style(contact)) + Text("░" * (BAR_COLUMNS - filled), "bright_black")
+
+
+def as_svg(renderable: RenderableType, title: str) -> str:
+    """The picture for a page, with whatever monospaced font the reader has: nothing is fetched."""
+    console = Console(record=True, width=80, file=io.StringIO(), force_terminal=True)
+    console.print(renderable)
+    return re.sub(r"@font-face\s*\{[^}]*\}\s*", "", console.export_svg(title=title))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m fmfts.view.picture", description=__doc__)
+    parser.add_argument("out", type=Path, help="the SVG file to write")
+    parser.add_argument("--pad", default="demo")
+    parser.add_argument(
+        "--force-n", type=float, default=0.5, help="the lightest touch to draw (default: %(default)s N)"
+    )
+    parser.add_argument("--seconds", type=float, default=60.0, help="how long to wait for one (default: %(default)s)")
+    options = parser.parse_args()
+    try:
+        with Client(options.pad) as client:
+            contact = _first_touch(client, options.force_n, options.seconds)
+            status, rate_hz = client.status, client.rate_hz
+    except (EndpointError, SchemaError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_UNAVAILABLE
+    if contact is None:
+        print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
+        return EXIT_UNAVAILABLE
+    options.out.write_text(as_svg(render_contact(contact, status, rate_hz), "fmfts-daemon listen"), encoding="utf-8")
+    return 0
+
+
+def _first_touch(client: Client, force_n: float, seconds: float) -> Contact | None:
+    started_ns = None
+    for contact in client.contacts(timeout_s=seconds):
+        started_ns = started_ns or contact.t_publish_ns
+        if client.freq_ok and contact.valid and contact.contact and (contact.force_n or 0.0) >= force_n:
+            return contact
+        if contact.t_publish_ns - started_ns > seconds * 1e9:
+            return None
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+"""`fmfts-daemon status`: how the pads of a running daemon are."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from typing import TextIO
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fmfts.view.picture import EXIT_UNAVAILABLE
+from fmfts_client import ControlError, EndpointError, MessageError, Status, request
+
+TIMEOUT_S = 3.0
+log = logging.getLogger(__name__)
+
+
+def status(*, as_json: bool = False, out: TextIO | None = None, endpoint: str | None = None) -> int:
+    """Print the last status of every pad. Returns the exit code: 0, or EXIT_UNAVAILABLE where no daemon answers."""
+    out = sys.stdout if out is None else out
+    try:
+        pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S).get("pads", [])
+        reports = [Status.from_message(pad) for pad in pads]
+    except (ControlError, EndpointError, MessageError) as error:
+        log.error("%s", error)
+        return EXIT_UNAVAILABLE
+    if as_json:
+        print(json.dumps({"pads": pads}, indent=1), file=out)
+    else:
+        Console(file=out, markup=False, highlight=False).print(
+            render_status(reports) if reports else "no pad has reported yet"
+        )
+    return 0
+
+
+def render_status(reports: list[Status]) -> Table:
+    """A column for each pad."""
+    table = Table()
+    table.add_column("")
+    for report in reports:
+        table.add_column(report.pad, overflow="fold")
+    for name, cells in zip(_NAMES, zip(*(_cells(report) for report in reports), strict=True), strict=True):
+        table.add_row(name, *cells)
+    return table
+
+
+_NAMES = ("health", "reason", "source", "rate", "frames", "lost", "latency", "temperature", "remanence", "faults", "up")
+
+
+def _cells(report: Status) -> tuple[Text | str, ...]:
+    latencies = (report.latency_p50_s, report.latency_p99_s, report.latency_max_s)
+    since_s = max(0.0, (report.t_publish_ns - report.since_ns) * 1e-9)
+    return (
+        Text(f"{report.health} for {since_s:.0f} s", "green" if report.health == "ok" else "red"),
+        report.reason,
+        f"{report.source}" + ("" if report.connected else ", not connected"),
+        f"{report.rate_hz:.1f} of {report.rate_nominal_hz:g} Hz",
+        str(report.frames),
+        f"{report.gaps} never arrived, {report.dropped} unusable, {report.crc_errors} with a wrong check sum, "
+        f"{report.reconnects} reconnects",
+        "–" if None in latencies else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",
+        "–" if report.temperature_c is None else f"{report.temperature_c:.1f} °C",
+        "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
+        "\n".join(report.sensor_faults) or "none",
+        f"{report.uptime_s:.0f} s",
+    )

@@ -1,0 +1,132 @@
+"""What a listener counts of one pad while it listens."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict, deque
+
+from fmfts_client import ALIVE_S, Contact, Status
+
+WINDOW_NS = 1_000_000_000
+LATENCIES_KEPT = 100_000  # seven minutes at 220 Hz
+
+
+class Tally:
+    """Feed it every contact in order; the attributes are the summary."""
+
+    def __init__(self, pad: str) -> None:
+        self.pad = pad
+        self.status: Status | None = None
+        self.contact: Contact | None = None
+        self.messages = 0
+        self.lost = 0
+        self.restarts = 0
+        self.touches = 0
+        self.largest_force_n: float | None = None
+        self.health_s: defaultdict[str, float] = defaultdict(float)
+        self._published_ns: deque[int] = deque()
+        self._latencies_s: deque[float] = deque(maxlen=LATENCIES_KEPT)
+        self._first_ns = 0
+
+    def add(self, contact: Contact) -> None:
+        before, self.contact = self.contact, contact
+        self.messages += 1
+        self._first_ns = self._first_ns or contact.t_publish_ns
+        self._published_ns.append(contact.t_publish_ns)
+        while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
+            self._published_ns.popleft()
+        if before is None or contact.t_sample_ns != before.t_sample_ns:  # not said again while the source is silent
+            self._latencies_s.append((contact.t_publish_ns - contact.t_sample_ns) * 1e-9)
+        if before is not None:
+            self._compare(before, contact)
+        if contact.contact and not (before is not None and before.contact):
+            self.touches += 1
+        if contact.force_n is not None and contact.contact:
+            self.largest_force_n = max(self.largest_force_n or 0.0, contact.force_n)
+
+    def _compare(self, before: Contact, contact: Contact) -> None:
+        if contact.boot != before.boot:
+            self.restarts += 1
+            return
+        self.lost += max(0, contact.seq - before.seq - 1)
+        passed_s = (contact.t_publish_ns - before.t_publish_ns) * 1e-9
+        self.health_s[before.health if passed_s < ALIVE_S else "nothing arrived"] += passed_s
+
+    @property
+    def alive(self) -> bool:
+        return self.contact is not None and self.contact.publish_age_s < ALIVE_S
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Over the last second of messages."""
+        if len(self._published_ns) < 2:
+            return None
+        return (len(self._published_ns) - 1) * 1e9 / (self._published_ns[-1] - self._published_ns[0])
+
+    @property
+    def mean_rate_hz(self) -> float | None:
+        if self.contact is None or self.contact.t_publish_ns == self._first_ns:
+            return None
+        return (self.messages - 1) * 1e9 / (self.contact.t_publish_ns - self._first_ns)
+
+    def latency_s(self, share: float) -> float | None:
+        """Sample to publish: the value that `share` of the messages stay within."""
+        ordered = sorted(self._latencies_s)
+        return ordered[min(int(share * len(ordered)), len(ordered) - 1)] if ordered else None
+
+    def facts(self) -> dict[str, object]:
+        """The summary, for machines."""
+        return {
+            "pad": self.pad,
+            "messages": self.messages,
+            "rate_hz": self.mean_rate_hz,
+            "lost": self.lost,
+            "restarts": self.restarts,
+            "latency_p50_s": self.latency_s(0.5),
+            "latency_p99_s": self.latency_s(0.99),
+            "latency_max_s": self.latency_s(1.0),
+            "touches": self.touches,
+            "largest_force_n": self.largest_force_n,
+            "health_s": dict(self.health_s),
+        }
+
+    def sentence(self) -> str:
+        """The summary, for people."""
+        rate_hz, force_n = self.mean_rate_hz, self.largest_force_n
+        latencies = [self.latency_s(share) for share in (0.5, 0.99, 1.0)]
+        parts = [
+            f"{self.messages} messages",
+            "" if rate_hz is None else f"{rate_hz:.1f} Hz",
+            f"{self.lost} lost",
+            "latency p50/p99/max "
+            + "/".join("–" if each is None else f"{each * 1e3:.2f}" for each in latencies)
+            + " ms",
+            f"{self.touches} touches" + ("" if force_n is None else f", hardest {force_n:.2f} N"),
+            ", ".join(f"{health} {seconds:.1f} s" for health, seconds in sorted(self.health_s.items())),
+            f"{self.restarts} restarts of the daemon" if self.restarts else "",
+        ]
+        return f"pad {self.pad}: " + "; ".join(filter(None, parts))
+
+
+def now_line(tally: Tally) -> str:
+    """How the pad is now, on one line."""
+    contact = tally.contact
+    if contact is None or not tally.alive:
+        return f"{tally.pad}: nothing arrives"
+    parts = [f"{tally.pad}: {contact.health}" + (f" ({contact.reason})" if contact.reason else "")]
+    if contact.over_range:
+        parts.append(f"more than {contact.force_min_n or 0.0:.2f} N")
+    elif contact.contact is None:
+        parts.append("contact not known")
+    elif not contact.contact:
+        parts.append("no contact")
+    elif contact.force_n is not None and contact.x_m is not None and contact.y_m is not None:
+        parts.append(f"{contact.force_n:.2f} N at ({contact.x_m * 1e3:+.1f}, {contact.y_m * 1e3:+.1f}) mm")
+    else:
+        parts.append("contact")
+    if tally.rate_hz is not None:
+        parts.append(f"{tally.rate_hz:.1f} Hz")
+    sample_to_publish_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
+    sample_to_now_ms = (time.monotonic_ns() - contact.t_sample_ns) * 1e-6
+    parts.append(f"sampled {sample_to_publish_ms:.2f} ms before publishing, {sample_to_now_ms:.1f} ms ago")
+    return "  ".join(parts)
