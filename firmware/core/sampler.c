@@ -173,7 +173,7 @@ static void schedule_frames(struct sampler *sampler, uint64_t now_us)
         sampler->frame_us = now_us; // after a pause, frames are not made up for
     // 1 s / 220 is no whole number of microseconds; the remainder is carried so that the rate is exact.
     sampler->frame_us += interval_us;
-    sampler->frame_remainder += 1000000 % sampler->settings.rate_hz;
+    sampler->frame_remainder += 1000000U % sampler->settings.rate_hz;
     if (sampler->frame_remainder >= sampler->settings.rate_hz) {
         sampler->frame_remainder -= sampler->settings.rate_hz;
         sampler->frame_us++;
