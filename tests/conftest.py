@@ -1,13 +1,31 @@
-"""What all tests share: the emulators on the path, and Hypothesis without chance."""
+"""What all tests share: the emulators on the path, Hypothesis without chance, and the pad that everything is tried on."""
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.pad import Pad
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.load_profile("deterministic")
+
+
+def missing(what: str) -> None:
+    """Skip a test whose system package is absent, by name; on CI that is a failure."""
+    if os.environ.get("CI"):
+        pytest.fail(f"{what} is missing, and CI installs everything", pytrace=False)
+    pytest.skip(f"{what} is missing")
+
+
+@pytest.fixture
+def pad() -> Pad:
+    """The standard pad, as drawn."""
+    return PadConfig(name="standard", source=SimulatedSource()).pad()

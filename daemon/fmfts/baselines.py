@@ -47,6 +47,7 @@ class BaselineRequest:
 def store(baseline: Baseline) -> Path:
     """Write it where the daemon looks for it at its start; the one before stays beside it as `….previous.json`."""
     path = path_of(baseline.pad)
+    path.parent.mkdir(exist_ok=True)
     if path.exists():
         write_atomically(path.with_suffix(".previous.json"), path.read_bytes())
     write_atomically(path, ambient.encode(baseline))

@@ -34,10 +34,10 @@ class VerbError(Exception):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; the exit code: 0, 2 usage, 65 refused data, 69 hardware or daemon absent, 78 bad configuration."""
-    from fmfts.service.log import set_up
+    from fmfts.service.log import configure
 
     options = _parser().parse_args(arguments)
-    set_up()
+    configure(logging.INFO if options.verb == "run" else logging.WARNING)
     try:
         code: int = options.handler(options)
         return code

@@ -18,7 +18,7 @@ from fmfts.baselines import path_of
 from fmfts.bus.control import ControlServer
 from fmfts.bus.publisher import Publisher
 from fmfts.channel import Channel
-from fmfts.config import Config, PadConfig
+from fmfts.config import Config, PadConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.pipeline import PadPipeline
 from fmfts.sensor import Source
@@ -140,7 +140,7 @@ class Daemon:
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
         try:
             baseline = ambient.load(path_of(pad.name), pad)
-            if baseline is None and config.source.type == "simulated":
+            if baseline is None and isinstance(config.source, SimulatedSource):
                 baseline = simulated_baseline(config)
                 log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
             if baseline is None:

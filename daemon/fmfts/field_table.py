@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ def read(path: Path, sensors: int) -> FieldTable:
     )
 
 
-def write(columns: dict[str, Sequence[str]], out: io.TextIOBase) -> None:
+def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:
     """The columns, which have equal lengths, as CSV."""
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(columns)

@@ -14,6 +14,7 @@ from fmfts.bus.lock import serving_pid
 from fmfts.config import Config, PadConfig
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.factory import open_sources
+from fmfts.sensor.simulated import Simulated
 from fmfts_client.control import RefusedError as RefusedByDaemon
 from fmfts_client.control import UnreachableError, request
 from fmfts_client.endpoints import for_client
@@ -56,8 +57,8 @@ def record_baseline(pad: PadConfig, *, bare: bool, replaced: bool, duration_s: f
         # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
         before = None
     with _opened(pad) as (source, pad_index):
-        if pad.source.type == "simulated":
-            source.mounted = not bare  # type: ignore[attr-defined]
+        if isinstance(source, Simulated):
+            source.mounted = not bare
         frames = _collect(pad, source, pad_index, duration_s)
     try:
         baseline, mounting = work.make(frames, before)

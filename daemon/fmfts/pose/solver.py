@@ -86,18 +86,21 @@ def solve(
 ) -> PoseEstimate:
     """The magnet's state from one field.
 
-    field_t: (N, 3) in each sensor's own axes, ambient subtracted, NaN where an axis holds no measurement (it is left
-    out). deviation_t: (N, 3) or one number, standard deviation of each. start: the rest pose if None. free: the columns
-    of the step that are unknown; the others keep the start's value. stop_chi2: see STOP_CHI2, STOP_CONVERGED.
+    field_t: (N, 3) in each sensor's own axes, ambient subtracted; NaN where an axis holds no measurement (left out).
+    deviation_t: (N, 3) or one number, standard deviation of each; infinite: left out; zero, negative or NaN: INVALID.
+    start: the rest pose if None. free: the columns of the step that are unknown; the others keep the start's value.
+    stop_chi2: see STOP_CHI2, STOP_CONVERGED.
 
     With the default unknowns and equal deviations this is the paper's method: twelve differences (the three sums that
     Eq. 8 literally writes would leave six unknowns with three equations), minimised from the rest pose (Eq. 9–10).
     """
     state = State.at_rest(pad) if start is None else start
-    usable = np.isfinite(field_t)
-    weight = np.where(usable, 1.0 / np.broadcast_to(deviation_t, field_t.shape), 0.0)
-    if not (np.isfinite(weight).all() and (weight[usable] > 0.0).all()):
+    deviation = np.broadcast_to(deviation_t, field_t.shape)
+    usable = np.isfinite(field_t) & (deviation != np.inf)
+    if not (deviation[usable] > 0.0).all():
         return _failed(state, pad, usable, free, Status.INVALID)
+    weight = np.zeros(field_t.shape)
+    weight[usable] = 1.0 / deviation[usable]
     if usable.sum() < len(free):
         return _failed(state, pad, usable, free, Status.UNOBSERVABLE)
     field = np.where(usable, field_t, 0.0)

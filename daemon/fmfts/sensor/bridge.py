@@ -49,7 +49,6 @@ class Bridge:
         self._attempt_ns = 0
         self._backoff_ns = FIRST_BACKOFF_NS
         self._outbox = b""
-        self._was_connected = False
 
     def fileno(self) -> int | None:
         return None if self._serial is None else self._serial.fileno()
@@ -84,7 +83,7 @@ class Bridge:
     def close(self) -> None:
         self._release()
         self._attempt_ns = 1 << 62
-        self._set_connected(False, "closed", time.monotonic_ns())
+        self.state.disconnect("closed", time.monotonic_ns())
 
     @property
     def _quiet_since_ns(self) -> int:
@@ -161,7 +160,7 @@ class Bridge:
             self._backoff_ns = FIRST_BACKOFF_NS
             self._candidates.clear()
             self.state.description = f"bridge on {self._port}"
-            self._set_connected(True, "", now_ns)
+            self.state.connect(now_ns)
 
     def _silent(self, now_ns: int) -> None:
         quiet_s = (now_ns - self._quiet_since_ns) / 1e9
@@ -171,7 +170,7 @@ class Bridge:
             return
         if self.state.connected:
             self._link.ask(Verb.HELLO)
-        self._set_connected(False, reason, now_ns)
+        self.state.disconnect(reason, now_ns)
 
     def _send(self, now_ns: int) -> None:
         assert self._serial is not None
@@ -198,7 +197,7 @@ class Bridge:
         self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
         found = "; ".join(f"{port} {what}" for port, what in self._found.items())
         wanted = "" if self._uid is None else f"board {self._uid.hex()} is nowhere: "
-        self._set_connected(False, wanted + found, now_ns)
+        self.state.disconnect(wanted + found, now_ns)
 
     def _disconnect(self, reason: str, now_ns: int) -> None:
         """The descriptor goes before anything else: kept, it would make the adapter come back under another name."""
@@ -207,19 +206,12 @@ class Bridge:
         self._candidates.clear()
         self._attempt_ns = now_ns + self._backoff_ns
         self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
-        self._set_connected(False, reason, now_ns)
+        self.state.disconnect(reason, now_ns)
 
     def _release(self) -> None:
         if self._serial is not None:
             serial_port.close(self._serial)
             self._serial = None
-
-    def _set_connected(self, connected: bool, reason: str, now_ns: int) -> None:
-        if connected != self.state.connected or not self.state.since_ns:
-            self.state.since_ns = now_ns
-            self.state.reconnects += connected and self._was_connected
-            self._was_connected |= connected
-        self.state.connected, self.state.reason = connected, reason
 
 
 def _uid_bytes(text: str, pad_name: str) -> bytes:

@@ -48,13 +48,18 @@ def highest_rate_hz(chip: str, trigger: str) -> int:
     return SINGLE_RATE_HZ if trigger == "simultaneous" else CHIP_RATE_HZ[chip]
 
 
+def output_rate_hz(chip: str, rate_hz: float) -> float:
+    """The chip's slowest own rate that is not below `rate_hz`; ValueError where there is none."""
+    for rate in OUTPUT_RATE_HZ:
+        if rate_hz <= rate <= CHIP_RATE_HZ[chip]:
+            return rate
+    raise ValueError(f"the {chip} delivers at most {CHIP_RATE_HZ[chip]} Hz, not {rate_hz:g} Hz")
+
+
 def config_a(chip: str, rate_hz: float, bias: int = 0, averaging: int = 0) -> int:
-    """Configuration register A: the slowest output rate that is not below `rate_hz`, compensation where there is."""
-    rates = [code for code, rate in enumerate(OUTPUT_RATE_HZ) if rate_hz <= rate <= CHIP_RATE_HZ[chip]]
-    if not rates:
-        raise ValueError(f"the {chip} delivers at most {CHIP_RATE_HZ[chip]} Hz, not {rate_hz:g} Hz")
+    """Configuration register A; temperature compensation where the chip has it."""
     compensation = TEMPERATURE_COMPENSATION if chip == "hmc5983" else 0
-    return compensation | averaging | rates[0] << 2 | bias
+    return compensation | averaging | OUTPUT_RATE_HZ.index(output_rate_hz(chip, rate_hz)) << 2 | bias
 
 
 def config_b(gain_code: int) -> int:
@@ -102,7 +107,7 @@ def selftest_facts(
     sensors = []
     for index, (up, down) in enumerate(zip(positive, negative, strict=True)):
         fault = faults[index] if faults else None
-        failures = [fault] if fault else _selftest_failures(gain_code, up, down)
+        failures = [fault] if fault else selftest_failures(gain_code, up, down)
         factors: list[float | None] = [
             (plus - minus) / 2 / (strap * LSB_PER_GAUSS[gain_code])
             if not fault and _axis_failure(gain_code, plus, minus) is None
@@ -122,7 +127,8 @@ def selftest_facts(
     return {"gain_code": gain_code, "passed": all(one["passed"] for one in sensors), "sensors": sensors}
 
 
-def _selftest_failures(gain_code: int, up: Axes, down: Axes) -> list[str]:
+def selftest_failures(gain_code: int, up: Axes, down: Axes) -> list[str]:
+    """What is wrong with one sensor's counts under the positive and the negative bias; empty if nothing is."""
     reasons = [_axis_failure(gain_code, plus, minus) for plus, minus in zip(up, down, strict=True)]
     return [f"{axis}: {reason}" for axis, reason in zip("xyz", reasons, strict=True) if reason]
 

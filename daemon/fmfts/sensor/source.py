@@ -29,6 +29,18 @@ class SourceState:
     sensor_faults: dict[tuple[int, int], str] = field(default_factory=dict)  # (pad index, sensor) → what is wrong
     warnings: dict[str, str] = field(default_factory=dict)  # subject → a sentence that holds now
     board: dict[str, object] = field(default_factory=dict)  # identity: uid, firmware, reset cause, chips …
+    _was_connected: bool = False
+
+    def connect(self, now_ns: int) -> None:
+        if not self.connected:
+            self.reconnects += self._was_connected
+            self.connected, self._was_connected, self.reason, self.since_ns = True, True, "", now_ns
+
+    def disconnect(self, reason: str, now_ns: int) -> None:
+        """Absent, with the reason as it is known now; `since_ns` stays when it was absent before."""
+        if self.connected or not self.since_ns:
+            self.since_ns = now_ns
+        self.connected, self.reason = False, reason
 
 
 class Source(Protocol):

@@ -3,16 +3,57 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Protocol
 
-ADDRESSES = range(0x70, 0x78)
 NO_CHANNEL = 0x00
 
 
-def select(channel: int) -> int:
-    """Control byte that connects one channel. It takes effect at the STOP, so the read is another transfer."""
+class ByteBus(Protocol):
+    def write(self, address: int, data: bytes) -> None: ...
+
+    def read(self, address: int, size: int) -> bytes: ...
+
+
+def one(channel: int) -> int:
+    """Control byte that connects one channel."""
     return 1 << channel
 
 
-def select_all(channels: Iterable[int]) -> int:
+def several(channels: Iterable[int]) -> int:
     """Control byte for *writing* to several channels at once; a read would get the wired-AND of all answers."""
     return sum(1 << channel for channel in set(channels))
+
+
+class Switches:
+    """All muxes of one bus; while one has a channel open, the others have none. Errors are the bus's OSError.
+
+    A selection takes effect at its STOP, which is why it is a transfer of its own.
+    """
+
+    def __init__(self, bus: ByteBus, addresses: Iterable[int]) -> None:
+        self._bus = bus
+        self._control: dict[int, int | None] = dict.fromkeys(addresses)  # None: unknown
+
+    def select(self, address: int, control: int) -> None:
+        for other, active in self._control.items():
+            if other != address and active != NO_CHANNEL:
+                self._write(other, NO_CHANNEL)
+        if self._control[address] != control:
+            self._write(address, control)
+
+    def foreign_control(self, address: int) -> int | None:
+        """The control byte, if it is not the one written last: somebody else uses this mux. Then it is unknown."""
+        actual = self._bus.read(address, 1)[0]
+        if actual == self._control[address]:
+            return None
+        self.forget()
+        return actual
+
+    def forget(self) -> None:
+        """The next selection is written in any case."""
+        self._control = dict.fromkeys(self._control)
+
+    def _write(self, address: int, control: int) -> None:
+        self._control[address] = None  # until it is known to have arrived
+        self._bus.write(address, bytes((control,)))
+        self._control[address] = control

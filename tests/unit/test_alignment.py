@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmfts.pose import Alignment
+
+PERIOD_US = 4545
+FRESH = np.ones(4, dtype=bool)
+
+
+def _rows(*values: float) -> np.ndarray:
+    return np.repeat(np.array(values)[:, None], 3, axis=1)
+
+
+def test_simultaneous_samples_pass_unchanged() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    for step in range(4):
+        field = _rows(1.0, 2.0, 3.0, 4.0) * (step + 1)
+        aligned = alignment.push(field, np.full(4, 1000 + step * PERIOD_US), FRESH)
+        assert aligned.field_t == pytest.approx(field)
+        assert aligned.bend_t == pytest.approx(np.zeros((4, 3)))
+        assert aligned.noise_share == pytest.approx(np.ones((4, 1)))
+
+
+def test_steady_motion_is_brought_to_one_instant_exactly() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+    for step in range(5):
+        time_us = 1000 + step * PERIOD_US + offsets
+        aligned = alignment.push(_rows(*(time_us * 1e-6)), time_us, FRESH)
+    assert aligned.time_us == 1000 + 4 * PERIOD_US
+    assert aligned.field_t == pytest.approx(np.full((4, 3), aligned.time_us * 1e-6), rel=1e-12)
+
+
+def test_bend_bounds_the_error_of_a_tap() -> None:
+    """A 1 N tap of 50 ms at the centre moves a field by about 0.3 G; its curvature must not look like a fault."""
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+
+    def tap(time_us: np.ndarray | float) -> np.ndarray:
+        phase = np.clip(np.asarray(time_us) / 50_000.0, 0.0, 1.0)
+        return 3e-5 * np.sin(np.pi * phase) ** 2
+
+    worst_excess = 0.0
+    for step in range(1, 14):
+        time_us = step * PERIOD_US + offsets
+        aligned = alignment.push(_rows(*tap(time_us)), time_us, FRESH)
+        if step > 3:
+            error = np.abs(aligned.field_t - tap(aligned.time_us))
+            # Within four of (curvature, 2 mG noise): what a χ² gate takes without a murmur.
+            worst_excess = max(worst_excess, float((error / np.hypot(aligned.bend_t, 2e-7)).max()))
+    assert worst_excess < 4.0
+
+
+def test_stopped_chip_does_not_hold_the_others_back() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    fresh = np.array([True, True, True, False])
+    stopped_at = 1000
+    for step in range(6):
+        time_us = np.array([1000 + step * PERIOD_US] * 3 + [stopped_at])
+        aligned = alignment.push(_rows(1.0, 1.0, 1.0, 9.0), time_us, FRESH if step == 0 else fresh)
+    assert aligned.time_us == 1000 + 5 * PERIOD_US
+    assert np.isnan(aligned.field_t[3]).all()
+    assert np.isfinite(aligned.field_t[:3]).all()
+
+
+def test_sensor_without_a_measurement_stays_without_one() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    for step in range(3):
+        field = _rows(1.0, np.nan, 1.0, 1.0)
+        field[2, 0] = np.nan
+        aligned = alignment.push(field, np.full(4, 1000 + step * PERIOD_US), FRESH)
+    assert np.isnan(aligned.field_t[1]).all()
+    assert np.isnan(aligned.field_t[2, 0])
+    assert np.isfinite(aligned.field_t[[0, 3]]).all()
+
+
+def test_axis_that_saturates_is_not_replaced_by_its_past() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+    for step in range(4):
+        field = _rows(1.0, 1.0, 1.0, 1.0)
+        if step == 3:
+            field[3, 1] = np.nan
+        aligned = alignment.push(field, 1000 + step * PERIOD_US + offsets, FRESH)
+    assert np.isnan(aligned.field_t[3, 1])
+
+
+def test_nothing_at_all_is_nothing() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    aligned = alignment.push(np.full((4, 3), np.nan), np.zeros(4, dtype=np.int64), np.zeros(4, dtype=bool))
+    assert np.isnan(aligned.field_t).all()
