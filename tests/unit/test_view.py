@@ -257,7 +257,16 @@ def test_terminal_shows_the_picture_and_then_a_summary(base: str) -> None:
     with publishing(base, [contact_message()]):
         shown, code = in_terminal(base, "{'seconds': 1.5}")
     assert code == 0
-    for part in ("pad demo", "●", "▒", "1.50 ± 0.05 N", "of 100 Hz", "demo: onset 1.5 N"):
+    for part in (
+        "pad demo",
+        "●",
+        "▒",
+        "1.50 ± 0.05 N",
+        "of 100 Hz",
+        "0.50 ms to publish",
+        "ms to here",
+        "demo: onset 1.5 N",
+    ):
         assert part in shown, part
     assert re.search(r"pad demo: \d+ messages; [\d.]+ Hz; 0 lost", shown)
     assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l"), "the cursor is back"

@@ -155,7 +155,7 @@ class _Pictures:
     def _picture(self, tally: Tally, compact: bool) -> RenderableType:
         if tally.contact is None or not tally.alive:
             return Text(now_line(tally), "bold red")
-        return render_contact(tally.contact, tally.status, tally.rate_hz, compact)
+        return render_contact(tally.contact, tally.status, tally.rate_hz, tally.arrival_s, compact)
 
 
 class _Lines:

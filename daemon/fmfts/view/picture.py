@@ -28,11 +28,18 @@ EXIT_UNAVAILABLE = 69
 
 
 def render_contact(
-    contact: Contact, status: Status | None = None, rate_hz: float | None = None, compact: bool = False
+    contact: Contact,
+    status: Status | None = None,
+    rate_hz: float | None = None,
+    arrival_s: float | None = None,
+    compact: bool = False,
 ) -> RenderableType:
-    """The picture of one contact; `status` adds the configured rate, `rate_hz` is what the listener counted."""
+    """The picture of one contact. `status` adds the configured rate; `rate_hz` is what the listener counted,
+    `arrival_s` how old the sample was when the message arrived there.
+    """
     table = Table.grid(padding=(0, 1))
-    table.add_row(_surface(contact, HALF_COLUMNS // 2 if compact else HALF_COLUMNS), _figures(contact, status, rate_hz))
+    surface = _surface(contact, HALF_COLUMNS // 2 if compact else HALF_COLUMNS)
+    table.add_row(surface, _figures(contact, status, rate_hz, arrival_s))
     return Panel.fit(table, title=Text(f"pad {contact.pad}"), border_style=_health_style(contact.health), padding=0)
 
 
@@ -111,7 +118,7 @@ def _disc(x_m: float, y_m: float, radius_m: float, column_m: float) -> list[tupl
     return [*near, (column, row)]
 
 
-def _figures(contact: Contact, status: Status | None, rate_hz: float | None) -> Table:
+def _figures(contact: Contact, status: Status | None, rate_hz: float | None, arrival_s: float | None) -> Table:
     figures = Table.grid(padding=(0, 1))
     figures.add_column(style="bright_black", no_wrap=True)
     figures.add_column(no_wrap=False, min_width=23, max_width=23)
@@ -130,6 +137,8 @@ def _figures(contact: Contact, status: Status | None, rate_hz: float | None) -> 
     figures.add_row("rate", "–" if rate_hz is None else f"{rate_hz:.1f}{nominal} Hz")
     sending_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
     figures.add_row("latency", f"{sending_ms:.2f} ms to publish")
+    if arrival_s is not None:
+        figures.add_row("", f"{arrival_s * 1e3:.2f} ms to here")
     used = [str(sensor) for sensor in range(8) if contact.sensors_ok >> sensor & 1]
     figures.add_row("sensors", " ".join(used) or "none")
     figures.add_row("", "–" if contact.temperature_c is None else f"{contact.temperature_c:.1f} °C")
@@ -172,6 +181,7 @@ def main() -> int:
     try:
         with Client(options.pad) as client:
             contact = _first_touch(client, options.force_n, options.seconds)
+            arrival_s = None if contact is None else contact.sample_age_s
             status, rate_hz = client.status, client.rate_hz
     except (EndpointError, SchemaError) as error:
         print(error, file=sys.stderr)
@@ -179,7 +189,9 @@ def main() -> int:
     if contact is None:
         print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
         return EXIT_UNAVAILABLE
-    options.out.write_text(as_svg(render_contact(contact, status, rate_hz), "fmfts-daemon listen"), encoding="utf-8")
+    options.out.write_text(
+        as_svg(render_contact(contact, status, rate_hz, arrival_s), "fmfts-daemon listen"), encoding="utf-8"
+    )
     return 0
 
 

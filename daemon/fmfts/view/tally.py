@@ -23,6 +23,7 @@ class Tally:
         self.restarts = 0
         self.touches = 0
         self.largest_force_n: float | None = None
+        self.arrival_s: float | None = None  # age of the newest sample when its message arrived
         self.health_s: defaultdict[str, float] = defaultdict(float)
         self._published_ns: deque[int] = deque()
         self._latencies_s: deque[float] = deque(maxlen=LATENCIES_KEPT)
@@ -31,6 +32,7 @@ class Tally:
     def add(self, contact: Contact) -> None:
         before, self.contact = self.contact, contact
         self.messages += 1
+        self.arrival_s = contact.sample_age_s
         self._first_ns = self._first_ns or contact.t_publish_ns
         self._published_ns.append(contact.t_publish_ns)
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
