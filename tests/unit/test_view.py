@@ -221,7 +221,9 @@ def test_json_is_one_object_for_each_message(base: str) -> None:
 
 def test_silence_ends_with_a_hint_and_an_exit_code(base: str) -> None:
     out = io.StringIO()
+    before = signal.getsignal(signal.SIGTERM)
     assert listen(None, 0.2, out, endpoint=base) == EXIT_UNAVAILABLE
+    assert signal.getsignal(signal.SIGTERM) is before
     assert f"nothing arrived from {base}/bus: is fmfts-daemon running?" in out.getvalue()
 
 
@@ -230,7 +232,9 @@ def test_endpoint_that_is_none_is_named(caplog: pytest.LogCaptureFixture) -> Non
     assert "'nonsense' is no base of endpoints" in caplog.text
 
 
-def in_terminal(base: str, options: str, signal_after_s: float | None = None) -> tuple[str, int]:
+def in_terminal(
+    base: str, options: str, signal_after_s: float | None = None, number: int = signal.SIGINT
+) -> tuple[str, int]:
     """What a terminal of 100 × 30 shows, and the exit code."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
@@ -242,7 +246,7 @@ def in_terminal(base: str, options: str, signal_after_s: float | None = None) ->
     shown, started = b"", time.monotonic()
     while time.monotonic() - started < 20:
         if signal_after_s is not None and b"pad demo" in shown and time.monotonic() - started > signal_after_s:
-            process.send_signal(signal.SIGINT)
+            process.send_signal(number)
             signal_after_s = None
         if select.select([master], [], [], 0.1)[0]:
             try:
@@ -272,9 +276,11 @@ def test_terminal_shows_the_picture_and_then_a_summary(base: str) -> None:
     assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l"), "the cursor is back"
 
 
-def test_ctrl_c_ends_cleanly_with_the_summary(base: str) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_kill_end_cleanly_with_the_summary(base: str, number: int) -> None:
     with publishing(base, [contact_message()]):
-        shown, code = in_terminal(base, "{}", signal_after_s=1.0)
+        shown, code = in_terminal(base, "{}", signal_after_s=1.0, number=number)
+    assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l"), "the cursor is back"
     assert code == 0
     assert "Traceback" not in shown
     assert re.search(r"pad demo: \d+ messages", shown)
