@@ -104,7 +104,7 @@ class Channel:
             latency_max_s=latency and latency[2],
             temperature_c=None if last is None else last.temperature_c,
             ambient_t=None if last is None or last.pose is None else last.pose.ambient_t,
-            remanence_t=mounting and mounting.remanence_t(self.pipeline.pad),
+            remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
             sensor_faults=self.faults,
             board=state.board,
             uptime_s=(now_ns - self._started_ns) * 1e-9,

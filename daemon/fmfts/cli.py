@@ -100,7 +100,7 @@ class _Version(argparse.Action):
         super().__init__(nargs=0, help="versions of package, wire and message schema", **rest)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from fmfts.sensor.wire import WIRE_VERSION
+        from fmfts.sensor.wire import VERSION as WIRE_VERSION
         from fmfts_client import SCHEMA_VERSION
 
         print(f"fmfts-daemon {__version__} (wire {WIRE_VERSION}, schema {SCHEMA_VERSION})")

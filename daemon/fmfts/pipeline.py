@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
-from fmfts.bus.messages import ContactMessage, Health, PoseMessage, Vector
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector
 from fmfts.contact import ContactEstimate, ContactModel, TouchDetector
 from fmfts.pad import Pad
 from fmfts.pose import Alignment, PoseEstimate, Track, Tracker, as_drawn, displacement
@@ -97,12 +97,11 @@ class PadPipeline:
         contact: ContactEstimate | None = None,
         touching: bool | None = None,
     ) -> ContactMessage:
-        """A message with null wherever there is no estimate; without contact there is no place of it either."""
-        located = contact if touching else None
-        over_range = contact is not None and bool(touching) and contact.over_range
-        measured = None if over_range else contact
-        placed = None if over_range else located
+        """A message with null wherever there is no estimate."""
         mounted = self._mounted
+        estimates = NO_ESTIMATE | _contact_fields(contact, touching)
+        if mounted is not None and track is not None and track.estimate is not None:
+            estimates["pose"] = _pose_message(track.estimate, mounted.mounting)
         self._published += 1
         return ContactMessage(
             pad=self.pad.name,
@@ -114,25 +113,25 @@ class PadPipeline:
             temperature_c=None if frame is None else frame.temperature_c,
             health=health,
             reason=reason,
-            contact=touching,
-            x_m=placed and placed.x_m,
-            x_sd_m=placed and placed.x_sd_m,
-            y_m=placed and placed.y_m,
-            y_sd_m=placed and placed.y_sd_m,
-            force_n=measured and max(measured.force_n, 0.0),
-            force_sd_n=measured and measured.force_sd_n,
-            shear_x_n=None,
-            shear_x_sd_n=None,
-            shear_y_n=None,
-            shear_y_sd_n=None,
-            over_range=over_range,
-            force_min_n=contact.force_min_n if over_range and contact else None,
-            pose=_pose_message(track.estimate, mounted.mounting) if mounted and track and track.estimate else None,
+            **estimates,
             sensors_ok=sensors_ok,
             solver="numpy",
             model=self._model.hash,
             baseline=None if self.baseline is None else self.baseline.id,
         )
+
+
+def _contact_fields(contact: ContactEstimate | None, touching: bool | None) -> dict[str, Any]:
+    """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
+    if contact is None:
+        return {"over_range": False}
+    if touching and contact.over_range:
+        return {"contact": True, "over_range": True, "force_min_n": contact.force_min_n}
+    force: dict[str, Any] = {"contact": touching, "over_range": False}
+    force |= {"force_n": max(contact.force_n, 0.0), "force_sd_n": contact.force_sd_n}
+    if not touching:
+        return force
+    return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:

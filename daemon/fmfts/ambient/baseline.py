@@ -165,7 +165,7 @@ def encode(baseline: Baseline) -> bytes:
 
 
 def _baseline(pad: Pad, tolerance: Tolerance, bare: StoredRecording | None, rest: StoredRecording | None) -> Baseline:
-    tolerances = {name: getattr(tolerance, name) for name in Tolerance.__slots__}
+    tolerances = {name: float(getattr(tolerance, name)) for name in Tolerance.__slots__}
     return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest).sealed()
 
 

@@ -1,0 +1,74 @@
+# make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
+#              paper's forty readings through the firmware's own code)
+# make test    set up what the tests need, then run them all
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SECONDS ?=
+PAPER ?=
+
+# What a bare Debian lacks: python3-venv, and Python.h for compiled parts.
+BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
+	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
+# The kernel's I2C interface, emulated, is served by the system's own Python.
+TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
+
+.PHONY: demo test lint unit firmware model clean base-packages test-packages
+
+demo: $(VENV)/.installed $(if $(PAPER),firmware)
+ifneq ($(PAPER),)
+	@$(BIN)/python tests/end_to_end/paper_demo.py
+else
+	@$(BIN)/python -m fmfts.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS))
+endif
+
+test: test-packages $(VENV)/.installed-test lint unit
+
+lint: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy daemon clients/python
+
+unit: $(VENV)/.installed-test
+	$(BIN)/python -m pytest
+
+firmware:
+	@$(MAKE) --no-print-directory -C firmware host
+
+# The shipped contact model, made again from the calibration set.
+model: $(VENV)/.installed-test
+	$(BIN)/python -m fmfts.calibrate.default_model
+
+$(VENV)/.installed: pyproject.toml | base-packages
+	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
+	@echo "installing fmfts into $(VENV) (a minute the first time)"
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
+	@echo "installing what the tests need into $(VENV)"
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+base-packages:
+	@$(call need,$(BASE_PACKAGES),exit 1)
+
+test-packages:
+	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path are skipped" >&2)
+
+# Debian packages that are missing: installed as root; else the line to run, and what follows from doing without.
+define need
+	packages="$(strip $(1))"; \
+	if [ -n "$$packages" ]; then \
+		if [ "$$(id -u)" = 0 ]; then \
+			echo "installing $$packages"; \
+			{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends $$packages; } >/dev/null; \
+		else \
+			echo "missing on this machine; run: sudo apt-get install --no-install-recommends $$packages" >&2; $(2); \
+		fi; \
+	fi
+endef
+
+clean:
+	rm -rf $(VENV) build *.egg-info firmware/build

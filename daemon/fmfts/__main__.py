@@ -1,0 +1,3 @@
+from fmfts.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,250 @@
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmfts import ambient
+from fmfts.ambient import Baseline, BaselineError, Recording, make_bare, make_rest, summarise
+from fmfts.pad import Pad, Tolerance
+from fmfts.pose import State, dipole_field
+from fmfts.sensor.frame import Frame
+from fmfts.simulate.cylinder import cylinder_field
+
+NOISE_T = 2e-7
+FRAMES = 660
+TOLERANCE = Tolerance(1e-4, 1e-4, math.radians(1.0), 0.005, 0.05)
+
+
+@dataclass
+class World:
+    """One pad as built within TOLERANCE, in an Earth's field; fields of the exact cylinder."""
+
+    pad: Pad
+    random: np.random.Generator
+
+    def __post_init__(self) -> None:
+        random = self.random
+        self.gain = 1.0 + random.normal(0.0, TOLERANCE.gain, (4, 3))
+        self.places = self.pad.sensors.position_m + random.normal(0.0, TOLERANCE.sensor_position_m, (4, 3))
+        step = np.concatenate([random.normal(0, 1e-4, 3), random.normal(0, np.radians(1), 2), np.zeros(4)])
+        self.rest = State.at_rest(self.pad).stepped(step)
+        self.remanence_t = 1.23 * (1.0 + random.normal(0.0, 0.03))
+        direction = random.normal(size=3)
+        self.earth_t = 0.5e-4 * direction / np.linalg.norm(direction)
+
+    def bare(self) -> np.ndarray:
+        return self.gain * self.earth_t
+
+    def field(self, state: State | None = None) -> np.ndarray:
+        state = state or self.rest
+        magnet = self.pad.magnet.with_remanence(self.remanence_t)
+        positions, axes = np.tile(state.position_m, (4, 1)), np.tile(state.axis, (4, 1))
+        return self.gain * (cylinder_field(self.places, positions, axes, magnet) + self.earth_t)
+
+    def recorded(self, field: np.ndarray) -> Recording:
+        mean = field + self.random.normal(0.0, NOISE_T / np.sqrt(FRAMES), field.shape)
+        return Recording(mean, np.full((4, 3), NOISE_T), np.full(4, FRAMES), 3, 24.0, 3.0)
+
+    def bare_baseline(self) -> Baseline:
+        return make_bare(self.pad, TOLERANCE, self.recorded(self.bare()))
+
+
+@pytest.fixture
+def world(pad: Pad) -> World:
+    return World(pad, np.random.default_rng(11))
+
+
+@pytest.mark.parametrize("with_bare", [True, False])
+def test_rest_pose_and_remanence_are_estimated_as_well_as_claimed(pad: Pad, with_bare: bool) -> None:
+    errors, remanences, misfits = [], [], []
+    for seed in range(60):
+        world = World(pad, np.random.default_rng(seed))
+        before = world.bare_baseline() if with_bare else None
+        _, mounting = make_rest(pad, TOLERANCE, world.recorded(world.field()), before)
+        step = mounting.rest.step_from(world.rest)[:6]
+        step[5] = np.log(mounting.remanence_t(pad) / world.remanence_t)
+        errors.append(step @ np.linalg.solve(mounting.rest_covariance, step))
+        remanences.append(step[5] / np.sqrt(mounting.rest_covariance[5, 5]))
+        misfits.append(mounting.chi2)
+    # Means of 60 χ²₆ and χ²₁₂ have deviations of 0.45 and 0.63. The remanence's prior is wider than these magnets.
+    assert np.mean(errors) < 6.0 + 4 * 0.45
+    assert np.mean(errors) > 2.5
+    assert np.std(remanences) < 1.3
+    assert np.mean(misfits) < 12.0 + 4 * 0.63
+
+
+def test_untouched_pad_has_no_residual(world: World, pad: Pad) -> None:
+    recording = world.recorded(world.field())
+    _, mounting = make_rest(pad, TOLERANCE, recording, world.bare_baseline())
+    mounted = mounting.mounted(pad)
+    left = mounting.magnet_field(recording.mean_t) - dipole_field(
+        mounted.sensors.position_m,
+        mounting.rest.position_m,
+        mounting.rest.axis,
+        pad.magnet.strength_t_m3 * np.exp(mounting.rest.log_moment),
+    )
+    assert np.abs(left).max() < 1e-12
+
+
+def test_bare_baseline_measures_the_ambient_field(world: World, pad: Pad) -> None:
+    mounting = world.bare_baseline().mounting(pad)
+    assert mounting.ambient_t is not None
+    assert mounting.ambient_deviation_t is not None
+    # Gains of ±0.5 % on half a gauss, four sensors: about 1 mG.
+    assert mounting.ambient_t == pytest.approx(world.earth_t, abs=5e-7)
+    assert (mounting.ambient_deviation_t < 5e-7).all()
+
+
+@pytest.mark.parametrize("with_bare", [True, False])
+@pytest.mark.parametrize(
+    ("fault", "named"),
+    [
+        ("reversed", "upside down"),
+        ("swapped", "Sensors 2 and 3 are swapped"),
+        ("bad sensor", "Sensor 3 alone is wrong"),
+    ],
+)
+def test_refusal_names_the_likely_cause(world: World, pad: Pad, with_bare: bool, fault: str, named: str) -> None:
+    bare, rest = world.bare(), world.field()
+    if fault == "reversed":
+        rest = world.field(replace(world.rest, axis=-world.rest.axis))
+    elif fault == "swapped":
+        bare, rest = bare[[0, 2, 1, 3]], rest[[0, 2, 1, 3]]
+    else:
+        rest[2, 1] += 3e-5
+    before = make_bare(pad, TOLERANCE, world.recorded(bare)) if with_bare else None
+    with pytest.raises(BaselineError, match=named):
+        make_rest(pad, TOLERANCE, world.recorded(rest), before)
+
+
+def test_steel_nearby_is_refused_without_blaming_a_sensor(world: World, pad: Pad) -> None:
+    steel = dipole_field(world.places, np.array([30e-3, 5e-3, -10e-3]), np.array([1.0, 0.0, 0.0]), 6e-10)
+    with pytest.raises(BaselineError, match=r"No single fault explains it: steel"):
+        make_rest(pad, TOLERANCE, world.recorded(world.field() + steel), world.bare_baseline())
+
+
+def test_load_is_refused_and_measured(world: World, pad: Pad) -> None:
+    pressed = world.rest.stepped(np.array([0, 0, -1e-3, 0, 0, 0, 0, 0, 0]))
+    with pytest.raises(BaselineError, match=r"something presses on the pad"):
+        make_rest(pad, TOLERANCE, world.recorded(world.field(pressed)), world.bare_baseline())
+
+
+def test_small_load_is_refused_where_the_pad_is_known(world: World, pad: Pad) -> None:
+    """What a drawing's tolerances would swallow, the last baseline does not: 0.2 N would become the new zero."""
+    pressed = world.rest.stepped(np.array([0, 0, -2e-4, 0, 0, 0, 0, 0, 0]))
+    first, _ = make_rest(pad, TOLERANCE, world.recorded(world.field()), world.bare_baseline())
+    with pytest.raises(BaselineError, match=r"looks loaded.*-0\.2.*--replaced"):
+        make_rest(pad, TOLERANCE, world.recorded(world.field(pressed)), first)
+    make_rest(pad, TOLERANCE, world.recorded(world.field(pressed)), first, replaced=True)
+
+
+def test_turned_robot_may_record_again(world: World, pad: Pad) -> None:
+    first, _ = make_rest(pad, TOLERANCE, world.recorded(world.field()), None)
+    world.earth_t = -world.earth_t[[1, 2, 0]]
+    again, _ = make_rest(pad, TOLERANCE, world.recorded(world.field()), first)
+    assert again.id != first.id
+
+
+def test_magnet_still_mounted_is_no_bare_field(world: World, pad: Pad) -> None:
+    with pytest.raises(BaselineError, match=r"without the pad.*still mounted"):
+        make_bare(pad, TOLERANCE, world.recorded(world.field()))
+
+
+class TestFile:
+    def _stored(self, world: World, folder: Path) -> tuple[Path, Baseline]:
+        baseline, _ = make_rest(world.pad, TOLERANCE, world.recorded(world.field()), world.bare_baseline())
+        path = folder / "standard.json"
+        path.write_bytes(ambient.encode(baseline))
+        return path, baseline
+
+    def test_comes_back_the_same(self, world: World, pad: Pad, tmp_path: Path) -> None:
+        path, baseline = self._stored(world, tmp_path)
+        loaded = ambient.load(path, pad)
+        assert loaded == baseline
+        assert loaded is not None
+        assert (loaded.mounting(pad).offset_t == baseline.mounting(pad).offset_t).all()
+
+    def test_absent_file_is_no_baseline(self, pad: Pad, tmp_path: Path) -> None:
+        assert ambient.load(tmp_path / "none.json", pad) is None
+
+    @pytest.mark.parametrize("cut", [0, 1, 100, -2])
+    def test_truncated_file_is_refused(self, world: World, pad: Pad, tmp_path: Path, cut: int) -> None:
+        path, _ = self._stored(world, tmp_path)
+        path.write_bytes(path.read_bytes()[:cut])
+        with pytest.raises(BaselineError, match="is damaged"):
+            ambient.load(path, pad)
+
+    def test_changed_digit_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
+        path, _ = self._stored(world, tmp_path)
+        text = path.read_text()
+        assert text.count('"temperature_c": 24.0') == 2
+        path.write_text(text.replace('"temperature_c": 24.0', '"temperature_c": 24.1', 1))
+        with pytest.raises(BaselineError, match="its id does not match"):
+            ambient.load(path, pad)
+
+    def test_other_pads_file_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
+        path, _ = self._stored(world, tmp_path)
+        with pytest.raises(BaselineError, match="belongs to pad 'standard'"):
+            ambient.load(path, replace(pad, name="other"))
+        with pytest.raises(BaselineError, match="another geometry"):
+            ambient.load(path, replace(pad, rest_position_m=np.array([0.0, 0.0, 13e-3])))
+
+
+def _frames(count: int = 200, drift_t: float = 0.0) -> list[Frame]:
+    random = np.random.default_rng(3)
+    frames = []
+    for step in range(count):
+        field = np.full((4, 3), 1e-4) + random.normal(0.0, NOISE_T, (4, 3)) + drift_t * step / count
+        counts = np.rint(field / 1e-4 * 660).astype(np.int16)
+        frames.append(
+            Frame(
+                0,
+                step,
+                step * 4545,
+                step * 4_545_000,
+                3,
+                counts,
+                np.zeros(4, np.uint16),
+                np.ones(4, bool),
+                np.ones(4, bool),
+                25.0,
+            )
+        )
+    return frames
+
+
+def test_recording_measures_mean_and_noise() -> None:
+    recording = summarise(_frames(2000))
+    # 1.5 mG counts on 2 mG noise; the mean of 2000 is known to 0.05 mG.
+    assert recording.mean_t == pytest.approx(np.full((4, 3), 1e-4), abs=5 * NOISE_T / np.sqrt(2000))
+    expected = np.hypot(NOISE_T, 1e-4 / 660 / np.sqrt(12))
+    assert recording.noise_t == pytest.approx(np.full((4, 3), expected), rel=0.1)
+    assert recording.duration_s == pytest.approx(1999 * 4545e-6)
+
+
+def test_moving_field_is_refused_with_the_figure() -> None:
+    with pytest.raises(BaselineError, match=r"the field moves: sensor \d, axis [xyz] wandered by \d+\.\d mG"):
+        summarise(_frames(drift_t=2e-6))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda f: replace(f, valid=np.array([1, 1, 0, 1], bool)), "sensor 3 answered in 0 of 200 frames"),
+        (lambda f: replace(f, counts=np.where(np.eye(4, 3) > 0, -4096, f.counts).astype(np.int16)), "1 is saturated"),
+        (lambda f: replace(f, fresh=np.array([1, 1, 1, 0], bool)), "sensor 4 gave only 0 new samples"),
+        (lambda f: replace(f, gain_code=f.sequence % 2), "range was changed"),
+    ],
+)
+def test_incomplete_recording_is_refused(spoil, message: str) -> None:
+    with pytest.raises(BaselineError, match=message):
+        summarise([spoil(frame) for frame in _frames()])
+
+
+def test_too_few_frames_are_refused() -> None:
+    with pytest.raises(BaselineError, match="only 10 frames arrived"):
+        summarise(_frames(10))

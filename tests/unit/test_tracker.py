@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmfts.pad import Pad
+from fmfts.pose import State, Tracker, dipole_field
+
+NOISE_T = 2e-7
+DEVIATION = np.full((4, 3), NOISE_T)
+
+
+def field_at(pad: Pad, state: State) -> np.ndarray:
+    strength = pad.magnet.strength_t_m3 * np.exp(state.log_moment)
+    return dipole_field(pad.sensors.position_m, state.position_m, state.axis, strength)
+
+
+@pytest.fixture
+def rest(pad: Pad) -> State:
+    return State.at_rest(pad)
+
+
+@pytest.fixture
+def pressed(rest: State) -> State:
+    """About what 1 N beside the centre does."""
+    return rest.stepped(np.array([2e-4, 1e-4, -8e-4, 0.05, 0.02, 0.0, 0, 0, 0]))
+
+
+@pytest.fixture
+def tracker(pad: Pad, rest: State) -> Tracker:
+    return Tracker(pad, rest)
+
+
+def test_healthy_noise_is_never_an_alarm(pad: Pad, tracker: Tracker, pressed: State) -> None:
+    random = np.random.default_rng(1)
+    field = field_at(pad, pressed)
+    # 2000 frames at a gate that passes all but one in a million.
+    for _ in range(2000):
+        track = tracker.update(field + random.normal(0.0, NOISE_T, (4, 3)), DEVIATION)
+        assert track.health == "ok"
+
+
+def test_saturated_axis_is_dropped_and_flagged(pad: Pad, tracker: Tracker, pressed: State) -> None:
+    field = field_at(pad, pressed)
+    field[1, 2] = np.nan
+    track = tracker.update(field, DEVIATION)
+    assert track.health == "degraded"
+    assert "sensor 2" in track.reason
+    assert track.estimate is not None
+    assert track.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
+    assert not track.used[1, 2]
+
+
+@pytest.mark.parametrize("sensor", range(4))
+def test_contradicting_sensor_is_named_and_left_out(pad: Pad, rest: State, pressed: State, sensor: int) -> None:
+    tracker, random = Tracker(pad, rest), np.random.default_rng(sensor)
+    field = field_at(pad, pressed)
+    field[sensor, sensor % 3] += 1e-5  # 100 mG
+    for _ in range(20):
+        track = tracker.update(field + random.normal(0.0, NOISE_T, (4, 3)), DEVIATION)
+        assert track.health == "degraded"
+        assert f"sensor {sensor + 1} contradicts" in track.reason
+        assert track.estimate is not None
+        # Three sensors: 12 µm at worst (see docs); five of those.
+        assert track.estimate.position_m == pytest.approx(pressed.position_m, abs=6e-5)
+
+
+def test_turned_robot_is_disturbed_not_a_contact(pad: Pad, tracker: Tracker, rest: State) -> None:
+    """Half a gauss from nowhere: no sensor is to blame, and no pose explains it."""
+    track = tracker.update(field_at(pad, rest) + np.array([3e-5, -3e-5, 2e-5]), DEVIATION)
+    assert track.health in ("disturbed", "lost")
+    assert "not come from this magnet alone" in track.reason
+
+
+def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: Tracker, pressed: State) -> None:
+    field = field_at(pad, pressed)
+    assert tracker.update(field, DEVIATION).health == "ok"
+    random = np.random.default_rng(2)
+    lost = tracker.update(random.normal(0.0, NOISE_T, (4, 3)), DEVIATION)
+    assert lost.health == "lost"
+    assert lost.estimate is None
+    found = tracker.update(field, DEVIATION)
+    assert found.health == "ok"
+    assert found.estimate is not None
+    assert found.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
+
+
+def test_two_sensors_are_too_few(pad: Pad, tracker: Tracker, pressed: State) -> None:
+    field = field_at(pad, pressed)
+    field[0] = np.nan
+    field[3, 0] = np.nan
+    track = tracker.update(field, DEVIATION)
+    assert track.health == "lost"
+    assert track.estimate is None
+    assert "sensor 1, 4" in track.reason
+
+
+def test_jump_across_the_pad_is_followed_within_one_frame(pad: Pad, tracker: Tracker, rest: State) -> None:
+    far = rest.stepped(np.array([1e-3, -1e-3, -2e-3, 0.5, -0.4, 0.0, 0, 0, 0]))
+    tracker.update(field_at(pad, rest), DEVIATION)
+    track = tracker.update(field_at(pad, far), DEVIATION)
+    assert track.health == "ok"
+    assert track.estimate is not None
+    assert track.estimate.position_m == pytest.approx(far.position_m, abs=1e-6)
