@@ -130,6 +130,11 @@ def _stopped_by_signals() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+def _event_line(message: Message) -> str:
+    event = Event.from_message(message.body)
+    return f"{event.pad}: {event.kind} {event.detail}".rstrip()
+
+
 class _Pictures:
     interval_s = 1.0 / PICTURES_PER_SECOND
 
@@ -141,7 +146,7 @@ class _Pictures:
 
     def message(self, message: Message) -> None:
         if message.kind == "event":
-            self._event = f"{message.pad}: {message.body.get('kind')} {message.body.get('detail')}"
+            self._event = _event_line(message)
 
     def refresh(self) -> None:
         compact = len(self._tallies) > 1
@@ -167,7 +172,7 @@ class _Lines:
 
     def message(self, message: Message) -> None:
         if message.kind == "event":
-            print(f"{message.pad}: {message.body.get('kind')} {message.body.get('detail')}", file=self._out, flush=True)
+            print(_event_line(message), file=self._out, flush=True)
 
     def refresh(self) -> None:
         for pad in sorted(self._tallies):
