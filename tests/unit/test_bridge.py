@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emulator.board import UID, Board
 
+from emulator.board import UID, Board
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
 from fmfts.sensor.bridge import Bridge
 from fmfts.sensor.framing import encode

@@ -1,0 +1,207 @@
+"""HMC5983 chips behind a TCA9548A, register by register, for whatever carries I2C transfers to them.
+
+Pure Python without dependencies, so that an emulated kernel bus and an emulated microcontroller can share it. Time
+is a callable (seconds), so that a test may own it. Behaviour: Honeywell 900425 (registers, LOCK, RDY, self-test,
+gain of the sample after a change) and TI SCPS207 (a channel becomes active after the STOP).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+LSB_PER_GAUSS = (1370, 1090, 820, 660, 440, 390, 330, 230)
+OUTPUT_RATE_HZ = (0.75, 1.5, 3, 7.5, 15, 30, 75, 220)
+STRAP_GAUSS = (1.16, 1.16, 1.08)
+SINGLE_CONVERSION_S = 6e-3
+REGISTERS_AFTER_RESET = {0x00: 0x10, 0x01: 0x20, 0x02: 0x01, 0x0A: 0x48, 0x0B: 0x34, 0x0C: 0x33}
+WRITABLE = (0x00, 0x01, 0x02)
+DATA = range(0x03, 0x09)
+
+
+class NackError(Exception):
+    """Nobody pulled SDA low."""
+
+
+class Hmc5983:
+    """One chip at 0x1E. `clock_error` is relative; `gain` and `strap` multiply what the data sheet calls nominal."""
+
+    address = 0x1E
+
+    def __init__(
+        self,
+        time_s: Callable[[], float],
+        field_gauss: Sequence[float] = (0.0, 0.0, 0.0),
+        clock_error: float = 0.0,
+        phase_s: float = 0.0,
+    ) -> None:
+        self.time_s = time_s
+        self.field_gauss = list(field_gauss)
+        self.clock_error = clock_error
+        self.phase_s = phase_s
+        self.gain = [1.0, 1.0, 1.0]
+        self.strap = 1.0
+        self.temperature_c = 25.0
+        self.absent = False
+        self.frozen = False  # a clock that has stopped
+        self.identification = b"H43"
+        self.power_on()
+
+    def power_on(self) -> None:
+        self.registers = bytearray(0x40)
+        for register, value in REGISTERS_AFTER_RESET.items():
+            self.registers[register] = value
+        self.pointer = 0
+        self.locked = False
+        self.unread = set(DATA)
+        self.ready = False
+        self.gain_in_force = 1
+        self.next_conversion_s: float | None = None
+        self.conversions = 0
+
+    def write(self, data: bytes) -> None:
+        self._run()
+        self.pointer = data[0]
+        for value in data[1:]:
+            if self.pointer in WRITABLE:
+                self.registers[self.pointer] = value
+                self._configured(self.pointer)
+            self._advance_pointer()
+
+    def read(self, count: int) -> bytes:
+        self._run()
+        answer = bytearray()
+        for _ in range(count):
+            answer.append(self._value(self.pointer))
+            self._was_read(self.pointer)
+            self._advance_pointer()
+        return bytes(answer)
+
+    def _value(self, register: int) -> int:
+        if register == 0x09:
+            return self.ready | self.locked << 1
+        if 0x0A <= register <= 0x0C:
+            return self.identification[register - 0x0A]
+        if register in (0x31, 0x32):
+            return round((self.temperature_c - 25.0) * 128).to_bytes(2, "big", signed=True)[register - 0x31]
+        return self.registers[register] if register < len(self.registers) else 0
+
+    def _was_read(self, register: int) -> None:
+        if register == 0x02:
+            self.locked, self.unread = True, set(DATA)
+        if register in DATA:
+            self.ready = False
+            self.unread.discard(register)
+            self.locked = bool(self.unread)
+            self.unread = self.unread or set(DATA)
+
+    def _advance_pointer(self) -> None:
+        self.pointer = {0x08: 0x03, 0x0C: 0x00}.get(self.pointer, self.pointer + 1)
+
+    def _configured(self, register: int) -> None:
+        """A new mode or configuration unlocks the output and begins measuring afresh."""
+        self.locked, self.unread, self.ready = False, set(DATA), False
+        now_s = self.time_s()
+        mode = self.registers[0x02] & 3
+        if mode == 1:
+            if register == 0x02:
+                self.next_conversion_s = now_s + SINGLE_CONVERSION_S
+        elif mode == 0:
+            # "The first measurement set is available after 2/f"; every chip has a phase of its own.
+            self.next_conversion_s = now_s + 2 * self._period_s() + self.phase_s
+        else:
+            self.next_conversion_s = None
+
+    def _period_s(self) -> float:
+        return (1.0 + self.clock_error) / OUTPUT_RATE_HZ[self.registers[0] >> 2 & 7]
+
+    def _run(self) -> None:
+        """Catch up with the clock: all conversions that were due."""
+        while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
+            late_s = self.time_s() - self.next_conversion_s
+            if self.registers[0x02] & 3 == 1:
+                self.registers[0x02] = 0x03  # back to idle
+                self.next_conversion_s, due = None, 1
+            else:
+                due = int(late_s / self._period_s()) + 1
+                self.next_conversion_s += due * self._period_s()
+            self.conversions += due
+            for _ in range(min(due, 2)):  # the first may have an old gain, all after the second are alike
+                if not self.locked:
+                    self._convert()
+
+    def _convert(self) -> None:
+        bias = {1: self.strap, 2: -self.strap}.get(self.registers[0] & 3, 0.0)
+        lsb = LSB_PER_GAUSS[self.gain_in_force]
+        counts = []
+        for field, gain, strap in zip(self.field_gauss, self.gain, STRAP_GAUSS, strict=True):
+            total = round((field + bias * strap) * gain * lsb)
+            # Under a bias the chip itself takes away the field without it.
+            shown = round(bias * strap * gain * lsb) if bias else total
+            counts.append(shown if -2048 <= total <= 2047 else -4096)
+        x, y, z = counts
+        for offset, value in zip((0, 2, 4), (x, z, y), strict=True):
+            self.registers[3 + offset : 5 + offset] = value.to_bytes(2, "big", signed=True)
+        self.ready = True
+        self.gain_in_force = self.registers[0x01] >> 5
+
+
+class Tca9548a:
+    """The switch and what hangs on its channels."""
+
+    def __init__(self, address: int, channels: dict[int, Hmc5983]) -> None:
+        self.address = address
+        self.channels = channels
+        self.control = 0
+        self.pending = 0
+        self.absent = False
+        self.conflicts = 0  # reads that several chips answered at once
+
+    def stop(self) -> None:
+        self.control = self.pending
+
+    def active(self) -> list[Hmc5983]:
+        return [chip for channel, chip in self.channels.items() if self.control >> channel & 1 and not chip.absent]
+
+
+class Bus:
+    """Muxes on one pair of wires. A transfer is a list of (address, bytes to write or number of bytes to read)."""
+
+    def __init__(self, muxes: Sequence[Tca9548a]) -> None:
+        self.muxes = muxes
+        self.transfers = 0
+
+    def transfer(self, messages: Sequence[tuple[int, bytes | int]]) -> list[bytes]:
+        """From START to STOP, repeated starts in between; NackError ends it, with its STOP."""
+        self.transfers += 1
+        try:
+            return [self._message(address, what) for address, what in messages]
+        finally:
+            for mux in self.muxes:
+                mux.stop()
+
+    def _message(self, address: int, what: bytes | int) -> bytes:
+        for mux in self.muxes:
+            if mux.address == address and not mux.absent:
+                if isinstance(what, bytes):
+                    mux.pending = what[-1] if what else mux.pending
+                    return b""
+                return bytes([mux.pending]) * what
+        chips = [chip for mux in self.muxes if not mux.absent for chip in mux.active() if chip.address == address]
+        if not chips:
+            raise NackError(f"0x{address:02x}")
+        if isinstance(what, bytes):
+            for chip in chips:
+                if what:
+                    chip.write(what)
+            return b""
+        answers = [chip.read(what) for chip in chips]
+        if len(answers) > 1:
+            self.muxes[0].conflicts += 1
+        return bytes(_wired_and(column) for column in zip(*answers, strict=True))
+
+
+def _wired_and(values: Sequence[int]) -> int:
+    result = 0xFF
+    for value in values:
+        result &= value
+    return result
