@@ -26,6 +26,7 @@ from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
 from fmfts.simulate.mounted import MountedPad
 
 CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
+SECOND_NS = 1_000_000_000
 ROOM_C = 25.0
 WARMEST_K = 15.0  # a warming board comes to rest somewhere
 
@@ -51,7 +52,7 @@ class Simulated:
             len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, _random(source, "chips")
         )
         self._gain_code = gain_code_for_range(source.range_gauss)
-        self._period_ns = 1_000_000_000 / source.rate_hz
+        self._rate_hz = source.rate_hz
         self._warming_k_per_s = source.warming_k_per_minute / 60.0
         self._magnet_per_k = config.magnet.temperature_coefficient_per_k
         self._has_thermometer = source.chip == "hmc5983"
@@ -73,7 +74,7 @@ class Simulated:
             self._start_ns = now_ns
             self.state.connected, self.state.reason, self.state.since_ns = True, "", now_ns
         frames: list[Frame] = []
-        due = int((now_ns - self._start_ns) // self._period_ns)
+        due = (now_ns - self._start_ns) * self._rate_hz // SECOND_NS
         self._sequence = max(self._sequence, due + 1 - CATCH_UP_FRAMES)
         while self._due_ns(self._sequence) <= now_ns:
             frames.append(self._frame())
@@ -86,7 +87,7 @@ class Simulated:
 
     def request_selftest(self, pad_index: int) -> None:
         """Strap currents both ways at gain code 5, the unbiased field subtracted (data sheet, self-test operation)."""
-        now_s = self._sequence * self._period_ns * 1e-9
+        now_s = self._sequence / self._rate_hz
         warming_k = self._warming_k(now_s)
         strap_t = np.array(STRAP_GAUSS) * TESLA_PER_GAUSS * self._built.gain
         resting_t = self._field(np.full(len(strap_t), now_s), warming_k)
@@ -106,7 +107,7 @@ class Simulated:
 
     def _frame(self) -> Frame:
         assert self._start_ns is not None
-        now_s = self._sequence * self._period_ns * 1e-9
+        now_s = self._sequence / self._rate_hz
         warming_k = self._warming_k(now_s)
         conversion = self._chips.newest_conversion(now_s)
         sampled_s = self._chips.time_of(conversion)
@@ -147,7 +148,7 @@ class Simulated:
 
     def _due_ns(self, sequence: int) -> int:
         # Rounded up, so that a caller who wakes at the deadline finds the frame due.
-        return (self._start_ns or 0) + int(-(-sequence * self._period_ns // 1))
+        return (self._start_ns or 0) - (-sequence * SECOND_NS // self._rate_hz)
 
 
 def _random(source: SimulatedSource, what: str) -> np.random.Generator:

@@ -46,8 +46,7 @@ class ChipArray:
 
     def newest_conversion(self, time_s: float) -> NDArray[np.int64]:
         """(N,) number of each chip's newest conversion at `time_s`."""
-        # A thousandth of a period of grace: a reading on the very tick belongs to that tick whatever the rounding.
-        return np.floor((time_s - self._first_s) / self._period_s + 1e-3).astype(np.int64)
+        return np.floor((time_s - self._first_s) / self._period_s).astype(np.int64)
 
     def time_of(self, conversion: NDArray[np.int64]) -> Array:
         """(N,) seconds."""
