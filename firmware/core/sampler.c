@@ -242,7 +242,7 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
             continue;
         frame->valid |= (uint8_t)(1 << i);
         frame->fresh |= (uint8_t)(sensor->fresh << i);
-        newest_us = sensor->converted_us > newest_us ? sensor->converted_us : newest_us;
+        newest_us = sensor->conversion.ended_us > newest_us ? sensor->conversion.ended_us : newest_us;
         for (int axis = 0; axis < 3; axis++)
             frame->counts[i][axis] = sensor->counts[axis];
         if (sensor->temperature_raw != WIRE_TEMPERATURE_UNKNOWN) {
@@ -258,7 +258,7 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
     pad->last_time_us = frame->time_us;
     frame->temperature_raw = (int16_t)(thermometers ? temperature / thermometers : WIRE_TEMPERATURE_UNKNOWN);
     for (int i = 0; i < pad->wiring.sensor_count; i++) {
-        uint64_t age_us = frame->time_us - pad->sensors[i].converted_us;
+        uint64_t age_us = frame->time_us - pad->sensors[i].conversion.ended_us;
         if ((frame->valid >> i & 1) && age_us < WIRE_AGE_UNKNOWN)
             frame->age_us[i] = (uint16_t)age_us;
     }

@@ -5,7 +5,7 @@
 enum {
     STRIKES_MAX = 3,
     MISSED_MAX = 3,
-    UNCHANGED_MAX = 400,
+    UNCHANGED_MAX = 20,
     BACKOFF_FIRST_US = 50000,
     BACKOFF_DOUBLINGS = 4,
     STRIKE_PAUSE_US = 1000,
@@ -14,8 +14,7 @@ enum {
     STALE_US = 4 * CONVERSION_PERIOD_US,
     LATE_CONVERSION_US = 3000, // beyond SINGLE_WAIT_US
     CHORE_INTERVAL_US = 125000,
-    PERIOD_TOLERANCE_US = CONVERSION_PERIOD_US / 20, // ±5 %, beyond the ±3 % of the chips
-    SHARP_WINDOW_US = 500,
+    READY_SURVIVES = 3, // probes in a row
 };
 
 static const uint64_t NEVER = UINT64_MAX;
@@ -26,7 +25,7 @@ void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us
         .state = SENSOR_NOT_STARTED,
         .temperature_raw = WIRE_TEMPERATURE_UNKNOWN,
         .temperature_next = true,
-        .period_us = CONVERSION_PERIOD_US,
+        .conversion.period_us = CONVERSION_PERIOD_US,
         .due_us = now_us,
         .chore_us = first_chore_us,
     };
@@ -66,7 +65,7 @@ void sensor_await(struct sensor *sensor, uint64_t triggered_us)
 {
     sensor->awaiting = true;
     sensor->fresh = false;
-    sensor->converted_us = triggered_us + SINGLE_CONVERSION_US;
+    sensor->conversion.ended_us = triggered_us + SINGLE_CONVERSION_US;
     sensor->due_us = triggered_us + SINGLE_WAIT_US;
 }
 
@@ -79,7 +78,7 @@ bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t
 {
     if (sensor->state != SENSOR_OK || !sensor->has_sample)
         return false;
-    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->converted_us + STALE_US;
+    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->conversion.ended_us + STALE_US;
 }
 
 static struct hmc5983_config config_of(const struct sensor_link *link)
@@ -96,7 +95,7 @@ static void schedule_next(struct sensor *sensor, const struct sensor_link *link,
     if (sensor->phase == PHASE_CHORE)
         sensor->due_us = now_us;
     else if (link->trigger == TRIGGER_FREE)
-        sensor->due_us = sensor->converted_us + sensor->period_us - sensor->period_us / 16U;
+        sensor->due_us = conversion_next_poll_us(&sensor->conversion);
     else if (sensor->awaiting)
         sensor->due_us = now_us;
     else
@@ -135,8 +134,8 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     sensor->phase = PHASE_RUN;
     sensor->has_sample = sensor->fresh = sensor->awaiting = false;
     sensor->discard_next = true;
-    sensor->unchanged = 0;
-    sensor->converted_us = sensor->not_ready_us = now_us;
+    sensor->unchanged = sensor->ready_survives = 0;
+    conversion_restart(&sensor->conversion, now_us);
     // Two periods until the first measurement (data sheet, mode register), and that one still has the old gain.
     sensor->settled_us = now_us + CONVERSION_PERIOD_US * 5 / 2;
     schedule_next(sensor, link, now_us);
@@ -146,14 +145,14 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
 static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
 {
     if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + SILENCE_US)
-        sensor->converted_us = now_us; // nobody looked for so long: that is not the sensor's silence
-    sensor->not_ready_us = now_us;
+        sensor->conversion.ended_us = now_us; // nobody looked for so long: that is not the sensor's silence
+    sensor->conversion.not_ready_us = now_us;
     sensor->unchanged = 0;
     sensor->due_us = now_us + POLL_PAUSE_US;
     if (link->trigger == TRIGGER_FREE) {
-        if (now_us > sensor->converted_us + SILENCE_US)
+        if (now_us > sensor->conversion.ended_us + SILENCE_US)
             sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
-    } else if (now_us > sensor->converted_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
+    } else if (now_us > sensor->conversion.ended_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
         sensor->awaiting = false;
         schedule_next(sensor, link, now_us);
         if (++sensor->missed >= MISSED_MAX)
@@ -161,45 +160,18 @@ static void not_ready(struct sensor *sensor, const struct sensor_link *link, uin
     }
 }
 
-// The conversion ended after READY was last seen clear and before it was seen set; between these bounds the chip's own
-// period says when. So a chip's phase is known better than the interval between two polls.
-static void note_conversion(struct sensor *sensor, uint64_t seen_us)
-{
-    uint64_t earliest = sensor->not_ready_us > sensor->converted_us ? sensor->not_ready_us : sensor->converted_us;
-    uint64_t elapsed = seen_us - sensor->converted_us;
-    uint64_t periods = (elapsed + sensor->period_us / 2U) / sensor->period_us;
-    uint64_t predicted = sensor->converted_us + (periods ? periods : 1) * sensor->period_us;
-    uint64_t estimate = predicted < earliest ? earliest : predicted > seen_us ? seen_us : predicted;
-    if (periods == 1 && seen_us - earliest < SHARP_WINDOW_US) {
-        int period = sensor->period_us + (int)((int64_t)(estimate - predicted) / 4);
-        int low = CONVERSION_PERIOD_US - PERIOD_TOLERANCE_US, high = CONVERSION_PERIOD_US + PERIOD_TOLERANCE_US;
-        sensor->period_us = (uint16_t)(period < low ? low : period > high ? high : period);
-    }
-    sensor->converted_us = estimate;
-}
-
-// The data sheet is not clear whether a read clears READY in continuous mode, or only the next conversion does. So equal
-// bytes that come too early are the old sample again, and a chip whose bytes never change while READY stays set is dead.
+// The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On chips
+// of the second kind (`probe_ready` finds out) READY says little, and equal bytes are the old sample again.
 static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen_us)
 {
-    if (memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
+    if (sensor->ready_survives < READY_SURVIVES || memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
         sensor->unchanged = 0;
         return true;
     }
-    if (seen_us < sensor->converted_us + sensor->period_us * 3U / 4U)
+    if (seen_us < sensor->conversion.ended_us + sensor->conversion.period_us * 17U / 16U)
         return false;
-    sensor->unchanged++;
+    sensor->unchanged++; // two equal samples do happen; many, with READY never clear, are a dead clock
     return true;
-}
-
-static enum bus_result unchanged_for_long(struct sensor *sensor, const struct sensor_link *link)
-{
-    uint8_t status = 0;
-    enum bus_result result = hmc5983_read_status(link->bus, &status);
-    if (result == BUS_OK && (status & HMC5983_READY))
-        sensor_fail(sensor, SENSOR_NO_NEW_DATA, clock_now(link->clock));
-    sensor->unchanged = 0;
-    return result;
 }
 
 static void accept(struct sensor *sensor, const struct sensor_link *link, const int16_t counts[3])
@@ -208,7 +180,7 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     memcpy(sensor->counts, counts, sizeof sensor->counts);
     sensor->awaiting = false;
     sensor->missed = 0;
-    if (!sensor->discard_next && sensor->converted_us >= sensor->settled_us) {
+    if (!sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us) {
         sensor->has_sample = sensor->fresh = true;
         sensor->state = SENSOR_OK;
         sensor->failures = 0;
@@ -219,6 +191,18 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
         sensor->phase = PHASE_CHORE;
     }
     schedule_next(sensor, link, now_us);
+}
+
+// What is set right after the data were read survives reading. Several times in a row: once may be a new conversion.
+static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    if (!(status & HMC5983_READY))
+        sensor->ready_survives = 0;
+    else if (sensor->ready_survives < READY_SURVIVES)
+        sensor->ready_survives++;
+    return result;
 }
 
 static enum bus_result poll(struct sensor *sensor, const struct sensor_link *link)
@@ -242,16 +226,18 @@ static enum bus_result poll(struct sensor *sensor, const struct sensor_link *lin
             sensor->due_us = seen_us + POLL_PAUSE_US;
             return BUS_OK;
         }
-        note_conversion(sensor, seen_us);
+        conversion_seen(&sensor->conversion, seen_us);
     }
     accept(sensor, link, counts);
-    return sensor->unchanged < UNCHANGED_MAX ? BUS_OK : unchanged_for_long(sensor, link);
+    if (sensor->unchanged >= UNCHANGED_MAX)
+        sensor_fail(sensor, SENSOR_NO_NEW_DATA, seen_us);
+    return sensor->phase == PHASE_CHORE ? probe_ready(sensor, link) : BUS_OK;
 }
 
 static enum bus_result do_chore(struct sensor *sensor, const struct sensor_link *link)
 {
-    enum bus_result result;
     bool held = true;
+    enum bus_result result;
     if (sensor->temperature_next) {
         result = hmc5983_read_temperature(link->bus, &sensor->temperature_raw);
     } else {

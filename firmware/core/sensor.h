@@ -6,11 +6,11 @@
 #include <stdint.h>
 
 #include "bus.h"
+#include "conversion.h"
 #include "hmc5983.h"
 #include "wire.h"
 
 enum {
-    CONVERSION_PERIOD_US = 4545, // rate code 7: 220 Hz
     SINGLE_CONVERSION_US = 6000, // data sheet: one measurement, average of one
     SINGLE_WAIT_US = 6250,       // the same by the slowest chip (clock tolerance 3 %), rounded up
 };
@@ -21,9 +21,11 @@ struct sensor {
     uint8_t state; // enum sensor_state
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
-    uint8_t strikes;  // transfers without an answer, in a row
-    uint8_t failures; // times given up since the last good sample; sets the back-off
-    uint8_t missed;   // triggers without a conversion, in a row
+    uint8_t strikes;        // transfers without an answer, in a row
+    uint8_t failures;       // times given up since the last good sample; sets the back-off
+    uint8_t missed;         // triggers without a conversion, in a row
+    uint8_t ready_survives; // probes in a row that found READY set although the data had been read
+    uint8_t unchanged;      // samples in a row with equal bytes while READY never cleared
     bool has_sample;
     bool fresh;            // not delivered yet
     bool discard_next;     // it was converted with the old gain
@@ -31,11 +33,8 @@ struct sensor {
     bool temperature_next; // chores alternate
     int16_t counts[3];
     int16_t temperature_raw;
-    uint16_t unchanged;    // conversions in a row with equal bytes while READY never cleared
-    uint16_t period_us;    // of this chip's clock, learned
-    uint64_t due_us;       // when it wants the bus next
-    uint64_t converted_us; // end of the last conversion, estimated
-    uint64_t not_ready_us; // last time that READY was seen clear
+    struct conversion conversion;
+    uint64_t due_us; // when it wants the bus next
     uint64_t settled_us;
     uint64_t chore_us;
 };

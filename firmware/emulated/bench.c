@@ -91,7 +91,8 @@ uint8_t bench_get(struct emulated_bus *bus)
     uint8_t byte = 0xFF;
     bench_pass_time(bus->bench, BYTE_NS);
     if (bus->address == HMC5983_ADDRESS) {
-        visit_chips(bus, visit_get, &byte);
+        if (visit_chips(bus, visit_get, &byte) > 1)
+            bus->bench->contentions++;
         return byte;
     }
     struct emulated_switch *sw = find_switch(bus, bus->address);

@@ -14,8 +14,8 @@ enum { BENCH_BUSES = 2, BENCH_SWITCHES = 4, SWITCH_CHANNELS = 8 };
 struct emulated_switch {
     uint8_t address;
     bool present;
-    uint8_t channels;  // connected now
-    uint8_t control;   // written, takes effect at the STOP
+    uint8_t channels; // connected now
+    uint8_t control;  // written, takes effect at the STOP
     struct emulated_chip *chips[SWITCH_CHANNELS];
 };
 
@@ -39,6 +39,7 @@ struct bench {
     uint32_t counter_at_reset;
     struct emulated_bus lines[BENCH_BUSES];
     struct bus buses[BENCH_BUSES]; // what the core is given
+    unsigned contentions;          // bytes that more than one chip sent at once
 };
 
 void bench_init(struct bench *bench);

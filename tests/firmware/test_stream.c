@@ -1,0 +1,304 @@
+// What a host sees of a healthy board.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "harness.h"
+#include "rig.h"
+
+static void check_counts_match_field(const struct sample_view *view)
+{
+    for (int i = 0; i < view->sensor_count; i++) {
+        for (int axis = 0; axis < 3 && (view->valid >> i & 1); axis++) {
+            double field_ut = 10.0 * (axis + 1) + i + 4 * view->pad_index;
+            CHECK_EQUAL(view->counts[i][axis], lround(field_ut / 100 * hmc5983_lsb_per_gauss[view->gain_code]));
+        }
+    }
+}
+
+TEST(hello_and_status_come_before_the_first_sample)
+{
+    rig_begin(3);
+    rig_run_ms(300);
+    CHECK_EQUAL(rig.packets[0].bytes[0], 0x10 | WIRE_HELLO);
+    CHECK_EQUAL(rig.packets[1].bytes[0], 0x10 | WIRE_STATUS);
+    CHECK_EQUAL(rig.packets[2].bytes[0], 0x10 | WIRE_SAMPLE);
+    const uint8_t *hello = rig_next(WIRE_HELLO);
+    CHECK_EQUAL(hello[4], RESET_POWER_ON);
+    CHECK_EQUAL(hello[6], 1);
+    CHECK_EQUAL(hello[17], 12);
+    CHECK_EQUAL(hello[18], 220);
+    CHECK_EQUAL(hello[20], 0x13);
+    CHECK_EQUAL(hello[21], 3);
+    CHECK(memcmp(hello + 22, "\x01\x70\x04\x00\x00H43", 8) == 0);
+    CHECK(memcmp(hello + 22 + 46, "\x02\x70\x04\x00\x00H43", 8) == 0);
+}
+
+TEST(every_pad_streams_220_frames_a_second_without_gaps)
+{
+    rig_begin(3);
+    rig_run_ms(500);
+    rig_forget();
+    rig_run_ms(10000);
+    uint32_t next[3] = {0};
+    int frames[3] = {0};
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {
+        struct sample_view view = rig_sample(packet);
+        CHECK(frames[view.pad_index] == 0 || view.sequence == next[view.pad_index]);
+        CHECK_EQUAL(view.valid, 15);
+        check_counts_match_field(&view);
+        next[view.pad_index] = view.sequence + 1;
+        frames[view.pad_index]++;
+    }
+    for (int pad = 0; pad < 3; pad++)
+        CHECK_BETWEEN(frames[pad], 2199, 2201);
+}
+
+TEST(rate_is_exact_although_no_whole_number_of_microseconds)
+{
+    static const uint16_t rates[] = {1, 7, 100, 219};
+    rig_begin(1);
+    rig_run_ms(300);
+    for (int i = 0; i < 4; i++) {
+        CHECK_EQUAL(rig_ask(WIRE_REQUEST_RATE, (uint8_t)i, 255, rates[i]), RESULT_DONE);
+        rig_forget();
+        rig_run_ms(20000);
+        CHECK_BETWEEN(rig_count(WIRE_SAMPLE), rates[i] * 20 - 1, rates[i] * 20 + 1);
+    }
+}
+
+// How far the time of each new sample is from the chip's true conversions, in µs; the age is the host's only clue.
+static double worst_and_mean_age_error(double *mean)
+{
+    double worst = 0, sum = 0;
+    int samples = 0;
+    rig_run_ms(1000);
+    for (int trial = 0; trial < 500; trial++) {
+        rig_forget();
+        rig_run_ms(5);
+        const uint8_t *packet = rig_find(WIRE_SAMPLE);
+        for (int i = 0; packet && i < 4; i++) {
+            struct sample_view view = rig_sample(packet);
+            const struct emulated_chip *chip = &rig.emulation.chips[view.pad_index][i];
+            double period_us = 1e6 / 220 / (1 + chip->ppm * 1e-6);
+            double behind_us = (double)chip->last_conversion_ns / 1e3 - (double)(view.time_us - view.age_us[i]);
+            double error_us = fabs(behind_us - period_us * round(behind_us / period_us));
+            if (!(view.fresh >> i & 1))
+                continue;
+            worst = error_us > worst ? error_us : worst;
+            sum += error_us;
+            samples++;
+        }
+    }
+    CHECK(samples > 1500);
+    *mean = sum / samples;
+    return worst;
+}
+
+TEST(sample_times_are_those_of_the_chips_own_conversions)
+{
+    double mean;
+    rig_begin(1);
+    double worst = worst_and_mean_age_error(&mean);
+    // A poll is 0.15 ms; at worst three other sensors take a turn of 0.36 ms in between. Knowing nothing is 1.1 ms on average.
+    CHECK_BETWEEN(mean, 0, 120);
+    CHECK_BETWEEN(worst, 0, 1500);
+}
+
+TEST(ready_that_survives_a_read_makes_neither_duplicates_nor_wrong_times)
+{
+    double mean;
+    rig_begin(1);
+    for (int i = 0; i < 4; i++) {
+        rig.emulation.chips[0][i].ready_survives_reading = true;
+        rig.emulation.chips[0][i].noise_ut = 0.2;
+    }
+    worst_and_mean_age_error(&mean);
+    CHECK_BETWEEN(mean, 0, 500);
+    uint64_t before = rig.emulation.chips[0][0].conversions;
+    int fresh = 0;
+    rig_forget();
+    rig_run_ms(5000);
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;)
+        fresh += rig_sample(packet).fresh & 1;
+    CHECK_BETWEEN(fresh, 0.95 * 5 * 220, (double)(rig.emulation.chips[0][0].conversions - before) + 1);
+}
+
+TEST(fresh_bit_says_that_a_sample_was_not_delivered_before)
+{
+    rig_begin(1);
+    rig.emulation.chips[0][2].ppm = -30000; // 213.4 Hz: some frames have nothing new of it
+    rig_run_ms(500);
+    rig_forget();
+    rig_run_ms(10000);
+    int fresh = 0, frames = 0;
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL; frames++)
+        fresh += rig_sample(packet).fresh >> 2 & 1;
+    CHECK_BETWEEN(fresh, 2134 - 45, 2134 + 3);
+    CHECK(frames > fresh + 50);
+}
+
+TEST(no_sample_of_an_old_gain_is_ever_valid)
+{
+    rig_begin(1);
+    rig_run_ms(300.3);
+    for (int change = 0; change < 60; change++) {
+        uint16_t gain_code = (uint16_t)((change * 5 + 1) % 8);
+        rig_forget();
+        CHECK_EQUAL(rig_ask(WIRE_REQUEST_RANGE, 1, 255, gain_code), RESULT_DONE);
+        rig_run_ms(40 + 0.37 * change);
+        struct sample_view view = {.valid = 0};
+        for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {
+            view = rig_sample(packet);
+            CHECK_EQUAL(view.gain_code, gain_code);
+            check_counts_match_field(&view);
+        }
+        CHECK_EQUAL(view.valid, 15);
+    }
+}
+
+TEST(simultaneous_samples_are_of_one_trigger)
+{
+    rig_begin(2);
+    rig_run_ms(300);
+    CHECK_EQUAL(rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, 1), RESULT_DONE);
+    CHECK_EQUAL(rig_ask(WIRE_REQUEST_RATE, 2, 255, 100), RESULT_DONE);
+    rig_run_ms(100);
+    rig_forget();
+    rig_run_ms(5000);
+    int frames = 0;
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL; frames++) {
+        struct sample_view view = rig_sample(packet);
+        CHECK_EQUAL(view.trigger, 1);
+        CHECK_EQUAL(view.valid, 15);
+        CHECK_EQUAL(view.fresh, 15);
+        check_counts_match_field(&view);
+        for (int i = 0; i < 4; i++)
+            CHECK_EQUAL(view.age_us[i], 0);
+    }
+    CHECK_BETWEEN(frames, 998, 1002);
+    // 6 ms conversions by clocks up to ±1.4 % apart.
+    for (int i = 1; i < 4; i++)
+        CHECK_BETWEEN(fabs((double)rig.emulation.chips[0][i].last_conversion_ns -
+                           (double)rig.emulation.chips[0][0].last_conversion_ns), 0, 200e3);
+}
+
+TEST(simultaneous_reaches_the_limit_that_it_promises)
+{
+    static const struct {
+        uint8_t pads;
+        uint16_t rate_hz;
+    } limits[] = {{1, 129}, {2, 109}, {3, 109}}; // the third pad is on the other port
+    for (int i = 0; i < 3; i++) {
+        rig_begin(limits[i].pads);
+        rig_run_ms(300);
+        CHECK_EQUAL(rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, 1), RESULT_DONE); // from 220 Hz: lowered to the limit
+        CHECK_EQUAL(rig_ask(WIRE_REQUEST_RATE, 2, 255, (uint16_t)(limits[i].rate_hz + 1)), RESULT_OUT_OF_RANGE);
+        rig_run_ms(100);
+        rig_forget();
+        CHECK_EQUAL(rig_ask(WIRE_REQUEST_HELLO, 3, 255, 0), RESULT_DONE);
+        CHECK_EQUAL(rig_next(WIRE_HELLO)[18], limits[i].rate_hz);
+        rig_run_ms(5000);
+        // Emulation does one bus after the other, a little slower than two ports would.
+        CHECK_BETWEEN(rig_count(WIRE_SAMPLE), 0.97 * 5 * limits[i].rate_hz * limits[i].pads,
+                      1.001 * 5 * limits[i].rate_hz * limits[i].pads + 3);
+    }
+}
+
+TEST(temperature_is_the_mean_of_the_valid_sensors)
+{
+    rig_begin(1);
+    for (int i = 0; i < 4; i++)
+        rig.emulation.chips[0][i].temperature_c = 20.0 + i;
+    rig_run_ms(1000);
+    rig_forget();
+    rig_run_ms(20);
+    CHECK_EQUAL(rig_sample(rig_next(WIRE_SAMPLE)).temperature_raw, -448); // 21.5 °C
+}
+
+TEST(time_runs_on_over_several_wraps_of_the_32_bit_counter)
+{
+    rig_begin(1);
+    rig_run_ms(300);
+    uint64_t expected_us = rig.emulation.bench.now_ns / 1000;
+    for (int wrap = 0; wrap < 12; wrap++) {
+        emulation_jump(&rig.emulation, 3000000000U);
+        rig_forget();
+        rig_run_ms(100);
+        expected_us = rig.emulation.bench.now_ns / 1000;
+        struct sample_view last = {.time_us = 0};
+        for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {
+            struct sample_view view = rig_sample(packet);
+            CHECK(last.time_us == 0 || (view.time_us >= last.time_us && view.sequence == last.sequence + 1));
+            last = view;
+        }
+        CHECK_EQUAL(last.valid, 15);
+        CHECK_BETWEEN(last.time_us, (double)expected_us - 12000, (double)expected_us);
+        CHECK_EQUAL(rig_state(0, 0), SENSOR_OK);
+    }
+    CHECK(expected_us > 8 * (UINT64_C(1) << 32));
+}
+
+TEST(counter_that_wraps_during_the_stream_leaves_no_mark)
+{
+    rig_begin(1);
+    rig.emulation.bench.counter_at_reset = UINT32_MAX - 1000000;
+    device_init(&rig.emulation.device, &rig.emulation.board);
+    rig_run_ms(3000);
+    uint64_t last_us = 0;
+    int frames = 0;
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL; frames++) {
+        struct sample_view view = rig_sample(packet);
+        CHECK(frames < 4 || (view.time_us - last_us < 10000 && view.valid == 15));
+        last_us = view.time_us;
+    }
+    CHECK(last_us > UINT32_MAX);
+    CHECK(frames > 600);
+}
+
+TEST(packets_are_dropped_whole_and_counted_when_the_line_is_full)
+{
+    rig_begin(1);
+    rig_run_ms(500);
+    struct sample_view before = {.sequence = 0};
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;)
+        before = rig_sample(packet);
+    rig.line_full = true;
+    rig_run_ms(100);
+    rig.line_full = false;
+    rig_run_ms(50);
+    struct sample_view after = rig_sample(rig_next(WIRE_SAMPLE));
+    CHECK_EQUAL(after.sequence - before.sequence, 23);
+    rig_run_ms(1000);
+    CHECK_EQUAL(rig.emulation.device.transmit_dropped, 22);
+}
+
+TEST(three_pads_on_one_bus_keep_220_frames_a_second)
+{
+    rig_begin(3);
+    struct emulation *e = &rig.emulation;
+    struct emulated_switch *third = bench_add_switch(&e->bench, 0, 0x72);
+    for (int i = 0; i < 4; i++)
+        third->chips[i] = &e->chips[2][i];
+    e->wiring[2].bus = 0;
+    e->wiring[2].mux_address = 0x72;
+    device_init(&e->device, &e->board);
+    rig_run_ms(500);
+    rig_forget();
+    rig_run_ms(5000);
+    int fresh = 0, frames = 0;
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL; frames++) {
+        struct sample_view view = rig_sample(packet);
+        CHECK_EQUAL(view.valid, 15);
+        check_counts_match_field(&view);
+        for (int i = 0; i < 4; i++)
+            fresh += view.fresh >> i & 1;
+    }
+    CHECK_BETWEEN(frames, 3297, 3303);
+    CHECK_BETWEEN(fresh / (4.0 * frames), 0.9, 1); // the bus is 95 % busy: a few conversions come a frame late
+}
+
+TEST(core_for_three_pads_fits_in_two_kibibytes)
+{
+    CHECK_BETWEEN(sizeof(struct device), 0, 2048);
+}
