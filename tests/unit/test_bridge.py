@@ -90,6 +90,8 @@ def test_the_board_is_given_the_configs_settings_and_started(board: Board) -> No
     run(bridge, board, until=lambda: board.running)
     run(bridge, board, until=lambda: bridge._link.due_ns is None)
     assert (board.gain_code, board.rate_hz, board.trigger) == (4, 100, 1)
+    shown = bridge.state.board
+    assert (shown["range_gauss"], shown["rate_hz"], shown["trigger"]) == (4.0, 100, "simultaneous")
     order = [Verb(request.verb) for request in board.requests]
     assert order.index(Verb.RATE) < order.index(Verb.TRIGGER)  # 220 Hz are not possible when simultaneous
     assert order[-1] is Verb.START

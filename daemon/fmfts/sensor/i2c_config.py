@@ -15,7 +15,6 @@ from fmfts.sensor.source import SourceError
 # Select (START, address, control byte, STOP), then status and six data bytes in one transfer with repeated starts.
 BITS_PER_SENSOR = 20 + 126
 BITS_PER_FRAME = 20  # the mux's control byte read back
-COMFORTABLE_LOAD = 0.8
 
 
 class PadWiring(Struct, frozen=True):
@@ -50,11 +49,6 @@ class ReaderConfig(Struct, frozen=True):
         """What bus and trigger allow: simultaneous conversions have to end before they can be read."""
         waiting_s = hmc5983.SINGLE_CONVERSION_S if self.trigger else 0.0
         return min(220, int(1.0 / (self.cycle_s + waiting_s)))
-
-    @property
-    def polls_per_frame(self) -> int:
-        """Looking twice a frame halves the doubt about when a free-running chip converted, where there is room."""
-        return 2 if not self.trigger and 2 * self.cycle_s * self.rate_hz <= COMFORTABLE_LOAD else 1
 
 
 def reader_config(pads: Mapping[int, PadConfig]) -> ReaderConfig:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from msgspec.structs import replace
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig
 from fmfts.sensor import faults, hmc5983
@@ -33,6 +34,7 @@ from fmfts.sensor.source import SourceError, SourceState
 REPEAT_NS = 250_000_000
 DEAF_AFTER = 8  # sendings of one request
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
+_SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}  # what of hello a request changes
 _BITS_OF_MASK = (np.arange(256)[:, None] >> np.arange(8) & 1).astype(bool)
 _BITS_OF_MASK.setflags(write=False)
 
@@ -261,6 +263,9 @@ class Link:
         self._state.warnings.pop("requests", None)
         subject = f"request {Verb(request.verb).name.lower()}"
         refused = reply.result != Result.DONE
+        if not refused and request.verb in _SETTING and self.hello is not None:
+            self.hello = replace(self.hello, **{_SETTING[Verb(request.verb)]: request.argument})
+            self._state.board.update(faults.identity(self.hello))
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))

@@ -1,0 +1,71 @@
+"""The magnetometer's bytes, against the data sheet's own numbers and the mistakes of published drivers."""
+
+from __future__ import annotations
+
+import pytest
+
+from fmfts.sensor import hmc5983
+
+GOOD_UP, GOOD_DOWN = (452, 452, 421), (-452, -452, -421)
+
+
+def test_configuration_a_asks_for_the_slowest_rate_that_suffices() -> None:
+    assert hmc5983.config_a("hmc5983", 220) == 0x9C  # compensation, code 7
+    assert hmc5983.config_a("hmc5983", 76) == 0x9C
+    assert hmc5983.config_a("hmc5983", 75) == 0x98
+    assert hmc5983.config_a("hmc5883l", 75) == 0x18  # the predecessor has no compensation bit
+    assert hmc5983.config_a("hmc5983", 15, hmc5983.BIAS_POSITIVE, hmc5983.AVERAGE_8) == 0xF1
+    assert hmc5983.config_a("hmc5883l", 15, hmc5983.BIAS_NEGATIVE, hmc5983.AVERAGE_8) == 0x72
+    with pytest.raises(ValueError, match="hmc5883l delivers at most 75 Hz"):
+        hmc5983.config_a("hmc5883l", 76)
+
+
+def test_configuration_b_is_the_gain_code_in_the_upper_bits() -> None:
+    assert [hmc5983.config_b(code) for code in range(8)] == [0x00, 0x20, 0x40, 0x60, 0x80, 0xA0, 0xC0, 0xE0]
+
+
+def test_data_registers_are_big_endian_and_in_the_order_x_z_y() -> None:
+    assert hmc5983.axes_from_registers(bytes.fromhex("0102fffef000")) == (0x0102, hmc5983.OVERFLOW_COUNT, -2)
+
+
+def test_all_three_identification_bytes_count() -> None:
+    assert hmc5983.why_not_identity(b"H43") is None
+    for wrong in (b"H44", b"H53", b"I43", b"\0\0\0", b"\xff\xff\xff"):
+        assert wrong.hex(" ") in str(hmc5983.why_not_identity(wrong))
+
+
+def test_selftest_limits_are_the_data_sheets_and_scale_with_the_gain() -> None:
+    assert hmc5983.selftest_limits(5) == (243, 575)
+    assert hmc5983.selftest_limits(0) == (854, 2020)  # 1370/390 of them
+
+
+@pytest.mark.parametrize("edge", [243, 575])
+def test_a_count_at_a_limit_passes_and_one_beyond_fails(edge: int) -> None:
+    assert hmc5983.selftest_failures(5, (edge,) * 3, (-edge,) * 3) == []
+    beyond = edge + (1 if edge == 575 else -1)
+    assert len(hmc5983.selftest_failures(5, (edge, beyond, edge), (-edge,) * 3)) == 1
+    assert len(hmc5983.selftest_failures(5, (edge,) * 3, (-edge, -edge, -beyond))) == 1
+    assert len(hmc5983.selftest_failures(5, (-edge,) * 3, (edge,) * 3)) == 3
+
+
+def test_selftest_facts_give_each_axis_its_gain() -> None:
+    facts = hmc5983.selftest_facts(5, [(475, 430, 421)], [(-475, -430, -421)])
+    (sensor,) = facts["sensors"]
+    assert facts["passed"]
+    assert sensor["gain_factor"] == pytest.approx([475 / 452.4, 430 / 452.4, 421 / 421.2])
+
+
+def test_selftest_facts_name_what_failed_and_give_no_gain_for_it() -> None:
+    facts = hmc5983.selftest_facts(
+        5,
+        [GOOD_UP, (-4096, 100, 421), (0, 0, 0)],
+        [GOOD_DOWN, (-452, -100, -421), (0, 0, 0)],
+        [None, None, "no answer"],
+    )
+    good, bad, absent = facts["sensors"]
+    assert (facts["passed"], good["passed"], bad["passed"], absent["passed"]) == (False, True, False, False)
+    assert [text.split(":")[0] for text in bad["failures"]] == ["x", "y"]
+    assert bad["gain_factor"][:2] == [None, None]
+    assert bad["gain_factor"][2] == pytest.approx(1.0, abs=1e-3)
+    assert absent["failures"] == ["no answer"]
+    assert absent["gain_factor"] == [None, None, None]
