@@ -13,6 +13,8 @@ from fmfts.statistics import PadStatistics
 
 # Without a frame for this long a pad is silent: at the slowest usual rate (10 Hz) one frame may be missing.
 SILENT_NS = 150_000_000
+# A frame this old is not worth solving: newer ones wait behind it.
+OVERDUE_NS = 100_000_000
 
 
 class Channel:
@@ -34,6 +36,8 @@ class Channel:
         self._last_frame_ns: int | None = None
         self._last: ContactMessage | None = None
         self._health_since_ns = self._started_ns
+        self._touched = False
+        self._touched_since_ns = self._started_ns
 
     @property
     def health(self) -> Health:
@@ -50,13 +54,16 @@ class Channel:
         """One frame in: a contact, and whatever changed, out."""
         self._last_frame_ns = time.monotonic_ns()
         self._statistics.frame(frame)
-        message = self.pipeline.process(frame)
-        self._publish(message)
-        self._statistics.published(message.t_sample_ns, message.t_publish_ns)
         if self.job is not None:
             self.job.take(frame)
         if self._publisher.frames_wanted(self.name):
             self._publisher.send_frame(self.name, self._frame_message(frame))
+        if self._last_frame_ns - frame.host_time_ns > OVERDUE_NS:
+            self._statistics.dropped += 1
+            return
+        message = self.pipeline.process(frame)
+        self._publish(message)
+        self._statistics.published(message.t_sample_ns, message.t_publish_ns)
 
     def tick(self, now_ns: int) -> None:
         """Called twenty times a second: while the source is silent, its health is said anyway."""
@@ -116,11 +123,19 @@ class Channel:
         if before is None or before.health != message.health:
             self._health_since_ns = message.t_publish_ns
             self.event("health", f"{message.health}: {message.reason}" if message.reason else message.health)
-        was = before is not None and before.contact is True
-        if (message.contact is True) != was:
-            self.event("release" if was else "onset", _place(message))
+        if message.contact is not None:
+            self._follow_contact(message)
         if message.over_range and not (before is not None and before.over_range):
             self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
+
+    def _follow_contact(self, message: ContactMessage) -> None:
+        """Onset and release. An unknown contact is neither: what held before it holds until something is known."""
+        if message.contact and not self._touched:
+            self.event("onset", _place(message))
+        elif self._touched and not message.contact:
+            self.event("release", f"after {(message.t_sample_ns - self._touched_since_ns) * 1e-9:.2f} s")
+        if message.contact != self._touched:
+            self._touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
 
     def _frame_message(self, frame: Frame) -> FrameMessage:
         return FrameMessage(
@@ -141,5 +156,5 @@ class Channel:
 
 def _place(message: ContactMessage) -> str:
     if message.x_m is None or message.y_m is None or message.force_n is None:
-        return message.reason
+        return "over range"
     return f"{message.force_n:.3f} N at ({message.x_m * 1e3:+.1f}, {message.y_m * 1e3:+.1f}) mm"

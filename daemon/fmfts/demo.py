@@ -13,24 +13,27 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fmfts_client.endpoints import OVERRIDE, Endpoints
+from fmfts_client.endpoints import OVERRIDE
 
 START_S = 20.0
 STOP_S = 5.0
 
 
 @contextmanager
-def running_daemon(config: Path, folder: Path) -> Iterator[Endpoints]:
-    """`fmfts-daemon run` as its own process, with sockets, state and log in `folder`; SystemExit where it ends early."""
+def running_daemon(config: Path, folder: Path) -> Iterator[str]:
+    """`fmfts-daemon run` as its own process, with sockets, state and log in `folder`; yields the base of its endpoints.
+
+    SystemExit, after its log, where it does not start.
+    """
     base = f"ipc://{folder}"
-    os.environ[OVERRIDE] = base
-    os.environ["XDG_STATE_HOME"] = str(folder / "state")
+    environment = os.environ | {OVERRIDE: base, "XDG_STATE_HOME": str(folder / "state")}
     log = folder / "daemon.log"
     with log.open("w") as stderr:
-        daemon = subprocess.Popen([sys.executable, "-m", "fmfts", "run", "--config", config], stderr=stderr)
+        command = [sys.executable, "-m", "fmfts", "run", "--config", str(config)]
+        daemon = subprocess.Popen(command, stderr=stderr, env=environment)
         try:
             _wait_for(folder / "bus", daemon, log)
-            yield Endpoints.from_base(base)
+            yield base
         finally:
             daemon.send_signal(signal.SIGTERM)
             try:
@@ -56,8 +59,11 @@ def main() -> int:
     parser.add_argument("--config", type=Path, required=True)
     parser.add_argument("--seconds", type=float)
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="fmfts-demo-") as folder, running_daemon(options.config, Path(folder)):
-        return listen(None, options.seconds)
+    with (
+        tempfile.TemporaryDirectory(prefix="fmfts-demo-") as folder,
+        running_daemon(options.config, Path(folder)) as base,
+    ):
+        return listen(None, options.seconds, endpoint=base)
 
 
 if __name__ == "__main__":

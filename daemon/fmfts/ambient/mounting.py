@@ -34,6 +34,7 @@ class Mounting:
     offset_t: (N, 3) in sensor axes, what remains of the field when the magnet's is taken away: the ambient field, with
     what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
     noise_t: (N, 3) of one sample. proportional: (N, 3) error of a change of field, relative to it.
+    systematic_t: what every value may be off besides, always by the same.
     chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
     rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
     ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
@@ -47,6 +48,7 @@ class Mounting:
     rest_field_t: Array
     noise_t: Array
     proportional: Array
+    systematic_t: float
     chi2: float
     measurements: int
     misfit_t: Array
@@ -76,9 +78,8 @@ class Mounting:
 
         Real errors are proportional (gain, placement). Those at rest are in the estimate, so only the change counts.
         """
-        deviation: Array = np.hypot(
-            self.noise_t * noise_share, self.proportional * (magnet_field_t - self.rest_field_t)
-        )
+        change = self.proportional * (magnet_field_t - self.rest_field_t)
+        deviation: Array = np.sqrt((self.noise_t * noise_share) ** 2 + change**2 + self.systematic_t**2)
         return deviation
 
 
@@ -179,6 +180,7 @@ def estimate_mounting(
         rest_field_t=magnet_alone,
         noise_t=rest.noise_t,
         proportional=_proportional(spread[0], spread[1], distance),
+        systematic_t=0.0,
         chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ scaled),
         measurements=int(believed.sum()),
         misfit_t=misfit,
@@ -207,8 +209,9 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
         sensor_position_m=pad.sensors.position_m,
         offset_t=bare.mean_t,
         rest_field_t=pad.sensors.to_sensor(field),
-        noise_t=np.full(shape, np.hypot(np.sqrt(np.mean(bare.noise_t**2)), proportional * typical_t)),
+        noise_t=bare.noise_t,
         proportional=np.zeros(shape),
+        systematic_t=float(proportional * typical_t),
         chi2=0.0,
         measurements=0,
         misfit_t=np.zeros(shape),

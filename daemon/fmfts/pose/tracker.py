@@ -17,6 +17,11 @@ Array = NDArray[np.float64]
 
 # Healthy frames that the χ² gate rejects: one in an hour at 220 Hz is 1.3e-6.
 FALSE_ALARM = 1e-6
+# A thousandth of a deviation: before rest is recorded, deviations hold the mounting's tolerances and are 0.4 mm wide.
+STOP_TRACKING = 1e-6
+# While a disturbance lasts, the search for a single sensor at fault is repeated once in so many frames: it costs five
+# solves that take their time, because none of them fits.
+SEARCH_EVERY = 8
 # Fewer whole sensors than this leave poses that fit as well as the true one.
 FEWEST_SENSORS = 3
 # A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
@@ -44,7 +49,8 @@ class Tracker:
         self._pad = pad
         self._rest = rest
         self._last = rest
-        self._suspect: int | None = None
+        self._disturbed_frames = 0
+        self._verdict: tuple[TrackHealth, str] = ("lost", "")
 
     def update(self, field_t: Array, deviation_t: Array) -> Track:
         """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3)."""
@@ -55,7 +61,7 @@ class Tracker:
             return Track(None, used, "lost", f"{_listed(~whole)} silent or saturated: fewer than three are left")
         estimate = self._solve(field_t, deviation_t)
         if self._fits(estimate):
-            self._suspect = None
+            self._disturbed_frames = 0
             self._last = estimate.state
             if whole.all():
                 return Track(estimate, used, "ok", "")
@@ -64,44 +70,54 @@ class Tracker:
 
     def _solve(self, field_t: Array, deviation_t: Array) -> PoseEstimate:
         """From the last pose; if that does not fit, from rest as well."""
-        estimate = solve(field_t, self._pad, self._last, deviation_t=deviation_t, free=FREE_PAPER)
+        estimate = solve(
+            field_t, self._pad, self._last, deviation_t=deviation_t, free=FREE_PAPER, stop_chi2=STOP_TRACKING
+        )
         if self._fits(estimate) or self._last is self._rest:
             return estimate
-        again = solve(field_t, self._pad, self._rest, deviation_t=deviation_t, free=FREE_PAPER)
+        again = solve(field_t, self._pad, self._rest, deviation_t=deviation_t, free=FREE_PAPER, stop_chi2=STOP_TRACKING)
         better = again.status is Status.CONVERGED and not again.chi2 >= estimate.chi2
         return again if better else estimate
 
-    def _without_one(self, field_t: Array, deviation_t: Array, whole_estimate: PoseEstimate) -> Track:
+    def _without_one(self, field_t: Array, deviation_t: Array, whole: PoseEstimate) -> Track:
         """The frame without the one sensor that explains its misfit; `disturbed` where none or several would."""
         used = np.isfinite(field_t)
-        candidates = [sensor for sensor in range(len(field_t)) if used[sensor].any()]
-        if self._suspect in candidates:
-            candidates.remove(self._suspect)
-            candidates.insert(0, self._suspect)
-        fitting: list[tuple[int, PoseEstimate]] = []
-        if used.all(axis=1).sum() > FEWEST_SENSORS:
-            for sensor in candidates:
-                rest_of = field_t.copy()
-                rest_of[sensor] = np.nan
-                estimate = self._solve(rest_of, deviation_t)
-                if self._fits(estimate):
-                    fitting.append((sensor, estimate))
-        if len(fitting) == 1:
-            sensor, estimate = fitting[0]
-            self._suspect, self._last = sensor, estimate.state
-            used[sensor] = False
-            reason = f"sensor {sensor + 1} contradicts the others (χ² {whole_estimate.chi2:.0f} with it): left out"
-            return Track(estimate, used, "degraded", reason)
+        if self._disturbed_frames % SEARCH_EVERY == 0:
+            fitting = self._fitting_without(field_t, deviation_t)
+            if len(fitting) == 1:
+                ((sensor, estimate),) = fitting.items()
+                self._last, self._disturbed_frames = estimate.state, 0
+                used[sensor] = False
+                reason = f"sensor {sensor + 1} contradicts the others (χ² {whole.chi2:.0f} with it): left out"
+                return Track(estimate, used, "degraded", reason)
+            self._verdict = self._judge(whole, list(fitting))
         self._last = self._rest
-        if not self._plausible(whole_estimate):
-            reason = "no magnet of this pad explains the field: is the pad mounted, the magnet whole?"
-            return Track(None, used, "lost", reason)
-        limit = quantile(FALSE_ALARM, whole_estimate.degrees_of_freedom)
-        reason = f"the field does not come from this magnet alone (χ² {whole_estimate.chi2:.0f}, limit {limit:.0f})"
-        if len(fitting) > 1:
-            named = " or ".join(str(sensor + 1) for sensor, _ in fitting)
-            return Track(None, used, "lost", f"{reason}: sensor {named} may be at fault, which is not clear")
-        return Track(whole_estimate, used, "disturbed", f"{reason}: steel, a magnet, or a turned robot")
+        self._disturbed_frames += 1
+        health, reason = self._verdict
+        return Track(whole if health == "disturbed" else None, used, health, reason)
+
+    def _fitting_without(self, field_t: Array, deviation_t: Array) -> dict[int, PoseEstimate]:
+        """Sensor → the estimate that fits without it, for every sensor whose absence lets the others agree."""
+        fitting = {}
+        if np.isfinite(field_t).all(axis=1).sum() > FEWEST_SENSORS:
+            for sensor in range(len(field_t)):
+                others = field_t.copy()
+                others[sensor] = np.nan
+                estimate = self._solve(others, deviation_t)
+                if self._fits(estimate):
+                    fitting[sensor] = estimate
+        return fitting
+
+    def _judge(self, whole: PoseEstimate, fitting: list[int]) -> tuple[TrackHealth, str]:
+        """What to say of a frame that no pose explains."""
+        if not self._plausible(whole):
+            return "lost", "no magnet of this pad explains the field: is the pad mounted, the magnet whole?"
+        limit = quantile(FALSE_ALARM, whole.degrees_of_freedom)
+        misfit = f"the field does not come from this magnet alone (χ² over {limit:.0f})"
+        if fitting:
+            named = " or ".join(str(sensor + 1) for sensor in fitting)
+            return "lost", f"{misfit}: sensor {named} may be at fault, which is not clear"
+        return "disturbed", f"{misfit}: steel, a magnet, or a turned robot"
 
     def _plausible(self, estimate: PoseEstimate) -> bool:
         return (

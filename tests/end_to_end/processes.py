@@ -1,0 +1,131 @@
+"""The real processes that end-to-end tests talk to: the firmware's host build, the daemon, and its commands."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from fmfts_client import Contact, Subscription, UnreachableError, request
+
+ROOT = Path(__file__).parents[2]
+HOST = ROOT / "firmware" / "build" / "fmfts-host"
+PATIENCE_S = 20.0
+
+
+def build_firmware_host() -> None:
+    subprocess.run(["make", "--no-print-directory", "-C", ROOT / "firmware", "host"], check=True, capture_output=True)
+
+
+class FirmwareHost:
+    """The firmware core on a pty, over emulated chips; `port` is a link to the pty."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        build_firmware_host()
+        self.port = folder / "board"
+        self._process = subprocess.Popen(
+            [HOST, "--link", self.port, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        assert self._process.stdout is not None
+        first = self._process.stdout.readline()
+        assert first.startswith("pty: "), first
+
+    def tell(self, command: str) -> None:
+        """One command, which must be obeyed."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(command + "\n")
+        answer = self._process.stdout.readline().strip()
+        assert answer == "ok", f"{command}: {answer}"
+
+    def field(self, field_t: np.ndarray, pad: int = 0) -> None:
+        """The field (4, 3) in tesla at the chips, in their own axes."""
+        self.tell(f"field {pad} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+
+class RunningDaemon:
+    """`fmfts-daemon run` with sockets, state and log in `folder`."""
+
+    def __init__(self, folder: Path, config: str, *, wait: bool = True) -> None:
+        self.folder = folder
+        self.config = folder / "config.toml"
+        self.config.write_text(config)
+        self.base = f"ipc://{folder}"
+        self.environment = os.environ | {"FMFTS_BUS": self.base, "XDG_STATE_HOME": str(folder / "state")}
+        self.log = folder / "daemon.log"
+        self.start()
+        if wait:
+            self.wait_until_serving()
+
+    def start(self) -> None:
+        with self.log.open("a") as stderr:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "fmfts", "run", "--config", self.config], stderr=stderr, env=self.environment
+            )
+
+    def wait_until_serving(self) -> None:
+        until = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                self.request("pads", timeout_s=1.0)
+                return
+            except UnreachableError:
+                assert self.process.poll() is None, self.log.read_text()
+                assert time.monotonic() < until, self.log.read_text()
+
+    def request(self, verb: str, **arguments: Any) -> dict[str, Any]:
+        return request(verb, endpoint=self.base, **arguments)
+
+    def command(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """A verb of fmfts-daemon in this daemon's surroundings."""
+        return run_command(*arguments, environment=self.environment)
+
+    def subscribe(self, *kinds: str) -> Subscription:
+        return Subscription(kinds or ("contact",), None, self.base)
+
+    def wait_for(self, wanted: Callable[[Contact], bool], patience_s: float = PATIENCE_S) -> Contact:
+        """The next contact message for which `wanted` holds."""
+        with self.subscribe() as messages:
+            last = None
+            until = time.monotonic() + patience_s
+            while (left := until - time.monotonic()) > 0:
+                message = messages.receive(left)
+                if message is not None:
+                    last = Contact.from_message(message.body)
+                    if wanted(last):
+                        return last
+        raise AssertionError(f"nothing of the kind within {patience_s} s; last: {last}\n{self.log.read_text()}")
+
+    def stop(self) -> int:
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(PATIENCE_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+def run_command(*arguments: str | Path, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    words: Sequence[str | Path] = [sys.executable, "-m", "fmfts", *arguments]
+    return subprocess.run(words, capture_output=True, text=True, env=environment, timeout=60, check=False)
