@@ -10,7 +10,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from fmfts.calibrate.network import SCALE, SOFTENING, Layers
+from fmfts.calibrate.network import DIRECTION_GAIN, SCALE, SOFTENING, Layers
 from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, Facts
 from fmfts.pad import Array
 
@@ -62,6 +62,7 @@ def export(layers: Layers, facts: Facts) -> bytes:
     by_scale = np.zeros((6, 5))  # the axis's last component follows from the others
     by_scale[:5] = np.diag(1.0 / SCALE)
     w1, w2, w3 = layers.weight
+    w1 = w1 * np.repeat([1.0, DIRECTION_GAIN], 5)[:, None]
     constants = {
         "rest": np.array([facts.rest_pose]), "by_scale": by_scale, "by_scale_t": by_scale.T,
         "softening": np.array(SOFTENING**2), "one": np.array(1.0),

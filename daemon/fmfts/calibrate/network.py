@@ -15,21 +15,22 @@ from fmfts.pad import Array
 # One unit of each pose component, mm and rad: a frame's noise is then about 0.04 of each, and a firm press 1 to 4.
 SCALE = np.array([0.2, 0.2, 0.6, 0.05, 0.05])
 SOFTENING = 0.05
+DIRECTION_GAIN = 8.0  # directions matter most; training finds that sooner when they are the larger inputs
 HIDDEN = (32, 32)
-CHUNK_ITERATIONS = 200
-MOST_CHUNKS = 5
+CHUNK_ITERATIONS = 600
+MOST_CHUNKS = 3
 SETTLED = 0.97  # a chunk that lowers the held-out error by less than 3 % is the last
 
 
 def features(pose: Array, rest_pose: Array) -> Array:
-    """(K, 10) of pose (K, 6): the scaled displacement s, and its direction s/√(|s|² + ε²).
+    """(K, 10) of pose (K, 6): the scaled displacement s, and its direction 8 s/√(|s|² + ε²).
 
     A pad answers a push almost in proportion, so the direction tells the place whatever the force: a network that has
     to find this out by itself is biased at light touch. ε keeps the direction of mere noise short.
     """
     scaled = (pose - rest_pose)[:, :5] / SCALE
     length = np.sqrt(np.sum(scaled**2, axis=1, keepdims=True) + SOFTENING**2)
-    return np.concatenate([scaled, scaled / length], axis=1)
+    return np.concatenate([scaled, DIRECTION_GAIN * scaled / length], axis=1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,9 +62,10 @@ class ContactModel:
         self.facts = facts
         self.hash = digest
         self._rest = np.array(facts.rest_pose)
-        self._lowest = np.array(facts.envelope.pose_min)
+        # The axis's last component follows from the others, and not in proportion: it takes no part.
+        self._lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
         # A magnet above its rest height is not a squeeze, however it came there.
-        self._highest = np.where([False, False, True, False, False, True], np.inf, facts.envelope.pose_max)
+        self._highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
         own = facts.own_error
         self._own_deviation = np.stack([own.x_mm, own.y_mm, own.force_error_n], axis=-1) * CONTACT_UNIT
         self._force_bins, self._radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
@@ -134,9 +135,7 @@ class ContactModel:
         force_bin = np.searchsorted(self._force_bins, contact[2])
         radius_bin = np.searchsorted(self._radius_bins_m, np.hypot(contact[0], contact[1]))
         spread = jacobian @ pose_covariance @ jacobian.T + np.diag(self._own_deviation[force_bin, radius_bin] ** 2)
-        # Both the measurement and the pad's edges bound the place: deviations add like resistances in parallel.
-        variance = np.diagonal(spread)[:2]
-        shrink = np.append(1.0 / np.sqrt(1.0 + variance / self._spread_m**2), 1.0)
+        shrink = np.append(np.minimum(1.0, self._spread_m / np.sqrt(np.diagonal(spread)[:2])), 1.0)
         return contact, spread * shrink * shrink[:, None]
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:

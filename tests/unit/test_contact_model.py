@@ -1,0 +1,301 @@
+"""The model that ships: what it must be to be loaded, how right it is, and what it says of its own errors."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+from onnx import TensorProto, helper
+
+from fmfts.calibrate.dataset import read_calibration_set
+from fmfts.calibrate.samples import Samples
+from fmfts.contact import ContactEstimate, ContactModel, ModelError
+from fmfts.contact.contract import METADATA_KEY, SIZE_LIMIT_BYTES
+from fmfts.contact.model import DEFAULT_PATH
+from fmfts.pad import Pad
+from fmfts.pose import solve
+from fmfts.simulate.chip import NOISE_T
+from fmfts.simulate.cylinder import cylinder_field
+
+CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
+CERTAIN = np.eye(6) * 1e-16  # deviations of 10 nm and 1e-8
+
+
+@pytest.fixture
+def model(pad: Pad) -> ContactModel:
+    return ContactModel.load("default", pad)
+
+
+def estimates(model: ContactModel, samples: Samples, pad: Pad) -> list[ContactEstimate]:
+    """What the pipeline would make of each sample, with the covariance that the solver claims."""
+    out = []
+    rest_field = cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet)
+    shape = solve(rest_field, pad).pose_covariance
+    for pose, covariance in zip(samples.pose, samples.covariance, strict=True):
+        unit = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
+        full = np.zeros_like(shape)
+        full[:5, :5] = covariance * unit * unit[:, None]
+        out.append(model.estimate(pose[:3] * 1e-3, pose[3:], full))
+    return out
+
+
+def drawn(pad: Pad, count: int, lowest_n: float, highest_n: float, reach_m: float, seed: int) -> Samples:
+    """Noisy single frames of presses within a radius, solved."""
+    random = np.random.default_rng(seed)
+    radius, angle = reach_m * np.sqrt(random.uniform(0, 1, count)), random.uniform(0, 2 * np.pi, count)
+    press = (radius * np.cos(angle), radius * np.sin(angle), random.uniform(lowest_n, highest_n, count))
+    return Samples.pressed(pad, press, random, NOISE_T, pad.magnet)
+
+
+# --- the contract ---
+
+
+def test_model_that_ships_is_the_one_its_report_describes(model: ContactModel) -> None:
+    digest = hashlib.sha256(DEFAULT_PATH.read_bytes()).hexdigest()[:12]
+    report = json.loads(DEFAULT_PATH.with_suffix(".json").read_text())
+    assert model.hash == report["model"] == digest
+    assert model.facts.metrics == report["on_the_calibration_set"]
+
+
+def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
+    proto = onnx.load(DEFAULT_PATH)
+    edit(proto)
+    path = tmp_path / "edited.onnx"
+    path.write_bytes(proto.SerializeToString())
+    return str(path)
+
+
+def with_facts(change: Callable[[dict[str, object]], None]) -> Callable[[onnx.ModelProto], None]:
+    def edit(proto: onnx.ModelProto) -> None:
+        facts = json.loads(proto.metadata_props[0].value)
+        change(facts)
+        proto.metadata_props[0].value = json.dumps(facts)
+
+    return edit
+
+
+def set_versions(ir_version: int, opset: int) -> Callable[[onnx.ModelProto], None]:
+    def edit(proto: onnx.ModelProto) -> None:
+        proto.ir_version = ir_version
+        proto.opset_import[0].version = opset
+
+    return edit
+
+
+def double_output(proto: onnx.ModelProto) -> None:
+    proto.graph.node.append(helper.make_node("Cast", ["contact"], ["twice"], to=TensorProto.DOUBLE))
+    proto.graph.output[0].name = "twice"
+    proto.graph.output[0].type.tensor_type.elem_type = TensorProto.DOUBLE
+
+
+def fixed_batch(proto: onnx.ModelProto) -> None:
+    proto.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 1
+
+
+def answer_with_nan(proto: onnx.ModelProto) -> None:
+    bias = next(tensor for tensor in proto.graph.initializer if tensor.name == "b3")
+    bias.raw_data = np.full(3, np.nan, dtype=np.float32).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("edit", "complaint"),
+    [
+        (set_versions(9, 18), "opset 18, not 9 and 17"),
+        (set_versions(10, 17), "IR version 10"),
+        (lambda proto: proto.metadata_props.pop(), f"no '{METADATA_KEY}'"),
+        (with_facts(lambda facts: facts.pop("envelope")), "missing required field `envelope`"),
+        (with_facts(lambda facts: facts.update(contract=2)), "contract"),
+        (with_facts(lambda facts: facts.update(surprise=1)), "unknown field `surprise`"),
+        (with_facts(lambda facts: facts.update(inputs=["m", "n", "p", "a_mm", "b_mm", "c_mm"])), "input order"),
+        (with_facts(lambda facts: facts.update(outputs=["y_mm", "x_mm", "force_n"])), "output order"),
+        (with_facts(lambda facts: facts["envelope"].update(pose_max=[0, 0, 11, 0, 0, 1])), "zero force"),  # type: ignore[attr-defined]
+        (with_facts(lambda facts: facts["own_error"].update(x_mm=[[1.0]])), "row per force"),  # type: ignore[attr-defined]
+        (with_facts(lambda facts: facts.update(geometry_hash="0123456789ab")), "other dimensions"),
+        (double_output, "its tensors are pose, twice, jacobian"),
+        (fixed_batch, "pose has the shape"),
+        (answer_with_nan, "does not answer with numbers"),
+    ],
+)
+def test_model_that_breaks_the_contract_is_refused_by_name(
+    tmp_path: Path, pad: Pad, edit: Callable[[onnx.ModelProto], None], complaint: str
+) -> None:
+    with pytest.raises(ModelError, match=r"edited\.onnx") as refusal:
+        ContactModel.load(edited(tmp_path, edit), pad)
+    assert complaint in str(refusal.value)
+
+
+def test_model_of_another_shape_is_refused(tmp_path: Path, pad: Pad) -> None:
+    """Five pose components and two outputs: a whole graph, valid in itself."""
+    inputs = [helper.make_tensor_value_info("pose", TensorProto.FLOAT, ["N", 5])]
+    outputs = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", 5]) for name in ("contact", "jacobian")]
+    nodes = [helper.make_node("Tanh", ["pose"], [name]) for name in ("contact", "jacobian")]
+    proto = helper.make_model(
+        helper.make_graph(nodes, "other", inputs, outputs), opset_imports=[helper.make_opsetid("", 17)], ir_version=9
+    )
+    path = tmp_path / "other.onnx"
+    path.write_bytes(proto.SerializeToString())
+    with pytest.raises(ModelError, match=r"pose has the shape \['N', 5\], not \['N', 6\]"):
+        ContactModel.load(str(path), pad)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+def test_truncated_file_is_refused(tmp_path: Path, pad: Pad, share: float) -> None:
+    content = DEFAULT_PATH.read_bytes()
+    path = tmp_path / "half.onnx"
+    path.write_bytes(content[: int(len(content) * share)])
+    with pytest.raises(ModelError, match=r"half\.onnx"):
+        ContactModel.load(str(path), pad)
+
+
+def test_file_that_is_too_large_or_absent_or_no_model_is_refused(tmp_path: Path, pad: Pad) -> None:
+    large = tmp_path / "large.onnx"
+    with large.open("wb") as stream:
+        stream.truncate(SIZE_LIMIT_BYTES + 1)
+    with pytest.raises(ModelError, match="larger than 4 MB"):
+        ContactModel.load(str(large), pad)
+    with pytest.raises(ModelError, match=r"cannot be read \(No such file"):
+        ContactModel.load(str(tmp_path / "absent.onnx"), pad)
+    text = tmp_path / "text.onnx"
+    text.write_text("not a model at all\n")
+    with pytest.raises(ModelError, match="not an ONNX file"):
+        ContactModel.load(str(text), pad)
+
+
+def test_pad_of_other_dimensions_is_refused_and_another_magnet_strength_is_not(pad: Pad) -> None:
+    other = replace(pad, rest_position_m=pad.rest_position_m + np.array([0.0, 0.0, 1e-3]))
+    with pytest.raises(ModelError, match="other dimensions"):
+        ContactModel.load("default", other)
+    ContactModel.load("default", replace(pad, magnet=pad.magnet.with_remanence(1.28)))
+
+
+# --- what it answers ---
+
+
+def test_jacobian_is_the_derivative_of_the_contact(pad: Pad) -> None:
+    """Differences over 1/100 of a unit, of answers that float32 rounds to 1e-6 mm: good to 1 % of the largest slope."""
+    session = onnxruntime.InferenceSession(DEFAULT_PATH, providers=["CPUExecutionProvider"])
+    pose = Samples.drawn(pad, 40, 1.9, seed=21).pose
+    _, jacobian = session.run(None, {"pose": pose.astype(np.float32)})
+    scale = np.array([0.2, 0.2, 0.6, 0.05, 0.05])
+    for column, step in enumerate(np.diag(5e-3 * scale)):
+        moved = [
+            session.run(None, {"pose": (pose + sign * np.append(step, 0.0)).astype(np.float32)})[0] for sign in (1, -1)
+        ]
+        slope = (moved[0] - moved[1]) / 2 / 5e-3
+        expected = jacobian[:, :, column] * scale[column]
+        firm = np.linalg.norm((pose - [0, 0, 12, 0, 0, 1])[:, :5] / scale, axis=1) > 0.2
+        assert firm.sum() > 25
+        np.testing.assert_allclose(slope[firm], expected[firm], atol=0.01 * np.abs(expected[firm]).max())
+    assert not jacobian[:, :, 5].any()  # the axis's last component follows from the others
+
+
+def test_calibration_set_is_met_off_and_on_the_grid(pad: Pad, model: ContactModel) -> None:
+    """Noise-free, its inner 8 mm at the paper's two firm forces: 0.1 mm and 20 mN, a fraction of a frame's noise."""
+    table = read_calibration_set(CALIBRATION)
+    inner = (np.hypot(table.x_m, table.y_m) <= 8e-3) & (table.force_n > 1.0)
+    press = (table.x_m[inner], table.y_m[inner], table.force_n[inner])
+    samples = Samples.solved(pad, press, table.field_t[inner])
+    for estimate, x_m, y_m, force_n in zip(estimates(model, samples, pad), *press, strict=True):
+        assert abs(estimate.x_m - x_m) < 0.1e-3
+        assert abs(estimate.y_m - y_m) < 0.1e-3
+        assert abs(estimate.force_n - force_n) < 0.02
+
+
+def test_stronger_magnet_gives_the_same_contact(pad: Pad, model: ContactModel) -> None:
+    press = (np.array([4e-3]), np.array([-3e-3]), np.array([1.0]))
+    random = np.random.default_rng(0)
+    for remanence_t in (1.18, 1.23, 1.28):
+        samples = Samples.pressed(pad, press, random, 0.0, pad.magnet.with_remanence(remanence_t))
+        estimate = estimates(model, samples, pad)[0]
+        assert estimate.x_m == pytest.approx(4e-3, abs=0.1e-3)
+        assert estimate.y_m == pytest.approx(-3e-3, abs=0.1e-3)
+        assert estimate.force_n == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("lowest_n", "highest_n", "within"), [(0.05, 0.2, 1.45), (0.2, 0.8, 1.2), (0.8, 1.9, 1.2)])
+def test_single_frames_come_near_the_cramer_rao_bound(
+    pad: Pad, model: ContactModel, lowest_n: float, highest_n: float, within: float
+) -> None:
+    """At 2 mG within 8 mm. 500 frames give an rms to 3 %; the rest is the network's own error, and at light touch
+    that a place is no longer a linear function of the noise."""
+    samples = drawn(pad, 500, lowest_n, highest_n, 8e-3, seed=31)
+    found = np.array([[estimate.x_m, estimate.y_m] for estimate in estimates(model, samples, pad)])
+    error_mm = (found - np.stack([samples.x_m, samples.y_m], axis=1)) * 1e3
+    share = np.sqrt(np.mean((error_mm / samples.bound()[:, :2]) ** 2))
+    assert 0.8 < share < within
+
+
+@pytest.mark.parametrize(("lowest_n", "highest_n"), [(0.1, 0.3), (0.3, 1.0), (1.0, 1.9)])
+def test_deviations_are_honest(pad: Pad, model: ContactModel, lowest_n: float, highest_n: float) -> None:
+    """Within 8 mm at 2 mG, 95.4 % of errors should be below two deviations; 600 draws give that to 0.9 %."""
+    samples = drawn(pad, 600, lowest_n, highest_n, 8e-3, seed=41)
+    found = estimates(model, samples, pad)
+    error = np.array([[one.x_m, one.y_m, one.force_n] for one in found])
+    error -= np.stack([samples.x_m, samples.y_m, samples.force_n], axis=1)
+    deviation = np.array([[one.x_sd_m, one.y_sd_m, one.force_sd_n] for one in found])
+    within = np.mean(np.abs(error) < 2.0 * deviation, axis=0)
+    assert (within > 0.925).all()
+    assert (within < 0.995).all()
+    assert not any(one.over_range for one in found)
+
+
+# --- the envelope ---
+
+
+def test_rest_and_a_lifted_magnet_are_not_over_range(pad: Pad, model: ContactModel) -> None:
+    rest = model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN)
+    assert not rest.over_range
+    assert rest.force_min_n is None
+    assert abs(rest.force_n) < 0.02
+    lifted = model.estimate(pad.rest_position_m + np.array([0.0, 0.0, 0.5e-3]), pad.rest_axis, CERTAIN)
+    assert not lifted.over_range
+    assert np.isfinite([lifted.x_m, lifted.y_m, lifted.force_n]).all()
+
+
+@pytest.mark.parametrize("reach_m", [8e-3, 14e-3])
+def test_lower_bound_of_a_squeeze_is_below_its_force(pad: Pad, model: ContactModel, reach_m: float) -> None:
+    """Up to twice the largest calibrated force; at three deviations one in 700 may fail, of 400 none does."""
+    samples = drawn(pad, 400, 2.05, 4.0, reach_m, seed=51)
+    for estimate, force_n in zip(estimates(model, samples, pad), samples.force_n, strict=True):
+        assert (estimate.force_min_n is not None) == estimate.over_range
+        if estimate.force_min_n is not None:
+            assert 1.0 < estimate.force_min_n <= force_n
+
+
+def test_hard_squeeze_within_8_mm_is_always_over_range_and_known_to_be_hard(pad: Pad, model: ContactModel) -> None:
+    samples = drawn(pad, 300, 2.3, 4.0, 8e-3, seed=52)
+    found = estimates(model, samples, pad)
+    assert all(estimate.over_range for estimate in found)
+    assert min(estimate.force_min_n or 0.0 for estimate in found) > 1.85
+    # The place is still the right one: the displacement keeps its direction.
+    error_m = np.hypot([one.x_m for one in found] - samples.x_m, [one.y_m for one in found] - samples.y_m)
+    assert np.median(error_m) < 0.5e-3
+
+
+def test_presses_up_to_the_calibrated_force_are_in_range(pad: Pad, model: ContactModel) -> None:
+    samples = drawn(pad, 400, 0.0, 1.97, 14e-3, seed=53)
+    assert not any(estimate.over_range for estimate in estimates(model, samples, pad))
+
+
+def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, model: ContactModel) -> None:
+    random = np.random.default_rng(61)
+    for size in (1e-6, 1e-3, 1.0, 1e6):
+        for _ in range(50):
+            axis = random.standard_normal(3)
+            root = random.standard_normal((6, 6)) * size
+            estimate = model.estimate(random.standard_normal(3) * size, axis / np.linalg.norm(axis), root @ root.T)
+            assert np.isfinite([estimate.x_m, estimate.y_m, estimate.force_n]).all()
+            assert np.isfinite(estimate.covariance).all()
+            assert (np.diagonal(estimate.covariance) > 0.0).all()
+            assert estimate.force_min_n is None or 0.0 <= estimate.force_min_n < 2.0
+    with pytest.raises(ValueError, match="not finite"):
+        model.estimate(np.array([0.0, np.nan, 0.012]), pad.rest_axis, CERTAIN)
+    with pytest.raises(ValueError, match="not finite"):
+        model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN * np.nan)

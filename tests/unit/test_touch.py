@@ -1,0 +1,61 @@
+"""Contact or none: how often an unloaded pad is believed touched, and how a contact begins and ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from fmfts.contact.touch import RELEASE_FRAMES, TouchDetector
+
+REST = np.zeros(5)
+COVARIANCE = np.diag([8.6e-6, 8.6e-6, 6.1e-6, 2e-3, 2e-3]) ** 2
+
+
+def at_chi2(value: float) -> np.ndarray:
+    """A displacement whose χ² is `value`, along no axis of the covariance."""
+    direction = np.array([1.0, -2.0, 0.5, 1.5, -1.0])
+    return np.sqrt(value * np.diagonal(COVARIANCE)) * direction / np.linalg.norm(direction)
+
+
+def test_onset_is_one_false_contact_per_pad_hour() -> None:
+    detector = TouchDetector(rate_hz=220.0)
+    assert chi2.sf(detector.onset_chi2, 5) * 220 * 3600 == pytest.approx(1.0, rel=1e-6)
+    assert chi2.sf(TouchDetector(100.0, 0.1).onset_chi2, 5) * 100 * 3600 == pytest.approx(0.1, rel=1e-6)
+
+
+def test_false_contacts_of_noise_come_at_the_stated_rate() -> None:
+    """720 an hour at 100 Hz, one frame in 500: 200 000 frames of noise give 400 ± 20 exceedances, fewer onsets."""
+    noise = np.random.default_rng(1).multivariate_normal(REST, COVARIANCE, 200_000, method="cholesky")
+    detector = TouchDetector(rate_hz=100.0, false_contacts_per_hour=720.0)
+    states = [detector.update(displacement, COVARIANCE) for displacement in noise]
+    onsets = sum(after is True and before is False for before, after in zip([False, *states], states, strict=False))
+    assert 320 < onsets < 440
+
+
+def test_contact_begins_with_one_frame_and_ends_after_several_quiet_ones() -> None:
+    detector = TouchDetector(rate_hz=220.0)
+    assert detector.update(at_chi2(detector.onset_chi2 * 0.99), COVARIANCE) is False
+    assert detector.update(at_chi2(detector.onset_chi2 * 1.01), COVARIANCE) is True
+    assert detector.update(at_chi2(detector.release_chi2 * 1.1), COVARIANCE) is True
+    quiet = [detector.update(REST, COVARIANCE) for _ in range(RELEASE_FRAMES)]
+    assert quiet == [True] * (RELEASE_FRAMES - 1) + [False]
+
+
+def test_contact_near_the_threshold_does_not_flicker() -> None:
+    """A steady push between release and onset, seen through noise, keeps the state that it has."""
+    detector = TouchDetector(rate_hz=220.0)
+    push = at_chi2(30.0)
+    noise = np.random.default_rng(2).multivariate_normal(push, COVARIANCE, 2000, method="cholesky")
+    detector.update(at_chi2(100.0), COVARIANCE)
+    assert all(detector.update(displacement, COVARIANCE) for displacement in noise)
+
+
+def test_without_a_pose_there_is_no_answer_and_a_contact_outlasts_the_gap() -> None:
+    detector = TouchDetector(rate_hz=220.0)
+    detector.update(at_chi2(100.0), COVARIANCE)
+    assert detector.update(None, None) is None
+    assert detector.update(REST * np.nan, COVARIANCE) is None
+    assert detector.update(REST, COVARIANCE * 0.0) is None
+    assert detector.update(REST, COVARIANCE * np.nan) is None
+    assert detector.update(REST, COVARIANCE) is True
