@@ -134,7 +134,7 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     sensor->phase = PHASE_RUN;
     sensor->has_sample = sensor->fresh = sensor->awaiting = false;
     sensor->discard_next = true;
-    sensor->unchanged = sensor->ready_survives = 0;
+    sensor->unchanged = 0;
     conversion_restart(&sensor->conversion, now_us);
     // Two periods until the first measurement (data sheet, mode register), and that one still has the old gain.
     sensor->settled_us = now_us + CONVERSION_PERIOD_US * 5 / 2;
@@ -170,7 +170,9 @@ static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen
     }
     if (seen_us < sensor->conversion.ended_us + sensor->conversion.period_us * 17U / 16U)
         return false;
-    sensor->unchanged++; // two equal samples do happen; many, with READY never clear, are a dead clock
+    // Two equal samples do happen; many, with READY never clear, are a dead clock.
+    if (sensor->conversion.not_ready_us < sensor->conversion.ready_us)
+        sensor->unchanged++;
     return true;
 }
 
@@ -180,7 +182,9 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     memcpy(sensor->counts, counts, sizeof sensor->counts);
     sensor->awaiting = false;
     sensor->missed = 0;
-    if (!sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us) {
+    bool settled = !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
+    bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // no dead clock comes back by itself
+    if (settled && alive) {
         sensor->has_sample = sensor->fresh = true;
         sensor->state = SENSOR_OK;
         sensor->failures = 0;

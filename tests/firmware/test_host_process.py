@@ -1,0 +1,204 @@
+"""The firmware core as a process on a pty: what the bridge source and the demo rely on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from host_board import HELLO, REPLY, ROOT, SELFTEST, STATUS, HostBoard
+
+FIELD = " ".join(str(value) for value in (10, -20, 100, 11, -21, 101, 12, -22, 102, 13, -23, 103))
+PAD_0_CHANNEL_0 = 22 + 3
+
+
+@pytest.fixture(scope="session", autouse=True)
+def program() -> None:
+    built = subprocess.run(["make", "-C", ROOT / "firmware", "host"], capture_output=True, text=True, timeout=120)
+    assert built.returncode == 0, f"fmfts-host does not build:\n{built.stdout}{built.stderr}"
+
+
+@pytest.fixture
+def board() -> Iterator[HostBoard]:
+    with HostBoard("--uid", "0102030405060708090a0b0c") as running:
+        yield running
+
+
+def test_streams_220_frames_a_second_without_gaps(board: HostBoard) -> None:
+    samples = list(board.samples(3.0))
+    assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
+    # By the board's clock, ± one conversion at each end: a loaded machine delays packets, it does not lose them.
+    elapsed_s = (samples[-1].time_us - samples[0].time_us) * 1e-6
+    assert elapsed_s > 1.5
+    assert len(samples) - 1 == pytest.approx(220 * elapsed_s, abs=2.5)
+    assert all(sample.valid == 15 for sample in samples)
+    assert board.bad == 0
+
+
+def test_hello_is_answered_when_asked(board: HostBoard) -> None:
+    board.wait_for_sample(5, lambda s: s.valid == 15)
+    board.request(8, 42)
+    assert board.wait_for(REPLY)[1:4] == bytes([42, 8, 0])
+    hello = board.wait_for(HELLO)
+    assert hello[6:18] == bytes(range(1, 13))
+    assert hello[PAD_0_CHANNEL_0 + 2 : PAD_0_CHANNEL_0 + 5] == b"H43"
+
+
+def test_range_request_rescales_the_field_that_was_set(board: HostBoard) -> None:
+    assert board.command("noise 0 0") == "ok"
+    assert board.command(f"field 0 {FIELD}") == "ok"
+    expected = {3: (66, -132, 660), 5: (39, -78, 390)}  # 0.1, −0.2, 1 G at 660 and at 390 LSB/G
+    board.wait_for_sample(5, lambda s: s.valid == 15 and s.counts[0] == expected[3])
+    board.request(9, 1, argument=5)
+    assert board.wait_for(REPLY)[3] == 0
+    sample = board.wait_for_sample(5, lambda s: s.gain_code == 5 and s.valid == 15)
+    assert sample.counts[0] == expected[5]
+
+
+def test_unplugged_sensor_is_reported_and_found_again(board: HostBoard) -> None:
+    assert board.command("fault 0 2 unplugged") == "ok"
+    board.wait_for_sample(5, lambda s: s.valid == 0b1011)
+    board.request(15, 1)
+    board.wait_for(REPLY)
+    assert board.wait_for(STATUS)[29 + 2] == 1
+    assert board.command("fault 0 2 none") == "ok"
+    board.wait_for_sample(10, lambda s: s.valid == 15)
+
+
+@pytest.mark.parametrize(
+    ("fault", "valid"), [("wrong-id", 0b1101), ("stuck", 0b1101), ("config-corrupt", 0b1111), ("none", 0b1111)]
+)
+def test_each_fault_shows_in_the_stream(board: HostBoard, fault: str, valid: int) -> None:
+    board.wait_for_sample(5, lambda s: s.valid == 15)
+    assert board.command(f"fault 0 1 {fault}") == "ok"
+    board.wait_for_sample(5, lambda s: s.valid == valid)
+    if fault == "config-corrupt":
+        while not int.from_bytes(board.wait_for(STATUS)[24:28], "little"):
+            pass
+        board.wait_for_sample(5, lambda s: s.valid == 15)
+
+
+def test_saturated_axis_and_lost_mux_show_in_the_stream(board: HostBoard) -> None:
+    assert board.command("fault 0 3 saturate-y") == "ok"
+    sample = board.wait_for_sample(5, lambda s: s.counts[3][1] == -4096)
+    assert sample.valid == 15
+    assert board.command("mux 0 unplugged") == "ok"
+    board.wait_for_sample(5, lambda s: s.valid == 0)
+    assert board.command("mux 0 none") == "ok"
+    board.wait_for_sample(10, lambda s: s.valid == 15)
+
+
+def test_temperature_reaches_the_frame(board: HostBoard) -> None:
+    assert board.command("temperature 0 30.5") == "ok"
+    board.wait_for_sample(5, lambda s: s.temperature_raw == 704)
+
+
+def test_selftest_answers_with_the_straps_counts(board: HostBoard) -> None:
+    board.wait_for_sample(5, lambda s: s.valid == 15)
+    board.request(14, 9, pad=0)
+    result = board.wait_for(SELFTEST)
+    assert result[1:4] == bytes([9, 0x40, 5])
+    assert result[4] == 0
+    assert int.from_bytes(result[5:7], "little") == pytest.approx(452, abs=3)  # 1.16 G × 390, noise of 0.4 counts
+
+
+def test_stream_recovers_after_garbage_and_a_truncated_packet(board: HostBoard) -> None:
+    before = board.wait_for_sample(5, lambda s: s.valid == 15)
+    assert board.command("garbage 500 7") == "ok"
+    assert board.command("truncate") == "ok"
+    samples = list(board.samples(1.0))
+    assert board.bad >= 2
+    lost = samples[-1].sequence - before.sequence - len(samples)
+    assert 1 <= lost <= 3  # the cut one, the one behind it, and the one that garbage ran into
+
+
+def test_reset_starts_anew_and_time_jumps_do_not(board: HostBoard) -> None:
+    board.wait_for_sample(5, lambda s: s.sequence > 50)
+    assert board.command(f"time {2**32}") == "ok"
+    sample = board.wait_for_sample(5, lambda s: s.time_us > 2**32)
+    assert sample.sequence > 50
+    board.wait_for_sample(5, lambda s: s.valid == 15)
+    assert board.command("reset") == "ok"
+    assert board.wait_for(HELLO)[4] == 3
+    assert board.wait_for_sample(5, lambda s: True).sequence == 0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(
+            "",
+            "field",
+            f"field 1 {FIELD}",
+            f"field 0 {FIELD[:-4]}",
+            f"field 0 nan{FIELD[2:]}",
+            "noise 0 -1",
+            "ppm 0 4 0",
+        ),
+        *("fault 0 0 broken", "mux 0 perhaps", "garbage 99999 1", "time -5", "temperature 0 hot", "jump"),
+    ],
+)
+def test_wrong_command_is_refused_and_changes_nothing(board: HostBoard, line: str) -> None:
+    assert board.command(line).startswith("error: ")
+    assert board.wait_for_sample(5, lambda s: True).valid == 15
+
+
+def test_packets_that_nobody_reads_are_dropped_and_counted() -> None:
+    with HostBoard() as board:
+        os.close(board.port)
+        time.sleep(0.5)
+        board.port = os.open(board.path, os.O_RDWR | os.O_NOCTTY)
+        samples = list(board.samples(0.5))
+        assert samples[0].sequence > 50  # nothing stale: what was meant for nobody is gone
+        board.request(15, 1)
+        board.wait_for(REPLY)
+        dropped = int.from_bytes(board.wait_for(STATUS)[7:11], "little")
+        assert dropped > 50
+
+
+def test_three_pads_stream_side_by_side() -> None:
+    with HostBoard("--pads", "3") as board:
+        samples = list(board.samples(1.5))
+        for pad in range(3):
+            sequences = [sample.sequence for sample in samples if sample.pad == pad]
+            assert len(sequences) > 100
+            assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+
+
+def test_link_follows_the_process(tmp_path: Path) -> None:
+    link = tmp_path / "board"
+    with HostBoard("--link", str(link)) as board:
+        assert os.readlink(link) == board.path
+        board.process.send_signal(signal.SIGTERM)
+        assert board.process.wait(10) == 0
+    assert not link.is_symlink()
+
+
+def test_ends_when_its_input_closes() -> None:
+    with HostBoard() as board:
+        assert board.process.stdin is not None
+        board.process.stdin.close()
+        assert board.process.wait(10) == 0
+
+
+def test_does_not_replace_a_file_by_its_link(tmp_path: Path) -> None:
+    precious = tmp_path / "notes"
+    precious.write_text("kept")
+    run = subprocess.run(
+        [ROOT / "firmware/build/fmfts-host", "--link", precious], capture_output=True, text=True, input=""
+    )
+    assert run.returncode == 1
+    assert "cannot make the link" in run.stderr
+    assert precious.read_text() == "kept"
+
+
+@pytest.mark.parametrize("arguments", [["--pads", "4"], ["--uid", "12"], ["--speed", "0"], ["extra"], ["--unknown"]])
+def test_wrong_option_is_a_usage_error(arguments: list[str]) -> None:
+    run = subprocess.run([ROOT / "firmware/build/fmfts-host", *arguments], capture_output=True, text=True, input="")
+    assert run.returncode == 2
+    assert run.stderr
