@@ -23,6 +23,7 @@ from fmfts.pad import Pad
 from fmfts.pose import solve
 from fmfts.simulate.chip import NOISE_T
 from fmfts.simulate.cylinder import cylinder_field
+from fmfts.simulate.mechanics import standard_mechanics
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 CERTAIN = np.eye(6) * 1e-16  # deviations of 10 nm and 1e-8
@@ -277,6 +278,19 @@ def test_hard_squeeze_within_8_mm_is_always_over_range_and_known_to_be_hard(pad:
     # The place is still the right one: the displacement keeps its direction.
     error_m = np.hypot([one.x_m for one in found] - samples.x_m, [one.y_m for one in found] - samples.y_m)
     assert np.median(error_m) < 0.5e-3
+
+
+def test_pose_far_outside_is_judged_by_the_nearest_one_that_the_model_knows(pad: Pad, model: ContactModel) -> None:
+    """Three and ten times a firm press's displacement: the same place, and nearly the calibrated force."""
+    displacement_m, axis = standard_mechanics().displacement(np.array([4e-3]), np.array([2e-3]), np.array([1.9]))
+    for times in (3.0, 10.0):
+        tilt = axis[0, :2] * times
+        turned = np.append(tilt, np.sqrt(1.0 - tilt @ tilt))
+        estimate = model.estimate(pad.rest_position_m + times * displacement_m[0], turned, CERTAIN)
+        assert estimate.over_range
+        assert estimate.force_min_n is not None
+        assert estimate.force_min_n > 1.8
+        assert np.hypot(estimate.x_m - 4e-3, estimate.y_m - 2e-3) < 0.3e-3
 
 
 def test_presses_up_to_the_calibrated_force_are_in_range(pad: Pad, model: ContactModel) -> None:
