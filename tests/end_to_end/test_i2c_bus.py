@@ -223,7 +223,7 @@ def test_a_chip_whose_clock_has_stopped_is_not_repeated_for_ever(kernel: KernelB
     run(source, lambda frames: "delivers no new samples" in source.state.sensor_faults.get((0, 0), ""))
 
 
-def test_a_foreign_user_of_the_mux_is_noticed(kernel: KernelBus, opened: Callable) -> None:
+def test_a_foreign_user_of_the_mux_costs_the_frame_and_is_named(kernel: KernelBus, opened: Callable) -> None:
     source = opened(pad())
     run(source, all_valid)
 
@@ -231,7 +231,8 @@ def test_a_foreign_user_of_the_mux_is_noticed(kernel: KernelBus, opened: Callabl
         kernel.order(mux=0, set={"control": 0x80, "pending": 0x80})
         return "bus" in source.state.warnings
 
-    run(source, interfered)
+    frames = run(source, interfered)
+    assert any(not frame.valid.any() for frame in frames)
     assert "another program uses the mux" in source.state.warnings["bus"]
     run(source, all_valid)
     run(source, lambda frames: "bus" not in source.state.warnings)

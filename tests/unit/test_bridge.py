@@ -181,9 +181,11 @@ def test_unplugging_closes_the_descriptor_says_why_and_reopens(board: Board) -> 
         assert bridge.fileno() is None
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.fstat(descriptor)
+        lost_ns = bridge.state.since_ns
         board.plug()
         board.sequence[0] += 100
         run(bridge, board, until=lambda: bridge.state.connected)
+        assert 0 < lost_ns < bridge.state.since_ns <= time.monotonic_ns()
         assert bridge.state.reconnects == again
     assert bridge.state.gaps == {}
     bridge.close()

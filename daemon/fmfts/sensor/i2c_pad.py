@@ -121,16 +121,15 @@ class I2cPad:
             sensor.fresh = False
         return sample
 
-    def watch(self) -> str | None:
-        """Check one sensor, in turn: registers, temperature, mux. A sentence when another program uses the mux."""
+    def watch(self) -> None:
+        """Check one sensor, in turn: its registers and its temperature."""
         sensor = self.sensors[self._turn % len(self.sensors)]
         self._turn += 1
         if sensor.state == SensorState.OK:
             self._guard(sensor, self._check)
-        return self.foreign_user()
 
     def foreign_user(self) -> str | None:
-        """Is the mux still as we left it? If not, samples read since may be another sensor's: they go."""
+        """Is the mux as we left it? If not, samples may be another sensor's: they go, and a sentence comes."""
         address = self.wiring.mux_address
         try:
             control = self.switches.foreign_control(address)
@@ -186,7 +185,7 @@ class I2cPad:
             self._lose(sensor, state)
 
     def _lose(self, sensor: Sensor, state: SensorState) -> None:
-        sensor.state, sensor.sampled_us, sensor.fresh = state, None, False
+        sensor.state = state
         sensor.retry_us = now_us() + RETRY_US
 
     def _set_up(self, sensor: Sensor) -> None:

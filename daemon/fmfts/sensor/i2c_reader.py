@@ -70,6 +70,8 @@ class Reader:
                     return
                 self._poll()
             if self._running:
+                for pad in self._pads:
+                    complain(pad.foreign_user())
                 self._send(*(pad.sample() for pad in self._pads))
             self._watch(time.monotonic_ns())
             tick_ns = max(tick_ns + period_ns, time.monotonic_ns() - period_ns)
@@ -82,7 +84,7 @@ class Reader:
         if now_ns >= self._next_watch_ns:
             self._next_watch_ns = now_ns + WATCH_NS
             for pad in self._pads:
-                complain(pad.watch())
+                pad.watch()
         status = self._status()
         states = [pad.states for pad in status.pads]
         if now_ns >= self._next_status_ns or states != self._states:
