@@ -2,7 +2,6 @@
 #ifndef FMFTS_CONVERSION_H
 #define FMFTS_CONVERSION_H
 
-#include <stdbool.h>
 #include <stdint.h>
 
 enum { CONVERSION_PERIOD_US = 4545 }; // rate code 7: 220 Hz
@@ -12,7 +11,6 @@ struct conversion {
     uint64_t not_ready_us; // last time that READY was seen clear
     uint64_t ready_us;     // last time that it was seen set
     uint16_t period_us;    // of this chip's clock, learned
-    bool sharp;            // READY was seen clear shortly before the last conversion
 };
 
 void conversion_restart(struct conversion *conversion, uint64_t now_us);
