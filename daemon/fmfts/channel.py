@@ -105,6 +105,7 @@ class Channel:
             dropped=self._statistics.dropped,
             gaps=self._statistics.gaps,
             crc_errors=state.crc_errors,
+            garbage_bytes=state.garbage_bytes,
             reconnects=state.reconnects,
             latency_p50_s=latency and latency[0],
             latency_p99_s=latency and latency[1],

@@ -9,7 +9,10 @@ from fmfts.sensor import Frame
 
 @dataclass(slots=True)
 class PadStatistics:
-    """Counters since the start, and the latencies (sample → publish) since the last `interval`."""
+    """Counters since the start, and the latencies (sample → publish) since the last `interval`.
+
+    gaps: frames that were produced and never came. dropped: frames that came and were not used.
+    """
 
     frames: int = 0
     gaps: int = 0
@@ -20,11 +23,10 @@ class PadStatistics:
     _latencies_s: list[float] = field(default_factory=list)
 
     def frame(self, frame: Frame) -> None:
-        """Account for a frame: a jump of the sequence is a gap of that many frames, a step back a restart."""
+        """Account for a frame: a jump of the sequence is a gap of that many, a step back a restart of the board."""
         self.frames += 1
         if self._sequence is not None and frame.sequence > self._sequence + 1:
-            self.gaps += 1
-            self.dropped += frame.sequence - self._sequence - 1
+            self.gaps += frame.sequence - self._sequence - 1
         self._sequence = frame.sequence
 
     def published(self, sampled_ns: int, published_ns: int) -> None:

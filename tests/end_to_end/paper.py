@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from end_to_end.processes import FirmwareHost, RunningDaemon
 
+from end_to_end.processes import FirmwareHost, RunningDaemon
 from fmfts_client import Contact
 
 PAPER = Path(__file__).parents[1] / "data" / "paper"

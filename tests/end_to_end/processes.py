@@ -13,6 +13,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from fmfts.pad import Pad
+from fmfts.simulate.cylinder import cylinder_field
 from fmfts_client import Contact, Subscription, UnreachableError, request
 
 ROOT = Path(__file__).parents[2]
@@ -50,8 +52,9 @@ class FirmwareHost:
         self.tell(f"field {pad} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
 
     def kill(self) -> None:
+        """Pull the plug."""
         self._process.kill()
-        self._process.wait()
+        self._process.communicate()
 
     def __enter__(self) -> Self:
         return self
@@ -129,3 +132,19 @@ class RunningDaemon:
 def run_command(*arguments: str | Path, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     words: Sequence[str | Path] = [sys.executable, "-m", "fmfts", *arguments]
     return subprocess.run(words, capture_output=True, text=True, env=environment, timeout=60, check=False)
+
+
+BRIDGE_CONFIG = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "bridge"
+port = "{port}"
+"""
+
+
+def resting_field(pad: Pad) -> np.ndarray:
+    """What the chips of an unloaded pad, built exactly as drawn, would see far from any other field; (4, 3) tesla."""
+    places = pad.sensors.position_m
+    positions, axes = np.tile(pad.rest_position_m, (len(places), 1)), np.tile(pad.rest_axis, (len(places), 1))
+    return cylinder_field(places, positions, axes, pad.magnet)

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from end_to_end.paper import CONFIG, arrivals
 from end_to_end.processes import FirmwareHost, RunningDaemon
 

@@ -78,6 +78,7 @@ def status_message(**changes: Any) -> StatusMessage:
         "dropped": 1,
         "gaps": 2,
         "crc_errors": 3,
+        "garbage_bytes": 17,
         "reconnects": 4,
         "latency_p50_s": 0.0005,
         "latency_p99_s": 0.001,

@@ -126,6 +126,7 @@ class Status:
     dropped: int
     gaps: int
     crc_errors: int
+    garbage_bytes: int
     reconnects: int
     latency_p50_s: Optional[float]
     latency_p99_s: Optional[float]

@@ -108,6 +108,7 @@ class StatusMessage(_Message, frozen=True, kw_only=True):
     dropped: int
     gaps: int
     crc_errors: int
+    garbage_bytes: int
     reconnects: int
     latency_p50_s: float | None
     latency_p99_s: float | None

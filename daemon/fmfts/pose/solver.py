@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pad import Pad
-from fmfts.pose.dipole import dipole_derivatives
+from fmfts.pose.dipole import IDENTITY, dipole_derivatives
 from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
 
 Array = NDArray[np.float64]
@@ -23,6 +23,9 @@ STOP_CHI2 = 1e-3
 # Reached by steps that are rounding: for comparisons between solvers, not for frames.
 STOP_CONVERGED = 1e-16
 MAX_ITERATIONS = 50
+FIRST_DAMPING = 1e-4
+ROUNDING = 1e-12  # relative error of a sum of squares
+TINY = 1e-300
 # Smallest eigenvalue of the scaled normal matrix, relative to the largest, that double precision still resolves.
 SINGULAR = 1e-12
 
@@ -104,32 +107,26 @@ def solve(
     if usable.sum() < len(free):
         return _failed(state, pad, usable, free, Status.UNOBSERVABLE)
     field = np.where(usable, field_t, 0.0)
-    damping, iterations, status = 1e-4, 0, Status.AT_LIMIT
+    damping, iterations, status = FIRST_DAMPING, 0, Status.AT_LIMIT
     residual, jacobian = _linearise(field, weight, pad, state, free)
     chi2 = float(residual @ residual)
     while iterations < MAX_ITERATIONS:
+        step, promised = _damped_step(residual, jacobian, damping)
+        move = np.zeros(SIZE)
+        move[free] = step
+        tried = state.stepped(move)
+        if promised <= stop_chi2 and damping <= FIRST_DAMPING:
+            # What is left to gain is not worth another look at the model: take the step and leave.
+            state, status = tried, Status.CONVERGED
+            break
         iterations += 1
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ residual
-        scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
-        scaled, slope = normal / (scale[:, None] * scale), gradient / scale
-        scaled_step = np.linalg.solve(scaled + damping * np.eye(len(free)), slope)
-        # Decrease that the linear model promises for this step.
-        promised = float(scaled_step @ (slope + damping * scaled_step))
-        step = np.zeros(SIZE)
-        step[free] = scaled_step / scale
-        tried = state.stepped(step)
         tried_residual, tried_jacobian = _linearise(field, weight, pad, tried, free)
         tried_chi2 = float(tried_residual @ tried_residual)
-        if tried_chi2 <= chi2:
-            state, residual, jacobian = tried, tried_residual, tried_jacobian
+        if tried_chi2 <= chi2 * (1.0 + ROUNDING):
+            state, residual, jacobian, chi2 = tried, tried_residual, tried_jacobian, tried_chi2
             damping *= 0.1
-            chi2 = tried_chi2
-        elif promised > stop_chi2:
-            damping = max(damping * 10.0, 1e-9)
-            continue
-        if promised <= stop_chi2:
-            status = Status.CONVERGED
-            break
+        else:
+            damping *= 10.0
     covariance = _covariance(jacobian, free)
     if covariance is None:
         return _failed(state, pad, usable, free, Status.UNOBSERVABLE)
@@ -147,6 +144,16 @@ def solve(
     )
 
 
+def _damped_step(residual: Array, jacobian: Array, damping: float) -> tuple[Array, float]:
+    """Marquardt's step, and the decrease of χ² that the linear model promises for it."""
+    normal, gradient = jacobian.T @ jacobian, jacobian.T @ residual
+    scale = np.sqrt(np.maximum(np.diagonal(normal), TINY))
+    scaled, slope = normal / (scale[:, None] * scale), gradient / scale
+    scaled.flat[:: len(scale) + 1] += damping
+    step = np.linalg.solve(scaled, slope)
+    return step / scale, float(step @ (slope + damping * step))
+
+
 def _linearise(field: Array, weight: Array, pad: Pad, state: State, free: NDArray[np.intp]) -> tuple[Array, Array]:
     """Residuals (3N,) and Jacobian (3N, len(free)) in deviations; the Jacobian is that of the prediction."""
     strength = pad.magnet.strength_t_m3 * np.exp(state.log_moment)
@@ -155,7 +162,7 @@ def _linearise(field: Array, weight: Array, pad: Pad, state: State, free: NDArra
     columns[:, :, POSITION] = by_position
     columns[:, :, AXIS] = by_axis @ tangent_basis(state.axis)
     columns[:, :, LOG_MOMENT] = dipole
-    columns[:, :, AMBIENT] = np.eye(3)
+    columns[:, :, AMBIENT] = IDENTITY
     to_sensor = pad.sensors.rotation.transpose(0, 2, 1)
     predicted = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
     residual = (weight * (field - predicted)).ravel()

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
+from fmfts.pad import Pad
+from fmfts_client import Contact, Status
+
+SECONDS = 60.0
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _resident_kb(pid: int) -> int:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:"))
+
+
+def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad: Pad) -> None:
+    """Solving and publishing every frame of one pad from the firmware's own bytes, on a pty."""
+    with FirmwareHost(tmp_path) as host, RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
+        host.field(resting_field(pad))
+        daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
+        recorded = daemon.command("baseline", "--rest", "--config", daemon.config)
+        assert recorded.returncode == 0, recorded.stderr
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        pid = daemon.process.pid
+        sequence: list[int] = []
+        healths: dict[str, int] = {}
+        statuses: list[Status] = []
+        with daemon.subscribe("contact", "status") as messages:
+            messages.receive(5.0)
+            cpu_before, resident_before, start = _cpu_s(pid), _resident_kb(pid), time.monotonic()
+            while time.monotonic() - start < SECONDS:
+                message = messages.receive(1.0)
+                assert message is not None
+                if message.kind == "status":
+                    statuses.append(Status.from_message(message.body))
+                else:
+                    contact = Contact.from_message(message.body)
+                    sequence.append(contact.seq)
+                    healths[contact.health] = healths.get(contact.health, 0) + 1
+            elapsed = time.monotonic() - start
+            share = (_cpu_s(pid) - cpu_before) / elapsed
+            grown_kb = _resident_kb(pid) - resident_before
+    rate_hz = len(sequence) / elapsed
+    print(f"{rate_hz:.2f} Hz, {share:.1%} of a core, grown by {grown_kb} kB to {resident_before + grown_kb} kB")
+    assert sequence == list(range(sequence[0], sequence[0] + len(sequence)))
+    assert healths == {"ok": len(sequence)}
+    assert statuses[-1].gaps == statuses[-1].dropped == statuses[-1].crc_errors == statuses[-1].reconnects == 0
+    assert all(abs(status.rate_hz / 220.0 - 1.0) < 0.01 for status in statuses)
+    assert abs(rate_hz / 220.0 - 1.0) < 0.01
+    # 13,200 messages: 1 MB would be 80 bytes kept of each.
+    assert grown_kb < 1024
+    assert share < 0.25
