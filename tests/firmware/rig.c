@@ -42,6 +42,13 @@ void rig_begin(uint8_t pads)
     }
 }
 
+void rig_begin_streaming(uint8_t pads)
+{
+    rig_begin(pads);
+    rig_run_ms(500);
+    rig_forget();
+}
+
 void rig_run_ms(double ms)
 {
     emulation_run_until(&rig.emulation, rig.emulation.bench.now_ns + (uint64_t)(ms * 1e6));

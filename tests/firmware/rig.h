@@ -24,6 +24,8 @@ extern struct rig rig;
 
 // Starts a board with this many pads. All chips see field (10 + i, 20 + i, 30 + i) µT, i their number, and no noise.
 void rig_begin(uint8_t pads);
+// The same half a second later, its packets forgotten.
+void rig_begin_streaming(uint8_t pads);
 void rig_run_ms(double ms);
 
 // The next packet of this type since the last look; the test fails when there is none.

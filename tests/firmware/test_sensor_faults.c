@@ -1,17 +1,10 @@
-// What a host sees of a board on which something is broken.
+// What a host sees of a board with a broken sensor.
 #include "harness.h"
 #include "rig.h"
 
 static struct emulated_chip *chip(int sensor)
 {
     return &rig.emulation.chips[0][sensor];
-}
-
-static void begin_streaming(uint8_t pads)
-{
-    rig_begin(pads);
-    rig_run_ms(500);
-    rig_forget();
 }
 
 // Runs on, then checks the state of pad 0's sensor 1, and that everything else of the pad still delivers new samples.
@@ -50,7 +43,7 @@ static void check_sensor_1_comes_back(void)
 
 TEST(unplugged_sensor_does_not_stop_the_others_and_comes_back)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     bench_plug_chip(chip(1), false);
     check_only_sensor_1_is_lost(100, SENSOR_NO_ANSWER);
     CHECK(rig_status_u32(0, 0) >= 3);
@@ -94,7 +87,7 @@ TEST(sensor_that_is_plugged_in_late_is_found)
 
 TEST(other_chip_in_a_sensors_place_is_not_used)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     bench_plug_chip(chip(1), false);
     bench_plug_chip(chip(1), true);
     chip(1)->identification[2] = '4';
@@ -105,7 +98,7 @@ TEST(other_chip_in_a_sensors_place_is_not_used)
 
 TEST(chip_that_does_not_hold_its_configuration_is_not_used)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     bench_plug_chip(chip(1), false);
     bench_plug_chip(chip(1), true);
     chip(1)->config_read_only = true;
@@ -116,7 +109,7 @@ TEST(chip_that_does_not_hold_its_configuration_is_not_used)
 
 TEST(chip_whose_clock_stops_is_noticed)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     chip(1)->clock_stopped = true;
     check_only_sensor_1_is_lost(200, SENSOR_NO_NEW_DATA);
     chip(1)->clock_stopped = false;
@@ -125,7 +118,7 @@ TEST(chip_whose_clock_stops_is_noticed)
 
 TEST(chip_whose_clock_stops_is_noticed_although_ready_stays_set)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     for (int i = 0; i < 4; i++) {
         chip(i)->ready_survives_reading = true;
         chip(i)->noise_ut = 1;
@@ -139,7 +132,7 @@ TEST(chip_whose_clock_stops_is_noticed_although_ready_stays_set)
 
 TEST(chip_whose_clock_stops_is_noticed_with_simultaneous_triggers)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, 1);
     rig_run_ms(200);
     chip(1)->clock_stopped = true;
@@ -159,7 +152,7 @@ TEST(chip_whose_clock_stops_is_noticed_with_simultaneous_triggers)
 TEST(frames_go_on_with_no_sensor_at_all)
 {
     for (uint16_t trigger = 0; trigger < 2; trigger++) {
-        begin_streaming(1);
+        rig_begin_streaming(1);
         rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, trigger);
         for (int i = 0; i < 4; i++)
             bench_plug_chip(chip(i), false);
@@ -181,7 +174,7 @@ TEST(frames_go_on_with_no_sensor_at_all)
 
 TEST(stale_lock_is_undone_without_losing_the_sensor)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     chip(1)->bytes_read = 1; // as after a transfer that broke off
     chip(1)->ready = false;
     rig_run_ms(1500);
@@ -195,7 +188,7 @@ TEST(stale_lock_is_undone_without_losing_the_sensor)
 
 TEST(corrupted_configuration_is_repaired_and_counted)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     chip(2)->config_b = 0x00; // ±0.88 G: counts twice too large
     chip(0)->config_a = 0x1C; // compensation off
     rig_run_ms(400);
@@ -211,7 +204,7 @@ TEST(corrupted_configuration_is_repaired_and_counted)
 
 TEST(saturated_axis_is_passed_on_and_the_others_stay)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     chip(3)->saturated_axes = 1 << 1;
     rig_run_ms(100);
     rig_forget();
@@ -223,131 +216,9 @@ TEST(saturated_axis_is_passed_on_and_the_others_stay)
     CHECK_EQUAL(view.fresh >> 3 & 1, 1);
 }
 
-TEST(lost_switch_takes_its_own_pad_only)
-{
-    begin_streaming(2);
-    bench_plug_switch(rig.emulation.switches[0], false);
-    rig_run_ms(200);
-    for (int i = 0; i < 4; i++) {
-        CHECK_EQUAL(rig_state(0, i), SENSOR_MUX_NO_ANSWER);
-        CHECK_EQUAL(rig_state(1, i), SENSOR_OK);
-    }
-    rig_forget();
-    rig_run_ms(1000);
-    int fresh = 0;
-    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {
-        struct sample_view view = rig_sample(packet);
-        CHECK_EQUAL(view.valid, view.pad_index == 0 ? 0 : 15);
-        fresh += view.fresh & 1;
-    }
-    CHECK(fresh > 200);
-    bench_plug_switch(rig.emulation.switches[0], true);
-    rig_run_ms(2500);
-    for (int i = 0; i < 4; i++)
-        CHECK_EQUAL(rig_state(0, i), SENSOR_OK);
-}
-
-TEST(lost_switch_is_noticed_with_simultaneous_triggers)
-{
-    begin_streaming(2);
-    rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, 1);
-    rig_run_ms(100);
-    bench_plug_switch(rig.emulation.switches[1], false);
-    rig_run_ms(1200);
-    CHECK_EQUAL(rig_state(1, 0), SENSOR_MUX_NO_ANSWER);
-    CHECK_EQUAL(rig_state(0, 0), SENSOR_OK);
-}
-
-TEST(switch_that_browns_out_is_selected_again)
-{
-    begin_streaming(1);
-    for (int trial = 0; trial < 20; trial++) {
-        struct emulated_switch *sw = rig.emulation.switches[0];
-        sw->control = sw->channels = 0;
-        rig_run_ms(37.3);
-    }
-    rig_forget();
-    rig_run_ms(1100);
-    for (int i = 0; i < 4; i++)
-        CHECK_EQUAL(rig_state(0, i), SENSOR_OK);
-}
-
-TEST(switch_that_shows_another_sensor_is_set_right)
-{
-    rig_begin(1);
-    rig.emulation.wiring[0].sensor_count = 1; // the channel is never changed, so only the read-back can notice
-    device_init(&rig.emulation.device, &rig.emulation.board);
-    rig_run_ms(500);
-    struct emulated_switch *sw = rig.emulation.switches[0];
-    sw->control = sw->channels = 2;
-    bench_plug_chip(chip(1), true);
-    rig_run_ms(300);
-    CHECK_EQUAL(sw->channels, 1);
-    CHECK_EQUAL(rig.emulation.device.sampler.pads[0].bus_errors, 1);
-}
-
-TEST(stuck_bus_is_recovered_and_counted)
-{
-    begin_streaming(1);
-    rig.emulation.bench.lines[0].stuck = true;
-    rig_run_ms(1200);
-    CHECK_EQUAL(rig.emulation.bench.lines[0].recoveries, 1);
-    CHECK_EQUAL(rig_status_u32(0, 1), 1);
-    CHECK(rig_status_u32(0, 0) >= 1);
-    CHECK_EQUAL(rig_state(0, 0), SENSOR_OK);
-}
-
-TEST(bus_that_stays_stuck_leaves_the_other_bus_alone_and_is_tried_again)
-{
-    begin_streaming(3);
-    rig.emulation.bench.lines[0].stuck_for_good = true;
-    rig_run_ms(1000);
-    rig_forget();
-    rig_run_ms(1000);
-    CHECK_EQUAL(rig_state(0, 0), SENSOR_BUS_STUCK);
-    CHECK_EQUAL(rig_state(1, 3), SENSOR_BUS_STUCK);
-    CHECK_EQUAL(rig_state(2, 0), SENSOR_OK);
-    int fresh = 0;
-    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {
-        struct sample_view view = rig_sample(packet);
-        if (view.pad_index == 2)
-            fresh += view.fresh & 1;
-        else
-            CHECK_EQUAL(view.valid, 0);
-    }
-    CHECK(fresh > 200);
-    rig.emulation.bench.lines[0].stuck_for_good = false;
-    rig_run_ms(2500);
-    CHECK_EQUAL(rig_state(0, 0), SENSOR_OK);
-    CHECK_EQUAL(rig_state(1, 3), SENSOR_OK);
-}
-
-TEST(single_bus_errors_of_any_kind_cost_no_sensor)
-{
-    static const enum bus_result errors[] = {BUS_NO_ANSWER, BUS_TIMEOUT, BUS_ARBITRATION};
-    for (uint16_t trigger = 0; trigger < 2; trigger++) {
-        begin_streaming(1);
-        rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, trigger);
-        for (int trial = 0; trial < 60; trial++) {
-            rig.emulation.bench.lines[0].fail_count = 1;
-            rig.emulation.bench.lines[0].fail_result = errors[trial % 3];
-            rig_run_ms(23.7);
-        }
-        for (const uint8_t *status; (status = rig_find(WIRE_STATUS)) != NULL;)
-            for (int i = 0; i < 4; i++)
-                CHECK_EQUAL(status[29 + i], SENSOR_OK);
-        rig_forget();
-        rig_run_ms(1100);
-        CHECK_EQUAL(rig_status_u32(0, 0), 60);
-        CHECK_EQUAL(rig_status_u32(0, 1), 40);
-        for (int i = 0; i < 4; i++)
-            CHECK_EQUAL(rig_state(0, i), SENSOR_OK);
-    }
-}
-
 TEST(status_comes_each_second_and_at_once_when_a_state_changes)
 {
-    begin_streaming(1);
+    rig_begin_streaming(1);
     rig_run_ms(5000);
     CHECK_EQUAL(rig_count(WIRE_STATUS), 5);
     rig_forget();
