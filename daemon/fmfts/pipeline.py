@@ -13,7 +13,7 @@ from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector
 from fmfts.contact import ContactEstimate, ContactModel, TouchDetector
 from fmfts.pad import Pad
-from fmfts.pose import Alignment, PoseEstimate, Track, Tracker, as_drawn, displacement
+from fmfts.pose import Alignment, PoseEstimate, Track, Tracker, as_drawn, displacement, widened
 from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
@@ -74,17 +74,17 @@ class PadPipeline:
             return self._message(frame, sampled_ns, "no_baseline", BARE_ONLY, _mask(track.used), track)
         if track.estimate is None or track.health == "disturbed":
             return self._message(frame, sampled_ns, track.health, track.reason, _mask(track.used), track)
-        contact = self._contact(mounted, track.estimate)
-        touching = mounted.touch.update(*displacement(track.estimate, mounted.mounting.rest))
+        rest = mounted.mounting.rest
+        change, _ = displacement(track.estimate, rest)
+        estimate = widened(track.estimate, rest, mounted.mounting.change_covariance(change))
+        touching = mounted.touch.update(*displacement(estimate, rest))
+        # The model knows the drawing's pad: it gets the change of pose from this pad's rest, put on the drawing's.
+        contact = self._model.estimate(*as_drawn(estimate, rest, self.pad))
         return self._message(frame, sampled_ns, track.health, track.reason, _mask(track.used), track, contact, touching)
 
     def absent(self, health: Health, reason: str, now_ns: int) -> ContactMessage:
         """What is published while no frame comes: silence is not an answer."""
         return self._message(None, now_ns, health, reason, 0)
-
-    def _contact(self, mounted: _Mounted, estimate: PoseEstimate) -> ContactEstimate:
-        """The model knows the drawing's pad: it gets the change of pose from this pad's rest, put on the drawing's."""
-        return self._model.estimate(*as_drawn(estimate, mounted.mounting.rest, self.pad))
 
     def _message(
         self,

@@ -10,7 +10,7 @@ import pytest
 from fmfts import ambient
 from fmfts.ambient import Baseline, BaselineError, Recording, make_bare, make_rest, summarise
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import State, dipole_field
+from fmfts.pose import State, dipole_field, displacement, solve
 from fmfts.sensor.frame import Frame
 from fmfts.simulate.cylinder import cylinder_field
 
@@ -248,3 +248,26 @@ def test_incomplete_recording_is_refused(spoil, message: str) -> None:
 def test_too_few_frames_are_refused() -> None:
     with pytest.raises(BaselineError, match="only 10 frames arrived"):
         summarise(_frames(10))
+
+
+@pytest.mark.parametrize("gain", [0.005, 0.05])
+def test_change_of_pose_is_as_uncertain_as_claimed(pad: Pad, gain: float) -> None:
+    """What places and gains leave open scales a press; noise-free fields, so that nothing else is wrong."""
+    tolerance = replace(TOLERANCE, gain=gain)
+    normalised = []
+    for seed in range(40):
+        world = World(pad, np.random.default_rng(seed))
+        world.gain = 1.0 + np.random.default_rng(seed + 1000).normal(0.0, gain, (4, 3))
+        before = make_bare(pad, tolerance, world.recorded(world.bare()))
+        _, mounting = make_rest(pad, tolerance, world.recorded(world.field()), before)
+        press = np.array([3e-4, -2e-4, -7e-4, 0.08, 0.05, 0, 0, 0, 0])
+        field = mounting.magnet_field(world.field(world.rest.stepped(press)))
+        estimate = solve(field, mounting.mounted(pad), mounting.rest)
+        change, _ = displacement(estimate, mounting.rest)
+        truth, _ = displacement(replace(estimate, state=world.rest.stepped(press)), world.rest)
+        error = change - truth
+        # The dipole for the cylinder: 1–2 µm and 0.1 mrad of a change, on top of what is tested here.
+        covariance = mounting.change_covariance(change) + np.diag(np.array([2e-6, 2e-6, 2e-6, 2e-4, 2e-4]) ** 2)
+        normalised.append(error @ np.linalg.solve(covariance, error))
+    # A mean of 40 χ²₅ has a deviation of 0.5.
+    assert 5.0 - 4 * 0.5 < np.mean(normalised) < 5.0 + 4 * 0.5

@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient.recording import Recording
+from fmfts.ambient.unknowns import Unknowns, change_error
 from fmfts.pad import Pad, SensorArray, Tolerance
-from fmfts.pose import State, dipole_derivatives, dipole_field, tangent_basis
+from fmfts.pose import State, dipole_field
 
 Array = NDArray[np.float64]
 
 # The dipole stands in for the cylinder: at most 1.9 mG apart 12 mm away from a 2 mm × 2 mm magnet.
 MODEL_DEVIATION_T = 2e-7
-# The Earth's field has 0.25–0.65 G in a direction nobody knows; steel in a robot's arm adds to it.
-AMBIENT_DEVIATION_T = 5e-5
 ITERATIONS = 30
 SETTLED = 1e-6  # largest step, in prior deviations, at which the search ends
 
@@ -35,6 +34,7 @@ class Mounting:
     what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
     noise_t: (N, 3) of one sample. proportional: (N, 3) error of a change of field, relative to it.
     systematic_t: what every value may be off besides, always by the same.
+    change_error: (5, 5, M) error of a unit change of pose for one deviation of each thing that mounting leaves open.
     chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
     rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
     ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
@@ -49,6 +49,7 @@ class Mounting:
     noise_t: Array
     proportional: Array
     systematic_t: float
+    change_error: Array
     chi2: float
     measurements: int
     misfit_t: Array
@@ -82,58 +83,11 @@ class Mounting:
         deviation: Array = np.sqrt((self.noise_t * noise_share) ** 2 + change**2 + self.systematic_t**2)
         return deviation
 
-
-@dataclass(frozen=True, slots=True)
-class _Unknowns:
-    """The vector that is searched, in prior deviations: rest pose, log moment, ambient, sensor places, gains."""
-
-    pad: Pad
-    deviation: Array  # (9 + 6N,)
-
-    @classmethod
-    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool) -> _Unknowns:
-        count = len(pad.sensors)
-        spread = np.concatenate(
-            [
-                np.full(3, tolerance.magnet_position_m),
-                np.full(2, tolerance.magnet_tilt_rad),
-                [tolerance.remanence],
-                np.full(3, AMBIENT_DEVIATION_T if ambient_free else 0.0),
-                np.full(3 * count, tolerance.sensor_position_m),
-                np.full(3 * count, tolerance.gain),
-            ]
-        )
-        return cls(pad, spread)
-
-    def unpack(self, scaled: Array) -> tuple[State, Array, Array]:
-        """State, sensor places (N, 3) and gains (N, 3)."""
-        count = len(self.pad.sensors)
-        values = self.deviation * scaled
-        places = self.pad.sensors.position_m + values[9 : 9 + 3 * count].reshape(count, 3)
-        gain = 1.0 + values[9 + 3 * count :].reshape(count, 3)
-        return State.at_rest(self.pad).stepped(values[:9]), places, gain
-
-    def predict(self, scaled: Array) -> tuple[Array, Array]:
-        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, unknowns)."""
-        state, places, gain = self.unpack(scaled)
-        count = len(places)
-        strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
-        dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength)
-        to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
-        field = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
-        columns = np.zeros((count, 3, len(self.deviation)))
-        columns[:, :, 0:3] = to_sensor @ by_position
-        # The tangent plane is that of the drawing's axis, where the search starts; the tilt stays within degrees of it.
-        columns[:, :, 3:5] = to_sensor @ by_axis @ tangent_basis(self.pad.rest_axis)
-        columns[:, :, 5] = (to_sensor @ dipole[:, :, None])[:, :, 0]
-        columns[:, :, 6:9] = to_sensor
-        for sensor in range(count):
-            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = -to_sensor[sensor] @ by_position[sensor]
-        columns *= gain[:, :, None]
-        for sensor in range(count):
-            first = 9 + 3 * (count + sensor)
-            columns[sensor, :, first : first + 3] = np.diag(field[sensor])
-        return gain * field, (columns * self.deviation).reshape(3 * count, -1)
+    def change_covariance(self, change: Array) -> Array:
+        """(5, 5) of a change of pose (5,) (see fmfts.pose.displacement): what is still unknown of places and gains."""
+        error = np.tensordot(change, self.change_error, axes=1)
+        covariance: Array = error @ error.T
+        return covariance
 
 
 def estimate_mounting(
@@ -151,10 +105,10 @@ def estimate_mounting(
         data, variance = data - bare.mean_t, variance + bare.mean_deviation_t**2
     believed = np.repeat(np.ones(count, dtype=bool) if used is None else used, 3)
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
-    unknowns = _Unknowns.of(pad, tolerance, ambient_free=bare is None)
+    unknowns = Unknowns.of(pad, tolerance, ambient_free=bare is None)
     scaled = np.zeros(len(unknowns.deviation))
     for _ in range(ITERATIONS):
-        predicted, jacobian = unknowns.predict(scaled)
+        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled))
         weighted = weight[:, None] * jacobian
         normal = weighted.T @ weighted + np.eye(len(scaled))
         step = np.linalg.solve(normal, weighted.T @ (weight * (data - predicted).ravel()) - scaled)
@@ -163,10 +117,11 @@ def estimate_mounting(
         scaled = scaled + step
         if np.abs(step).max() < SETTLED:
             break
-    predicted, _ = unknowns.predict(scaled)
     state, places, gain = unknowns.unpack(scaled)
+    predicted, _ = unknowns.predict(state, places, gain)
     misfit = data - predicted
-    covariance = np.linalg.inv(normal) * unknowns.deviation[:, None] * unknowns.deviation
+    scaled_covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    covariance = scaled_covariance * unknowns.deviation[:, None] * unknowns.deviation
     magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
     distance = np.linalg.norm(places - state.position_m, axis=1)
     ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
@@ -181,6 +136,7 @@ def estimate_mounting(
         noise_t=rest.noise_t,
         proportional=_proportional(spread[0], spread[1], distance),
         systematic_t=0.0,
+        change_error=change_error(unknowns, scaled, scaled_covariance, weight),
         chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ scaled),
         measurements=int(believed.sum()),
         misfit_t=misfit,
@@ -212,6 +168,7 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
         noise_t=bare.noise_t,
         proportional=np.zeros(shape),
         systematic_t=float(proportional * typical_t),
+        change_error=np.zeros((5, 5, 0)),
         chi2=0.0,
         measurements=0,
         misfit_t=np.zeros(shape),

@@ -1,7 +1,7 @@
 """Field → pose: where the magnet is, how it points, how strong it is, and how sure that is."""
 
 from fmfts.pose.alignment import Aligned, Alignment
-from fmfts.pose.change import as_drawn, displacement
+from fmfts.pose.change import as_drawn, displacement, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.solver import (
     FREE_FIELD,
@@ -36,4 +36,5 @@ __all__ = [
     "solve",
     "solve_batch",
     "tangent_basis",
+    "widened",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,15 @@ def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
     project[:3, :3] = np.eye(3)
     project[3:, 3:] = basis.T
     return change, project @ estimate.pose_covariance @ project.T
+
+
+def widened(estimate: PoseEstimate, rest: State, covariance: Array) -> PoseEstimate:
+    """The estimate with `covariance` (5, 5) added, which is of a change of pose as `displacement` gives it."""
+    turn = np.eye(5)
+    turn[3:, 3:] = tangent_basis(estimate.axis).T @ tangent_basis(rest.axis)
+    wider = estimate.covariance.copy()
+    wider[:5, :5] += turn @ covariance @ turn.T
+    return replace(estimate, covariance=wider)
 
 
 def as_drawn(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, Array, Array]:

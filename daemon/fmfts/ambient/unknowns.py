@@ -1,0 +1,98 @@
+"""What mounting and manufacture leave open, as one vector, and what it does to the field and to a change of pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pad import Pad, Tolerance
+from fmfts.pose import State, dipole_derivatives, tangent_basis
+
+Array = NDArray[np.float64]
+
+# The Earth's field has 0.25–0.65 G in a direction nobody knows; steel in a robot's arm adds to it.
+AMBIENT_DEVIATION_T = 5e-5
+# Columns: rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N).
+MAGNET = slice(0, 6)
+# What a firm press does to the pose: the error of a change is measured at such a one.
+TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """The vector is counted in prior deviations: `deviation` (9 + 6N,) has them in SI."""
+
+    pad: Pad
+    deviation: Array
+
+    @classmethod
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool) -> Self:
+        count = len(pad.sensors)
+        spread = np.concatenate(
+            [
+                np.full(3, tolerance.magnet_position_m),
+                np.full(2, tolerance.magnet_tilt_rad),
+                [tolerance.remanence],
+                np.full(3, AMBIENT_DEVIATION_T if ambient_free else 0.0),
+                np.full(3 * count, tolerance.sensor_position_m),
+                np.full(3 * count, tolerance.gain),
+            ]
+        )
+        return cls(pad, spread)
+
+    def unpack(self, scaled: Array) -> tuple[State, Array, Array]:
+        """State, sensor places (N, 3) and gains (N, 3)."""
+        count = len(self.pad.sensors)
+        values = self.deviation * scaled
+        places = self.pad.sensors.position_m + values[9 : 9 + 3 * count].reshape(count, 3)
+        gain = 1.0 + values[9 + 3 * count :].reshape(count, 3)
+        return State.at_rest(self.pad).stepped(values[:9]), places, gain
+
+    def predict(self, state: State, places: Array, gain: Array) -> tuple[Array, Array]:
+        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) by the scaled vector."""
+        count = len(places)
+        strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
+        dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength)
+        to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
+        field = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
+        columns = np.zeros((count, 3, len(self.deviation)))
+        columns[:, :, 0:3] = to_sensor @ by_position
+        # The tangent plane is that of the drawing's axis, where the search starts; the tilt stays within degrees of it.
+        columns[:, :, 3:5] = to_sensor @ by_axis @ tangent_basis(self.pad.rest_axis)
+        columns[:, :, 5] = (to_sensor @ dipole[:, :, None])[:, :, 0]
+        columns[:, :, 6:9] = to_sensor
+        for sensor in range(count):
+            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = -to_sensor[sensor] @ by_position[sensor]
+        columns *= gain[:, :, None]
+        for sensor in range(count):
+            first = 9 + 3 * (count + sensor)
+            columns[sensor, :, first : first + 3] = np.diag(field[sensor])
+        return gain * field, (columns * self.deviation).reshape(3 * count, -1)
+
+
+def change_error(unknowns: Unknowns, scaled: Array, covariance: Array, weight: Array) -> Array:
+    """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that follows
+    from each of M independent deviations of the unknowns (`scaled` (M,) with `covariance` (M, M)).
+
+    At rest the baseline absorbs an error of places and gains; what it does to a change is the difference of the field's
+    derivatives there and here, seen through the solver's own least squares (`weight` (3N,) of the field values).
+    """
+    state, places, gain = unknowns.unpack(scaled)
+    _, at_rest = unknowns.predict(state, places, gain)
+    root = np.linalg.cholesky(covariance)
+    errors = np.empty((5, 5, len(scaled)))
+    for direction, size in enumerate(TYPICAL_CHANGE):
+        step = np.zeros(9)
+        step[direction] = size
+        _, there = unknowns.predict(state.stepped(step), places, gain)
+        seen = (
+            weight[:, None]
+            * there[:, MAGNET]
+            / np.where(unknowns.deviation[MAGNET] > 0.0, unknowns.deviation[MAGNET], 1.0)
+        )
+        solved = np.linalg.lstsq(seen, weight[:, None] * (there - at_rest) @ root, rcond=None)[0]
+        errors[direction] = solved[:5] / size
+    return errors
