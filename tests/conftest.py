@@ -1,4 +1,4 @@
-"""What all tests share: the emulators on the path, Hypothesis without chance, and the pad that everything is tried on."""
+"""What all tests share: the emulators on the path, Hypothesis without chance, and the pad that all is tried on."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from fmfts.pad import Pad
 PAPER = Path(__file__).parents[1] / "data" / "paper"
 CONFIG = Path(__file__).parents[2] / "config.toml"
 POSE_COLUMNS = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
-# Table 1 prints 0.8767 G at p1 for 1.28 T. The other four remanences of that probe all have 0.6851 G per tesla, which makes
-# 0.8770 G, and with it c = 12.2580 mm where Table 2 has 12.2579; as printed, any solver gets 12.2576.
+# Table 1 prints 0.8767 G at p1 for 1.28 T. The other four remanences of that probe all have 0.6851 G per tesla, which
+# makes 0.8770 G, and with it c = 12.2580 mm where Table 2 has 12.2579; as printed, any solver gets 12.2576.
 MISPRINT = {("1", "1.28", 0, 2): (0.8767, 0.8770)}
 
 

@@ -114,7 +114,7 @@ def test_figures_carry_unit_and_deviation() -> None:
         "10.500 ± 0.003 mm",
         "5.74 ± 0.13°",
         "1.230 ± 0.010 T",
-        "0 1 2 3",
+        "1 2 3 4",
     ):
         assert figure in text
 

@@ -139,7 +139,7 @@ def _figures(contact: Contact, status: Status | None, rate_hz: float | None, arr
     figures.add_row("latency", f"{sending_ms:.2f} ms to publish")
     if arrival_s is not None:
         figures.add_row("", f"{arrival_s * 1e3:.2f} ms to here")
-    used = [str(sensor) for sensor in range(8) if contact.sensors_ok >> sensor & 1]
+    used = [str(sensor + 1) for sensor in range(8) if contact.sensors_ok >> sensor & 1]
     figures.add_row("sensors", " ".join(used) or "none")
     figures.add_row("", "–" if contact.temperature_c is None else f"{contact.temperature_c:.1f} °C")
     return figures

@@ -59,8 +59,8 @@ def _cells(report: Status) -> tuple[Text | str, ...]:
         f"{report.source}" + ("" if report.connected else ", not connected"),
         f"{report.rate_hz:.1f} of {report.rate_nominal_hz:g} Hz",
         str(report.frames),
-        f"{report.gaps} never arrived, {report.dropped} unusable, {report.crc_errors} with a wrong check sum, {report.garbage_bytes} stray bytes, "
-        f"{report.reconnects} reconnects",
+        f"{report.gaps} never arrived, {report.dropped} unusable, {report.crc_errors} with a wrong check sum, "
+        f"{report.garbage_bytes} stray bytes, {report.reconnects} reconnects",
         "–" if None in latencies else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",
         "–" if report.temperature_c is None else f"{report.temperature_c:.1f} °C",
         "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("scipy", "rich", "sklearn", "onnx", "matplotlib", "magpylib", "hypothesis")
+
+
+@pytest.mark.parametrize(
+    "module", ["fmfts.daemon", "fmfts.sensor.bridge", "fmfts.sensor.i2c", "fmfts.sensor.i2c_reader"]
+)
+def test_running_daemon_imports_nothing_heavy(module: str) -> None:
+    code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []
+
+
+def test_reader_process_of_a_bus_does_without_the_model() -> None:
+    code = (
+        "import sys, fmfts.sensor.i2c_reader; print(*(name for name in ('onnxruntime', 'zmq') if name in sys.modules))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []
