@@ -1,7 +1,5 @@
 #include "hmc5983.h"
 
-#include <stdlib.h>
-
 const uint16_t hmc5983_lsb_per_gauss[HMC5983_GAIN_CODES] = {1370, 1090, 820, 660, 440, 390, 330, 230};
 
 // Data sheet, self-test limits at gain 5.
@@ -84,13 +82,18 @@ static bool within_limits(int counts)
     return counts >= SELFTEST_MIN && counts <= SELFTEST_MAX;
 }
 
+static int magnitude(int counts)
+{
+    return counts < 0 ? -counts : counts;
+}
+
 // The data sheet says that the chip subtracts the external field itself; then positive and negative are symmetric about
 // zero. A chip that does not shows them symmetric about the unbiased reading. Whichever is nearer is taken off, so
 // either kind is judged by its strap alone, and a strap that does nothing fails on both.
 static int external_field(int unbiased, int positive, int negative)
 {
     int centre = (positive + negative) / 2;
-    return abs(centre - unbiased) < abs(centre) ? unbiased : 0;
+    return magnitude(centre - unbiased) < magnitude(centre) ? unbiased : 0;
 }
 
 void hmc5983_judge_selftest(const int16_t unbiased[3], const int16_t positive[3], const int16_t negative[3],

@@ -1,0 +1,40 @@
+# The firmware for the chip, by GCC and, so that a second compiler has an opinion, by clang. Included by ../Makefile.
+ARM_CC ?= arm-none-eabi-gcc
+CLANG ?= clang
+OPENOCD ?= openocd
+STM32FLASH ?= stm32flash
+
+STM32 = $(CORE) $(wildcard stm32f103/*.c)
+STM32_SCRIPT = stm32f103/stm32f103c8.ld
+STM32_HEADERS = $(wildcard core/*.h stm32f103/*.h stm32f103/freestanding/*.h)
+STM32_FLAGS = -mcpu=cortex-m3 -mthumb -Os -g $(WARNINGS) -ffreestanding -ffunction-sections -fdata-sections \
+	-isystem stm32f103/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
+# Without these, the loop in memcpy would be compiled to a call of memcpy.
+STM32_GCC = $(ARM_CC) -fno-tree-loop-distribute-patterns
+STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld
+
+stm32: $(BUILD)/fmfts.elf $(BUILD)/fmfts.bin
+	@sh stm32f103/size.sh $(ARM_CC) $<
+
+stm32-clang: $(BUILD)/fmfts-clang.elf
+	@sh stm32f103/size.sh $(ARM_CC) $<
+
+$(BUILD)/fmfts.elf: $(STM32) $(STM32_HEADERS) $(STM32_SCRIPT) stm32f103/build.mk
+	@mkdir -p $(BUILD)
+	$(STM32_GCC) $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts.map -o $@.$$$$ && mv $@.$$$$ $@
+
+$(BUILD)/fmfts-clang.elf: $(STM32) $(STM32_HEADERS) $(STM32_SCRIPT) stm32f103/build.mk
+	@mkdir -p $(BUILD)
+	$(STM32_CLANG) $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts-clang.map -o $@.$$$$ && mv $@.$$$$ $@
+
+$(BUILD)/fmfts.bin: $(BUILD)/fmfts.elf
+	$(ARM_CC:gcc=objcopy) -O binary $< $@
+
+# An ST-Link on SWDIO, SWCLK and GND.
+flash: $(BUILD)/fmfts.elf
+	$(OPENOCD) -f interface/stlink.cfg -f target/stm32f1x.cfg -c "program $< verify reset exit"
+
+# The chip's own boot loader on USART1, BOOT0 at 1: docs/firmware.md.
+flash-serial: $(BUILD)/fmfts.bin
+	@test -n "$(PORT)" || { echo "say which port: make flash-serial PORT=/dev/serial/by-id/…" >&2; exit 2; }
+	$(STM32FLASH) -b 115200 -w $< -v -g 0x08000000 $(PORT)

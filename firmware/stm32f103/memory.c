@@ -1,0 +1,68 @@
+// What compilers call without being asked, as the ARM run-time ABI and C name it. There is no C library in this program.
+#include <string.h>
+
+void *memcpy(void *restrict to, const void *restrict from, size_t count)
+{
+    unsigned char *out = to;
+    const unsigned char *in = from;
+    while (count--)
+        *out++ = *in++;
+    return to;
+}
+
+void *memmove(void *to, const void *from, size_t count)
+{
+    unsigned char *out = to;
+    const unsigned char *in = from;
+    if (out > in)
+        while (count--)
+            out[count] = in[count];
+    else
+        while (count--)
+            *out++ = *in++;
+    return to;
+}
+
+void *memset(void *to, int byte, size_t count)
+{
+    unsigned char *out = to;
+    while (count--)
+        *out++ = (unsigned char)byte;
+    return to;
+}
+
+int memcmp(const void *left, const void *right, size_t count)
+{
+    const unsigned char *a = left, *b = right;
+    for (; count--; a++, b++)
+        if (*a != *b)
+            return *a - *b;
+    return 0;
+}
+
+// The names that clang calls by the ARM run-time ABI (AEABI 4.3.4); 4 and 8 promise an alignment that bytes do not need.
+void __aeabi_memcpy(void *restrict to, const void *restrict from, size_t count)
+{
+    memcpy(to, from, count);
+}
+
+void __aeabi_memmove(void *to, const void *from, size_t count)
+{
+    memmove(to, from, count);
+}
+
+void __aeabi_memset(void *to, size_t count, int byte)
+{
+    memset(to, byte, count);
+}
+
+void __aeabi_memclr(void *to, size_t count)
+{
+    memset(to, 0, count);
+}
+
+#define ALIAS(name, arguments) __attribute__((alias(#name))) void name##4 arguments, name##8 arguments
+ALIAS(__aeabi_memcpy, (void *restrict to, const void *restrict from, size_t count));
+ALIAS(__aeabi_memmove, (void *to, const void *from, size_t count));
+ALIAS(__aeabi_memset, (void *to, size_t count, int byte));
+ALIAS(__aeabi_memclr, (void *to, size_t count));

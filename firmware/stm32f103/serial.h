@@ -1,0 +1,18 @@
+// USART1 to the host, 460800 8N1, both directions by interrupt.
+#ifndef FMFTS_SERIAL_H
+#define FMFTS_SERIAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+void serial_start(uint32_t apb2_mhz);
+
+// Takes the whole line or nothing; at once. `context` is not used.
+bool serial_send(void *context, const uint8_t *line, size_t count);
+
+// The bytes that wait, as far as they are contiguous; `serial_drop` them once they are used.
+const uint8_t *serial_peek(size_t *count);
+void serial_drop(size_t count);
+
+#endif

@@ -1,0 +1,19 @@
+// Microseconds since reset from SysTick, and the sleep until its next interrupt.
+#ifndef FMFTS_TIMER_H
+#define FMFTS_TIMER_H
+
+#include <stdint.h>
+
+enum { TIMER_TICK_US = 250 };
+
+// May be called again when the core's clock changes; the time goes on.
+void timer_start(uint32_t core_mhz);
+
+// Wraps after 71 minutes. Not for use in interrupt handlers.
+uint32_t timer_now_us(void);
+void timer_wait_us(uint32_t us);
+
+// Returns after an interrupt: the next tick's at the latest.
+void timer_sleep(void);
+
+#endif
