@@ -62,7 +62,7 @@ def test_noise_free_field_gives_the_state_back(state: State) -> None:
 def test_step_from_inverts_stepped(state: State, step: list[float]) -> None:
     scale = np.array([1e-3] * 3 + [0.5] * 2 + [0.3] + [1e-5] * 3)
     there = state.stepped(np.array(step) * scale)
-    assert there.step_from(state) == pytest.approx(np.array(step) * scale, abs=1e-12)
+    assert there.step_from(state)[:9] == pytest.approx(np.array(step) * scale, abs=1e-12)
     assert np.linalg.norm(there.axis) == pytest.approx(1.0, abs=1e-15)
 
 

@@ -3,16 +3,9 @@
 from fmfts.pose.alignment import Aligned, Alignment
 from fmfts.pose.change import as_drawn, displacement, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
-from fmfts.pose.solver import (
-    FREE_FIELD,
-    FREE_PAPER,
-    FREE_POSE,
-    STOP_CONVERGED,
-    PoseEstimate,
-    Status,
-    solve,
-    solve_batch,
-)
+from fmfts.pose.kernel import SOLVER, Batch, solve_problem
+from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
+from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
 from fmfts.pose.state import State, tangent_basis
 from fmfts.pose.tracker import Track, Tracker, TrackHealth
 
@@ -20,10 +13,18 @@ __all__ = [
     "FREE_FIELD",
     "FREE_PAPER",
     "FREE_POSE",
+    "SOLVER",
+    "STOP_CHI2",
     "STOP_CONVERGED",
     "Aligned",
     "Alignment",
+    "Batch",
+    "Motion",
+    "Part",
     "PoseEstimate",
+    "Prior",
+    "Problem",
+    "Solution",
     "State",
     "Status",
     "Track",
@@ -33,8 +34,10 @@ __all__ = [
     "dipole_derivatives",
     "dipole_field",
     "displacement",
+    "parts_of",
     "solve",
     "solve_batch",
+    "solve_problem",
     "tangent_basis",
     "widened",
 ]

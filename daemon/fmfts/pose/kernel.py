@@ -1,0 +1,158 @@
+"""Which solver serves: the compiled kernel where it could be built, else the NumPy reference."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pose.problem import Parts, Problem, Solution, Status
+from fmfts.pose.reference import solve_reference
+from fmfts.pose.state import NEIGHBOUR_SIZE, NEIGHBOUR_VALUES, SIZE, VALUES, State
+
+try:
+    from fmfts.pose import _kernel
+except ImportError:  # no compiler was there when the package was built
+    _kernel = None  # type: ignore[assignment]
+
+Array = NDArray[np.float64]
+
+# The environment variable is for comparisons: FMFTS_SOLVER=numpy leaves the kernel aside.
+SOLVER: Literal["c", "numpy"] = "numpy" if _kernel is None or os.environ.get("FMFTS_SOLVER") == "numpy" else "c"
+
+STATUSES = (Status.CONVERGED, Status.AT_LIMIT, Status.UNOBSERVABLE, Status.INVALID)
+# Columns of a summary, as _kernel.c writes it.
+STATUS, CHI2, RESIDUAL, ITERATIONS, ROWS, UNKNOWNS = range(6)
+SUMMARY = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """K independent problems with equally many rows and magnets, for one call of the kernel; every array contiguous.
+
+    As in `Problem`, with a leading K: measurements (K, rows, 10), magnets (K, M, 2), parts (K, columns), start
+    (K, values: `State.vector`), prior_mean (K, values), prior_covariance (K, columns, columns), rate and diffusion
+    (K, columns). Results are written to state, covariance, direction and summary (K, 6: STATUS …), which may be reused.
+    """
+
+    measurements: Array
+    magnets: Array
+    parts: Parts
+    start: Array
+    state: Array
+    covariance: Array
+    direction: Array
+    summary: Array
+    prior_mean: Array | None = None
+    prior_covariance: Array | None = None
+    rate: Array | None = None
+    diffusion: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        measurements: Array,
+        magnets: Array,
+        parts: Parts,
+        start: Array,
+        prior_mean: Array | None = None,
+        prior_covariance: Array | None = None,
+        rate: Array | None = None,
+        diffusion: Array | None = None,
+    ) -> Batch:
+        """Inputs made contiguous (K is that of `measurements`; what lacks the leading K is repeated), results made."""
+        count, columns = len(measurements), columns_of(magnets.shape[-2])
+
+        def each(values: Array | None, dimensions: int) -> Array | None:
+            if values is None or values.ndim == dimensions:
+                return values if values is None else np.ascontiguousarray(values, dtype=np.float64)
+            return np.ascontiguousarray(np.broadcast_to(values, (count, *values.shape)), dtype=np.float64)
+
+        whole = (each(measurements, 3), each(magnets, 3), each(start, 2))
+        assert whole[0] is not None
+        assert whole[1] is not None
+        assert whole[2] is not None
+        return cls(
+            measurements=whole[0],
+            magnets=whole[1],
+            parts=np.ascontiguousarray(np.broadcast_to(parts, (count, columns)), dtype=np.uint8),
+            start=whole[2],
+            state=np.empty((count, whole[2].shape[1])),
+            covariance=np.empty((count, columns, columns)),
+            direction=np.empty((count, columns)),
+            summary=np.empty((count, SUMMARY)),
+            prior_mean=each(prior_mean, 2),
+            prior_covariance=each(prior_covariance, 3),
+            rate=each(rate, 2),
+            diffusion=each(diffusion, 2),
+        )
+
+    def solve(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
+        """Fill the results, by the kernel, which lets other threads run meanwhile."""
+        count, rows, _ = self.measurements.shape
+        _kernel.solve(
+            count,
+            rows,
+            self.magnets.shape[1],
+            self.measurements,
+            self.magnets,
+            self.parts,
+            self.start,
+            self.prior_mean,
+            self.prior_covariance,
+            self.rate,
+            self.diffusion,
+            stop_chi2,
+            max_iterations,
+            project,
+            self.state,
+            self.covariance,
+            self.direction,
+            self.summary,
+        )
+
+    def solution(self, index: int) -> Solution:
+        summary = self.summary[index].tolist()
+        return Solution(
+            state=State.from_vector(self.state[index]),
+            covariance=self.covariance[index],
+            chi2=summary[CHI2],
+            rows=int(summary[ROWS]),
+            unknowns=int(summary[UNKNOWNS]),
+            residual_t=summary[RESIDUAL],
+            iterations=int(summary[ITERATIONS]),
+            status=STATUSES[int(summary[STATUS])],
+            direction=self.direction[index],
+        )
+
+
+def columns_of(magnets: int) -> int:
+    return SIZE + NEIGHBOUR_SIZE * (magnets - 1)
+
+
+def values_of(magnets: int) -> int:
+    return VALUES + NEIGHBOUR_VALUES * (magnets - 1)
+
+
+def solve_problem(problem: Problem) -> Solution:
+    """The most probable state; see fmfts.pose.problem."""
+    return solve_kernel(problem) if SOLVER == "c" else solve_reference(problem)
+
+
+def solve_kernel(problem: Problem) -> Solution:
+    prior, motion = problem.prior, problem.motion
+    batch = Batch.of(
+        problem.measurements[None],
+        problem.magnets[None],
+        problem.parts[None],
+        problem.start.vector()[None],
+        None if prior is None else prior.mean.vector()[None],
+        None if prior is None else prior.covariance[None],
+        None if motion is None else motion.rate[None],
+        None if motion is None else motion.diffusion[None],
+    )
+    batch.solve(problem.stop_chi2, problem.max_iterations, problem.project)
+    return batch.solution(0)

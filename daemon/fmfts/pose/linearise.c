@@ -1,0 +1,144 @@
+/* χ², its slope and its curvature about a state. */
+#include "search.h"
+
+/* Sums JᵀJ, Jᵀρ and ρᵀρ: the outer products of each row of J with its residual appended. n: `ordered`. */
+FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *state, fmfts_linear *out)
+{
+    double column[FMFTS_MAX_COLUMNS] = {0}, own[FMFTS_STRIDE];
+    fmfts_sight sight[FMFTS_MAX_MAGNETS];
+    double raw_square = 0.0;
+    for (size_t i = 0; i <= n; i++) {
+        for (size_t j = i; j <= n; j++) {
+            out->a[i][j] = 0.0;
+        }
+    }
+    for (size_t r = 0; r < search->row_count; r++) {
+        const fmfts_row *row = &search->rows[r];
+        if (row->shares_place == 0.0) {
+            for (size_t m = 0; m < search->sources.count; m++) {
+                look(&search->sources.source[m], row->place, &sight[m]);
+            }
+        }
+        double residual = row->value - sense_all(&search->sources, sight, state, row->place, row->direction,
+                                                 search->with_gradient, column);
+        for (size_t i = 0; i < n; i++) {
+            own[i] = column[search->order[i]];
+        }
+        own[n] = residual;
+        raw_square += residual * residual * row->deviation * row->deviation;
+        for (size_t i = 0; i <= n; i++) {
+            for (size_t j = i; j <= n; j++) {
+                out->a[i][j] += own[i] * own[j];
+            }
+        }
+    }
+    out->raw_square = raw_square;
+}
+
+/* The step from the prior's mean, and for each magnet the derivative of its two tilts (see _from_mean in reference.py).
+ * False at 90° or more. */
+static bool step_from_mean(const fmfts_search *search, const double *state, double *away, double turn[][2][2])
+{
+    const double *mean = search->problem->prior_mean;
+    for (int i = 0; i < GRADIENT_COLUMN + 5 - AMBIENT_COLUMN; i++) {
+        away[AMBIENT_COLUMN + i] = state[AMBIENT_VALUE + i] - mean[AMBIENT_VALUE + i];
+    }
+    for (size_t m = 0; m < search->sources.count; m++) {
+        const double *own = state + first_value(m), *from = mean + first_value(m);
+        double *step = away + first_column(m);
+        const double(*basis)[3] = (const double(*)[3])search->sources.source[m].basis;
+        double origin[2][3];
+        tangent_basis(from + AXIS_VALUE, origin);
+        double along = dot3(own + AXIS_VALUE, from + AXIS_VALUE);
+        if (!(along > 0.0)) {
+            return false;
+        }
+        for (int i = 0; i < 3; i++) {
+            step[i] = own[i] - from[i];
+        }
+        for (int i = 0; i < 2; i++) {
+            step[TILT_COLUMN + i] = dot3(origin[i], own + AXIS_VALUE) / along;
+            for (int j = 0; j < 2; j++) {
+                turn[m][i][j] = (dot3(origin[i], basis[j]) - step[TILT_COLUMN + i] * dot3(from + AXIS_VALUE, basis[j])) / along;
+            }
+        }
+        step[LOG_COLUMN] = own[LOG_VALUE] - from[LOG_VALUE];
+    }
+    return true;
+}
+
+/* Adds DᵀΩD, −DᵀΩd and dᵀΩd. False where the state is too far from the mean to say. */
+static bool add_prior(const fmfts_search *search, const double *state, fmfts_linear *out)
+{
+    size_t n = search->ordered;
+    double away[FMFTS_MAX_COLUMNS], turn[FMFTS_MAX_MAGNETS][2][2], pull[FMFTS_STRIDE];
+    fmfts_matrix turned;
+    if (!step_from_mean(search, state, away, turn)) {
+        return false;
+    }
+    for (size_t i = 0; i < n; i++) {
+        pull[i] = 0.0;
+        for (size_t j = 0; j < n; j++) {
+            turned[i][j] = search->information[i][j];
+            pull[i] += turned[i][j] * away[search->order[j]];
+        }
+        out->a[n][n] += away[search->order[i]] * pull[i];
+    }
+    for (size_t p = 0; p + 1 < n; p++) {
+        for (size_t m = 0; m < search->sources.count; m++) {
+            if (search->order[p] != first_column(m) + TILT_COLUMN) {
+                continue;
+            }
+            double first = pull[p], second = pull[p + 1];
+            pull[p] = first * turn[m][0][0] + second * turn[m][1][0];
+            pull[p + 1] = first * turn[m][0][1] + second * turn[m][1][1];
+            for (size_t i = 0; i < n; i++) {
+                first = turned[i][p], second = turned[i][p + 1];
+                turned[i][p] = first * turn[m][0][0] + second * turn[m][1][0];
+                turned[i][p + 1] = first * turn[m][0][1] + second * turn[m][1][1];
+            }
+            for (size_t i = 0; i < n; i++) {
+                first = turned[p][i], second = turned[p + 1][i];
+                turned[p][i] = first * turn[m][0][0] + second * turn[m][1][0];
+                turned[p + 1][i] = first * turn[m][0][1] + second * turn[m][1][1];
+            }
+        }
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = i; j < n; j++) {
+            out->a[i][j] += turned[i][j];
+        }
+        out->a[i][n] -= pull[i];
+    }
+    return true;
+}
+
+double fmfts_linearise(fmfts_search *search, const double *state, fmfts_linear *out)
+{
+    size_t n = search->ordered;
+    place_sources(search->problem->magnets, state, &search->sources);
+    switch (n) { /* constant sizes are unrolled: twice as fast */
+    case 5:
+        add_rows(5, search, state, out);
+        break;
+    case 6:
+        add_rows(6, search, state, out);
+        break;
+    case 8:
+        add_rows(8, search, state, out);
+        break;
+    case 9:
+        add_rows(9, search, state, out);
+        break;
+    default:
+        add_rows(n, search, state, out);
+    }
+    if (search->has_prior && !add_prior(search, state, out)) {
+        return INFINITY;
+    }
+    double trace = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        trace += out->a[i][i];
+    }
+    return isfinite(out->a[n][n]) && isfinite(trace) ? out->a[n][n] : INFINITY;
+}

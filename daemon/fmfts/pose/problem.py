@@ -1,0 +1,167 @@
+"""What a solver is asked, and what it answers: the same for the C kernel and the NumPy reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pad import Magnet, SensorArray
+from fmfts.pose.dipole import octupole_m2
+from fmfts.pose.state import COLUMN_NAMES, NEIGHBOUR_SIZE, SIZE, State
+
+Array = NDArray[np.float64]
+Parts = NDArray[np.uint8]
+
+# One measurement is a scalar: `value` (T) is what a sensor at `place` (m) reads along the unit vector `direction`.
+# Its standard deviation is hypot(noise in T, proportional·|value|); it was taken `age` seconds before the state's time.
+PLACE = slice(0, 3)
+DIRECTION = slice(3, 6)
+VALUE = 6
+NOISE = 7
+PROPORTIONAL = 8
+AGE = 9
+MEASUREMENT = 10
+
+# One step further would lower χ² by less than this: a thirtieth of a standard deviation is left to gain.
+STOP_CHI2 = 1e-3
+# Reached by steps that are rounding: for comparisons between solvers, not for frames.
+STOP_CONVERGED = 1e-20
+MAX_ITERATIONS = 50
+
+
+class Part(IntEnum):
+    """How one column of the state enters a solve.
+
+    FIXED: has the start's value, without error. FREE: estimated, from the measurements alone. PRIOR: estimated, from
+    measurements and prior. CONSIDERED (Schmidt): has the start's value, whose error counts in the covariance of the
+    estimated parts and is not reduced.
+    """
+
+    FIXED = 0
+    FREE = 1
+    CONSIDERED = 2
+    PRIOR = 3
+
+
+class Status(StrEnum):
+    CONVERGED = "converged"
+    AT_LIMIT = "at limit"
+    UNOBSERVABLE = "unobservable"
+    INVALID = "invalid input"
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A Gaussian: covariance (columns, columns) of a step from `mean`, in the tangent planes of its axes.
+
+    Only rows and columns of parts that are PRIOR or CONSIDERED are read.
+    """
+
+    mean: State
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What happened while the samples aged. rate (columns,): known, step per second, so that a sample is predicted at
+    the state's time minus its age, to first order. diffusion (columns,): variance per second of the random rest."""
+
+    rate: Array
+    diffusion: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """measurements (rows, 10): see PLACE … AGE. A NaN or infinite value, or an infinite noise, leaves a row out.
+
+    magnets (1 + neighbours, 2): strength B_T in T·m³ at log moment 0, and κ in m² (0: a dipole). parts (columns,):
+    `Part` of each column. project: start from the position alone (see fmfts.pose.acquisition).
+    """
+
+    measurements: Array
+    magnets: Array
+    parts: Parts
+    start: State
+    prior: Prior | None = None
+    motion: Motion | None = None
+    stop_chi2: float = STOP_CHI2
+    max_iterations: int = MAX_ITERATIONS
+    project: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """What the measurements say of the state.
+
+    covariance (columns, columns): of a step from `state`, zero where a part is fixed, the prior's where considered.
+    chi2: squared misfit in deviations, of measurements and prior, at the most probable value of considered parts.
+    rows: measurements used. unknowns: FREE parts, so that chi2 is expected to be rows − unknowns. residual_t: root
+    mean square of the residuals. All are NaN unless the status is CONVERGED or AT_LIMIT; the state is then where the
+    search stood. direction (columns,): where UNOBSERVABLE, the step that nothing measures, in units of what each
+    column's deviation would be if the others were known; NaN otherwise.
+    """
+
+    state: State
+    covariance: Array
+    chi2: float
+    rows: int
+    unknowns: int
+    residual_t: float
+    iterations: int
+    status: Status
+    direction: Array
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        return self.rows - self.unknowns
+
+    @property
+    def unobservable(self) -> tuple[str, ...]:
+        """Names of the columns that trade off against each other, the strongest first; empty if all is observable."""
+        share = np.abs(self.direction)
+        strongest = np.argsort(-np.nan_to_num(share))
+        return tuple(column_name(int(column)) for column in strongest if share[column] > 0.1)
+
+
+def column_name(column: int) -> str:
+    if column < SIZE:
+        return COLUMN_NAMES[column]
+    neighbour, own = divmod(column - SIZE, NEIGHBOUR_SIZE)
+    return f"{COLUMN_NAMES[own]} of neighbour {neighbour + 1}"
+
+
+def measurement_rows(
+    field_t: Array,
+    sensors: SensorArray,
+    deviation_t: Array | float,
+    proportional: float = 0.0,
+    age_s: Array | float = 0.0,
+) -> Array:
+    """(3N, 10) measurements of fields (N, 3) in each sensor's own axes; age_s (N,) of each sensor's sample."""
+    rows = np.empty((len(sensors), 3, MEASUREMENT))
+    rows[:, :, PLACE] = sensors.position_m[:, None]
+    rows[:, :, DIRECTION] = sensors.rotation.transpose(0, 2, 1)
+    rows[:, :, VALUE] = field_t
+    rows[:, :, NOISE] = deviation_t
+    rows[:, :, PROPORTIONAL] = proportional
+    rows[:, :, AGE] = np.asarray(age_s)[..., None]
+    return rows.reshape(-1, MEASUREMENT)
+
+
+def magnet_rows(*magnets: Magnet, octupole: bool = False) -> Array:
+    """(len(magnets), 2): strength and, with `octupole`, κ of each."""
+    return np.array([(magnet.strength_t_m3, octupole_m2(magnet) if octupole else 0.0) for magnet in magnets])
+
+
+def parts_of(columns: int = SIZE, *, free: object = (), considered: object = (), prior: object = ()) -> Parts:
+    """(columns,) all FIXED but those named by index, slice or array of indices."""
+    parts = np.zeros(columns, dtype=np.uint8)
+    for part, which in ((Part.FREE, free), (Part.CONSIDERED, considered), (Part.PRIOR, prior)):
+        if isinstance(which, slice | int):
+            parts[which] = part
+        else:
+            parts[np.asarray(which, dtype=np.intp)] = part
+    return parts

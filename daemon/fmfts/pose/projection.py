@@ -1,0 +1,93 @@
+"""Variable projection: given the magnet's position, its moment and the ambient field are linear.
+
+G. Golub, V. Pereyra, "The differentiation of pseudo-inverses…", SIAM J. Numer. Anal. 10 (1973) 413. With them solved
+for at every trial position, Levenberg–Marquardt over all unknowns moves in three dimensions only (Kaufman's form), and
+a start needs neither an axis nor a strength.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pose.dipole import dipole_derivatives
+from fmfts.pose.model import predict
+from fmfts.pose.problem import DIRECTION, PLACE, VALUE, Part, Problem
+from fmfts.pose.state import AMBIENT, LOG_MOMENT, State
+
+Array = NDArray[np.float64]
+
+SECULAR_STEPS = 50
+SETTLED = 1e-14
+HARD_CASE = 1e-10
+
+
+def best_linear_parts(rows: Array, weight: Array, problem: Problem, state: State) -> State | None:
+    """`state` with the axis and, where they are estimated, moment and ambient that fit best at its position.
+
+    The dipole alone is linear: the octupole is left to the steps. A moment that is not estimated keeps its length.
+    None where the measurements leave the moment open.
+    """
+    try:
+        return _best(rows, weight, problem, state)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _best(rows: Array, weight: Array, problem: Problem, state: State) -> State | None:
+    strength = float(problem.magnets[0, 0])
+    _, _, by_moment = dipole_derivatives(rows[:, PLACE], state.position_m, state.axis, strength)
+    design = weight[:, None] * np.einsum("ni,nij->nj", rows[:, DIRECTION], by_moment)
+    predicted, jacobian = predict(rows, problem.magnets, state)
+    rest = weight * (rows[:, VALUE] - predicted + jacobian[:, LOG_MOMENT])
+    normal, slope = design.T @ design, design.T @ rest
+    uniform = np.flatnonzero(np.isin(problem.parts[AMBIENT], (Part.FREE, Part.PRIOR)))
+    own = weight[:, None] * rows[:, DIRECTION][:, uniform]
+    curvature, pull = _with_prior(problem, state, uniform, own.T @ own, own.T @ rest)
+    shared = np.linalg.solve(curvature, own.T @ design)
+    estimated = problem.parts[LOG_MOMENT] in (Part.FREE, Part.PRIOR)
+    normal, slope = normal - design.T @ own @ shared, slope - shared.T @ pull
+    moment = np.linalg.solve(normal, slope) if estimated else _of_length(normal, slope, float(np.exp(state.log_moment)))
+    length = float(np.sqrt(moment @ moment))
+    if not 0.0 < length < np.inf:
+        return None
+    ambient = state.ambient_t.copy()
+    ambient[uniform] += np.linalg.solve(curvature, pull) - shared @ moment
+    log_moment = float(np.log(length)) if estimated else state.log_moment
+    return replace(state, axis=moment / length, log_moment=log_moment, ambient_t=ambient)
+
+
+def _with_prior(
+    problem: Problem, state: State, uniform: NDArray[np.intp], curvature: Array, pull: Array
+) -> tuple[Array, Array]:
+    """The ambient's normal equations, for a change from the state's, with what the prior says of each component."""
+    held = problem.parts[AMBIENT][uniform] == Part.PRIOR
+    if problem.prior is None or not held.any():
+        return curvature, pull
+    information = np.where(held, 1.0 / np.diagonal(problem.prior.covariance)[AMBIENT][uniform], 0.0)
+    return curvature + np.diag(information), pull + information * (problem.prior.mean.ambient_t - state.ambient_t)[
+        uniform
+    ]
+
+
+def _of_length(normal: Array, slope: Array, length: float) -> Array:
+    """The minimum of µᵀAµ − 2bᵀµ over |µ| = length, the lowest of them: (A − λ)µ = b with λ below A's eigenvalues.
+
+    Newton's method on 1/|µ(λ)|, which is nearly linear, from the side where it converges monotonically (A. Conn,
+    N. Gould, P. Toint, "Trust-Region Methods", 2000, section 7.3).
+    """
+    values, vectors = np.linalg.eigh(normal)
+    turned = vectors.T @ slope
+    # Without a component along the weakest direction both signs of it are equally good: take one.
+    turned[0] = np.copysign(max(abs(turned[0]), HARD_CASE * float(np.sqrt(turned @ turned))), turned[0])
+    shift = values[0] - abs(turned[0]) / length
+    for _ in range(SECULAR_STEPS):
+        moment = turned / (values - shift)
+        size = float(np.sqrt(moment @ moment))
+        if abs(size - length) <= SETTLED * length:
+            break
+        shift -= (size / length - 1.0) * size * size / float(moment @ (moment / (values - shift)))
+    best: Array = vectors @ moment
+    return best * (length / size)

@@ -1,0 +1,272 @@
+"""The solver beside its equations: Levenberg–Marquardt on measurements and prior, in NumPy.
+
+With residuals ρ = (measured − predicted)/deviation, their Jacobian J (of the prediction), and d the step from the
+prior's mean, known with information Ω = P⁻¹, each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
+g = Jᵀρ − DᵀΩd, and D is the derivative of d: one on everything but the axis, which lives on a sphere. This is the
+oracle of solver.c, and serves where that could not be compiled.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pose.model import UNIT, brought_to_now, magnets_of, predict, usable_rows
+from fmfts.pose.problem import PLACE, VALUE, Part, Problem, Solution, Status
+from fmfts.pose.projection import best_linear_parts
+from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
+
+Array = NDArray[np.float64]
+
+FIRST_DAMPING = 1e-4
+NO_DAMPING = 1e-7  # below it Marquardt's step is Gauss's
+ROUNDING = 1e-12  # relative error of a sum of squares
+# A column whose variance the others explain but for this share is not measured: what is left is rounding.
+SINGULAR = 1e-11
+# A deviation over this share of the distance to the nearest sensor, or of a radian, says nothing: the field goes with
+# the third power of the distance, so the model is not linear over it, and the covariance not one.
+UNCERTAIN = 0.25
+
+
+class Linear(NamedTuple):
+    """The problem about one state: χ² there, A and g over the active columns, and the raw squared residuals."""
+
+    chi2: float
+    normal: Array
+    gradient: Array
+    residual_square: float
+
+
+def solve_reference(problem: Problem) -> Solution:
+    """The most probable state; see fmfts.pose.problem."""
+    active = np.flatnonzero(np.isin(problem.parts, (Part.FREE, Part.PRIOR)))
+    considered = np.flatnonzero(problem.parts == Part.CONSIDERED)
+    rows = usable_rows(problem)
+    information = _information(problem)
+    if rows is None or information is None or not _valid(problem):
+        return _failed(problem, problem.start, Status.INVALID)
+    order = np.concatenate([active, considered])
+    value, weight = brought_to_now(problem, rows)
+    rows = np.column_stack([rows[:, :VALUE], value, rows[:, VALUE + 1 :]])
+    search = _Search(problem, rows, weight, information[np.ix_(order, order)], order, len(active))
+    return search.run()
+
+
+class _Search:
+    def __init__(
+        self, problem: Problem, rows: Array, weight: Array, information: Array, order: NDArray[np.intp], active: int
+    ) -> None:
+        self._problem = problem
+        self._rows = rows
+        self._weight = weight
+        self._information = information
+        self._order = order  # the active columns, then the considered ones
+        self._active = active
+
+    def run(self) -> Solution:
+        problem, active = self._problem, slice(0, self._active)
+        state = problem.start
+        if problem.project:
+            state = best_linear_parts(self._rows, self._weight, problem, state) or state
+        linear = self._linearise(state)
+        if not np.isfinite(linear.chi2):
+            return _failed(problem, state, Status.INVALID)
+        damping, iterations, status = 0.0, 0, Status.AT_LIMIT
+        while iterations < problem.max_iterations:
+            step, promised = _damped_step(linear.normal[active, active], linear.gradient[active], damping)
+            if step is None:
+                damping = max(FIRST_DAMPING, 10.0 * damping)
+                iterations += 1
+                continue
+            tried = self._stepped(state, step)
+            if promised <= problem.stop_chi2 and damping <= FIRST_DAMPING:
+                # What is left to gain is not worth another look at the model: take the step and leave.
+                state, status = tried, Status.CONVERGED
+                linear = linear._replace(chi2=linear.chi2 - promised)
+                break
+            iterations += 1
+            if problem.project:
+                tried = best_linear_parts(self._rows, self._weight, problem, tried) or tried
+            tried_linear = self._linearise(tried)
+            if tried_linear.chi2 <= linear.chi2 * (1.0 + ROUNDING):
+                state, linear = tried, tried_linear
+                damping = 0.1 * damping if damping > NO_DAMPING else 0.0
+            else:
+                damping = max(FIRST_DAMPING, 10.0 * damping)
+        return self._solution(state, linear, iterations, status)
+
+    def _stepped(self, state: State, step: Array) -> State:
+        move = np.zeros(state.columns)
+        move[self._order[: self._active]] = step
+        return state.stepped(move)
+
+    def _linearise(self, state: State) -> Linear:
+        """χ², A and g; χ² is infinite where the state is not one (a magnet in a sensor, an axis over 90° away)."""
+        problem = self._problem
+        with np.errstate(all="ignore"):
+            predicted, jacobian = predict(self._rows, problem.magnets, state)
+            raw = self._rows[:, VALUE] - predicted
+            residual = self._weight * raw
+            weighted = self._weight[:, None] * jacobian[:, self._order]
+            normal, gradient = weighted.T @ weighted, weighted.T @ residual
+            chi2 = float(residual @ residual)
+            if problem.prior is not None:
+                away, by_step = _from_mean(state, problem.prior.mean)
+                turn = by_step[np.ix_(self._order, self._order)]
+                pull = self._information @ away[self._order]
+                normal = normal + turn.T @ self._information @ turn
+                gradient = gradient - turn.T @ pull
+                chi2 += float(away[self._order] @ pull)
+            finite = np.isfinite(chi2) and bool(np.isfinite(normal).all())
+            return Linear(chi2 if finite else np.inf, normal, gradient, float(raw @ raw))
+
+    def _solution(self, state: State, linear: Linear, iterations: int, status: Status) -> Solution:
+        problem, active = self._problem, slice(0, self._active)
+        normal = linear.normal[active, active]
+        inverse = _inverse(normal)
+        columns = self._order[: self._active]
+        if inverse is None or self._uncertain(state, np.sqrt(np.diagonal(inverse))):
+            direction = _weakest(normal, columns, state.columns)
+            return _failed(problem, state, Status.UNOBSERVABLE, len(self._rows), direction)
+        covariance, chi2 = self._with_considered(inverse, linear)
+        whole = np.zeros((state.columns, state.columns))
+        whole[np.ix_(self._order, self._order)] = covariance
+        return Solution(
+            state=state,
+            covariance=whole,
+            chi2=chi2,
+            rows=len(self._rows),
+            unknowns=int((problem.parts == Part.FREE).sum()),
+            residual_t=float(np.sqrt(linear.residual_square / len(self._rows))) if len(self._rows) else 0.0,
+            iterations=iterations,
+            status=status,
+            direction=np.full(state.columns, np.nan),
+        )
+
+    def _with_considered(self, inverse: Array, linear: Linear) -> tuple[Array, float]:
+        """Covariance over (active, considered), and χ² at the considered parts' most probable value.
+
+        The estimate moves by S = −A⁻¹·A_xc per unit of the considered parts, whose own variance stays the prior's.
+        """
+        active, rest = slice(0, self._active), slice(self._active, None)
+        if self._active == len(self._order):
+            return inverse, linear.chi2
+        assert self._problem.prior is not None
+        columns = self._order[rest]
+        variance = self._problem.prior.covariance[np.ix_(columns, columns)]
+        cross = linear.normal[active, rest]
+        sensitivity = -inverse @ cross
+        shared = sensitivity @ variance
+        covariance = np.block([[inverse + shared @ sensitivity.T, shared], [shared.T, variance]])
+        slope = linear.gradient[rest] + sensitivity.T @ linear.gradient[active]
+        gain = slope @ np.linalg.solve(linear.normal[rest, rest] + cross.T @ sensitivity, slope)
+        return covariance, linear.chi2 - float(gain)
+
+    def _uncertain(self, state: State, deviation: Array) -> bool:
+        """Whether a position or an axis is known so badly that its covariance means nothing."""
+        full = np.zeros(state.columns)
+        full[self._order[: self._active]] = deviation
+        for first, magnet in magnets_of(state):
+            distance = np.sqrt(((self._rows[:, PLACE] - magnet.position_m) ** 2).sum(axis=1).min(initial=np.inf))
+            own = full[first:]
+            if (own[POSITION] > UNCERTAIN * distance).any() or (own[AXIS] > UNCERTAIN).any():
+                return True
+        return False
+
+
+def _valid(problem: Problem) -> bool:
+    """Whether start, parts and settings are what they claim to be."""
+    states = [problem.start] if problem.prior is None else [problem.start, problem.prior.mean]
+    for state in states:
+        if not np.isfinite(state.vector()).all():
+            return False
+        for first, magnet in magnets_of(state):
+            tilt = problem.parts[first:][AXIS]
+            if abs(np.sqrt(magnet.axis @ magnet.axis) - 1.0) > UNIT or tilt[0] != tilt[1]:
+                return False
+    return bool(np.isfinite(problem.magnets).all() and (problem.magnets[:, 0] > 0.0).all() and problem.stop_chi2 > 0.0)
+
+
+def _information(problem: Problem) -> Array | None:
+    """Ω (columns, columns): inverse of the prior's covariance over its columns, zero elsewhere; None if it has none."""
+    information = np.zeros((len(problem.parts), len(problem.parts)))
+    columns = np.flatnonzero(np.isin(problem.parts, (Part.PRIOR, Part.CONSIDERED)))
+    if len(columns):
+        if problem.prior is None:
+            return None
+        inverse = _inverse(problem.prior.covariance[np.ix_(columns, columns)])
+        if inverse is None:
+            return None
+        information[np.ix_(columns, columns)] = inverse
+    return information
+
+
+def _from_mean(state: State, mean: State) -> tuple[Array, Array]:
+    """The step d (columns,) from a prior's mean, and its derivative D (columns, columns) by a step from `state`.
+
+    With a the axis, m the mean's and T their tangent bases, d = T_mᵀa/(a·m); NaN at 90° or more.
+    """
+    away, by_step = state.step_from(mean), np.eye(state.columns)
+    for (first, magnet), (_, origin) in zip(magnets_of(state), magnets_of(mean), strict=True):
+        tilt = slice(first + AXIS.start, first + AXIS.stop)
+        along = magnet.axis @ origin.axis
+        basis, to_mean = tangent_basis(magnet.axis), tangent_basis(origin.axis).T
+        away[tilt] = to_mean @ magnet.axis / along if along > 0.0 else np.nan
+        by_step[tilt, tilt] = to_mean @ basis / along - np.outer(away[tilt], origin.axis @ basis) / along
+    return away, by_step
+
+
+def _damped_step(normal: Array, gradient: Array, damping: float) -> tuple[Array | None, float]:
+    """Marquardt's step, and the decrease of χ² that the linear model promises for it; None where A is singular."""
+    damped = normal + damping * np.diag(np.diagonal(normal))
+    inverse = _inverse(damped)
+    if inverse is None:
+        return None, np.inf
+    step = inverse @ gradient
+    return step, float(step @ gradient + damping * (step * step) @ np.diagonal(normal))
+
+
+def _inverse(matrix: Array) -> Array | None:
+    """Inverse of a symmetric matrix; None unless it is positive definite and far enough from singular to tell."""
+    diagonal = np.diagonal(matrix)
+    if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
+        return None
+    scale = 1.0 / np.sqrt(diagonal)
+    try:
+        factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
+    except np.linalg.LinAlgError:
+        return None
+    if (np.diagonal(factor) ** 2 < SINGULAR).any():
+        return None
+    half = np.linalg.inv(factor) * scale
+    inverse: Array = half.T @ half
+    return inverse
+
+
+def _weakest(normal: Array, columns: NDArray[np.intp], size: int) -> Array:
+    """The unit step (size,) that changes the residuals least, each column in units of its own deviation."""
+    diagonal = np.diagonal(normal)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    _, vectors = np.linalg.eigh(normal * scale[:, None] * scale)
+    direction = np.zeros(size)
+    direction[columns] = vectors[:, 0]
+    return direction
+
+
+def _failed(problem: Problem, state: State, status: Status, rows: int = 0, direction: Array | None = None) -> Solution:
+    """An answer that cannot be mistaken for one."""
+    nan = float("nan")
+    unknown = np.full(state.columns, nan)
+    return Solution(
+        state=state,
+        covariance=np.full((state.columns, state.columns), nan),
+        chi2=nan,
+        rows=rows,
+        unknowns=int((problem.parts == Part.FREE).sum()),
+        residual_t=nan,
+        iterations=0,
+        status=status,
+        direction=unknown if direction is None else direction,
+    )

@@ -1,0 +1,157 @@
+/* Levenberg–Marquardt: the algorithm of reference.py, which explains it. */
+#include "solver.h"
+
+#include <string.h>
+
+#include "search.h"
+
+#define FIRST_DAMPING 1e-4
+#define NO_DAMPING 1e-7 /* below it Marquardt's step is Gauss's */
+#define ROUNDING 1e-12  /* relative error of a sum of squares */
+
+/* Marquardt's step into `step`, and the decrease of χ² that the linear model promises for it. */
+FMFTS_INLINE bool damped_step_of(size_t n, size_t last, fmfts_linear *here, double damping, fmfts_matrix work, double *step,
+                                 double *promised)
+{
+    if (!factor(n, here->a, damping, work)) {
+        return false;
+    }
+    for (size_t i = 0; i < n; i++) {
+        step[i] = here->a[i][last];
+    }
+    solve_factored(n, work, step);
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        sum += step[i] * (here->a[i][last] + damping * here->a[i][i] * step[i]);
+    }
+    *promised = sum;
+    return true;
+}
+
+static bool damped_step(const fmfts_search *search, fmfts_linear *here, double damping, fmfts_matrix work, double *step,
+                        double *promised)
+{
+    size_t last = search->ordered;
+    switch (search->active) {
+    case 5:
+        return damped_step_of(5, last, here, damping, work, step, promised);
+    case 6:
+        return damped_step_of(6, last, here, damping, work, step, promised);
+    case 8:
+        return damped_step_of(8, last, here, damping, work, step, promised);
+    default:
+        return damped_step_of(search->active, last, here, damping, work, step, promised);
+    }
+}
+
+/* tried = state moved by a step over the active columns; axes stay on the sphere. */
+static void take_step(const fmfts_search *search, const double *state, const double *step, double *tried)
+{
+    const fmfts_problem *problem = search->problem;
+    double move[FMFTS_MAX_COLUMNS] = {0};
+    for (size_t i = 0; i < search->active; i++) {
+        move[search->order[i]] = step[i];
+    }
+    for (size_t i = 0; i < BASE_COLUMNS - AMBIENT_COLUMN; i++) {
+        tried[AMBIENT_VALUE + i] = state[AMBIENT_VALUE + i] + move[AMBIENT_COLUMN + i];
+    }
+    for (size_t m = 0; m < problem->magnet_count; m++) {
+        const double *from = state + first_value(m), *by = move + first_column(m);
+        double *to = tried + first_value(m), basis[2][3];
+        tangent_basis(from + AXIS_VALUE, basis);
+        for (int i = 0; i < 3; i++) {
+            to[i] = from[i] + by[i];
+            to[AXIS_VALUE + i] = from[AXIS_VALUE + i] + by[TILT_COLUMN] * basis[0][i] + by[TILT_COLUMN + 1] * basis[1][i];
+        }
+        double length = sqrt(dot3(to + AXIS_VALUE, to + AXIS_VALUE));
+        for (int i = 0; i < 3; i++) {
+            to[AXIS_VALUE + i] /= length;
+        }
+        to[LOG_VALUE] = from[LOG_VALUE] + by[LOG_COLUMN];
+    }
+}
+
+/* From `state`, to the minimum or the limit. */
+static void descend(fmfts_search *search, fmfts_descent *d, double *state)
+{
+    const fmfts_problem *problem = search->problem;
+    size_t values = FMFTS_VALUES(problem->magnet_count);
+    double damping = 0.0;
+    while (d->iterations < problem->max_iterations) {
+        double step[FMFTS_STRIDE], promised, tried[FMFTS_VALUES(FMFTS_MAX_MAGNETS)];
+        if (!damped_step(search, d->here, damping, *d->work, step, &promised)) {
+            damping = fmax(FIRST_DAMPING, 10.0 * damping);
+            d->iterations++;
+            continue;
+        }
+        take_step(search, state, step, tried);
+        if (promised <= problem->stop_chi2 && damping <= FIRST_DAMPING) {
+            /* What is left to gain is not worth another look at the model: take the step and leave. */
+            memcpy(state, tried, values * sizeof(double));
+            d->chi2 -= promised;
+            d->converged = true;
+            return;
+        }
+        d->iterations++;
+        if (problem->project) {
+            fmfts_best_linear_parts(search, tried);
+        }
+        double chi2 = fmfts_linearise(search, tried, d->there);
+        if (chi2 <= d->chi2 * (1.0 + ROUNDING)) {
+            fmfts_linear *before = d->here;
+            d->here = d->there;
+            d->there = before;
+            d->chi2 = chi2;
+            memcpy(state, tried, values * sizeof(double));
+            damping = damping > NO_DAMPING ? 0.1 * damping : 0.0;
+        } else {
+            damping = fmax(FIRST_DAMPING, 10.0 * damping);
+        }
+    }
+}
+
+fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
+                          double *direction)
+{
+    fmfts_search search;
+    fmfts_linear first, second;
+    fmfts_matrix factored;
+    fmfts_descent d = {.here = &first, .there = &second, .work = &factored};
+    fmfts_summary summary = {.status = FMFTS_INVALID, .chi2 = NAN, .residual_t = NAN};
+    size_t values = FMFTS_VALUES(problem->magnet_count), columns = FMFTS_COLUMNS(problem->magnet_count);
+    fmfts_fill(covariance, columns * columns, NAN);
+    fmfts_fill(direction, columns, NAN);
+    memcpy(state, problem->start, values * sizeof(double));
+    for (size_t c = 0; c < columns; c++) {
+        summary.unknowns += problem->parts[c] == FMFTS_FREE;
+    }
+    search.problem = problem;
+    search.columns = columns;
+    search.active = search.ordered = 0;
+    search.with_gradient = false;
+    search.sources.count = problem->magnet_count;
+    fmfts_fill(search.sources.log_moment, FMFTS_MAX_MAGNETS, NAN);
+    if (!fmfts_valid(problem)) {
+        return summary;
+    }
+    place_sources(problem->magnets, problem->start, &search.sources);
+    if (!fmfts_prepare_columns(&search, factored) || !fmfts_prepare_rows(&search, (fmfts_row *)work)) {
+        return summary;
+    }
+    if (problem->project) {
+        fmfts_best_linear_parts(&search, state);
+    }
+    d.chi2 = fmfts_linearise(&search, state, d.here);
+    if (d.chi2 == INFINITY) {
+        return summary;
+    }
+    descend(&search, &d, state);
+    summary.status = fmfts_conclude(&search, &d, state, covariance, direction);
+    summary.rows = summary.status == FMFTS_INVALID ? 0 : search.row_count;
+    if (summary.status == FMFTS_CONVERGED || summary.status == FMFTS_AT_LIMIT) {
+        summary.chi2 = d.chi2;
+        summary.residual_t = search.row_count ? sqrt(d.here->raw_square / (double)search.row_count) : 0.0;
+        summary.iterations = d.iterations;
+    }
+    return summary;
+}

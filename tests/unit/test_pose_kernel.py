@@ -1,0 +1,347 @@
+"""The C kernel against the NumPy reference: the same problem, the same answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fmfts.pad import Pad
+from fmfts.pose import (
+    SOLVER,
+    STOP_CONVERGED,
+    Motion,
+    Part,
+    Prior,
+    Problem,
+    Solution,
+    State,
+    Status,
+    parts_of,
+    tangent_basis,
+)
+from fmfts.pose.kernel import Batch, solve_kernel
+from fmfts.pose.model import predict
+from fmfts.pose.problem import (
+    AGE,
+    DIRECTION,
+    MEASUREMENT,
+    NOISE,
+    PLACE,
+    PROPORTIONAL,
+    VALUE,
+    magnet_rows,
+    measurement_rows,
+)
+from fmfts.pose.reference import solve_reference
+from fmfts.pose.state import AXIS, NEIGHBOUR_SIZE, SIZE, Neighbour
+
+NOISE_T = 2e-7
+# Deviations of a prior about as wide as a frame's motion: m, rad, 1, T, T/m; then a neighbour's.
+PRIOR_DEVIATION = np.array(
+    [1e-4] * 3 + [0.02] * 2 + [0.02] + [3e-6] * 3 + [3e-5] * 5 + [3e-4] * 3 + [0.05] * 2 + [0.05]
+)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def _unit(random: np.random.Generator) -> np.ndarray:
+    vector = random.normal(size=3)
+    return vector / np.linalg.norm(vector)
+
+
+def _geometry(random: np.random.Generator, sensors: int) -> np.ndarray:
+    """Three scalars at each of `sensors` places in a box of 24 mm under the magnet; directions as they come."""
+    rows = np.zeros((3 * sensors, MEASUREMENT))
+    rows[:, PLACE] = np.repeat(random.uniform([-12e-3, -12e-3, -4e-3], [12e-3, 12e-3, 2e-3], (sensors, 3)), 3, axis=0)
+    rows[:, DIRECTION] = np.linalg.qr(random.normal(size=(sensors, 3, 3)))[0].reshape(-1, 3)
+    if random.random() < 0.3:  # scalar sensors: no two directions have to be perpendicular
+        rows[:, DIRECTION] = np.array([_unit(random) for _ in rows])
+    rows[:, NOISE] = NOISE_T * random.uniform(0.5, 2.0, len(rows))
+    rows[:, PROPORTIONAL] = random.choice([0.0, 0.01])
+    rows[:, AGE] = np.repeat(random.uniform(0.0, 4.5e-3, sensors), 3)
+    return rows
+
+
+def _state(random: np.random.Generator, neighbours: int) -> State:
+    others = tuple(
+        Neighbour(_unit(random) * random.uniform(30e-3, 60e-3) + [0, 0, 12e-3], _unit(random), random.normal() * 0.1)
+        for _ in range(neighbours)
+    )
+    position = random.uniform([-2e-3, -2e-3, 9e-3], [2e-3, 2e-3, 14e-3])
+    ambient, gradient = random.normal(size=3) * 2e-5, random.normal(size=5) * 1e-5
+    return State(position, _unit(random), random.normal() * 0.1, ambient, gradient, others)
+
+
+def _parts(random: np.random.Generator, neighbours: int) -> np.ndarray:
+    """Any role for any part; a gradient or a neighbour is never free of a prior."""
+    parts = np.zeros(SIZE + NEIGHBOUR_SIZE * neighbours, dtype=np.uint8)
+    any_part = [Part.FREE, Part.PRIOR, Part.CONSIDERED, Part.FIXED]
+    parts[:3] = random.choice([Part.FREE, Part.PRIOR], 3)
+    for first in (0, *range(SIZE, len(parts), NEIGHBOUR_SIZE)):
+        bound = any_part[1:] if first else any_part
+        parts[first:][AXIS] = random.choice(bound)
+        parts[first + 5] = random.choice(bound)
+        if first:
+            parts[first : first + 3] = random.choice(bound, 3)
+    parts[6:9] = random.choice(any_part, 3)
+    parts[9:14] = random.choice(any_part[1:], 5)
+    return parts
+
+
+def _prior(random: np.random.Generator, mean: State) -> Prior:
+    count = mean.columns
+    deviation = np.concatenate([PRIOR_DEVIATION[:SIZE], np.tile(PRIOR_DEVIATION[SIZE:], len(mean.neighbours))])
+    mixed = np.eye(count) + 0.3 * random.normal(size=(count, count)) / np.sqrt(count)
+    return Prior(mean, (mixed @ mixed.T) * deviation[:, None] * deviation)
+
+
+@st.composite
+def problems(draw: st.DrawFn) -> Problem:
+    random = np.random.default_rng(draw(seeds))
+    neighbours = draw(st.integers(0, 2))
+    truth = _state(random, neighbours)
+    rows = _geometry(random, draw(st.integers(3, 8)))
+    strength = random.uniform(3e-10, 1e-9, 1 + neighbours)
+    octupole = random.choice([0.0, 2.5e-7], 1 + neighbours)
+    magnets = np.stack([strength, octupole], axis=1)
+    parts = _parts(random, neighbours)
+    prior = _prior(random, truth)
+    scale = np.sqrt(np.diagonal(prior.covariance))
+    predicted, _ = predict(rows, magnets, truth)
+    rows[:, VALUE] = predicted + random.normal(size=len(rows)) * rows[:, NOISE]
+    rows[random.random(len(rows)) < 0.05, VALUE] = np.nan
+    rows[random.random(len(rows)) < 0.05, NOISE] = np.inf
+    wrong = np.select([parts == Part.FIXED, parts == Part.CONSIDERED], [0.0, 0.1], 1.0)
+    step = wrong * random.normal(size=truth.columns) * scale
+    motion = Motion(random.normal(size=truth.columns) * scale, scale**2 * 10.0) if draw(st.booleans()) else None
+    start = truth.stepped(step)
+    prior = replace(prior, mean=start.stepped(0.3 * step))
+    # Where sensors are few and badly placed, the last digits come slowly.
+    return Problem(rows, magnets, parts, start, prior, motion, STOP_CONVERGED, max_iterations=200)
+
+
+def _blocks(magnets: int) -> list[slice]:
+    """The vectors in `State.vector`: position, axis, log moment, ambient, gradient; and of each neighbour."""
+    ends = [0, 3, 6, 7, 10, 15] + [15 + 7 * other + end for other in range(magnets - 1) for end in (3, 6, 7)]
+    return [slice(start, end) for start, end in pairwise(ends)]
+
+
+def test_the_kernel_was_built_and_serves() -> None:
+    assert SOLVER == "c"
+
+
+@settings(max_examples=400)
+@given(problem=problems())
+def test_kernel_and_reference_agree_to_a_billionth(problem: Problem) -> None:
+    kernel, reference = solve_kernel(problem), solve_reference(problem)
+    assert kernel.status is reference.status
+    if reference.status is not Status.CONVERGED:
+        # Too little is measured for what is free: two in a thousand of these problems.
+        assert np.isnan(kernel.covariance).all() == np.isnan(reference.covariance).all()
+        return
+    values, expected = kernel.state.vector(), reference.state.vector()
+    for block in _blocks(len(problem.magnets)):
+        assert np.linalg.norm(values[block] - expected[block]) <= 1e-9 * np.linalg.norm(expected[block])
+    deviation = np.sqrt(np.diagonal(reference.covariance))
+    step = kernel.state.step_from(reference.state)
+    assert (np.abs(step) <= 1e-9 * deviation + 1e-15).all()  # no more than rounding where a part is fixed
+    limit = 1e-9 * deviation[:, None] * deviation
+    assert (np.abs(kernel.covariance - reference.covariance) <= limit).all()
+    assert kernel.chi2 == pytest.approx(reference.chi2, rel=1e-9, abs=1e-9)
+    assert kernel.residual_t == pytest.approx(reference.residual_t, rel=1e-9)
+    assert (kernel.rows, kernel.unknowns) == (reference.rows, reference.unknowns)
+
+
+@pytest.fixture(params=[solve_kernel, solve_reference], ids=["c", "numpy"])
+def solver(request: pytest.FixtureRequest) -> Callable[[Problem], Solution]:
+    return request.param
+
+
+TRUTH = State(np.array([0.5e-3, 0.3e-3, 10.5e-3]), np.array([0.0, 0.6, 0.8]), 0.02, np.array([1e-5, -2e-5, 5e-6]))
+
+
+def problem_at(pad: Pad, truth: State = TRUTH, **changes: object) -> Problem:
+    """Noise-free measurements of `truth` by the standard pad, all of pose and ambient free, started there."""
+    rows = measurement_rows(np.zeros((4, 3)), pad.sensors, NOISE_T)
+    magnets = magnet_rows(pad.magnet)
+    rows[:, VALUE], _ = predict(rows, magnets, truth)
+    whole = Problem(rows, magnets, parts_of(free=[0, 1, 2, 3, 4, 6, 7, 8]), truth, stop_chi2=STOP_CONVERGED)
+    return replace(whole, **changes)  # type: ignore[arg-type]
+
+
+BAD_ROWS = {
+    "zero noise": (NOISE, 0.0),
+    "negative noise": (NOISE, -1e-7),
+    "noise that is no number": (NOISE, np.nan),
+    "negative proportional part": (PROPORTIONAL, -0.01),
+    "age that is no number": (AGE, np.nan),
+    "sample from the future": (AGE, -1e-3),
+    "place that is no number": (0, np.nan),
+    "infinite place": (1, np.inf),
+    "direction that is not unit": (3, 2.0),
+}
+
+
+@pytest.mark.parametrize("what", BAD_ROWS)
+def test_a_row_that_is_no_measurement_is_refused(solver, pad: Pad, what: str) -> None:
+    problem = problem_at(pad)
+    column, value = BAD_ROWS[what]
+    problem.measurements[4, column] = value
+    solution = solver(problem)
+    assert solution.status is Status.INVALID
+    assert np.isnan(solution.covariance).all()
+    assert np.isnan([solution.chi2, solution.residual_t]).all()
+
+
+@pytest.mark.parametrize(("column", "value"), [(VALUE, np.nan), (VALUE, np.inf), (VALUE, -np.inf), (NOISE, np.inf)])
+def test_a_row_that_holds_no_value_is_left_out(solver, pad: Pad, column: int, value: float) -> None:
+    problem = problem_at(pad)
+    without = replace(problem, measurements=np.delete(problem.measurements, 4, axis=0))
+    problem.measurements[4, column] = value
+    left_out, absent = solver(problem), solver(without)
+    assert left_out.rows == absent.rows == 11
+    assert left_out.covariance == pytest.approx(absent.covariance, rel=1e-12)
+
+
+def test_a_value_too_large_to_square_is_refused(solver, pad: Pad) -> None:
+    problem = problem_at(pad)
+    problem.measurements[4, VALUE] = 1e300
+    assert solver(problem).status is Status.INVALID
+
+
+BAD_STARTS = {
+    "no number": replace(TRUTH, position_m=np.array([np.nan, 0.0, 0.012])),
+    "axis that is not unit": replace(TRUTH, axis=np.array([0.0, 0.0, 1.1])),
+    "magnet in a sensor": replace(TRUTH, position_m=np.array([8e-3, 8e-3, 0.0])),
+}
+
+
+@pytest.mark.parametrize("what", BAD_STARTS)
+def test_a_start_that_is_no_state_is_refused(solver, pad: Pad, what: str) -> None:
+    assert solver(replace(problem_at(pad), start=BAD_STARTS[what])).status is Status.INVALID
+
+
+@pytest.mark.parametrize("part", [Part.PRIOR, Part.CONSIDERED])
+def test_a_prior_that_is_none_is_refused(solver, pad: Pad, part: Part) -> None:
+    problem = problem_at(pad)
+    problem.parts[5] = part
+    assert solver(problem).status is Status.INVALID
+    for variance in (0.0, -1.0, np.nan, np.inf):
+        covariance = np.diag(np.r_[np.ones(5), variance, np.ones(8)])
+        assert solver(replace(problem, prior=Prior(TRUTH, covariance))).status is Status.INVALID
+
+
+def test_nine_unknowns_at_rest_name_what_trades_off(solver, pad: Pad) -> None:
+    rest = State.at_rest(pad)
+    solution = solver(problem_at(pad, rest, parts=parts_of(free=np.arange(9))))
+    assert solution.status is Status.UNOBSERVABLE
+    assert set(solution.unobservable) == {"z", "moment", "ambient z"}
+    assert np.isnan(solution.covariance).all()
+    # And it is one: along it, the twelve readings do not change.
+    problem = problem_at(pad, rest)
+    _, jacobian = predict(problem.measurements, problem.magnets, rest)
+    scale = np.where(solution.direction == 0.0, 1.0, np.linalg.norm(jacobian / NOISE_T, axis=0))
+    assert np.linalg.norm(jacobian / NOISE_T @ (solution.direction / scale)) < 1e-6
+
+
+def test_a_height_known_to_no_better_than_centimetres_is_unobservable(solver, pad: Pad) -> None:
+    truth = State(np.array([0.1e-3, 0.0, 12e-3]), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
+    solution = solver(problem_at(pad, truth, parts=parts_of(free=np.arange(9))))
+    assert solution.status is Status.UNOBSERVABLE
+    assert "z" in solution.unobservable
+
+
+def test_one_sensor_alone_is_unobservable(solver, pad: Pad) -> None:
+    problem = problem_at(pad)
+    solution = solver(replace(problem, measurements=problem.measurements[:3]))
+    assert solution.status is Status.UNOBSERVABLE
+
+
+def test_a_search_that_may_not_go_on_says_so(solver, pad: Pad) -> None:
+    far = TRUTH.stepped(np.array([1e-3, 0, 1e-3, 0.2, 0.2]))
+    solution = solver(replace(problem_at(pad), start=far, max_iterations=1))
+    assert solution.status is Status.AT_LIMIT
+    assert np.isfinite(solution.covariance).all()
+
+
+def test_considered_moment_widens_the_covariance_and_is_not_updated(solver, pad: Pad) -> None:
+    sure = solver(problem_at(pad))
+    covariance = np.zeros((SIZE, SIZE))
+    covariance[5, 5] = 0.02**2
+    parts = parts_of(free=[0, 1, 2, 3, 4, 6, 7, 8], considered=5)
+    held = solver(problem_at(pad, parts=parts, prior=Prior(TRUTH, covariance)))
+    assert held.state.log_moment == TRUTH.log_moment
+    assert held.covariance[5, 5] == pytest.approx(0.02**2, rel=1e-12)
+    # The estimate's shift per unit of moment, by solving again with another moment: linear to its curvature.
+    shifted = solver(problem_at(pad, start=replace(TRUTH, log_moment=TRUTH.log_moment + 1e-6)))
+    slope = shifted.state.step_from(sure.state)[:9] / 1e-6
+    assert held.covariance[:9, 5] == pytest.approx(slope * 0.02**2, rel=1e-4, abs=1e-12)
+    extra = held.covariance[:5, :5] - sure.covariance[:5, :5]
+    assert extra == pytest.approx(np.outer(slope[:5], slope[:5]) * 0.02**2, rel=1e-4, abs=1e-14)
+
+
+def test_prior_from_one_frame_makes_the_next_twice_as_good(solver, pad: Pad) -> None:
+    """Two frames fused by the prior equal both solved at once, in the state and in its covariance."""
+    random = np.random.default_rng(3)
+    frames = [problem_at(pad), problem_at(pad)]
+    for frame in frames:
+        frame.measurements[:, VALUE] += random.normal(0.0, NOISE_T, 12)
+    first = solver(frames[0])
+    after = parts_of(prior=[0, 1, 2, 3, 4, 6, 7, 8])
+    chained = solver(replace(frames[1], parts=after, prior=Prior(first.state, first.covariance), start=first.state))
+    both = solver(replace(frames[0], measurements=np.concatenate([frame.measurements for frame in frames])))
+    deviation = np.sqrt(np.diagonal(both.covariance))[:9]
+    # The prior is the first frame's posterior only as far as that is Gaussian: curvature over a deviation of 1e-3.
+    assert (np.abs(chained.state.step_from(both.state)[:9]) <= 0.01 * deviation + 1e-15).all()
+    assert chained.covariance == pytest.approx(both.covariance, rel=0.02, abs=0.002 * float(np.max(both.covariance)))
+    assert chained.degrees_of_freedom == 12
+
+
+def test_prior_is_transported_to_where_the_axis_is(solver, pad: Pad) -> None:
+    """A prior that knows one tilt and not the other still knows that one after the basis has flipped at z = 0."""
+    flat = replace(TRUTH, axis=np.array([0.6, 0.8, 0.0]))
+    mean = flat.stepped(np.array([0.0, 0.0, 0.0, 0.02, -0.01]))
+    known = np.array([0.8, -0.6, 0.0])
+    for origin in (mean, mean.stepped(-mean.step_from(flat) * 2.0)):
+        basis = tangent_basis(origin.axis)
+        along = basis.T @ known / np.linalg.norm(basis.T @ known)
+        tilt = np.eye(2) * 1e-2 - np.outer(along, along) * (1e-2 - 1e-10)
+        covariance = np.eye(SIZE)
+        covariance[AXIS, AXIS] = tilt
+        problem = problem_at(pad, flat, parts=parts_of(free=[0, 1, 2], prior=[3, 4]), start=flat)
+        solution = solver(replace(problem, prior=Prior(origin, covariance)))
+        own = tangent_basis(solution.state.axis)
+        spread = own @ solution.covariance[AXIS, AXIS] @ own.T
+        assert known @ spread @ known < 1.1e-10
+        assert np.array([0.0, 0.0, 1.0]) @ spread @ np.array([0.0, 0.0, 1.0]) > 1e-7
+
+
+def test_a_batch_is_its_single_solves(pad: Pad) -> None:
+    random = np.random.default_rng(4)
+    problems = [problem_at(pad) for _ in range(5)]
+    for problem in problems:
+        problem.measurements[:, VALUE] += random.normal(0.0, NOISE_T, 12)
+    problems[2].measurements[0, NOISE] = 0.0
+    rows = np.stack([problem.measurements for problem in problems])
+    batch = Batch.of(rows, problems[0].magnets, problems[0].parts, TRUTH.vector())
+    batch.solve(STOP_CONVERGED, 50)
+    for index, problem in enumerate(problems):
+        alone, together = solve_kernel(problem), batch.solution(index)
+        assert together.status is alone.status
+        assert np.array_equal(together.state.vector(), alone.state.vector())
+        assert np.array_equal(together.covariance, alone.covariance, equal_nan=True)
+
+
+def test_arrays_of_the_wrong_size_are_refused(pad: Pad) -> None:
+    problem = problem_at(pad)
+    batch = Batch.of(problem.measurements[None], problem.magnets, problem.parts, TRUTH.vector())
+    with pytest.raises(ValueError, match="bytes"):
+        replace(batch, covariance=np.empty((1, 9, 9))).solve(1e-3, 50)
+    crowd = np.tile(problem.magnets, (9, 1))
+    with pytest.raises(ValueError, match="magnets"):
+        replace(batch, magnets=crowd[None]).solve(1e-3, 50)
