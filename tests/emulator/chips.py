@@ -51,6 +51,8 @@ class Hmc5983:
         for register, value in REGISTERS_AFTER_RESET.items():
             self.registers[register] = value
         self.pointer = 0
+        self._pointer_next = False
+        self._alike = 0  # conversions since the configuration was written
         self.locked = False
         self.unread = set(DATA)
         self.ready = False
@@ -58,23 +60,36 @@ class Hmc5983:
         self.next_conversion_s: float | None = None
         self.conversions = 0
 
+    def started(self, reading: bool) -> None:
+        """It was addressed; the first byte written from now on is the register's number."""
+        self.run()
+        self._pointer_next = not reading
+
+    def put(self, byte: int) -> None:
+        self.run()
+        if self._pointer_next:
+            self.pointer, self._pointer_next = byte, False
+            return
+        if self.pointer in WRITABLE:
+            self.registers[self.pointer] = byte
+            self._configured(self.pointer)
+        self._advance_pointer()
+
+    def get(self) -> int:
+        self.run()
+        value = self._value(self.pointer)
+        self._was_read(self.pointer)
+        self._advance_pointer()
+        return value
+
     def write(self, data: bytes) -> None:
-        self._run()
-        self.pointer = data[0]
-        for value in data[1:]:
-            if self.pointer in WRITABLE:
-                self.registers[self.pointer] = value
-                self._configured(self.pointer)
-            self._advance_pointer()
+        self.started(reading=False)
+        for byte in data:
+            self.put(byte)
 
     def read(self, count: int) -> bytes:
-        self._run()
-        answer = bytearray()
-        for _ in range(count):
-            answer.append(self._value(self.pointer))
-            self._was_read(self.pointer)
-            self._advance_pointer()
-        return bytes(answer)
+        self.started(reading=True)
+        return bytes(self.get() for _ in range(count))
 
     def _value(self, register: int) -> int:
         if register == 0x09:
@@ -100,11 +115,12 @@ class Hmc5983:
     def _configured(self, register: int) -> None:
         """A new mode or configuration unlocks the output and begins measuring afresh."""
         self.locked, self.unread, self.ready = False, set(DATA), False
+        self._alike = 0
         now_s = self.time_s()
         mode = self.registers[0x02] & 3
         if mode == 1:
             if register == 0x02:
-                self.next_conversion_s = now_s + SINGLE_CONVERSION_S
+                self.next_conversion_s = now_s + SINGLE_CONVERSION_S * (1.0 + self.clock_error)
         elif mode == 0:
             # "The first measurement set is available after 2/f"; every chip has a phase of its own.
             self.next_conversion_s = now_s + 2 * self._period_s() + self.phase_s
@@ -114,20 +130,27 @@ class Hmc5983:
     def _period_s(self) -> float:
         return (1.0 + self.clock_error) / OUTPUT_RATE_HZ[self.registers[0] >> 2 & 7]
 
-    def _run(self) -> None:
+    def run(self) -> None:
         """Catch up with the clock: all conversions that were due."""
         while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
-            late_s = self.time_s() - self.next_conversion_s
+            ended_s = self.next_conversion_s
             if self.registers[0x02] & 3 == 1:
                 self.registers[0x02] = 0x03  # back to idle
-                self.next_conversion_s, due = None, 1
+                self.next_conversion_s = None
             else:
-                due = int(late_s / self._period_s()) + 1
-                self.next_conversion_s += due * self._period_s()
-            self.conversions += due
-            for _ in range(min(due, 2)):  # the first may have an old gain, all after the second are alike
-                if not self.locked:
-                    self._convert()
+                # The first may have an old gain, all after the second are alike: a long sleep is not made up for.
+                missed = int((self.time_s() - ended_s) / self._period_s()) if self._alike > 1 else 0
+                ended_s += missed * self._period_s()
+                self.conversions += missed
+                self.next_conversion_s = ended_s + self._period_s()
+            self.conversions += 1
+            self._alike += 1
+            self.converted(ended_s)
+
+    def converted(self, ended_s: float) -> None:
+        """A conversion ended; unless LOCK protects what was there, its result is in the output registers."""
+        if not self.locked:
+            self._convert()
 
     def _convert(self) -> None:
         bias = {1: self.strap, 2: -self.strap}.get(self.registers[0] & 3, 0.0)
@@ -154,6 +177,7 @@ class Tca9548a:
         self.control = 0
         self.pending = 0
         self.absent = False
+        self.held_in_reset = False
         self.conflicts = 0  # reads that several chips answered at once
 
     def stop(self) -> None:
@@ -164,44 +188,59 @@ class Tca9548a:
 
 
 class Bus:
-    """Muxes on one pair of wires. A transfer is a list of (address, bytes to write or number of bytes to read)."""
+    """Muxes on one pair of wires, byte by byte; `start` and `put` answer whether anyone acknowledged."""
 
     def __init__(self, muxes: Sequence[Tca9548a]) -> None:
         self.muxes = muxes
         self.transfers = 0
+        self._mux: Tca9548a | None = None
+        self._chips: list[Hmc5983] = []
+
+    def start(self, address: int, reading: bool) -> bool:
+        """(Repeated) START and address."""
+        present = [mux for mux in self.muxes if not (mux.absent or mux.held_in_reset)]
+        self._mux = next((mux for mux in present if mux.address == address), None)
+        self._chips = [chip for mux in present for chip in mux.active() if chip.address == address]
+        if len(self._chips) > 1 and reading:
+            self.muxes[0].conflicts += 1
+        for chip in self._chips:
+            chip.started(reading)
+        return bool(self._mux or self._chips)
+
+    def put(self, byte: int) -> bool:
+        if self._mux:
+            self._mux.pending = byte
+        for chip in self._chips:
+            chip.put(byte)
+        return bool(self._mux or self._chips)
+
+    def get(self) -> int:
+        answer = self._mux.pending if self._mux else 0xFF
+        for chip in self._chips:
+            answer &= chip.get()  # open drain: any chip's zero wins
+        return answer
+
+    def stop(self) -> None:
+        self._mux, self._chips = None, []
+        for mux in self.muxes:
+            mux.stop()
 
     def transfer(self, messages: Sequence[tuple[int, bytes | int]]) -> list[bytes]:
-        """From START to STOP, repeated starts in between; NackError ends it, with its STOP."""
+        """From START to STOP, repeated starts in between; NackError ends it, with its STOP.
+
+        A message is (address, bytes to write or number of bytes to read).
+        """
         self.transfers += 1
         try:
             return [self._message(address, what) for address, what in messages]
         finally:
-            for mux in self.muxes:
-                mux.stop()
+            self.stop()
 
     def _message(self, address: int, what: bytes | int) -> bytes:
-        for mux in self.muxes:
-            if mux.address == address and not mux.absent:
-                if isinstance(what, bytes):
-                    mux.pending = what[-1] if what else mux.pending
-                    return b""
-                return bytes([mux.pending]) * what
-        chips = [chip for mux in self.muxes if not mux.absent for chip in mux.active() if chip.address == address]
-        if not chips:
+        if not self.start(address, isinstance(what, int)):
             raise NackError(f"0x{address:02x}")
-        if isinstance(what, bytes):
-            for chip in chips:
-                if what:
-                    chip.write(what)
-            return b""
-        answers = [chip.read(what) for chip in chips]
-        if len(answers) > 1:
-            self.muxes[0].conflicts += 1
-        return bytes(_wired_and(column) for column in zip(*answers, strict=True))
-
-
-def _wired_and(values: Sequence[int]) -> int:
-    result = 0xFF
-    for value in values:
-        result &= value
-    return result
+        if isinstance(what, int):
+            return bytes(self.get() for _ in range(what))
+        for byte in what:
+            self.put(byte)
+        return b""

@@ -1,0 +1,188 @@
+"""The chip: CPU, interrupt controller and peripherals on one clock, run for as long as asked.
+
+Time is counted in ticks of 1/576 µs. It advances with the instructions executed and jumps to the next event where the
+CPU only waits: in WFI, and when a peripheral with an event pending is polled again and again.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from typing import Any, Protocol
+
+from unicorn import UcError
+
+from emulator.stm32_core import CoreRegisters
+from emulator.stm32_engine import NEVER, SYSTEM_MEMORY, TICKS_PER_S, Engine, read_elf
+
+HARD_FAULT = 3
+FLASH_SIZE_KIB, UNIQUE_ID = SYSTEM_MEMORY + 0x7E0, SYSTEM_MEMORY + 0x7E8  # RM0008 30.1, 30.2
+NOT_POLLED: tuple[object, int] = (None, 0)
+POLL_TICKS = 5 * TICKS_PER_S // 1_000_000  # two reads of a register within 5 µs are a poll
+
+
+class Peripheral(Protocol):
+    """A block of registers at offsets from its base; reset by the system's reset and by its bit in RCC."""
+
+    def read(self, offset: int) -> int: ...
+    def write(self, offset: int, value: int) -> None: ...
+    def reset(self) -> None: ...
+
+
+class Event:
+    """Something that will happen at a tick unless it is cancelled."""
+
+    __slots__ = ("action", "tick")
+
+    def __init__(self, tick: int, action: Callable[[], None]) -> None:
+        self.tick = tick
+        self.action: Callable[[], None] | None = action
+
+    def cancel(self) -> None:
+        self.action = None
+
+
+class Machine:
+    """Flash and RAM, registers, interrupts and time. `complaints` lists what a real chip would not forgive."""
+
+    def __init__(self, elf: Path, uid: bytes) -> None:
+        self.engine = Engine(self._read, self._write)
+        self.clock = self.engine.clock
+        self.complaints: list[str] = []
+        self._events: list[tuple[int, int, Event]] = []
+        self._order = count()
+        self._due = NEVER
+        self._until = 0
+        self._sleeping = False
+        self._attend = False
+        self._polled = NOT_POLLED
+        self._reset_requested: str | None = None
+        self.on_reset: Callable[[str], None] = lambda cause: None
+        self.peripherals: dict[int, Peripheral] = {}
+        self.often_read: dict[int, Callable[[], int]] = {}  # the same registers by the shortest way
+        self.core = CoreRegisters(self)
+        self.engine.load([*read_elf(elf), (FLASH_SIZE_KIB, (64).to_bytes(2, "little")), (UNIQUE_ID, uid)])
+
+    @property
+    def now(self) -> int:
+        return self.clock.now
+
+    @property
+    def now_s(self) -> float:
+        return self.clock.now / TICKS_PER_S
+
+    def complain(self, what: str) -> None:
+        """Note a mistake of the firmware, once, with the place of it."""
+        where = f"{what} (pc 0x{self.engine.pc:08x}, {self.now_s:.6f} s)"
+        if not any(complaint.startswith(what) for complaint in self.complaints):
+            self.complaints.append(where)
+
+    # Time
+
+    def after(self, ticks: int, action: Callable[[], None]) -> Event:
+        event = Event(self.clock.now + ticks, action)
+        heapq.heappush(self._events, (event.tick, next(self._order), event))
+        self._due = self._events[0][0]
+        self.clock.deadline = min(self.clock.deadline, self._due)
+        return event
+
+    def _run_due(self) -> None:
+        while self._due <= self.clock.now:
+            action = heapq.heappop(self._events)[2].action
+            if action:
+                action()
+            self._due = self._events[0][0] if self._events else NEVER
+        if not self._attend:
+            self.clock.deadline = min(self._due, self._until)
+
+    def attend(self) -> None:
+        """Look at interrupts before the next block: one may have become pending."""
+        self._attend = True
+        self.clock.deadline = 0
+
+    def polled(self, register: object) -> None:
+        """A register was read while its bus event is on its way: a second read in a row waits for it."""
+        before, tick = self._polled
+        if before == register and self.clock.now - tick < POLL_TICKS:
+            self.clock.now = max(self.clock.now, min(self._due, self._until))
+            self._run_due()
+        self._polled = (register, self.clock.now)
+
+    # Registers
+
+    def _read(self, address: int, width: int) -> int:
+        if self.clock.now >= self._due:
+            self._run_due()
+        often = self.often_read.get(address)
+        return often() if often else self._block(address, width).read(address & 0x3FF)
+
+    def _write(self, address: int, width: int, value: int) -> None:
+        if self.clock.now >= self._due:
+            self._run_due()
+        self._polled = NOT_POLLED  # whoever writes does more than wait
+        self._block(address, width).write(address & 0x3FF, value)
+
+    def _block(self, address: int, width: int) -> Any:
+        peripheral = self.peripherals.get(address >> 10)
+        if peripheral is None:
+            raise NotImplementedError(f"no model of the register at 0x{address:08x} (pc 0x{self.engine.pc:08x})")
+        if width == 1:
+            self.complain(f"byte access to 0x{address:08x}: registers take words or half-words (RM0008 2.3)")
+        return peripheral
+
+    # Running
+
+    def reset(self, cause: str) -> None:
+        """Ask for a reset; it happens before the next block."""
+        self._reset_requested = cause
+        self.attend()
+
+    def _reset_now(self, cause: str) -> None:
+        self._reset_requested = None
+        self._sleeping = False
+        for peripheral in self.peripherals.values():
+            peripheral.reset()
+        self.on_reset(cause)
+        self.core.reset()
+        self.engine.reset()
+
+    def run_until(self, tick: int) -> None:
+        """Run the firmware until this tick (a block later at most)."""
+        self._until = tick
+        while self.clock.now < tick:
+            self._run_due()
+            self._attend = False
+            if self._reset_requested:
+                self._reset_now(self._reset_requested)
+            if self.core.take_interrupt(self.engine.primask):
+                self._sleeping = False
+            masked = self.core.waiting()
+            if self._sleeping and not masked:
+                self.clock.now = max(self.clock.now, min(self._due, tick))
+                continue
+            self._sleeping = False
+            # No hook tells when PRIMASK is cleared, so while it holds an interrupt back every block is looked at.
+            self._attend = masked
+            self.clock.deadline = self.clock.now + 1 if masked else min(self._due, tick)
+            self._run_engine()
+
+    def _run_engine(self) -> None:
+        try:
+            stopped = self.engine.run()
+        except UcError as error:
+            self.complain(str(error))
+            self._fault()
+            return
+        if self.engine.exception is not None:
+            self.complain(f"CPU exception {self.engine.exception} at 0x{self.engine.faulting_pc:08x}")
+            self.engine.jump(self.engine.faulting_pc)
+            self._fault()
+        elif not stopped:
+            self._sleeping = True
+        elif self.engine.in_trap:
+            self.core.leave_interrupt()
+
+    def _fault(self) -> None:
+        self.core.pend(HARD_FAULT)
