@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 
 from fmfts.baselines import BaselineJob
@@ -11,10 +12,11 @@ from fmfts.pipeline import PadPipeline
 from fmfts.sensor import Frame, Source
 from fmfts.statistics import PadStatistics
 
-# Without a frame for this long a pad is silent: at the slowest usual rate (10 Hz) one frame may be missing.
-SILENT_NS = 150_000_000
+log = logging.getLogger(__name__)
+
+SHORTEST_SILENCE_NS = 150_000_000
 # A frame this old is not worth solving: newer ones wait behind it.
-OVERDUE_NS = 100_000_000
+OVERDUE_S = 0.1
 
 
 class Channel:
@@ -33,7 +35,12 @@ class Channel:
         self._rate_hz = rate_hz
         self._statistics = PadStatistics()
         self._started_ns = time.monotonic_ns()
+        # Without a usable frame for this long a pad is silent: at any rate, two frames may be missing.
+        self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
         self._last_frame_ns: int | None = None
+        self._last_used_ns: int | None = None
+        self._late_s = 0.0
+        self._failed = False
         self._last: ContactMessage | None = None
         self._health_since_ns = self._started_ns
         self._touched = False
@@ -52,32 +59,48 @@ class Channel:
 
     def frame(self, frame: Frame) -> None:
         """One frame in: a contact, and whatever changed, out."""
-        self._last_frame_ns = time.monotonic_ns()
+        arrived_ns = time.monotonic_ns()
+        self._last_frame_ns = arrived_ns
         self._statistics.frame(frame)
         if self.job is not None:
             self.job.take(frame)
         if self._publisher.frames_wanted(self.name):
             self._publisher.send_frame(self.name, self._frame_message(frame))
-        if self._last_frame_ns - frame.host_time_ns > OVERDUE_NS:
+        self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9
+        if self._late_s > OVERDUE_S:
             self._statistics.dropped += 1
             return
-        message = self.pipeline.process(frame)
-        self._publish(message)
+        message = self._publish(self._processed(frame))
         self._statistics.published(message.t_sample_ns, message.t_publish_ns)
+        self._last_used_ns = arrived_ns
 
     def tick(self, now_ns: int) -> None:
-        """Called twenty times a second: while the source is silent, its health is said anyway."""
-        last = self._last_frame_ns
-        if last is not None and now_ns - last < SILENT_NS:
+        """Called twenty times a second: while no frame can be used, its health is said anyway."""
+        if self._last_used_ns is not None and now_ns - self._last_used_ns < self._silent_ns:
             return
-        state = self.source.state
+        state, last = self.source.state, self._last_frame_ns
         if not state.connected:
-            self._publish(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}", now_ns))
-        elif last is None:
-            self._publish(self.pipeline.absent("stale", f"{state.description}: connected, but no frame yet", now_ns))
+            self._publish(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}"))
+            return
+        if last is None:
+            reason = "; ".join(self.faults) or "connected, but no frame yet"
+        elif now_ns - last < self._silent_ns:
+            reason = f"frames come {self._late_s:.1f} s late: this computer is overloaded, or the board's clock stands"
         else:
-            silent_s = (now_ns - last) * 1e-9
-            self._publish(self.pipeline.absent("stale", f"{state.description}: silent for {silent_s:.1f} s", now_ns))
+            reason = f"silent for {(now_ns - last) * 1e-9:.1f} s"
+        self._publish(self.pipeline.absent("stale", f"{state.description}: {reason}"))
+
+    def _processed(self, frame: Frame) -> ContactMessage:
+        """An error in the work on one pad must not end the others', nor pass for a reading."""
+        try:
+            return self.pipeline.process(frame)
+        except Exception as error:
+            if not self._failed:
+                self._failed = True
+                log.exception(
+                    "pad '%s': internal error, worth reporting; its contacts are published as lost", self.name
+                )
+            return self.pipeline.absent("lost", f"internal error: {type(error).__name__}: {error}")
 
     def event(self, kind: EventKind, detail: str) -> None:
         now = EventMessage(
@@ -118,16 +141,20 @@ class Channel:
             uptime_s=(now_ns - self._started_ns) * 1e-9,
         )
 
-    def _publish(self, message: ContactMessage) -> None:
+    def _publish(self, message: ContactMessage) -> ContactMessage:
+        """Send it, and tell what changed; what was sent (the publisher may have withheld an estimate)."""
+        message = self._publisher.send_contact(self.name, message)
         before, self._last = self._last, message
-        self._publisher.send_contact(self.name, message)
         if before is None or before.health != message.health:
             self._health_since_ns = message.t_publish_ns
-            self.event("health", f"{message.health}: {message.reason}" if message.reason else message.health)
+            text = f"{message.health}: {message.reason}" if message.reason else message.health
+            log.log(logging.INFO if message.health == "ok" else logging.WARNING, "pad '%s': %s", self.name, text)
+            self.event("health", text)
         if message.contact is not None:
             self._follow_contact(message)
         if message.over_range and not (before is not None and before.over_range):
             self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
+        return message
 
     def _follow_contact(self, message: ContactMessage) -> None:
         """Onset and release. An unknown contact is neither: what held before it holds until something is known."""

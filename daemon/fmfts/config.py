@@ -53,6 +53,7 @@ class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="
     seed: int = 1
     finger: Literal["script", "none"] = "script"
     warming_k_per_minute: float = 0.0
+    turning_deg_per_s: float = 0.0
 
 
 SourceConfig = BridgeSource | I2cSource | SimulatedSource

@@ -21,7 +21,7 @@ from fmfts.channel import Channel
 from fmfts.config import Config, PadConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.pipeline import PadPipeline
-from fmfts.scene import unmodelled
+from fmfts.scene import choose, unmodelled
 from fmfts.sensor import Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
@@ -137,7 +137,9 @@ class Daemon:
     def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
         pad = config.pad()
         rate_hz = float(config.source.rate_hz)
-        pipeline = PadPipeline(pad, model, self._boot, rate_hz)
+        scene = choose(config.scene, config.magnet)
+        pipeline = PadPipeline(pad, model, self._boot, rate_hz, scene.tracking)
+        log.info("pad '%s': %s", pad.name, scene.why)
         for text in unmodelled(config.scene):
             log.warning("pad '%s': %s", pad.name, text)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)

@@ -2,166 +2,131 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
-from typing import Any, overload
-
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector
-from fmfts.contact import ContactEstimate, ContactModel, TouchDetector
+from fmfts.bus.messages import ContactMessage, Health
+from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact_message import Reading, Sender
 from fmfts.pad import Pad
-from fmfts.pose import Alignment, PoseEstimate, Track, Tracker, as_drawn, displacement, widened
+from fmfts.pose import (
+    PAPER,
+    Aligned,
+    Alignment,
+    PoseEstimate,
+    Tracker,
+    TrackingModel,
+    as_drawn,
+    displacement,
+    widened,
+)
 from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
-
-
-@dataclass(frozen=True, slots=True)
-class _Mounted:
-    """What a baseline makes of a drawing."""
-
-    baseline: Baseline
-    mounting: Mounting
-    pad: Pad
-    tracker: Tracker
-    touch: TouchDetector
+# A finger never lifts the magnet. One that stays lifted for this long was pressed when its baseline was recorded.
+LIFTED_S = 0.2
 
 
 class PadPipeline:
-    """One pad. `model` serves every pad of the structure; `baseline` belongs to this one."""
+    """One pad. `model` serves every pad of the structure; `tracking` is what its scene leaves unknown."""
 
-    def __init__(self, pad: Pad, model: ContactModel, boot: str, rate_hz: float) -> None:
+    def __init__(self, pad: Pad, model: ContactModel, boot: str, rate_hz: float, tracking: TrackingModel) -> None:
         self.pad = pad
         self._model = model
-        self._boot = boot
         self._rate_hz = rate_hz
+        self._tracking = tracking
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
-        self._mounted: _Mounted | None = None
-        self._published = 0
+        self._estimator: Estimator | None = None
+        self._why_none = NO_BASELINE
+        self._sender = Sender(pad.name, boot, model.hash)
 
     @property
     def baseline(self) -> Baseline | None:
-        return None if self._mounted is None else self._mounted.baseline
+        return None if self._estimator is None else self._estimator.baseline
 
     @property
     def mounting(self) -> Mounting | None:
-        return None if self._mounted is None else self._mounted.mounting
+        return None if self._estimator is None else self._estimator.mounting
 
     def use(self, baseline: Baseline) -> Mounting:
         """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad."""
-        mounting = baseline.mounting(self.pad)
-        pad = mounting.mounted(self.pad)
-        self._mounted = _Mounted(baseline, mounting, pad, Tracker(pad, mounting.rest), TouchDetector(self._rate_hz))
-        return mounting
+        self._estimator = Estimator(self.pad, self._model, baseline, self._tracking, self._rate_hz)
+        return self._estimator.mounting
+
+    def refuse(self, reason: str) -> None:
+        """There is a baseline, and it cannot be used: say why in every message."""
+        self._why_none = reason
 
     def process(self, frame: Frame) -> ContactMessage:
         """One frame in, one message out."""
-        aligned = self._alignment.push(frame.field_t, frame.device_time_us - frame.age_us.astype(np.int64), frame.fresh)
+        sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)
+        aligned = self._alignment.push(frame.field_t, sampled_us, frame.fresh)
         sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
-        mounted = self._mounted
-        if mounted is None:
-            return self._message(frame, sampled_ns, "no_baseline", NO_BASELINE, _mask(frame.usable))
-        field = mounted.mounting.magnet_field(aligned.field_t)
-        deviation = np.hypot(mounted.mounting.deviation_t(field, aligned.noise_share), aligned.bend_t)
-        track = mounted.tracker.update(field, deviation)
-        if mounted.baseline.kind == "bare":
-            return self._message(frame, sampled_ns, "no_baseline", BARE_ONLY, _mask(track.used), track)
+        if self._estimator is None:
+            reading = Reading("no_baseline", self._why_none, frame.usable)
+        else:
+            reading = self._estimator.read(aligned, frame.temperature_c)
+        return self._sender.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
+
+    def absent(self, health: Health, reason: str) -> ContactMessage:
+        """What is published while no frame can be used: silence is not an answer."""
+        reading = Reading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
+        return self._sender.message(reading, None, None, self.mounting, self.baseline)
+
+
+class Estimator:
+    """What a baseline makes of a drawing: a pad that can be read."""
+
+    def __init__(
+        self, drawing: Pad, model: ContactModel, baseline: Baseline, tracking: TrackingModel, rate_hz: float
+    ) -> None:
+        """BaselineError where the baseline does not fit the pad."""
+        self.baseline = baseline
+        self.mounting = baseline.mounting(drawing)
+        self._drawing = drawing
+        self._model = model
+        temperature_c = None if baseline.rest is None else baseline.rest.temperature_c
+        # Before rest is recorded, nothing is known of moment or drift: the paper's own method serves.
+        model_of_scene = PAPER if baseline.rest is None else tracking
+        self._tracker = Tracker(self.mounting.mounted(drawing), self.mounting.rest, model_of_scene, temperature_c)
+        self._change_error = self.mounting.change_error(self._tracker.estimated)
+        self._touch = TouchDetector(rate_hz)
+        self._last_us: int | None = None
+        self._lifted_s = 0.0
+
+    def read(self, aligned: Aligned, temperature_c: float | None) -> Reading:
+        """Field → pose → contact, as far as each can be believed."""
+        elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
+        self._last_us = aligned.time_us
+        field = self.mounting.magnet_field(aligned.field_t)
+        deviation = np.hypot(self.mounting.deviation_t(field, aligned.noise_share), aligned.bend_t)
+        track = self._tracker.update(field, deviation, elapsed_s, temperature_c)
+        if self.baseline.rest is None:
+            return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":
-            return self._message(frame, sampled_ns, track.health, track.reason, _mask(track.used), track)
-        rest = mounted.mounting.rest
-        change, _ = displacement(track.estimate, rest)
-        estimate = widened(track.estimate, rest, mounted.mounting.change_covariance(change))
-        touching = mounted.touch.update(*displacement(estimate, rest))
+            return Reading(track.health, track.reason, track.used)
+        rest, estimate = self.mounting.rest, self._honest(track.estimate)
+        touching = self._touch.update(*displacement(estimate, rest))
         # The model knows the drawing's pad: it gets the change of pose from this pad's rest, put on the drawing's.
-        contact = self._model.estimate(*as_drawn(estimate, rest, self.pad))
-        return self._message(frame, sampled_ns, track.health, track.reason, _mask(track.used), track, contact, touching)
+        contact = self._model.estimate(*as_drawn(estimate, rest, self._drawing))
+        if self._lifted_s < LIFTED_S:
+            self._lifted_s = self._lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
+        if self._lifted_s >= LIFTED_S:
+            return Reading("no_baseline", self._refuted(), track.used, track.estimate)
+        return Reading(track.health, track.reason, track.used, track.estimate, contact, touching)
 
-    def absent(self, health: Health, reason: str, now_ns: int) -> ContactMessage:
-        """What is published while no frame comes: silence is not an answer."""
-        return self._message(None, now_ns, health, reason, 0)
+    def _honest(self, estimate: PoseEstimate) -> PoseEstimate:
+        """As uncertain as what mounting leaves open makes the pose's change from rest."""
+        change, _ = displacement(estimate, self.mounting.rest)
+        error = np.tensordot(change, self._change_error, axes=1)
+        return widened(estimate, self.mounting.rest, error @ error.T)
 
-    def _message(
-        self,
-        frame: Frame | None,
-        sampled_ns: int,
-        health: Health,
-        reason: str,
-        sensors_ok: int,
-        track: Track | None = None,
-        contact: ContactEstimate | None = None,
-        touching: bool | None = None,
-    ) -> ContactMessage:
-        """A message with null wherever there is no estimate."""
-        mounted = self._mounted
-        estimates = NO_ESTIMATE | _contact_fields(contact, touching)
-        if mounted is not None and track is not None and track.estimate is not None:
-            estimates["pose"] = _pose_message(track.estimate, mounted.mounting)
-        self._published += 1
-        return ContactMessage(
-            pad=self.pad.name,
-            boot=self._boot,
-            seq=self._published,
-            t_sample_ns=sampled_ns,
-            t_publish_ns=time.monotonic_ns(),
-            utc_ns=time.time_ns(),
-            temperature_c=None if frame is None else frame.temperature_c,
-            health=health,
-            reason=reason,
-            **estimates,
-            sensors_ok=sensors_ok,
-            solver="numpy",
-            model=self._model.hash,
-            baseline=None if self.baseline is None else self.baseline.id,
+    def _refuted(self) -> str:
+        return (
+            f"the magnet stood above the rest that baseline {self.baseline.id} recorded, where no press puts it: that "
+            "was recorded under load; record it again while nothing touches the pad"
         )
-
-
-def _contact_fields(contact: ContactEstimate | None, touching: bool | None) -> dict[str, Any]:
-    """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
-    if contact is None:
-        return {"over_range": False}
-    if touching and contact.over_range:
-        return {"contact": True, "over_range": True, "force_min_n": contact.force_min_n}
-    force: dict[str, Any] = {"contact": touching, "over_range": False}
-    force |= {"force_n": max(contact.force_n, 0.0), "force_sd_n": contact.force_sd_n}
-    if not touching:
-        return force
-    return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
-
-
-def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:
-    """The absolute pose: as uncertain as its change from rest and the rest pose together."""
-    deviation = np.sqrt(np.diagonal(estimate.covariance)[:6] + np.diagonal(mounting.rest_covariance))
-    return PoseMessage(
-        position_m=_vector(estimate.position_m),
-        position_sd_m=_vector(deviation[:3]),
-        axis=_vector(estimate.axis),
-        axis_sd_rad=float(deviation[3:5].max()),
-        remanence_t=estimate.remanence_t,
-        remanence_sd_t=float(deviation[5]) * estimate.remanence_t,
-        ambient_t=_vector(mounting.ambient_t),
-        ambient_sd_t=_vector(mounting.ambient_deviation_t),
-        residual_t=estimate.residual_t,
-        chi2=estimate.chi2,
-    )
-
-
-@overload
-def _vector(values: Array) -> Vector: ...
-@overload
-def _vector(values: None) -> None: ...
-def _vector(values: Array | None) -> Vector | None:
-    if values is None:
-        return None
-    x, y, z = values.tolist()
-    return x, y, z
-
-
-def _mask(used: NDArray[np.bool_]) -> int:
-    """Bit i: every axis of sensor i is used."""
-    return sum(1 << sensor for sensor in np.flatnonzero(used.all(axis=1)).tolist())

@@ -1,22 +1,64 @@
-"""What the config says of a pad's surroundings, and what this version makes of it."""
+"""From what the config says of a pad's place to what is unknown there: no larger model runs than the scene needs."""
 
 from __future__ import annotations
 
-from fmfts.config import SceneConfig
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmfts.config import MagnetConfig, SceneConfig
+from fmfts.pose import AMBIENT, AXIS, LOG_MOMENT, PAPER, POSITION, SIZE, TrackingModel, parts_of
+
+# A hand that turns at 1 rad/s in the Earth's half gauss changes the field by 2 mG from frame to frame; twice that.
+AMBIENT_WALK_T2_PER_S = (5e-7) ** 2 * 220.0
+# Right after a baseline, what is subtracted is the ambient field to within this.
+AMBIENT_DEVIATION_T = 1e-6
+# What a magnet's moment does by itself: ageing, and the hysteresis of warming, 0.1 % in an hour.
+MOMENT_DEVIATION = 5e-4
+MOMENT_WALK_PER_S = 1e-3**2 / 3600.0
+# The temperature coefficient of a grade of magnet is known to about a fifth.
+COEFFICIENT_SHARE = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class SceneModel:
+    """The tracking model, and a sentence for the log: what was chosen and why."""
+
+    tracking: TrackingModel
+    why: str
+
+
+def choose(scene: SceneConfig, magnet: MagnetConfig) -> SceneModel:
+    """The smallest set of unknowns that the scene allows.
+
+    Moment and ambient field are never both estimated: along (height, moment, vertical field) the measurements say
+    nothing at rest, and a filter would invent it. Where the field drifts, the moment is held at the baseline's, and its
+    error is counted. The field's gradient is no part of a running model either: carried from frame to frame it bends a
+    press into a tilt (700 µm in simulation, claiming 90); it serves to tell steel from a broken sensor.
+    """
+    if scene.ambient == "constant" and not scene.steel_nearby:
+        why = "6 unknowns (pose, moment): the ambient field is constant, as the baseline saw it"
+        return SceneModel(PAPER, why)
+    initial, walk = np.zeros(SIZE), np.zeros(SIZE)
+    initial[AMBIENT], walk[AMBIENT] = AMBIENT_DEVIATION_T**2, AMBIENT_WALK_T2_PER_S
+    initial[LOG_MOMENT], walk[LOG_MOMENT] = MOMENT_DEVIATION**2, MOMENT_WALK_PER_S
+    parts = parts_of(free=np.r_[POSITION, AXIS], considered=LOG_MOMENT, prior=AMBIENT)
+    per_k = magnet.temperature_coefficient_per_k
+    cause = "steel moves nearby" if scene.steel_nearby else "the field drifts"
+    why = f"8 unknowns (pose, ambient field): {cause}, so the moment is the baseline's and follows the temperature"
+    return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE), why)
 
 
 def unmodelled(scene: SceneConfig) -> list[str]:
     """A sentence for each thing that the config says and no model here acts on: silence would look like a promise."""
     sentences = []
-    if scene.ambient == "drifting":
+    if scene.remanence == "drifting" and (scene.ambient == "drifting" or scene.steel_nearby):
         sentences.append(
-            "scene.ambient = 'drifting' is not modelled yet: the field is held at the baseline, and a robot that turns "
-            "by more than a few degrees is published as 'disturbed'"
+            "scene.remanence = 'drifting' cannot be told from a drifting field: the moment is held at the baseline's; "
+            "record a baseline when it has changed"
         )
-    if scene.remanence != "measured":
-        sentences.append(
-            f"scene.remanence = '{scene.remanence}' is not modelled yet: the magnet's strength is estimated every frame"
-        )
+    if scene.remanence == "nominal":
+        sentences.append("scene.remanence = 'nominal' is not modelled yet: the baseline's estimate is used")
     if scene.neighbours:
         sentences.append(
             f"scene.neighbours ({', '.join(scene.neighbours)}) are not modelled yet: a magnet nearer than 80 mm "

@@ -21,6 +21,7 @@ def simulated_baseline(config: PadConfig) -> Baseline:
 def _frames(config: PadConfig, mounted: bool) -> list[Frame]:
     source = Simulated(config)
     source.finger = no_finger
+    source.turning_rad_per_s = 0.0
     source.mounted = mounted
     period_ns = round(1e9 / config.source.rate_hz)
     frames: list[Frame] = []

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from fmfts.pad import Pad
-from fmfts.pose import State, Tracker, dipole_field
+from fmfts.pose import State, Tracker, TrackingModel, dipole_field, parts_of
 
 NOISE_T = 2e-7
 DEVIATION = np.full((4, 3), NOISE_T)
+CONSTANT = TrackingModel(parts_of(free=np.arange(6)))
 
 
 def field_at(pad: Pad, state: State) -> np.ndarray:
@@ -28,7 +29,7 @@ def pressed(rest: State) -> State:
 
 @pytest.fixture
 def tracker(pad: Pad, rest: State) -> Tracker:
-    return Tracker(pad, rest)
+    return Tracker(pad, rest, CONSTANT)
 
 
 def test_healthy_noise_is_never_an_alarm(pad: Pad, tracker: Tracker, pressed: State) -> None:
@@ -53,7 +54,7 @@ def test_saturated_axis_is_dropped_and_flagged(pad: Pad, tracker: Tracker, press
 
 @pytest.mark.parametrize("sensor", range(4))
 def test_contradicting_sensor_is_named_and_left_out(pad: Pad, rest: State, pressed: State, sensor: int) -> None:
-    tracker, random = Tracker(pad, rest), np.random.default_rng(sensor)
+    tracker, random = Tracker(pad, rest, CONSTANT), np.random.default_rng(sensor)
     field = field_at(pad, pressed)
     field[sensor, sensor % 3] += 1e-5  # 100 mG
     for _ in range(20):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient.recording import Recording
-from fmfts.ambient.unknowns import Unknowns, change_error
+from fmfts.ambient.unknowns import Leftover, Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
 from fmfts.pose import State, dipole_field
 
@@ -34,7 +34,7 @@ class Mounting:
     what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
     noise_t: (N, 3) of one sample. proportional: (N, 3) error of a change of field, relative to it.
     systematic_t: what every value may be off besides, always by the same.
-    change_error: (5, 5, M) error of a unit change of pose for one deviation of each thing that mounting leaves open.
+    leftover: what the rest field could not tell, None where rest was not recorded.
     chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
     rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
     ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
@@ -49,7 +49,7 @@ class Mounting:
     noise_t: Array
     proportional: Array
     systematic_t: float
-    change_error: Array
+    leftover: Leftover | None
     chi2: float
     measurements: int
     misfit_t: Array
@@ -83,11 +83,9 @@ class Mounting:
         deviation: Array = np.sqrt((self.noise_t * noise_share) ** 2 + change**2 + self.systematic_t**2)
         return deviation
 
-    def change_covariance(self, change: Array) -> Array:
-        """(5, 5) of a change of pose (5,) (see fmfts.pose.displacement): what is still unknown of places and gains."""
-        error = np.tensordot(change, self.change_error, axes=1)
-        covariance: Array = error @ error.T
-        return covariance
+    def change_error(self, solved: NDArray[np.intp]) -> Array:
+        """(5, 5, M) error of a unit change of pose, see `Leftover.change_error`."""
+        return np.zeros((5, 5, 0)) if self.leftover is None else self.leftover.change_error(solved)
 
 
 def estimate_mounting(
@@ -109,11 +107,11 @@ def estimate_mounting(
     scaled = np.zeros(len(unknowns.deviation))
     for _ in range(ITERATIONS):
         predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled))
-        weighted = weight[:, None] * jacobian
+        weighted = weight[:, None] * jacobian * unknowns.deviation
         normal = weighted.T @ weighted + np.eye(len(scaled))
         step = np.linalg.solve(normal, weighted.T @ (weight * (data - predicted).ravel()) - scaled)
         # Beyond a few prior deviations the linear model is not to be believed.
-        step *= min(1.0, 2.0 / float(np.abs(step).max()))
+        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
         scaled = scaled + step
         if np.abs(step).max() < SETTLED:
             break
@@ -136,7 +134,7 @@ def estimate_mounting(
         noise_t=rest.noise_t,
         proportional=_proportional(spread[0], spread[1], distance),
         systematic_t=0.0,
-        change_error=change_error(unknowns, scaled, scaled_covariance, weight),
+        leftover=Leftover(unknowns, scaled, scaled_covariance, weight),
         chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ scaled),
         measurements=int(believed.sum()),
         misfit_t=misfit,
@@ -168,7 +166,7 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
         noise_t=bare.noise_t,
         proportional=np.zeros(shape),
         systematic_t=float(proportional * typical_t),
-        change_error=np.zeros((5, 5, 0)),
+        leftover=None,
         chi2=0.0,
         measurements=0,
         misfit_t=np.zeros(shape),

@@ -15,15 +15,14 @@ Array = NDArray[np.float64]
 
 # The Earth's field has 0.25–0.65 G in a direction nobody knows; steel in a robot's arm adds to it.
 AMBIENT_DEVIATION_T = 5e-5
-# Columns: rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N).
-MAGNET = slice(0, 6)
 # What a firm press does to the pose: the error of a change is measured at such a one.
 TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
 
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """The vector is counted in prior deviations: `deviation` (9 + 6N,) has them in SI."""
+    """Rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N), counted in prior deviations:
+    `deviation` (9 + 6N,) has them in SI."""
 
     pad: Pad
     deviation: Array
@@ -52,7 +51,7 @@ class Unknowns:
         return State.at_rest(self.pad).stepped(values[:9]), places, gain
 
     def predict(self, state: State, places: Array, gain: Array) -> tuple[Array, Array]:
-        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) by the scaled vector."""
+        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI."""
         count = len(places)
         strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
         dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength)
@@ -70,29 +69,39 @@ class Unknowns:
         for sensor in range(count):
             first = 9 + 3 * (count + sensor)
             columns[sensor, :, first : first + 3] = np.diag(field[sensor])
-        return gain * field, (columns * self.deviation).reshape(3 * count, -1)
+        return gain * field, columns.reshape(3 * count, -1)
 
 
-def change_error(unknowns: Unknowns, scaled: Array, covariance: Array, weight: Array) -> Array:
-    """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that follows
-    from each of M independent deviations of the unknowns (`scaled` (M,) with `covariance` (M, M)).
+@dataclass(frozen=True, slots=True)
+class Leftover:
+    """What the baseline could not tell: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
 
-    At rest the baseline absorbs an error of places and gains; what it does to a change is the difference of the field's
-    derivatives there and here, seen through the solver's own least squares (`weight` (3N,) of the field values).
+    weight: (3N,) of the field values.
     """
-    state, places, gain = unknowns.unpack(scaled)
-    _, at_rest = unknowns.predict(state, places, gain)
-    root = np.linalg.cholesky(covariance)
-    errors = np.empty((5, 5, len(scaled)))
-    for direction, size in enumerate(TYPICAL_CHANGE):
-        step = np.zeros(9)
-        step[direction] = size
-        _, there = unknowns.predict(state.stepped(step), places, gain)
-        seen = (
-            weight[:, None]
-            * there[:, MAGNET]
-            / np.where(unknowns.deviation[MAGNET] > 0.0, unknowns.deviation[MAGNET], 1.0)
-        )
-        solved = np.linalg.lstsq(seen, weight[:, None] * (there - at_rest) @ root, rcond=None)[0]
-        errors[direction] = solved[:5] / size
-    return errors
+
+    unknowns: Unknowns
+    scaled: Array
+    covariance: Array
+    weight: Array
+
+    def change_error(self, solved: NDArray[np.intp]) -> Array:
+        """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that
+        follows from each of M independent deviations of the unknowns.
+
+        At rest the baseline absorbs an error of places and gains; what it does to a change is the difference of the
+        field's derivatives there and here, seen through the least squares of the tracker, whose unknowns are the
+        columns `solved` (pose 0–4, log moment 5, ambient field 6–8).
+        """
+        state, places, gain = self.unknowns.unpack(self.scaled)
+        _, at_rest = self.unknowns.predict(state, places, gain)
+        root = self.unknowns.deviation[:, None] * np.linalg.cholesky(self.covariance)
+        errors = np.empty((5, 5, len(self.scaled)))
+        for direction, size in enumerate(TYPICAL_CHANGE):
+            step = np.zeros(9)
+            step[direction] = size
+            _, there = self.unknowns.predict(state.stepped(step), places, gain)
+            seen = self.weight[:, None] * there[:, solved]
+            scale = np.sqrt((seen * seen).sum(axis=0))
+            mistaken = self.weight[:, None] * (there - at_rest) @ root
+            errors[direction] = (np.linalg.lstsq(seen / scale, mistaken, rcond=None)[0] / scale[:, None])[:5] / size
+        return errors

@@ -49,13 +49,16 @@ class Publisher:
             self._bus.close()
             raise
 
-    def send_contact(self, pad: str, message: ContactMessage) -> None:
+    def send_contact(self, pad: str, message: ContactMessage) -> ContactMessage:
+        """The message as it went out: without estimates where one of them was no number."""
         try:
             payload = encode(message)
         except NotFiniteError as error:
             self._refuse(error)
-            payload = encode(_without_estimate(message, str(error)))
+            message = _without_estimate(message, str(error))
+            payload = encode(message)
         _send(self._bus, f"contact/{pad}", payload)
+        return message
 
     def send_event(self, pad: str, message: EventMessage) -> None:
         self._send_checked(self._bus, f"event/{pad}", message)

@@ -20,6 +20,9 @@ REMEDY = "make it again with `python -m fmfts.calibrate.default_model`, or set [
 OUTSIDE_DEVIATIONS = 3.0
 # … and the force it certainly reached is the model's, less this many.
 CERTAIN_DEVIATIONS = 3.0
+# A magnet is called lifted when it is this far, and this many deviations, above all that training saw.
+LIFTED_DEVIATIONS = 6.0
+HYSTERESIS_MM = 0.02
 POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a number
 CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0])  # mm → m; newtons stay
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
@@ -32,6 +35,7 @@ class ContactEstimate:
 
     over_range: the pose or the force is beyond what the model was trained on; then the three are those of the nearest
     pose that it knows, and only force_min_n, a lower bound of the force, is to be believed. None otherwise.
+    lifted_m: how far the magnet certainly is above where any trained press, or none, has it; zero if it is not.
     """
 
     x_m: float
@@ -40,6 +44,7 @@ class ContactEstimate:
     covariance: Array
     over_range: bool
     force_min_n: float | None
+    lifted_m: float
 
     @property
     def x_sd_m(self) -> float:
@@ -107,16 +112,20 @@ class ContactModel:
         if not (np.isfinite(pose).all() and np.isfinite(pose_covariance).all()):
             raise ValueError("a contact was asked for of a pose that is not finite")
         slack = OUTSIDE_DEVIATIONS * np.sqrt(np.maximum(np.diagonal(pose_covariance), 0.0))
+        lifted_mm = pose[2] - self.facts.envelope.pose_max[2] - LIFTED_DEVIATIONS * slack[2] / OUTSIDE_DEVIATIONS
         share = self._share_inside(pose, slack)
         if share < 1.0:
             pose = self._rest + share * (pose - self._rest)
+            # What is uncertain of a displacement grows with it: a bound must not fall because the squeeze rose.
+            pose_covariance = pose_covariance * share**2
         contact, spread = self._contact(pose, pose_covariance)
         limit_n = self.facts.envelope.force_max_n
         force_sd = float(np.sqrt(spread[2, 2]))
         over_range = bool(share < 1.0 or contact[2] - limit_n > OUTSIDE_DEVIATIONS * force_sd)
         certain_n = max(min(float(contact[2]), limit_n) - CERTAIN_DEVIATIONS * force_sd, 0.0)
         x_m, y_m, force_n = contact.tolist()
-        return ContactEstimate(x_m, y_m, force_n, spread, over_range, certain_n if over_range else None)
+        lifted_m = max(float(lifted_mm) - HYSTERESIS_MM, 0.0) * 1e-3
+        return ContactEstimate(x_m, y_m, force_n, spread, over_range, certain_n if over_range else None, lifted_m)
 
     def _share_inside(self, pose: Array, slack: Array) -> float:
         """The largest share, at most 1, of the displacement from rest that stays in the envelope widened by `slack`.

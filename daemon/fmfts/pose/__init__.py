@@ -6,13 +6,19 @@ from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.kernel import SOLVER, Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
-from fmfts.pose.state import State, tangent_basis
-from fmfts.pose.tracker import Track, Tracker, TrackHealth
+from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
+from fmfts.pose.tracker import PAPER, Track, Tracker, TrackHealth, TrackingModel
 
 __all__ = [
+    "AMBIENT",
+    "AXIS",
     "FREE_FIELD",
     "FREE_PAPER",
     "FREE_POSE",
+    "LOG_MOMENT",
+    "PAPER",
+    "POSITION",
+    "SIZE",
     "SOLVER",
     "STOP_CHI2",
     "STOP_CONVERGED",
@@ -30,6 +36,7 @@ __all__ = [
     "Track",
     "TrackHealth",
     "Tracker",
+    "TrackingModel",
     "as_drawn",
     "dipole_derivatives",
     "dipole_field",

@@ -42,6 +42,9 @@ class Alignment:
 
     def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
         """Take the newest field (N, 3) with the time of each sensor's sample (N,); only `fresh` ones are new."""
+        if time_us.max() < self._time[0].max() - self._stopped_us:
+            # The board was reset, and its time with it.
+            self._field[:], self._time[:] = np.nan, 0
         if fresh.any():
             self._field[1:, fresh] = self._field[:-1, fresh]
             self._time[1:, fresh] = self._time[:-1, fresh]

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.chi2 import quantile
+from fmfts.chi2 import quantile, survival
 from fmfts.pad import Pad
-from fmfts.pose.solver import FREE_PAPER, PoseEstimate, Status, solve
-from fmfts.pose.state import State
+from fmfts.pose.problem import Part, Parts, Prior, Status, parts_of
+from fmfts.pose.solver import FREE_PAPER, PoseEstimate, solve
+from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, SIZE, State
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 FALSE_ALARM = 1e-6
 # A thousandth of a deviation: before rest is recorded, deviations hold the mounting's tolerances and are 0.4 mm wide.
 STOP_TRACKING = 1e-6
-# While a disturbance lasts, the search for a single sensor at fault is repeated once in so many frames: it costs five
+# While a disturbance lasts, the search for a single sensor at fault is repeated once in so many frames: it costs
 # solves that take their time, because none of them fits.
 SEARCH_EVERY = 8
 # Fewer whole sensors than this leave poses that fit as well as the true one.
@@ -27,9 +28,34 @@ FEWEST_SENSORS = 3
 # A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
 REACH_M = 8e-3
 MOMENT_FACTOR = 3.0
-
+# What a magnet 60 mm away, or a steel tool, makes: 22 mG from the middle to a sensor.
+GRADIENT_DEVIATION_T_PER_M = 3e-4
+UNEVEN_FIELD_DEVIATION_T = 1e-5
 
 TrackHealth = Literal["ok", "degraded", "disturbed", "lost"]
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingModel:
+    """Which parts of the state are unknown, and how: see fmfts.pose.problem.Part.
+
+    parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline; walk_per_s (SIZE,):
+    what is added to it per second. moment_per_k, moment_per_k_deviation: change of the log moment with temperature.
+    """
+
+    parts: Parts
+    initial: Array = field(default_factory=lambda: np.zeros(SIZE))
+    walk_per_s: Array = field(default_factory=lambda: np.zeros(SIZE))
+    moment_per_k: float = 0.0
+    moment_per_k_deviation: float = 0.0
+
+    @property
+    def has_prior(self) -> bool:
+        return bool(np.isin(self.parts, (Part.PRIOR, Part.CONSIDERED)).any())
+
+
+# The paper's six unknowns: all that a constant ambient field leaves.
+PAPER = TrackingModel(parts_of(free=FREE_PAPER))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,81 +69,139 @@ class Track:
 
 
 class Tracker:
-    """Levenberg–Marquardt started from the last good frame, gated by χ²; one bad sensor is found and left out."""
+    """Levenberg–Marquardt started from the last good frame, gated by χ²; one bad sensor is found and left out.
 
-    def __init__(self, pad: Pad, rest: State) -> None:
+    Parts with a prior are carried from one good frame to the next; a frame that is not good teaches nothing.
+    """
+
+    def __init__(self, pad: Pad, rest: State, model: TrackingModel, rest_temperature_c: float | None = None) -> None:
         self._pad = pad
         self._rest = rest
+        self._model = model
+        self._rest_temperature_c = rest_temperature_c
         self._last = rest
+        self._covariance = np.diag(model.initial)
+        self._since_good_s = 0.0
+        self._warmth_variance = 0.0
         self._disturbed_frames = 0
         self._verdict: tuple[TrackHealth, str] = ("lost", "")
 
-    def update(self, field_t: Array, deviation_t: Array) -> Track:
-        """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3)."""
+    @property
+    def estimated(self) -> NDArray[np.intp]:
+        """The columns that a frame estimates, up to the ambient field's."""
+        return np.flatnonzero(np.isin(self._model.parts[: AMBIENT.stop], (Part.FREE, Part.PRIOR)))
+
+    def update(
+        self, field_t: Array, deviation_t: Array, elapsed_s: float = 0.0, temperature_c: float | None = None
+    ) -> Track:
+        """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3); elapsed_s
+        since the last frame; temperature_c of the pad, None where unknown."""
+        self._since_good_s += max(elapsed_s, 0.0)
         used = np.isfinite(field_t)
         whole: NDArray[np.bool_] = np.asarray(used.all(axis=1), dtype=np.bool_)
         if whole.sum() < FEWEST_SENSORS:
-            self._last = self._rest
             return Track(None, used, "lost", f"{_listed(~whole)} silent or saturated: fewer than three are left")
-        estimate = self._solve(field_t, deviation_t)
-        if self._fits(estimate):
-            self._disturbed_frames = 0
-            self._last = estimate.state
-            if whole.all():
-                return Track(estimate, used, "ok", "")
-            return Track(estimate, used, "degraded", f"{_listed(~whole)} silent or saturated: left out")
-        return self._without_one(field_t, deviation_t, estimate)
+        prior = self._predicted(temperature_c)
+        estimate = self._solve(field_t, deviation_t, prior)
+        if not self._fits(estimate):
+            return self._explain(field_t, deviation_t, prior, estimate)
+        self._accept(estimate)
+        if whole.all():
+            return Track(estimate, used, "ok", "")
+        return Track(estimate, used, "degraded", f"{_listed(~whole)} silent or saturated: left out")
 
-    def _solve(self, field_t: Array, deviation_t: Array) -> PoseEstimate:
+    def _predicted(self, temperature_c: float | None) -> Prior:
+        """The last good state, as uncertain as time and warmth have made it since."""
+        warmer_k = 0.0
+        if temperature_c is not None and self._rest_temperature_c is not None:
+            warmer_k = temperature_c - self._rest_temperature_c
+        covariance = self._covariance + np.diag(self._model.walk_per_s * self._since_good_s)
+        warmth = (self._model.moment_per_k_deviation * warmer_k) ** 2
+        covariance[LOG_MOMENT, LOG_MOMENT] += max(warmth - self._warmth_variance, 0.0)
+        self._new_warmth = max(warmth, self._warmth_variance)
+        moment = self._last.log_moment
+        if self._model.parts[LOG_MOMENT] == Part.CONSIDERED:
+            moment = self._rest.log_moment + self._model.moment_per_k * warmer_k
+        return Prior(replace(self._last, log_moment=moment), covariance)
+
+    def _accept(self, estimate: PoseEstimate) -> None:
+        self._last = estimate.state
+        self._covariance = estimate.covariance
+        self._since_good_s = 0.0
+        self._disturbed_frames = 0
+
+    def _solve(self, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool = False) -> PoseEstimate:
         """From the last pose; if that does not fit, from rest as well."""
-        estimate = solve(
-            field_t, self._pad, self._last, deviation_t=deviation_t, free=FREE_PAPER, stop_chi2=STOP_TRACKING
-        )
-        if self._fits(estimate) or self._last is self._rest:
+        estimate = self._solve_from(prior.mean, field_t, deviation_t, prior, gradient)
+        if self._fits(estimate) or self._disturbed_frames:
             return estimate
-        again = solve(field_t, self._pad, self._rest, deviation_t=deviation_t, free=FREE_PAPER, stop_chi2=STOP_TRACKING)
+        start = replace(prior.mean, position_m=self._rest.position_m, axis=self._rest.axis)
+        again = self._solve_from(start, field_t, deviation_t, prior, gradient)
         better = again.status is Status.CONVERGED and not again.chi2 >= estimate.chi2
         return again if better else estimate
 
-    def _without_one(self, field_t: Array, deviation_t: Array, whole: PoseEstimate) -> Track:
-        """The frame without the one sensor that explains its misfit; `disturbed` where none or several would."""
+    def _solve_from(
+        self, start: State, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool
+    ) -> PoseEstimate:
+        parts = self._model.parts
+        if gradient:
+            parts = parts.copy()
+            parts[GRADIENT] = Part.PRIOR
+            covariance = prior.covariance.copy()
+            covariance[GRADIENT, GRADIENT] = np.eye(5) * GRADIENT_DEVIATION_T_PER_M**2
+            if parts[AMBIENT.start] == Part.FIXED:
+                parts[AMBIENT] = Part.PRIOR
+                covariance[AMBIENT, AMBIENT] = np.eye(3) * UNEVEN_FIELD_DEVIATION_T**2
+            prior = replace(prior, covariance=covariance)
+        return solve(
+            field_t,
+            self._pad,
+            start,
+            deviation_t=deviation_t,
+            parts=parts,
+            prior=prior if gradient or self._model.has_prior else None,
+            stop_chi2=STOP_TRACKING,
+        )
+
+    def _explain(self, field_t: Array, deviation_t: Array, prior: Prior, whole: PoseEstimate) -> Track:
+        """A frame that the model does not fit: without the one sensor that is to blame, else `disturbed` or `lost`."""
         used = np.isfinite(field_t)
         if self._disturbed_frames % SEARCH_EVERY == 0:
-            fitting = self._fitting_without(field_t, deviation_t)
+            fitting = self._fitting_without(field_t, deviation_t, prior)
+            steel = self._solve(field_t, deviation_t, prior, gradient=True)
+            outside = self._probability(steel)
+            fitting = {sensor: found for sensor, found in fitting.items() if self._probability(found) > outside}
             if len(fitting) == 1:
                 ((sensor, estimate),) = fitting.items()
-                self._last, self._disturbed_frames = estimate.state, 0
+                self._accept(estimate)
                 used[sensor] = False
                 reason = f"sensor {sensor + 1} contradicts the others (χ² {whole.chi2:.0f} with it): left out"
                 return Track(estimate, used, "degraded", reason)
-            self._verdict = self._judge(whole, list(fitting))
-        self._last = self._rest
+            self._verdict = self._judge(whole, list(fitting), outside > FALSE_ALARM)
         self._disturbed_frames += 1
         health, reason = self._verdict
-        return Track(whole if health == "disturbed" else None, used, health, reason)
+        return Track(whole if health == "disturbed" and self._plausible(whole) else None, used, health, reason)
 
-    def _fitting_without(self, field_t: Array, deviation_t: Array) -> dict[int, PoseEstimate]:
+    def _fitting_without(self, field_t: Array, deviation_t: Array, prior: Prior) -> dict[int, PoseEstimate]:
         """Sensor → the estimate that fits without it, for every sensor whose absence lets the others agree."""
         fitting = {}
         if np.isfinite(field_t).all(axis=1).sum() > FEWEST_SENSORS:
             for sensor in range(len(field_t)):
                 others = field_t.copy()
                 others[sensor] = np.nan
-                estimate = self._solve(others, deviation_t)
+                estimate = self._solve(others, deviation_t, prior)
                 if self._fits(estimate):
                     fitting[sensor] = estimate
         return fitting
 
-    def _judge(self, whole: PoseEstimate, fitting: list[int]) -> tuple[TrackHealth, str]:
+    def _judge(self, whole: PoseEstimate, fitting: list[int], uneven: bool) -> tuple[TrackHealth, str]:
         """What to say of a frame that no pose explains."""
-        if not self._plausible(whole):
-            return "lost", "no magnet of this pad explains the field: is the pad mounted, the magnet whole?"
-        limit = quantile(FALSE_ALARM, whole.degrees_of_freedom)
-        misfit = f"the field does not come from this magnet alone (χ² over {limit:.0f})"
         if fitting:
             named = " or ".join(str(sensor + 1) for sensor in fitting)
-            return "lost", f"{misfit}: sensor {named} may be at fault, which is not clear"
-        return "disturbed", f"{misfit}: steel, a magnet, or a turned robot"
+            return "lost", f"sensor {named} may be at fault, which is not clear"
+        if not (uneven or self._plausible(whole)):
+            return "lost", "no magnet of this pad explains the field: is the pad mounted, the magnet whole?"
+        return "disturbed", "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
 
     def _plausible(self, estimate: PoseEstimate) -> bool:
         return (
@@ -125,6 +209,12 @@ class Tracker:
             and bool(np.linalg.norm(estimate.position_m - self._rest.position_m) < REACH_M)
             and abs(estimate.state.log_moment - self._rest.log_moment) < np.log(MOMENT_FACTOR)
         )
+
+    def _probability(self, estimate: PoseEstimate) -> float:
+        """That a healthy frame misfits more than this one; zero where there is no plausible pose."""
+        if not self._plausible(estimate):
+            return 0.0
+        return survival(estimate.chi2, estimate.degrees_of_freedom)
 
     def _fits(self, estimate: PoseEstimate) -> bool:
         return self._plausible(estimate) and estimate.chi2 < quantile(FALSE_ALARM, estimate.degrees_of_freedom)

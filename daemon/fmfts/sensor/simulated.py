@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.pad import Array
+from fmfts.pad import Array, rotation_from_vector
 from fmfts.sensor.frame import AGE_UNKNOWN_US, TESLA_PER_GAUSS, Frame
 from fmfts.sensor.hmc5983 import (
     OVERFLOW_COUNT,
@@ -27,6 +27,7 @@ from fmfts.simulate.mounted import MountedPad
 
 CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
+TURNING_AXIS = np.array([0.48, 0.6, 0.64])
 ROOM_C = 25.0
 WARMEST_K = 15.0  # a warming board comes to rest somewhere
 
@@ -34,8 +35,9 @@ WARMEST_K = 15.0  # a warming board comes to rest somewhere
 class Simulated:
     """A Source of one simulated pad, the same frames for the same seed and start.
 
-    `mounted = False` takes the magnet away (for a bare baseline), `finger` may be replaced at any time. The clock is
-    whatever `poll` is given: a test or a baseline may run it faster than real time. It starts at the first poll.
+    `mounted = False` takes the magnet away (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `finger`
+    may be replaced at any time. The clock is whatever `poll` is given: a test or a baseline may run it faster than
+    real time. It starts at the first poll.
     """
 
     def __init__(self, config: PadConfig, *, noise_t: float = NOISE_T, perfect: bool = False) -> None:
@@ -47,6 +49,7 @@ class Simulated:
         self.state = SourceState(description=f"simulated pad, seed {source.seed}")
         self.finger: Finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
         self.mounted = True
+        self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
         self._built = MountedPad.exact(drawing) if perfect else MountedPad.built(drawing, _random(source, "pad"))
         self._chips = ChipArray(
             len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, _random(source, "chips")
@@ -132,13 +135,18 @@ class Simulated:
 
     def _field(self, sampled_s: Array, warming_k: float) -> Array:
         """(N, 3) what each sensor's own axes and gain make of the field at its own time."""
-        ambient = np.broadcast_to(self._built.ambient_t, (len(sampled_s), 3))
+        ambient = self._ambient(sampled_s)
         if not self.mounted:
             return self._built.sensed(ambient)
         x_m, y_m, force_n = np.array([self.finger(moment) for moment in sampled_s.tolist()]).T
         magnet = self._built.pad.magnet
         warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
         return self._built.sensed(ambient + self._built.magnet_field(x_m, y_m, force_n, warm))
+
+    def _ambient(self, sampled_s: Array) -> Array:
+        """(N, 3) the Earth's field as the pad sees it while the robot turns about an axis askew to everything."""
+        angles = self.turning_rad_per_s * sampled_s
+        return np.array([rotation_from_vector(TURNING_AXIS * angle) @ self._built.ambient_t for angle in angles])
 
     def _warming_k(self, now_s: float) -> float:
         return WARMEST_K * (1.0 - exp(-self._warming_k_per_s * now_s / WARMEST_K))

@@ -1,0 +1,119 @@
+"""What is said of a reading: null wherever there is no estimate that could be acted upon."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.ambient import Baseline, Mounting
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector
+from fmfts.contact import ContactEstimate
+from fmfts.pose import AMBIENT, SOLVER, PoseEstimate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One frame, read. used: (N, 3) axes behind it. None: nothing to be believed."""
+
+    health: Health
+    reason: str
+    used: NDArray[np.bool_]
+    estimate: PoseEstimate | None = None
+    contact: ContactEstimate | None = None
+    touching: bool | None = None
+
+
+class Sender:
+    """Numbers the messages of one pad."""
+
+    def __init__(self, pad: str, boot: str, model: str) -> None:
+        self._pad = pad
+        self._boot = boot
+        self._model = model
+        self._number = 0
+        self._sampled_ns = 0
+
+    def message(
+        self,
+        reading: Reading,
+        sampled_ns: int | None,
+        temperature_c: float | None,
+        mounting: Mounting | None,
+        baseline: Baseline | None,
+    ) -> ContactMessage:
+        """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
+        self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
+        self._number += 1
+        estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
+        if reading.contact is not None and reading.touching is not None:
+            estimates |= _contact_fields(reading.contact, reading.touching)
+        if reading.estimate is not None and mounting is not None:
+            estimates["pose"] = _pose_message(reading.estimate, mounting)
+        return ContactMessage(
+            pad=self._pad,
+            boot=self._boot,
+            seq=self._number,
+            t_sample_ns=self._sampled_ns,
+            t_publish_ns=time.monotonic_ns(),
+            utc_ns=time.time_ns(),
+            temperature_c=temperature_c,
+            health=reading.health,
+            reason=reading.reason,
+            **estimates,
+            sensors_ok=_mask(reading.used),
+            solver=SOLVER,
+            model=self._model,
+            baseline=None if baseline is None else baseline.id,
+        )
+
+
+def _contact_fields(contact: ContactEstimate, touching: bool) -> dict[str, Any]:
+    """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
+    if touching and contact.over_range:
+        return {"contact": True, "over_range": True, "force_min_n": contact.force_min_n}
+    force: dict[str, Any] = {
+        "contact": touching,
+        "force_n": max(contact.force_n, 0.0),
+        "force_sd_n": contact.force_sd_n,
+    }
+    if not touching:
+        return force
+    return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
+
+
+def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:
+    """The absolute pose: as uncertain as its change from rest and the rest pose together."""
+    variance = np.diagonal(estimate.covariance)
+    deviation = np.sqrt(variance[:6] + np.diagonal(mounting.rest_covariance))
+    ambient, ambient_deviation = None, None
+    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
+        ambient = _vector(mounting.ambient_t + estimate.state.ambient_t)
+        ambient_deviation = _vector(np.sqrt(mounting.ambient_deviation_t**2 + variance[AMBIENT]))
+    return PoseMessage(
+        position_m=_vector(estimate.position_m),
+        position_sd_m=_vector(deviation[:3]),
+        axis=_vector(estimate.axis),
+        axis_sd_rad=float(deviation[3:5].max()),
+        remanence_t=estimate.remanence_t,
+        remanence_sd_t=float(deviation[5]) * estimate.remanence_t,
+        ambient_t=ambient,
+        ambient_sd_t=ambient_deviation,
+        residual_t=estimate.residual_t,
+        chi2=estimate.chi2,
+    )
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _mask(used: NDArray[np.bool_]) -> int:
+    """Bit i: every axis of sensor i is used."""
+    return sum(1 << sensor for sensor in np.flatnonzero(used.all(axis=1)).tolist())
