@@ -8,8 +8,8 @@
 
 #include "solver.h"
 
-/* One column more than the largest step, for the right-hand side. */
-#define FMFTS_STRIDE (FMFTS_MAX_COLUMNS + 1)
+/* One column more than the largest step, for the right-hand side, and even: rows start where vectors may. */
+#define FMFTS_STRIDE (FMFTS_MAX_COLUMNS + 2)
 /* A column whose variance the others explain but for this share is not measured: what is left is rounding. */
 #define FMFTS_SINGULAR 1e-11
 #define FMFTS_INLINE static inline __attribute__((always_inline))

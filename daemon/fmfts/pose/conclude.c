@@ -88,9 +88,10 @@ static bool add_considered(const fmfts_search *search, fmfts_descent *d, fmfts_m
     return true;
 }
 
-static bool invert(size_t n, fmfts_linear *here, fmfts_matrix work, fmfts_matrix inverse)
+static bool invert(size_t n, const fmfts_descent *d, fmfts_matrix inverse)
 {
-    bool regular = factor(n, here->a, 0.0, work);
+    double(*work)[FMFTS_STRIDE] = *d->work;
+    bool regular = d->factored || factor(n, d->here->a, 0.0, work);
     if (regular) {
         switch (n) {
         case 5:
@@ -114,7 +115,7 @@ fmfts_status fmfts_conclude(fmfts_search *search, fmfts_descent *d, const double
 {
     size_t n = search->active;
     fmfts_matrix inverse;
-    if (!invert(n, d->here, *d->work, inverse) || uncertain(search, state, inverse)) {
+    if (!invert(n, d, inverse) || uncertain(search, state, inverse)) {
         double own[FMFTS_STRIDE];
         weakest(n, d->here->a, d->there->a, *d->work, own);
         fmfts_fill(direction, search->columns, 0.0);

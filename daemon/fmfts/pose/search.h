@@ -32,6 +32,7 @@ typedef struct {
     double chi2;
     int iterations;
     bool converged;
+    bool factored; /* `work` holds the undamped factors of where it stands */
 } fmfts_descent;
 
 FMFTS_INLINE void fmfts_fill(double *values, size_t count, double value)

@@ -90,6 +90,7 @@ static void descend(fmfts_search *search, fmfts_descent *d, double *state)
             memcpy(state, tried, values * sizeof(double));
             d->chi2 -= promised;
             d->converged = true;
+            d->factored = damping == 0.0;
             return;
         }
         d->iterations++;
@@ -110,8 +111,8 @@ static void descend(fmfts_search *search, fmfts_descent *d, double *state)
     }
 }
 
-fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
-                          double *direction)
+static fmfts_summary solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
+                           double *direction)
 {
     fmfts_search search;
     fmfts_linear first, second;
@@ -119,7 +120,6 @@ fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *st
     fmfts_descent d = {.here = &first, .there = &second, .work = &factored};
     fmfts_summary summary = {.status = FMFTS_INVALID, .chi2 = NAN, .residual_t = NAN};
     size_t values = FMFTS_VALUES(problem->magnet_count), columns = FMFTS_COLUMNS(problem->magnet_count);
-    fmfts_fill(covariance, columns * columns, NAN);
     fmfts_fill(direction, columns, NAN);
     memcpy(state, problem->start, values * sizeof(double));
     for (size_t c = 0; c < columns; c++) {
@@ -152,6 +152,17 @@ fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *st
         summary.chi2 = d.chi2;
         summary.residual_t = search.row_count ? sqrt(d.here->raw_square / (double)search.row_count) : 0.0;
         summary.iterations = d.iterations;
+    }
+    return summary;
+}
+
+fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
+                          double *direction)
+{
+    fmfts_summary summary = solve(problem, work, state, covariance, direction);
+    if (summary.status == FMFTS_UNOBSERVABLE || summary.status == FMFTS_INVALID) {
+        size_t columns = FMFTS_COLUMNS(problem->magnet_count);
+        fmfts_fill(covariance, columns * columns, NAN);
     }
     return summary;
 }

@@ -1,0 +1,88 @@
+"""Where the magnet is when nothing is known of it: a cold start from positions alone.
+
+The moment and the ambient field are linear given the position, so the search has three dimensions (variable projection,
+fmfts.pose.projection). A few starts cost a few hundred microseconds together, and tell whether the answer is the only
+one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pose.kernel import SOLVER, Batch
+from fmfts.pose.problem import PLACE, Part, Problem, Solution, Status
+from fmfts.pose.reference import solve_reference
+from fmfts.pose.state import POSITION, State
+
+Array = NDArray[np.float64]
+
+# Two minima are one if they are closer than this many deviations of the position.
+SAME_DEVIATIONS = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Acquired:
+    """best: the lowest minimum. rivals: others whose χ² is within the limit: where there are any, `best` is a guess."""
+
+    best: Solution
+    rivals: tuple[Solution, ...]
+
+
+def acquire(problem: Problem, starts_m: Array, chi2_limit: float) -> Acquired:
+    """The minimum of `problem` from several positions (K, 3) m; its start gives what is fixed or considered.
+
+    chi2_limit: what a right answer stays under. Axis, moment and ambient of the start are used where they are known.
+    """
+    dipole = problem.magnets * [1.0, 0.0]
+    coarse = replace(problem, magnets=dipole, motion=None, project=True)
+    found = _solve_each(coarse, [replace(problem.start, position_m=place) for place in starts_m])
+    solved = [solution.state for solution in found if solution.status is not Status.INVALID]
+    fine = _solve_each(problem, solved or [problem.start])
+    ranked = sorted(fine, key=lambda solution: (not np.isfinite(solution.chi2), solution.chi2))
+    best = ranked[0]
+    if best.status in (Status.UNOBSERVABLE, Status.INVALID):
+        return Acquired(best, ())
+    rivals: list[Solution] = []
+    for other in ranked[1:]:
+        fits = other.status is Status.CONVERGED and other.chi2 <= chi2_limit
+        if fits and all(_differ(other, known) for known in (best, *rivals)):
+            rivals.append(other)
+    return Acquired(best, tuple(rivals))
+
+
+def starts_around(measurements: Array, distance_m: float) -> Array:
+    """Seven positions (7, 3): over the middle of the places (on the side of a plane that +z is on), and about it."""
+    places = np.unique(measurements[:, PLACE], axis=0)
+    middle = places.mean(axis=0)
+    _, _, axes = np.linalg.svd(places - middle)
+    normal = axes[-1] if axes[-1][2] >= 0.0 else -axes[-1]
+    over = middle + distance_m * normal
+    aside = 0.6 * distance_m * axes[:2]
+    return np.array([over, *(over + aside), *(over - aside), over + 0.7 * distance_m * normal, over - 0.4 * distance_m * normal])
+
+
+def _solve_each(problem: Problem, starts: list[State]) -> list[Solution]:
+    if SOLVER == "numpy":
+        return [solve_reference(replace(problem, start=start)) for start in starts]
+    prior, motion = problem.prior, problem.motion
+    batch = Batch.of(
+        np.repeat(problem.measurements[None], len(starts), axis=0),
+        problem.magnets,
+        problem.parts,
+        np.array([start.vector() for start in starts]),
+        None if prior is None else prior.mean.vector(),
+        None if prior is None else prior.covariance,
+        None if motion is None else motion.rate,
+        None if motion is None else motion.diffusion,
+    )
+    batch.solve(problem.stop_chi2, problem.max_iterations, problem.project)
+    return [batch.solution(index) for index in range(len(starts))]
+
+
+def _differ(first: Solution, second: Solution) -> bool:
+    away = first.state.position_m - second.state.position_m
+    spread = first.covariance[POSITION, POSITION] + second.covariance[POSITION, POSITION]
+    return bool(away @ np.linalg.solve(spread, away) > SAME_DEVIATIONS**2)
