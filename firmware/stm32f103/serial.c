@@ -27,6 +27,8 @@ void serial_start(uint32_t apb2_mhz)
     USART1->BRR = (apb2_mhz * 1000000U + BAUD / 2) / BAUD;
     USART1->CR1 = USART1_CR1_UE | USART1_CR1_TE | USART1_CR1_RE | USART1_CR1_RXNEIE;
     NVIC->ISER1 = 1U << (USART1_IRQ - 32);
+    const uint8_t zero = 0; // ends the line that the reset cut off, so that it does not spoil the hello
+    serial_send(NULL, &zero, 1);
 }
 
 bool serial_send(void *context, const uint8_t *line, size_t count)
