@@ -77,6 +77,37 @@ def test_late_arrivals_do_not_move_the_map() -> None:
     assert np.abs(errors[2200:]).max() < 50
 
 
+def test_a_burst_of_late_arrivals_in_the_first_second_does_not_tilt_the_map() -> None:
+    """Before there is a slope to hold on to, half a second's backlog looks like a clock that runs 2 % slow."""
+    board, clock = Board(50), DeviceClock(tolerance=0.02)
+    stall = (BOOT_NS + 300_000_000, BOOT_NS + 800_000_000)
+    packets = [(t, stall[1] if stall[0] <= arrival < stall[1] else arrival) for t, arrival in board.packets(3)]
+    assert np.abs(errors_us(clock, board, packets)).max() < 2000  # one delay, of an exponential with mean 0.2 ms
+    assert clock.restarts == 0
+
+
+@pytest.mark.parametrize("uptime_s", [1, 10])
+@pytest.mark.parametrize("pause_s", [0.03, 0.5])
+def test_a_board_clock_that_stood_still_is_followed_within_half_a_second(uptime_s: float, pause_s: float) -> None:
+    """A debugger, or flash that is being written: device time goes on where it was, later."""
+    board, clock = Board(80), DeviceClock(tolerance=200e-6)
+    errors_us(clock, board, board.packets(uptime_s))
+    board.start_ns += int(pause_s * 1e9)
+    errors = errors_us(clock, board, board.packets(20, start_us=int(uptime_s * 1e6)))
+    assert np.abs(errors[110:]).max() < 200  # half a second: 110 frames
+    assert np.abs(errors[2200:]).max() < 20
+    assert clock.drift_ppm == pytest.approx(80, abs=3)  # standing still says nothing about the pace
+    assert clock.restarts == 0
+
+
+def test_a_slow_streams_clock_that_stood_still_is_followed_too() -> None:
+    board, clock = Board(), DeviceClock(tolerance=200e-6)
+    errors_us(clock, board, board.packets(10)[::44])  # 5 Hz
+    board.start_ns += 500_000_000
+    errors = errors_us(clock, board, board.packets(10, start_us=10_000_000)[::44])
+    assert np.abs(errors[8:]).max() < 2000
+
+
 def test_the_constant_part_of_the_delay_is_what_the_caller_says() -> None:
     board = Board(minimum_delay_us=1150)
     clock = DeviceClock(tolerance=200e-6, fixed_delay_ns=1_150_000)
@@ -93,6 +124,17 @@ def test_a_reset_board_is_noticed_at_its_first_sample(uptime_s: float) -> None:
     assert clock.restarts == 1
     assert errors[0] < 2000  # one delay at most: nothing of the old map is left
     assert np.abs(errors[2200:]).max() < 20
+
+
+def test_a_reset_amid_late_arrivals_is_a_reset_and_no_standstill() -> None:
+    board, clock = Board(), DeviceClock(tolerance=200e-6)
+    errors_us(clock, board, board.packets(5))
+    board.start_ns += 500_000_000
+    errors_us(clock, board, board.packets(0.2, start_us=5_000_000))
+    board.start_ns += 6_000_000_000
+    errors = errors_us(clock, board, board.packets(10))
+    assert clock.restarts == 1
+    assert np.abs(errors).max() < 2000
 
 
 def test_a_host_that_slept_starts_a_new_map() -> None:

@@ -4,10 +4,14 @@ Every packet arrives later than it was sent, by an amount that is never negative
 map is a line below all points (device time, arrival): its slope from the lower convex hull of the last half minute
 (Moon, Skelly, Towsley 1999), its height from the earliest arrivals of the last seconds. What no host can see is the
 constant part of the delay; the caller subtracts what it knows of it.
+
+A packet far above the line is late and teaches nothing: a stalled host gets its backlog in one burst. Only when
+nothing but late packets has *arrived* for a while, it was the board's clock that stood still, and the line moves up.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from itertools import pairwise
 
@@ -15,6 +19,8 @@ BUCKET_US = 250_000
 SLOPE_BUCKETS = 128  # 32 s: a crystal's drift is constant over that, an RC oscillator's nearly
 HEIGHT_BUCKETS = 16  # 4 s: longer than a host's hiccup, short enough for an error of the slope not to matter
 JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step beyond this is a reset, or a suspended host
+STANDSTILL_NS = 400_000_000  # of arrivals, each of them late; a backlog arrives within milliseconds
+STANDSTILL_PACKETS = 8  # at a few Hz, two late packets in a row are chance
 
 Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
 
@@ -50,6 +56,7 @@ class DeviceClock:
         self._lowest: Point = (0, 0)
         self._slope = 0.0  # ns per µs by which the host's clock outruns the board's
         self._height = 0.0  # ns at device time zero
+        self._forget_late()
 
     @property
     def drift_ppm(self) -> float:
@@ -63,11 +70,11 @@ class DeviceClock:
         if self._origin is None:
             self._begin(device_us, arrival_ns)
         point = self._point(device_us, arrival_ns)
-        if point[0] >= self._bucket_end_us:
-            self._close_bucket(point)
-        elif self._lowest[0] < point[0] and self._above_line(point) < self._above_line(self._lowest):
-            self._lowest = point
-        self._height = min(self._height, point[1] - self._slope * point[0])
+        if self._above_line(point) > self._unsure_ns(point):
+            self._late(point, arrival_ns)
+        else:
+            self._forget_late()
+            self._learn(point)
         self._newest_us = max(self._newest_us, device_us)
         return arrival_ns - max(0, int(self._above_line(point))) - self.fixed_delay_ns
 
@@ -85,17 +92,44 @@ class DeviceClock:
     def _plausible(self, device_us: int, arrival_ns: int) -> bool:
         point = self._point(device_us, arrival_ns)
         went_back_ns = 1000 * (self._newest_us - device_us)
-        # Not yet knowing the slope, the line may be wrong by the tolerance times the time since it was last anchored.
-        unsure_ns = JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
-        return went_back_ns < JUMP_NS and self._above_line(point) > -unsure_ns
+        return went_back_ns < JUMP_NS and self._above_line(point) > -self._unsure_ns(point)
+
+    def _unsure_ns(self, point: Point) -> float:
+        """Not yet knowing the slope, the line may be wrong by the tolerance times the time since it was anchored."""
+        return JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
 
     def _above_line(self, point: Point) -> float:
         return point[1] - self._height - self._slope * point[0]
 
+    def _learn(self, point: Point) -> None:
+        if point[0] >= self._bucket_end_us:
+            self._close_bucket(point)
+        elif self._lowest[0] < point[0] and self._above_line(point) < self._above_line(self._lowest):
+            self._lowest = point
+        self._height = min(self._height, point[1] - self._slope * point[0])
+
+    def _late(self, point: Point, arrival_ns: int) -> None:
+        """Follow, once the lateness has lasted: the clock stood still for as long as the least late packet says."""
+        if not self._late_packets:
+            self._late_since_ns = arrival_ns
+        self._late_packets += 1
+        self._least_late_ns = min(self._least_late_ns, self._above_line(point))
+        if arrival_ns - self._late_since_ns < STANDSTILL_NS or self._late_packets < STANDSTILL_PACKETS:
+            return
+        step_ns = int(self._least_late_ns)
+        self._minima = deque(((time_us, residual + step_ns) for time_us, residual in self._minima), SLOPE_BUCKETS)
+        self._lowest = (self._lowest[0], self._lowest[1] + step_ns)
+        self._height += step_ns
+        self._forget_late()
+        self._learn(point)
+
+    def _forget_late(self) -> None:
+        self._late_since_ns = self._late_packets = 0
+        self._least_late_ns = math.inf
+
     def _close_bucket(self, first: Point) -> None:
         self._minima.append(self._lowest)
-        while first[0] >= self._bucket_end_us:
-            self._bucket_end_us += BUCKET_US
+        self._bucket_end_us = (first[0] // BUCKET_US + 1) * BUCKET_US
         self._lowest = first
         limit = self.tolerance * 1000
         self._slope = min(limit, max(-limit, _hull_slope(self._minima)))
