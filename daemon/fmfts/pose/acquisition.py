@@ -61,7 +61,9 @@ def starts_around(measurements: Array, distance_m: float) -> Array:
     normal = axes[-1] if axes[-1][2] >= 0.0 else -axes[-1]
     over = middle + distance_m * normal
     aside = 0.6 * distance_m * axes[:2]
-    return np.array([over, *(over + aside), *(over - aside), over + 0.7 * distance_m * normal, over - 0.4 * distance_m * normal])
+    return np.array(
+        [over, *(over + aside), *(over - aside), over + 0.7 * distance_m * normal, over - 0.4 * distance_m * normal]
+    )
 
 
 def _solve_each(problem: Problem, starts: list[State]) -> list[Solution]:

@@ -15,9 +15,7 @@ FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *s
     for (size_t r = 0; r < search->row_count; r++) {
         const fmfts_row *row = &search->rows[r];
         if (row->shares_place == 0.0) {
-            for (size_t m = 0; m < search->sources.count; m++) {
-                look(&search->sources.source[m], row->place, &sight[m]);
-            }
+            look_all(&search->sources, row->place, sight);
         }
         double residual = row->value - sense_all(&search->sources, sight, state, row->place, row->direction,
                                                  search->with_gradient, column);

@@ -143,6 +143,14 @@ FMFTS_INLINE void place_sources(const double *magnets, const double *state, fmft
     }
 }
 
+FMFTS_INLINE void look_all(const fmfts_sources *sources, const double *place, fmfts_sight *sight)
+{
+    look(&sources->source[0], place, &sight[0]);
+    for (size_t m = 1; m < FMFTS_MAX_MAGNETS && m < sources->count; m++) {
+        look(&sources->source[m], place, &sight[m]);
+    }
+}
+
 /* The whole prediction along one direction, with its derivatives by all columns. `sight`: of every source from there. */
 FMFTS_INLINE double sense_all(const fmfts_sources *sources, const fmfts_sight *sight, const double *state,
                               const double *place, const double *direction, bool with_gradient, double *column)
@@ -155,7 +163,7 @@ FMFTS_INLINE double sense_all(const fmfts_sources *sources, const fmfts_sight *s
     if (with_gradient) {
         sum += sense_gradient(state + GRADIENT_VALUE, place, direction, column + GRADIENT_COLUMN);
     }
-    for (size_t m = 1; m < sources->count; m++) {
+    for (size_t m = 1; m < FMFTS_MAX_MAGNETS && m < sources->count; m++) {
         sum += sense(&sources->source[m], &sight[m], direction, column + first_column(m));
     }
     return sum;

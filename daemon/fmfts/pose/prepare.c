@@ -58,9 +58,7 @@ static void bring_to_now(const fmfts_search *search, const double *place, const 
     const fmfts_problem *problem = search->problem;
     double column[FMFTS_MAX_COLUMNS] = {0};
     fmfts_sight sight[FMFTS_MAX_MAGNETS];
-    for (size_t m = 0; m < search->sources.count; m++) {
-        look(&search->sources.source[m], place, &sight[m]);
-    }
+    look_all(&search->sources, place, sight);
     sense_all(&search->sources, sight, problem->start, place, direction, true, column);
     for (size_t c = 0; c < search->columns; c++) {
         *value += problem->rate ? age * column[c] * problem->rate[c] : 0.0;

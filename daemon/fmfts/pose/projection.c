@@ -91,9 +91,7 @@ static void collect(fmfts_search *search, const double *state, linear_parts *par
         const fmfts_row *row = &search->rows[r];
         double column[FMFTS_MAX_COLUMNS], own[7];
         fmfts_sight sight[FMFTS_MAX_MAGNETS];
-        for (size_t m = 0; m < search->sources.count; m++) {
-            look(&search->sources.source[m], row->place, &sight[m]);
-        }
+        look_all(&search->sources, row->place, sight);
         double others = sense_all(&search->sources, sight, state, row->place, row->direction, search->with_gradient,
                                   column) - column[LOG_COLUMN];
         const double *away = sight[0].r;
