@@ -1,5 +1,6 @@
 """Field → pose: where the magnet is, how it points, how strong it is, and how sure that is."""
 
+from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment
 from fmfts.pose.change import as_drawn, displacement, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
@@ -22,6 +23,7 @@ __all__ = [
     "SOLVER",
     "STOP_CHI2",
     "STOP_CONVERGED",
+    "Acquired",
     "Aligned",
     "Alignment",
     "Batch",
@@ -37,6 +39,7 @@ __all__ = [
     "TrackHealth",
     "Tracker",
     "TrackingModel",
+    "acquire",
     "as_drawn",
     "dipole_derivatives",
     "dipole_field",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pose.kernel import SOLVER, Batch
-from fmfts.pose.problem import PLACE, Part, Problem, Solution, Status
+from fmfts.pose.problem import PLACE, Problem, Solution, Status
 from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import POSITION, State
 
@@ -54,16 +54,16 @@ def acquire(problem: Problem, starts_m: Array, chi2_limit: float) -> Acquired:
 
 
 def starts_around(measurements: Array, distance_m: float) -> Array:
-    """Seven positions (7, 3): over the middle of the places (on the side of a plane that +z is on), and about it."""
+    """Twelve positions (12, 3): on both sides of the plane that the places lie about, near and far, amid and aside."""
     places = np.unique(measurements[:, PLACE], axis=0)
     middle = places.mean(axis=0)
-    _, _, axes = np.linalg.svd(places - middle)
-    normal = axes[-1] if axes[-1][2] >= 0.0 else -axes[-1]
-    over = middle + distance_m * normal
-    aside = 0.6 * distance_m * axes[:2]
-    return np.array(
-        [over, *(over + aside), *(over - aside), over + 0.7 * distance_m * normal, over - 0.4 * distance_m * normal]
+    _, _, (along, across, normal) = np.linalg.svd(places - middle)
+    aside = 0.6 * np.array([along, -along, across, -across])
+    one_side = np.array([0.6 * normal, 1.5 * normal, *(normal + aside)])
+    starts: Array = middle + distance_m * np.concatenate(
+        [one_side, one_side - 2.0 * np.outer(one_side @ normal, normal)]
     )
+    return starts
 
 
 def _solve_each(problem: Problem, starts: list[State]) -> list[Solution]:

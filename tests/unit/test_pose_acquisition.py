@@ -1,0 +1,92 @@
+"""Cold starts: wherever the magnet is and however it points, it is found, or said not to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmfts.chi2 import quantile
+from fmfts.pad import Pad
+from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Problem, State, Status, acquire, parts_of
+from fmfts.pose.acquisition import starts_around
+from fmfts.pose.kernel import solve_kernel
+from fmfts.pose.model import predict
+from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
+from fmfts.pose.reference import solve_reference
+
+NOISE_T = 2e-7
+DRAWS = 300
+
+
+def problem_of(truth: State, pad: Pad, free: np.ndarray, sensors: int, random: np.random.Generator) -> Problem:
+    """Noisy readings of `truth` by the first `sensors` sensors, started from the pad's rest."""
+    rows = measurement_rows(np.zeros((4, 3)), pad.sensors, NOISE_T)[: 3 * sensors]
+    magnets = magnet_rows(pad.magnet, octupole=True)
+    rows[:, VALUE] = predict(rows, magnets, truth)[0] + random.normal(0.0, NOISE_T, len(rows))
+    return Problem(rows, magnets, parts_of(free=free), State.at_rest(pad))
+
+
+def anywhere(random: np.random.Generator, ambient: bool) -> State:
+    """In a workspace twice as wide as a pad's, the axis in any direction, the Earth's field if there is any."""
+    axis = random.normal(size=3)
+    field = random.uniform(-5e-5, 5e-5, 3) if ambient else np.zeros(3)
+    position = random.uniform([-2e-3, -2e-3, 7.25e-3], [2e-3, 2e-3, 14.25e-3])
+    return State(position, axis / np.linalg.norm(axis), 0.0, field)
+
+
+@pytest.mark.parametrize("sensors", [4, 3])
+@pytest.mark.parametrize("free", [FREE_PAPER, FREE_FIELD], ids=["6", "8"])
+def test_every_cold_start_is_right_or_flagged(pad: Pad, free: np.ndarray, sensors: int) -> None:
+    """`python -m fmfts.bench convergence` does it a million times."""
+    random = np.random.default_rng(11)
+    flagged = 0  # three sensors cannot tell some poses from others while nothing is known of the ambient
+    for _ in range(DRAWS):
+        truth = anywhere(random, ambient=len(free) == 8)
+        problem = problem_of(truth, pad, free, sensors, random)
+        limit = quantile(1e-6, 3 * sensors - len(free))
+        places = np.concatenate([random.uniform([-2e-3, -2e-3, 7e-3], [2e-3, 2e-3, 14e-3], (1, 3)), STARTS])
+        found = acquire(problem, places, limit)
+        best = found.best
+        if best.status is not Status.CONVERGED or best.chi2 > limit or found.rivals:
+            flagged += 1
+            continue
+        step = truth.step_from(best.state)[free]
+        assert step @ np.linalg.solve(best.covariance[np.ix_(free, free)], step) < 60  # χ²₈ > 60: once in 2e9
+    assert flagged <= (0.06 if (sensors, len(free)) == (3, 8) else 0.0) * DRAWS
+
+
+STARTS = starts_around(np.array([[x, y, 0.0, *[0.0] * 7] for x in (8e-3, -8e-3) for y in (8e-3, -8e-3)]), 12e-3)
+
+
+@pytest.mark.parametrize("free", [FREE_PAPER, FREE_FIELD], ids=["6", "8"])
+def test_kernel_and_reference_project_to_the_same_minimum(pad: Pad, free: np.ndarray) -> None:
+    random = np.random.default_rng(12)
+    for _ in range(30):
+        truth = anywhere(random, ambient=len(free) == 8)
+        problem = replace(
+            problem_of(truth, pad, free, 4, random),
+            magnets=magnet_rows(pad.magnet),
+            stop_chi2=STOP_CONVERGED,
+            max_iterations=200,
+            project=True,
+        )
+        kernel, reference = solve_kernel(problem), solve_reference(problem)
+        assert kernel.status is reference.status is Status.CONVERGED
+        assert kernel.state.vector() == pytest.approx(reference.state.vector(), rel=1e-9, abs=1e-13)
+
+
+def test_a_field_that_no_magnet_makes_is_not_acquired(pad: Pad) -> None:
+    random = np.random.default_rng(13)
+    for _ in range(20):
+        problem = problem_of(State.at_rest(pad), pad, FREE_PAPER, 4, random)
+        problem.measurements[:, VALUE] = random.normal(0.0, 1e-4, 12)
+        best = acquire(problem, STARTS, quantile(1e-6, 6)).best
+        assert best.status is not Status.CONVERGED or best.chi2 > quantile(1e-6, 6)
+
+
+def test_nothing_measured_is_not_acquired(pad: Pad) -> None:
+    problem = problem_of(State.at_rest(pad), pad, FREE_PAPER, 4, np.random.default_rng(14))
+    problem.measurements[:, VALUE] = np.nan
+    assert acquire(problem, STARTS, 100.0).best.status is Status.UNOBSERVABLE
