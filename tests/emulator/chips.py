@@ -133,6 +133,9 @@ class Hmc5983:
     def run(self) -> None:
         """Catch up with the clock: all conversions that were due."""
         while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
+            if self.registers[0x02] & 2:  # idle; nobody wrote it, or it would not have been due
+                self.next_conversion_s = None
+                return
             ended_s = self.next_conversion_s
             if self.registers[0x02] & 3 == 1:
                 self.registers[0x02] = 0x03  # back to idle

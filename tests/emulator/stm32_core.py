@@ -126,6 +126,7 @@ class CoreRegisters:
         self._enabled = (1 << FIRST_IRQ) - 1
         self._priority = bytearray(FIRST_IRQ + IRQS)
         self._active: list[int] = []
+        self.entered = dict.fromkeys(range(FIRST_IRQ + IRQS), 0)  # how often, since reset
         self.machine.engine.vector_table = 0
 
     def pend(self, number: int) -> None:
@@ -159,6 +160,10 @@ class CoreRegisters:
         """An interrupt could be taken but for PRIMASK; it also ends a WFI."""
         return bool(self._pending & self._enabled) and self._next() is not None
 
+    @property
+    def in_handler(self) -> bool:
+        return bool(self._active)
+
     def take_interrupt(self, primask: bool) -> bool:
         """Enter the handler of the most urgent exception, if there is one to be entered."""
         number = self._next() if self._pending & self._enabled else None
@@ -166,6 +171,7 @@ class CoreRegisters:
             return False
         self._pending &= ~(1 << number)
         self._active.append(number)
+        self.entered[number] += 1
         self.machine.engine.enter_exception(number)
         return True
 

@@ -58,7 +58,7 @@ class I2c:
 
     def reset(self) -> None:
         self._registers = {CR2: 0, OAR1: 0, OAR2: 0, CCR: 0, TRISE: 2}
-        self._cr1 = 0
+        self._cr1 = self._enabled_before = 0
         self._stop_everything()
 
     def _stop_everything(self) -> None:
@@ -144,6 +144,9 @@ class I2c:
 
     def _update_interrupts(self) -> None:
         enabled, flags = self._registers[CR2], self._sr1
+        if not (enabled | self._enabled_before) & (ITEVTEN | ITERREN):
+            return
+        self._enabled_before = enabled
         events = flags & (SB | ADDR | BTF | STOPF | (TXE | RXNE if enabled & ITBUFEN else 0))
         self._machine.core.line(self._irq, bool(events and enabled & ITEVTEN))
         self._machine.core.line(self._irq + 1, bool(flags & ERRORS and enabled & ITERREN))

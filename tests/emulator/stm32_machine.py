@@ -57,6 +57,7 @@ class Machine:
         self._until = 0
         self._sleeping = False
         self._attend = False
+        self._masked_for = 1
         self._polled = NOT_POLLED
         self._reset_requested: str | None = None
         self.on_reset: Callable[[str], None] = lambda cause: None
@@ -163,10 +164,18 @@ class Machine:
                 self.clock.now = max(self.clock.now, min(self._due, tick))
                 continue
             self._sleeping = False
-            # No hook tells when PRIMASK is cleared, so while it holds an interrupt back every block is looked at.
+            # No hook tells when PRIMASK is cleared: look again soon, and less often the longer it lasts.
             self._attend = masked
-            self.clock.deadline = self.clock.now + 1 if masked else min(self._due, tick)
+            self._masked_for = 2 * self._masked_for if masked else 1
+            self.clock.deadline = min(self._due if not masked else self.clock.now + self._masked_for, tick)
             self._run_engine()
+
+    def jump(self, address: int) -> None:
+        """Send the main program somewhere else, once no handler runs; it also wakes up."""
+        while self.core.in_handler:
+            self.run_until(self.clock.now + 1)
+        self._sleeping = False
+        self.engine.jump(address)
 
     def _run_engine(self) -> None:
         try:
