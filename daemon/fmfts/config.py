@@ -53,7 +53,7 @@ class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="
     seed: int = 1
     finger: Literal["script", "none"] = "script"
     warming_k_per_minute: float = 0.0
-    turning_deg_per_s: float = 0.0
+    turning_deg_per_s: float = 20.0
 
 
 SourceConfig = BridgeSource | I2cSource | SimulatedSource
@@ -94,7 +94,7 @@ class ToleranceConfig(_Section, frozen=True):
 
 
 class SceneConfig(_Section, frozen=True):
-    ambient: Literal["constant", "drifting"] = "constant"
+    ambient: Literal["constant", "drifting"] = "drifting"
     remanence: Literal["measured", "nominal", "drifting"] = "measured"
     neighbours: tuple[PadName, ...] = ()
     steel_nearby: bool = False

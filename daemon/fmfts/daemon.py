@@ -12,9 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Self
 
-from fmfts import ambient
 from fmfts.ambient import BaselineError
-from fmfts.baselines import path_of
+from fmfts.baseline_files import stored
 from fmfts.bus.control import ControlServer
 from fmfts.bus.publisher import Publisher
 from fmfts.channel import Channel
@@ -137,14 +136,14 @@ class Daemon:
     def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
         pad = config.pad()
         rate_hz = float(config.source.rate_hz)
-        scene = choose(config.scene, config.magnet)
+        scene = choose(config.scene, config.magnet, thermometer=config.source.chip == "hmc5983")
         pipeline = PadPipeline(pad, model, self._boot, rate_hz, scene.tracking)
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in unmodelled(config.scene):
             log.warning("pad '%s': %s", pad.name, text)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
         try:
-            baseline = ambient.load(path_of(pad.name), pad)
+            baseline = stored(pad)
             if baseline is None and isinstance(config.source, SimulatedSource):
                 baseline = simulated_baseline(config)
                 log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
@@ -154,6 +153,7 @@ class Daemon:
                 pipeline.use(baseline)
         except BaselineError as error:
             log.error("%s", error)
+            pipeline.refuse(str(error))
         return channel
 
     def _report(self, now_ns: int) -> None:

@@ -16,6 +16,8 @@ AMBIENT_DEVIATION_T = 1e-6
 # What a magnet's moment does by itself: ageing, and the hysteresis of warming, 0.1 % in an hour.
 MOMENT_DEVIATION = 5e-4
 MOMENT_WALK_PER_S = 1e-3**2 / 3600.0
+# Without a thermometer, a board may be so much warmer after so long.
+UNSEEN_WARMING_K, UNSEEN_WARMING_S = 3.0, 600.0
 # The temperature coefficient of a grade of magnet is known to about a fifth.
 COEFFICIENT_SHARE = 0.2
 
@@ -28,7 +30,7 @@ class SceneModel:
     why: str
 
 
-def choose(scene: SceneConfig, magnet: MagnetConfig) -> SceneModel:
+def choose(scene: SceneConfig, magnet: MagnetConfig, thermometer: bool = True) -> SceneModel:
     """The smallest set of unknowns that the scene allows.
 
     Moment and ambient field are never both estimated: along (height, moment, vertical field) the measurements say
@@ -44,6 +46,8 @@ def choose(scene: SceneConfig, magnet: MagnetConfig) -> SceneModel:
     initial[LOG_MOMENT], walk[LOG_MOMENT] = MOMENT_DEVIATION**2, MOMENT_WALK_PER_S
     parts = parts_of(free=np.r_[POSITION, AXIS], considered=LOG_MOMENT, prior=AMBIENT)
     per_k = magnet.temperature_coefficient_per_k
+    if not thermometer:
+        walk[LOG_MOMENT] += (per_k * UNSEEN_WARMING_K) ** 2 / UNSEEN_WARMING_S
     cause = "steel moves nearby" if scene.steel_nearby else "the field drifts"
     why = f"8 unknowns (pose, ambient field): {cause}, so the moment is the baseline's and follows the temperature"
     return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE), why)

@@ -90,7 +90,7 @@ def test_after_a_stall_only_the_newest_frames_come_and_the_gap_shows() -> None:
 
 def test_noise_is_two_milligauss_and_its_rounding() -> None:
     """hypot(2 mG, 1/√12 of 1/660 G) at ±2.5 G; 1000 samples of 12 axes give it to 1 % (4 σ = 3 %)."""
-    source = Simulated(config(trigger="simultaneous", rate_hz=160))
+    source = Simulated(config(trigger="simultaneous", rate_hz=160, turning_deg_per_s=0.0))
     source.finger = no_finger
     field_t = np.array([frame.field_t for frame in run(source, 6.24)])
     expected = np.hypot(0.2e-6, 1e-4 / 660 / np.sqrt(12))
@@ -190,3 +190,17 @@ def test_truth_is_the_fingers_own() -> None:
 def test_another_kind_of_source_is_refused() -> None:
     with pytest.raises(ValueError, match="not a simulated one"):
         Simulated(PadConfig(name="arm", source=BridgeSource(port="/dev/ttyUSB0")))
+
+
+def test_turning_robot_shows_every_sensor_the_same_turning_field() -> None:
+    """20° a second for a quarter turn; half a gauss throughout, and gains of ±0.5 %."""
+    source = Simulated(config(turning_deg_per_s=20.0))
+    source.finger, source.mounted = no_finger, False
+    field_t = np.array([frame.field_t for frame in run(source, 4.5)])
+    assert np.linalg.norm(field_t, axis=2) == pytest.approx(50e-6, rel=0.04)
+    first, last = field_t[:20].mean(axis=0), field_t[-20:].mean(axis=0)
+    turned_deg = np.degrees(
+        np.arccos((first * last).sum(axis=1) / np.linalg.norm(first, axis=1) / np.linalg.norm(last, axis=1))
+    )
+    assert np.ptp(turned_deg) < 2.0
+    assert 20.0 < turned_deg.mean() < 91.0

@@ -1,0 +1,192 @@
+from __future__ import annotations
+
+import logging
+import tempfile
+import time
+from collections import Counter
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+import pytest
+
+from fmfts.ambient import Baseline
+from fmfts.baselines import BaselineRequest
+from fmfts.bus.messages import ContactMessage
+from fmfts.bus.publisher import Publisher
+from fmfts.channel import Channel
+from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
+from fmfts.contact import ContactModel
+from fmfts.pipeline import PadPipeline
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+from fmfts.sensor.simulated import Simulated
+from fmfts.simulate.finger import Finger, no_finger, steady_finger
+from fmfts.simulated_baseline import simulated_baseline
+from fmfts_client import Endpoints
+
+PERIOD_NS = round(1e9 / 220)
+
+
+def config_of(seed: int = 1, **scene: object) -> PadConfig:
+    turning = 60.0 if scene.get("ambient") == "drifting" else 0.0
+    return PadConfig(
+        name="left",
+        source=SimulatedSource(seed=seed, turning_deg_per_s=turning),
+        tolerance=ToleranceConfig(gain=0.005),
+        scene=SceneConfig(**scene),  # type: ignore[arg-type]
+    )
+
+
+def pipeline_of(config: PadConfig, baseline: Baseline | None) -> PadPipeline:
+    pad = config.pad()
+    model = ContactModel.load("default", pad)
+    pipeline = PadPipeline(pad, model, "boot", 220.0, choose(config.scene, config.magnet).tracking)
+    if baseline is not None:
+        pipeline.use(baseline)
+    return pipeline
+
+
+def frames_of(config: PadConfig, finger: Finger | None, seconds: float) -> list[Frame]:
+    source = Simulated(config)
+    if finger is not None:
+        source.finger = finger
+    return [frame for step in range(round(seconds * 220)) for frame in source.poll(step * PERIOD_NS)]
+
+
+@pytest.mark.parametrize("scene", [{"ambient": "constant"}, {"ambient": "drifting"}])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_scripted_finger_is_felt_within_the_published_deviations(seed: int, scene: dict[str, str]) -> None:
+    """A cycle of taps, presses and slides on a mounted pad; where the field drifts, its robot turns by 60° a second."""
+    config = config_of(seed, **scene)
+    pipeline, source = pipeline_of(config, simulated_baseline(config)), Simulated(config)
+    health: Counter[str] = Counter()
+    off: list[list[float]] = []
+    idle_contacts = 0
+    for step in range(16 * 220):
+        for frame in source.poll(step * PERIOD_NS):
+            message = pipeline.process(frame)
+            x_m, y_m, force_n = source.truth(message.t_sample_ns)
+            health[message.health] += 1
+            idle_contacts += message.contact is True and step < 4 * 220
+            if message.x_m is not None and message.y_m is not None and message.force_n is not None and force_n > 0.1:
+                assert message.x_sd_m is not None
+                assert message.y_sd_m is not None
+                assert message.force_sd_n is not None
+                off.append(
+                    [
+                        (message.x_m - x_m) / message.x_sd_m,
+                        (message.y_m - y_m) / message.y_sd_m,
+                        (message.force_n - force_n) / message.force_sd_n,
+                    ]
+                )
+    assert health == {"ok": 16 * 220}
+    assert idle_contacts == 0
+    assert len(off) > 1000
+    # "Wrong" is more than five deviations. Errors of one pad belong together: its rms may be up to twice the claim.
+    assert np.abs(off).max() < 5.0
+    assert (np.sqrt(np.mean(np.square(off), axis=0)) < 2.0).all()
+
+
+def test_baseline_recorded_under_load_is_refuted_when_the_load_goes() -> None:
+    """The tolerances of a drawing can swallow half a newton; nothing that a finger does lifts the magnet afterwards."""
+    config = config_of(remanence="measured")
+    loaded = frames_of(config, steady_finger(0.0, 0.0, 0.5), 1.0)
+    baseline, _ = BaselineRequest(config.pad(), config.tolerance.si(), bare=False, replaced=False).make(loaded, None)
+    pipeline = pipeline_of(config, baseline)
+    for frame in frames_of(config, steady_finger(0.0, 0.0, 0.5), 0.5):
+        pipeline.process(frame)
+    messages = [pipeline.process(frame) for frame in frames_of(config, no_finger, 1.0)]
+    assert "recorded under load" in messages[-1].reason
+    assert (messages[-1].health, messages[-1].force_n, messages[-1].contact) == ("no_baseline", None, None)
+    # Pressed again, it is as wrong as before, and still says so.
+    again = [pipeline.process(frame) for frame in frames_of(config, steady_finger(0.0, 0.0, 1.0), 0.2)]
+    assert again[-1].health == "no_baseline"
+
+
+def test_damaged_baseline_is_the_reason_that_is_published() -> None:
+    config = config_of()
+    pipeline = pipeline_of(config, None)
+    pipeline.refuse("baseline left.json is damaged")
+    message = pipeline.process(frames_of(config, no_finger, 0.02)[0])
+    assert (message.health, message.reason) == ("no_baseline", "baseline left.json is damaged")
+
+
+def test_disturbed_frame_has_no_pose() -> None:
+    config = config_of(ambient="constant")
+    pipeline = pipeline_of(config, simulated_baseline(config))
+    for frame in frames_of(config, no_finger, 0.2):
+        message = pipeline.process(replace(frame, counts=frame.counts + np.array([100, -80, 60], dtype=np.int16)))
+    assert message.health == "disturbed"
+    assert (message.pose, message.force_n, message.contact) == (None, None, None)
+
+
+def test_silence_keeps_the_time_of_the_last_sample() -> None:
+    config = config_of()
+    pipeline = pipeline_of(config, simulated_baseline(config))
+    assert pipeline.absent("disconnected", "not there").t_sample_ns == 0
+    last = [pipeline.process(frame) for frame in frames_of(config, no_finger, 0.1)][-1]
+    silent = pipeline.absent("stale", "silent for 1 s")
+    assert silent.t_sample_ns == last.t_sample_ns
+    assert silent.t_publish_ns > last.t_publish_ns
+
+
+class Bench:
+    """A channel on a real publisher; what it sends is kept beside."""
+
+    def __init__(self, config: PadConfig, rate_hz: float = 220.0) -> None:
+        self.sent: list[ContactMessage] = []
+        self.source = Simulated(config)
+        self.source.finger = no_finger
+        self.pipeline = pipeline_of(config, simulated_baseline(config))
+        self._publisher = Publisher(Endpoints.from_base(f"ipc://{tempfile.mkdtemp(prefix='fmfts-')}"), "boot")
+        send = self._publisher.send_contact
+
+        def keep(pad: str, message: ContactMessage) -> ContactMessage:
+            self.sent.append(send(pad, message))
+            return self.sent[-1]
+
+        self._publisher.send_contact = keep  # type: ignore[method-assign]
+        self.channel = Channel(self.source, 0, self.pipeline, self._publisher, "boot", rate_hz)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._publisher.close()
+
+
+def test_error_in_one_pads_work_is_lost_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    def broken(frame: Frame) -> ContactMessage:
+        raise ZeroDivisionError("a bug")
+
+    with Bench(config_of()) as bench, caplog.at_level(logging.ERROR):
+        bench.pipeline.process = broken  # type: ignore[method-assign]
+        for frame in frames_of(config_of(), no_finger, 0.05):
+            bench.channel.frame(replace(frame, host_time_ns=time.monotonic_ns()))
+    assert {message.health for message in bench.sent} == {"lost"}
+    assert "ZeroDivisionError: a bug" in bench.sent[-1].reason
+    assert sum("internal error" in record.message for record in caplog.records) == 1
+
+
+def test_frames_that_are_all_overdue_are_not_silence() -> None:
+    with Bench(config_of()) as bench:
+        bench.source.state.connected = True
+        for frame in frames_of(config_of(), no_finger, 0.1):
+            bench.channel.frame(replace(frame, host_time_ns=time.monotonic_ns() - 2_000_000_000))
+        bench.channel.tick(time.monotonic_ns())
+    assert bench.sent[-1].health == "stale"
+    assert "late" in bench.sent[-1].reason
+    assert bench.sent[-1].force_n is None
+
+
+def test_slow_pad_is_not_called_silent_between_its_frames() -> None:
+    with Bench(config_of(), rate_hz=5.0) as bench:
+        bench.source.state.connected = True
+        frame = frames_of(config_of(), no_finger, 0.02)[0]
+        bench.channel.frame(replace(frame, host_time_ns=time.monotonic_ns()))
+        sent = len(bench.sent)
+        bench.channel.tick(time.monotonic_ns() + 400_000_000)
+        assert len(bench.sent) == sent
+        bench.channel.tick(time.monotonic_ns() + 700_000_000)
+    assert bench.sent[-1].health == "stale"
