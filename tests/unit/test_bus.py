@@ -6,6 +6,7 @@ import grp
 import logging
 import math
 import os
+import socket
 import stat
 import subprocess
 import sys
@@ -197,15 +198,16 @@ def test_number_that_is_none_goes_out_as_lost(
 ) -> None:
     with Client("demo", endpoints) as client, caplog.at_level(logging.ERROR):
         connect(publisher, client)
-        publisher.send_contact("demo", contact_message(force_n=math.nan, temperature_c=math.inf))
+        sent = publisher.send_contact("demo", contact_message(force_n=math.nan, temperature_c=math.inf))
         contact = client.latest(timeout_s=1.0)
         assert contact is not None
+        assert (sent.health, sent.force_n, sent.reason) == ("lost", None, contact.reason)
         assert (contact.health, contact.contact, contact.force_n, contact.x_m) == ("lost", None, None, None)
         assert "force_n" in contact.reason or "temperature_c" in contact.reason
         assert not client.valid
         publisher.send_status("demo", status_message(rate_hz=math.nan))
         assert publisher.refused == 2
-        assert "program error" in caplog.text
+        assert "contact model" in caplog.text
 
 
 def test_events_and_status_arrive_by_topic(publisher: Publisher, endpoints: Endpoints) -> None:
@@ -267,6 +269,29 @@ def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, e
     assert serving_pid(endpoints.bus) == os.getpid()
     with Client("demo", endpoints) as client:
         connect(publisher, client)  # and the first still serves
+
+
+def test_second_daemon_on_a_tcp_port_is_refused_too() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        base = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        assert serving_pid(base) == 0, "somebody, but a port does not say who"
+        with pytest.raises(BusError, match=r"Address already in use.*: another program, perhaps another fmfts-daemon"):
+            Publisher(Endpoints.from_base(base), "two")
+    assert serving_pid(base) is None
+
+
+def test_daemon_that_one_may_not_see_is_no_absent_one(tmp_path: Path) -> None:
+    (tmp_path / "bus.lock").touch(mode=0o600)
+    script = (
+        "import os, sys; from fmfts.bus.lock import BusError, serving_pid\n"
+        "os.geteuid() or os.seteuid(65534)\n"
+        "try: print(serving_pid(sys.argv[1]))\n"
+        "except BusError as error: print(error)"
+    )
+    if os.geteuid() != 0:
+        (tmp_path / "bus.lock").chmod(0)
+    run = subprocess.run([sys.executable, "-c", script, f"ipc://{tmp_path}/bus"], capture_output=True, text=True)
+    assert "bus.lock: Permission denied" in run.stdout, run.stderr
 
 
 def test_endpoint_is_free_again_after_close_and_after_a_kill(endpoints: Endpoints) -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import fcntl
 import os
+import socket
 from pathlib import Path
+
+CONNECT_S = 1.0
 
 
 class BusError(Exception):
@@ -34,17 +37,38 @@ class EndpointLock:
 
 
 def serving_pid(endpoint: str) -> int | None:
-    """Process id of the daemon that serves an ipc endpoint; None: nobody does. 0: somebody, pid unknown."""
+    """Process id of the daemon that serves an endpoint; None: nobody does. 0: somebody, pid unknown.
+
+    BusError where this user may not look.
+    """
     path = socket_path(endpoint)
-    if path is None or not (lock := _lock_file(path)).exists():
+    if path is None:
+        return 0 if _accepts(endpoint) else None
+    try:
+        with _lock_file(path).open("rb") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                text = file.read(32).strip()
+                return int(text) if text.isdigit() else 0
+    except (FileNotFoundError, NotADirectoryError):
         return None
-    with lock.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            text = file.read(32).strip()
-            return int(text) if text.isdigit() else 0
+    except OSError as error:
+        raise BusError(
+            f"cannot see whether a daemon serves {endpoint}: {_lock_file(path)}: {error.strerror}: run this as the "
+            "daemon's user or a member of its group, or name another place with FMFTS_BUS"
+        ) from error
     return None
+
+
+def _accepts(endpoint: str) -> bool:
+    """Does anybody listen on a tcp endpoint? ZeroMQ's own connect says nothing: it waits for somebody to come."""
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT_S):
+            return True
+    except OSError:
+        return False
 
 
 def _lock_file(path: Path) -> Path:

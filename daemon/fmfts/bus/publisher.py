@@ -96,7 +96,12 @@ class Publisher:
     def _refuse(self, error: NotFiniteError) -> None:
         self.refused += 1
         if self.refused == 1 or self.refused % 1000 == 0:
-            log.error("withheld %d message(s), a program error worth reporting; this one: %s", self.refused, error)
+            log.error(
+                "%d message(s) held a number that is none; this one: %s. The likely cause is the contact model "
+                "(pad.contact.model): check what it was made from; from the default one it is worth reporting",
+                self.refused,
+                error,
+            )
 
 
 def _send(socket: BoundSocket, topic: str, payload: bytes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import grp
 import ipaddress
 import logging
@@ -33,9 +34,9 @@ class BoundSocket:
         self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
         try:
             _bind(self.zmq, endpoint, path)
-        except OSError as error:  # zmq.ZMQError among them
+        except (zmq.ZMQError, OSError) as error:
             self.close()
-            raise BusError(f"cannot serve {endpoint}: {error}") from error
+            raise BusError(f"cannot serve {endpoint}: {error.strerror}{_advice(error)}") from error
 
     def readable(self) -> bool:
         return bool(int(self.zmq.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
@@ -43,6 +44,12 @@ class BoundSocket:
     def close(self) -> None:
         self.zmq.close()
         self._lock.release()
+
+
+def _advice(error: zmq.ZMQError | OSError) -> str:
+    if error.errno != errno.EADDRINUSE:
+        return ""
+    return ": another program, perhaps another fmfts-daemon, serves there: stop it, or choose another with FMFTS_BUS"
 
 
 def _bind(socket: zmq.Socket[bytes], endpoint: str, path: Path | None) -> None:
