@@ -2,35 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fmfts import ambient
 from fmfts.ambient import Baseline, BaselineError, Mounting
+from fmfts.baseline_files import previous, store
 from fmfts.pad import Pad, Tolerance
-from fmfts.sensor import Frame
-from fmfts.service.state import state_directory, write_atomically
+from fmfts.sensor import Frame, Source
+from fmfts.tasks import PATIENCE_S
 
 # The mean over 3 s at 220 Hz is 25 times quieter than one sample; more would mostly collect drift.
 DURATION_S = 3.0
+SHORTEST_S, LONGEST_S = 0.5, 60.0
+# The device's clock says when a recording is complete, this computer's when that takes too long.
+OVERTIME_S = 5.0
 
 
-def path_of(pad_name: str) -> Path:
-    return state_directory() / "baseline" / f"{pad_name}.json"
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A baseline that is stored and may be used."""
+
+    baseline: Baseline
+    mounting: Mounting
+    path: Path
+
+    def facts(self, pad: Pad) -> dict[str, Any]:
+        """What a person wants to know of it."""
+        return _report(self.baseline, self.mounting, pad) | {"stored": str(self.path)}
 
 
 @dataclass(frozen=True, slots=True)
 class BaselineRequest:
-    """kind "bare": the pad is not mounted; "rest": it is, unloaded; replaced: another pad than the last time."""
+    """bare: the pad is not mounted; else it is, and unloaded. replaced: another pad than the last time.
+
+    BaselineError where the duration makes no sense.
+    """
 
     pad: Pad
     tolerance: Tolerance
     bare: bool
     replaced: bool
+    duration_s: float = DURATION_S
+
+    def __post_init__(self) -> None:
+        if not SHORTEST_S <= self.duration_s <= LONGEST_S:
+            raise BaselineError(
+                f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.duration_s:g} s"
+            )
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         """BaselineError, naming the pad, where the frames do not make one; nothing is changed then."""
@@ -43,22 +68,123 @@ class BaselineRequest:
         except BaselineError as error:
             raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
 
-
-def store(baseline: Baseline) -> Path:
-    """Write it where the daemon looks for it at its start; the one before stays beside it as `….previous.json`."""
-    path = path_of(baseline.pad)
-    path.parent.mkdir(exist_ok=True)
-    if path.exists():
-        write_atomically(path.with_suffix(".previous.json"), path.read_bytes())
-    write_atomically(path, ambient.encode(baseline))
-    return path
+    def record(self, frames: Sequence[Frame], before: Baseline | None) -> Recorded:
+        """Make and store one. BaselineError as from `make`, StateError where it cannot be stored."""
+        baseline, mounting = self.make(frames, before)
+        return Recorded(baseline, mounting, store(baseline, self.pad))
 
 
-def report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, object]:
+def restore(pad: Pad) -> Recorded:
+    """Bring the baseline before the last one back; the last one, where it is good, becomes the one before.
+
+    BaselineError where there is none, StateError where it cannot be stored.
+    """
+    baseline = previous(pad)
+    return Recorded(baseline, baseline.mounting(pad), store(baseline, pad))
+
+
+class Collection:
+    """The frames of one pad for `duration_s` by the device's clock. now_s: time.monotonic()."""
+
+    def __init__(self, source: Source, duration_s: float) -> None:
+        self.frames: list[Frame] = []
+        self._source = source
+        self._duration_s = duration_s
+        self._begun_s = self._heard_s = time.monotonic()
+        self._went_back = False
+
+    def take(self, frame: Frame) -> None:
+        self._went_back |= bool(self.frames) and frame.device_time_us < self.frames[-1].device_time_us
+        self.frames.append(frame)
+        self._heard_s = time.monotonic()
+
+    @property
+    def complete(self) -> bool:
+        return bool(self.frames) and not self._went_back and self._span_s >= self._duration_s
+
+    @property
+    def share(self) -> float:
+        return 1.0 if self.complete else min(max(self._span_s / self._duration_s, 0.0), 1.0)
+
+    def problem(self, now_s: float) -> str:
+        """Why it will never be complete, "" while there is hope."""
+        if self._went_back:
+            return "the device's clock went back while recording, so it was reset: check its supply, then record again"
+        if now_s - self._heard_s > PATIENCE_S:
+            state = self._source.state
+            return f"{state.description}: {state.reason or f'connected, but no frame within {PATIENCE_S:g} s'}"
+        if now_s - self._begun_s > self._duration_s + OVERTIME_S:
+            return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
+        return ""
+
+    @property
+    def _span_s(self) -> float:
+        return (self.frames[-1].device_time_us - self.frames[0].device_time_us) * 1e-6 if self.frames else 0.0
+
+
+class BaselineJob:
+    """A Task. Collects frames, then computes and stores elsewhere: the thread that publishes must not wait for it."""
+
+    def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
+        self._request = request
+        self._before = before
+        self._executor = executor
+        self._collection = Collection(source, request.duration_s)
+        self._result: Future[Recorded] | None = None
+
+    def take(self, frame: Frame) -> None:
+        """The next frame of the pad; ignored once there are enough."""
+        if self._result is not None:
+            return
+        self._collection.take(frame)
+        if self._collection.complete:
+            self._result = self._executor.submit(self._request.record, self._collection.frames, self._before)
+
+    @property
+    def share(self) -> float:
+        return self._collection.share
+
+    @property
+    def recorded(self) -> Recorded | None:
+        return self._result.result() if self._result is not None and self._result.done() else None
+
+    def facts(self) -> dict[str, Any] | None:
+        recorded = self.recorded
+        return None if recorded is None else recorded.facts(self._request.pad)
+
+    def problem(self, now_s: float) -> str:
+        if self._result is not None:  # computing ends by itself
+            return ""
+        problem = self._collection.problem(now_s)
+        return f"{problem}; no baseline was recorded" if problem else ""
+
+
+class Restoration:
+    """A Task: the same for bringing the last good baseline back."""
+
+    share = 0.0
+
+    def __init__(self, pad: Pad, executor: Executor) -> None:
+        self._pad = pad
+        self._result = executor.submit(restore, pad)
+
+    @property
+    def recorded(self) -> Recorded | None:
+        return self._result.result() if self._result.done() else None
+
+    def facts(self) -> dict[str, Any] | None:
+        recorded = self.recorded
+        return None if recorded is None else recorded.facts(self._pad)
+
+    def problem(self, now_s: float) -> str:
+        return ""
+
+
+def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
     """What a person wants to know of a new baseline."""
     recording = baseline.rest or baseline.bare
     assert recording is not None
-    facts: dict[str, object] = {
+    facts: dict[str, Any] = {
         "pad": baseline.pad,
         "baseline": baseline.id,
         "kind": baseline.kind,
@@ -85,37 +211,3 @@ def report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, object
             "measurements": mounting.measurements,
         }
     return facts
-
-
-class BaselineJob:
-    """Collects frames, then computes elsewhere: the thread that publishes must not wait for it."""
-
-    def __init__(
-        self,
-        request: BaselineRequest,
-        before: Baseline | None,
-        duration_s: float,
-        executor: Executor,
-        progress: Callable[[float], None],
-    ) -> None:
-        """progress: called with the share that is collected, now and then."""
-        self._request = request
-        self._before = before
-        self._duration_us = duration_s * 1e6
-        self._executor = executor
-        self._progress = progress
-        self._frames: list[Frame] = []
-        self._told = 0.0
-        self.result: Future[tuple[Baseline, Mounting]] | None = None
-
-    def take(self, frame: Frame) -> None:
-        """The next frame of the pad; ignored once there are enough."""
-        if self.result is not None:
-            return
-        self._frames.append(frame)
-        share = (frame.device_time_us - self._frames[0].device_time_us) / self._duration_us
-        if share >= 1.0:
-            self.result = self._executor.submit(self._request.make, self._frames, self._before)
-        elif share >= self._told + 0.1:
-            self._told = share
-            self._progress(share)

@@ -9,6 +9,7 @@ from fmfts.baselines import BaselineJob
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, FrameMessage, Health, StatusMessage
 from fmfts.bus.publisher import Publisher
 from fmfts.pipeline import PadPipeline
+from fmfts.probing import faults_of
 from fmfts.sensor import Frame, Source
 from fmfts.statistics import PadStatistics
 
@@ -53,9 +54,7 @@ class Channel:
     @property
     def faults(self) -> list[str]:
         """A sentence for everything that is wrong with the source now."""
-        state = self.source.state
-        sensors = [text for (pad, _), text in sorted(state.sensor_faults.items()) if pad == self.pad_index]
-        return sensors + sorted(state.warnings.values())
+        return faults_of(self.source, self.pad_index)
 
     def frame(self, frame: Frame) -> None:
         """One frame in: a contact, and whatever changed, out."""

@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmfts import __version__
+from fmfts import __version__, exit_codes
 
 if TYPE_CHECKING:
     from fmfts.config import Config, PadConfig
 
-EXIT_USAGE = 2
-EXIT_DATA = 65  # sysexits.h EX_DATAERR
-EXIT_UNAVAILABLE = 69  # EX_UNAVAILABLE
-EXIT_CONFIG = 78  # EX_CONFIG: systemd does not restart after it
+DEFAULT_CONFIG = "default: see the README, Configuration"
+LISTENERS_CONFIG = "the daemon's, where it names an endpoint; needless otherwise"
 
 log = logging.getLogger("fmfts")
 
@@ -57,11 +55,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
 
-    def verb(name: str, handler: Any, text: str, config: bool = True) -> argparse.ArgumentParser:
+    def verb(name: str, handler: Any, text: str, default_config: str = DEFAULT_CONFIG) -> argparse.ArgumentParser:
         added = verbs.add_parser(name, help=text, description=text)
         added.set_defaults(handler=handler)
-        if config:
-            added.add_argument("--config", type=Path, metavar="FILE", help="default: see the README, Configuration")
+        added.add_argument("--config", type=Path, metavar="FILE", help=default_config)
         return added
 
     def facts(added: argparse.ArgumentParser) -> None:
@@ -72,16 +69,17 @@ def _parser() -> argparse.ArgumentParser:
     kind = baseline.add_mutually_exclusive_group(required=True)
     kind.add_argument("--bare", action="store_true", help="the pad is not mounted: the ambient field alone")
     kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
+    kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
     baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
-    baseline.add_argument("--duration-s", type=float, default=3.0)
+    baseline.add_argument("--duration-s", type=float, default=3.0, help="of the recording: 0.5 to 60 (3)")
     selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
     for added in (baseline, selftest):
         added.add_argument("--pad", metavar="NAME", help="needed where there are several")
         facts(added)
     facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
-    facts(verb("status", _status, "ask a running daemon how its pads are", config=False))
+    facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
     facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
-    listen = verb("listen", _listen, "show the contacts of a running daemon", config=False)
+    listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=float, help="end after this time, with a summary")
     facts(listen)
@@ -113,9 +111,16 @@ def _config(options: argparse.Namespace) -> Config:
     try:
         config, path = load(options.config)
     except ConfigError as error:
-        raise VerbError(EXIT_CONFIG, str(error)) from error
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
     log.info("configuration: %s", path)
     return config
+
+
+def _base(options: argparse.Namespace) -> str | None:
+    """Where the daemon of `--config` serves; None: at the default. Listening needs no configuration."""
+    from fmfts_client.endpoints import named_base
+
+    return named_base(None if options.config is None else _config(options).bus.endpoint)
 
 
 def _one_pad(config: Config, name: str | None) -> PadConfig:
@@ -123,11 +128,14 @@ def _one_pad(config: Config, name: str | None) -> PadConfig:
     if name is None and len(known) == 1:
         return config.pad[0]
     if name not in known:
-        raise VerbError(EXIT_USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}")
+        raise VerbError(
+            exit_codes.USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}"
+        )
     return known[name]
 
 
 def _run(options: argparse.Namespace) -> int:
+    from fmfts.baseline_files import StateError
     from fmfts.bus.lock import BusError
     from fmfts.contact import ModelError
     from fmfts.daemon import Daemon
@@ -139,15 +147,17 @@ def _run(options: argparse.Namespace) -> int:
         with Daemon(config) as daemon:
             daemon.run()
     except (BusError, EndpointError) as error:
-        raise VerbError(EXIT_UNAVAILABLE, str(error)) from error
-    except (ModelError, SourceError) as error:
-        raise VerbError(EXIT_CONFIG, str(error)) from error
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    except (ModelError, SourceError, StateError) as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
     return 0
 
 
 def _baseline(options: argparse.Namespace) -> int:
-    from fmfts.oneshot import record_baseline
+    from fmfts.oneshot import record_baseline, restore_baseline
 
+    if options.restore:
+        return _through_daemon(options, "baseline", {"restore": True}, lambda pad, restore: restore_baseline(pad))
     arguments = {"bare": options.bare, "replaced": options.replaced, "duration_s": options.duration_s}
     return _through_daemon(options, "baseline", arguments, record_baseline)
 
@@ -163,15 +173,16 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     from fmfts import oneshot
     from fmfts.view.facts import print_facts
 
-    pad = _one_pad(_config(options), options.pad)
+    config = _config(options)
+    pad = _one_pad(config, options.pad)
     try:
-        facts = oneshot.ask_daemon(verb, pad=pad.name, **arguments)
+        facts = oneshot.ask_daemon(verb, config, pad=pad.name, **arguments)
         if facts is None:
             facts = directly(pad, **arguments)
     except oneshot.RefusedError as error:
-        raise VerbError(EXIT_DATA, str(error)) from error
+        raise VerbError(exit_codes.DATA, str(error)) from error
     except oneshot.AbsentError as error:
-        raise VerbError(EXIT_UNAVAILABLE, str(error)) from error
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
     return 0 if facts.get("passed", True) else 1
 
@@ -182,19 +193,19 @@ def _probe(options: argparse.Namespace) -> int:
 
     config = _config(options)
     try:
-        facts = oneshot.ask_daemon("probe") or oneshot.probe(config)
+        facts = oneshot.ask_daemon("probe", config) or oneshot.probe(config)
     except oneshot.RefusedError as error:
-        raise VerbError(EXIT_DATA, str(error)) from error
+        raise VerbError(exit_codes.DATA, str(error)) from error
     except oneshot.AbsentError as error:
-        raise VerbError(EXIT_UNAVAILABLE, str(error)) from error
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
-    return 0 if all(pad["connected"] for pad in facts["pads"]) else EXIT_UNAVAILABLE
+    return 0 if all(pad["connected"] for pad in facts["pads"]) else exit_codes.UNAVAILABLE
 
 
 def _status(options: argparse.Namespace) -> int:
     from fmfts.view.status import status
 
-    return status(as_json=options.json)
+    return status(as_json=options.json, endpoint=_base(options))
 
 
 def _check_config(options: argparse.Namespace) -> int:
@@ -211,7 +222,7 @@ def _check_config(options: argparse.Namespace) -> int:
 def _listen(options: argparse.Namespace) -> int:
     from fmfts.view.listen import listen
 
-    return listen(options.pad, options.seconds, as_json=options.json)
+    return listen(options.pad, options.seconds, as_json=options.json, endpoint=_base(options))
 
 
 def _pose(options: argparse.Namespace) -> int:
@@ -220,7 +231,7 @@ def _pose(options: argparse.Namespace) -> int:
 
     pad = _one_pad(_config(options), options.pad).pad()
     if not options.noise_ut > 0.0:
-        raise VerbError(EXIT_USAGE, f"--noise-ut is {options.noise_ut}: it must be greater than zero")
+        raise VerbError(exit_codes.USAGE, f"--noise-ut is {options.noise_ut}: it must be greater than zero")
     try:
         table = field_table.read(options.fields, len(pad.sensors))
         solving = PoseOptions(options.baseline, options.sequence, options.noise_ut * 1e-6)
@@ -231,7 +242,7 @@ def _pose(options: argparse.Namespace) -> int:
             with options.output.open("w", newline="") as out:
                 field_table.write(columns, out)
     except field_table.DataError as error:
-        raise VerbError(EXIT_DATA, str(error)) from error
+        raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
-        raise VerbError(EXIT_DATA, f"{options.output}: {error.strerror}") from error
+        raise VerbError(exit_codes.DATA, f"{options.output}: {error.strerror}") from error
     return 0

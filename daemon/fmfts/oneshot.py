@@ -3,84 +3,85 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-from fmfts import ambient
 from fmfts.ambient import BaselineError
-from fmfts.baselines import BaselineRequest, path_of, report, store
-from fmfts.bus.lock import serving_pid
+from fmfts.baseline_files import StateError, stored
+from fmfts.baselines import BaselineJob, BaselineRequest, Collection, restore
+from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, PadConfig
+from fmfts.probing import probe_facts
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.factory import open_sources
 from fmfts.sensor.simulated import Simulated
-from fmfts_client.control import RefusedError as RefusedByDaemon
-from fmfts_client.control import UnreachableError, request
-from fmfts_client.endpoints import for_client
+from fmfts.simulated_baseline import hold_still
+from fmfts.tasks import PATIENCE_S, Selftest, Task
+from fmfts.view.progress import progress_bar
+from fmfts_client import ControlError, EndpointError, request
+from fmfts_client import RefusedError as RefusedByDaemon
+from fmfts_client.endpoints import for_client, named_base
 
-# A board says hello within a second of being opened, a reader process starts in half of one.
-PATIENCE_S = 3.0
-SELFTEST_S = 5.0
+TURN_S = 0.002
 
 
 class AbsentError(Exception):
-    """Neither a daemon nor the device answers."""
+    """Neither a daemon nor the device answers, or there is no place for the result."""
 
 
 class RefusedError(Exception):
     """It was tried, and the answer is no."""
 
 
-def ask_daemon(verb: str, **arguments: Any) -> dict[str, Any] | None:
-    """The running daemon's answer, None where none runs. Shows progress on a terminal."""
-    from fmfts.view.progress import progress_bar
-
-    endpoints = for_client()
-    if serving_pid(endpoints.control) is None:
-        return None
+def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | None:
+    """The answer of the daemon that runs with `config`, None where none runs. Shows progress on a terminal."""
     try:
+        endpoints = for_client(named_base(config.bus.endpoint))
+        if serving_pid(endpoints.control) is None:
+            return None
         with progress_bar(verb) as told:
             return request(verb, endpoint=endpoints, progress=lambda facts: told(facts.get("share", 0.0)), **arguments)
     except RefusedByDaemon as error:
         raise RefusedError(str(error)) from error
-    except UnreachableError as error:
+    except (ControlError, EndpointError, BusError) as error:
         raise AbsentError(str(error)) from error
 
 
 def record_baseline(pad: PadConfig, *, bare: bool, replaced: bool, duration_s: float) -> dict[str, Any]:
     """Record on the device itself, judge, store."""
-    work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced)
-    try:
-        before = ambient.load(path_of(pad.name), work.pad)
-    except BaselineError:
-        # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
-        before = None
-    with _opened(pad) as (source, pad_index):
-        if isinstance(source, Simulated):
-            source.mounted = not bare
-        frames = _collect(pad, source, pad_index, duration_s)
-    try:
-        baseline, mounting = work.make(frames, before)
-    except BaselineError as error:
-        raise RefusedError(str(error)) from error
-    return report(baseline, mounting, work.pad) | {"stored": str(store(baseline))}
+    with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
+        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s)
+        try:
+            before = stored(work.pad)
+        except BaselineError:
+            # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
+            before = None
+        with _opened(pad) as (source, pad_index), progress_bar("baseline") as told:
+            if isinstance(source, Simulated):
+                hold_still(source, mounted=not bare)
+            job = BaselineJob(work, before, source, executor)
+            return _finished(pad.name, job, _turns(source, pad_index, job.take), told)
+
+
+def restore_baseline(pad: PadConfig) -> dict[str, Any]:
+    """Bring the baseline before the last one back."""
+    drawing = pad.pad()
+    with _errors_named():
+        return restore(drawing).facts(drawing)
 
 
 def run_selftest(pad: PadConfig) -> dict[str, Any]:
     """The self-test on the device itself."""
-    with _opened(pad) as (source, pad_index):
-        _collect(pad, source, pad_index, 0.0)
-        try:
-            source.request_selftest(pad_index)
-        except SourceError as error:
-            raise RefusedError(str(error)) from error
-        until = time.monotonic() + SELFTEST_S
-        while (result := source.selftest_result(pad_index)) is None:
-            if time.monotonic() > until or not source.state.connected:
-                raise AbsentError(f"pad '{pad.name}': no self-test within {SELFTEST_S:g} s: {source.state.reason}")
-            _turn(source)
-    return {"pad": pad.name, **result}
+    with _errors_named(), _opened(pad) as (source, pad_index), progress_bar("selftest") as told:
+        there = Collection(source, duration_s=0.0)
+        for _ in _turns(source, pad_index, there.take):
+            if there.complete:
+                break
+            _require_hope(pad.name, there.problem(time.monotonic()))
+        task = Selftest(pad.name, source, pad_index)
+        return _finished(pad.name, task, _turns(source, pad_index, lambda frame: None), told)
 
 
 def probe(config: Config) -> dict[str, Any]:
@@ -97,10 +98,13 @@ def probe(config: Config) -> dict[str, Any]:
                 seen |= {
                     names[frame.pad_index] for frame in source.poll(time.monotonic_ns()) if frame.pad_index in names
                 }
-            time.sleep(0.002)
+            time.sleep(TURN_S)
+        silence = f"connected, but no frame within {PATIENCE_S:g} s"
         return {
             "pads": [
-                _found(source, index, name, name in seen) for source, names in sources for index, name in names.items()
+                probe_facts(name, source, index, "" if name in seen else silence)
+                for source, names in sources
+                for index, name in names.items()
             ]
         }
     finally:
@@ -108,17 +112,30 @@ def probe(config: Config) -> dict[str, Any]:
             source.close()
 
 
-def _found(source: Source, pad_index: int, name: str, streaming: bool) -> dict[str, Any]:
-    state = source.state
-    faults = [text for (pad, _), text in sorted(state.sensor_faults.items()) if pad == pad_index]
-    return {
-        "pad": name,
-        "source": state.description,
-        "connected": state.connected and streaming,
-        "reason": state.reason or ("" if streaming else f"connected, but no frame within {PATIENCE_S:g} s"),
-        "board": state.board,
-        "faults": faults + sorted(state.warnings.values()),
-    }
+def _finished(pad: str, task: Task, turns: Iterator[None], told: Callable[[float], None]) -> dict[str, Any]:
+    """The task's facts, once there are any."""
+    for _ in turns:
+        facts = task.facts()
+        if facts is not None:
+            return facts
+        _require_hope(pad, task.problem(time.monotonic()))
+        told(task.share)
+    raise AssertionError("turns never end")
+
+
+def _require_hope(pad: str, problem: str) -> None:
+    if problem:
+        raise AbsentError(f"pad '{pad}': {problem}")
+
+
+def _turns(source: Source, pad_index: int, take: Callable[[Frame], None]) -> Iterator[None]:
+    """Feed the pad's frames to `take` for ever."""
+    while True:
+        time.sleep(TURN_S)
+        for frame in source.poll(time.monotonic_ns()):
+            if frame.pad_index == pad_index:
+                take(frame)
+        yield
 
 
 @contextmanager
@@ -133,20 +150,12 @@ def _opened(pad: PadConfig) -> Iterator[tuple[Source, int]]:
         source.close()
 
 
-def _collect(pad: PadConfig, source: Source, pad_index: int, duration_s: float) -> list[Frame]:
-    """The frames of `duration_s`, counted from the first; AbsentError where none comes or they stop."""
-    frames: list[Frame] = []
-    heard = time.monotonic()
-    while not frames or (frames[-1].device_time_us - frames[0].device_time_us) * 1e-6 < duration_s:
-        new = [frame for frame in _turn(source) if frame.pad_index == pad_index]
-        frames += new
-        heard = time.monotonic() if new else heard
-        if time.monotonic() - heard > PATIENCE_S:
-            reason = source.state.reason or "connected, but it sends no frames"
-            raise AbsentError(f"pad '{pad.name}': {source.state.description}: {reason}")
-    return frames
-
-
-def _turn(source: Source) -> list[Frame]:
-    time.sleep(0.002)
-    return list(source.poll(time.monotonic_ns()))
+@contextmanager
+def _errors_named() -> Iterator[None]:
+    """In the two words that the command knows."""
+    try:
+        yield
+    except (BaselineError, SourceError) as error:
+        raise RefusedError(str(error)) from error
+    except StateError as error:
+        raise AbsentError(str(error)) from error

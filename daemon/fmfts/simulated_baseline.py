@@ -18,11 +18,16 @@ def simulated_baseline(config: PadConfig) -> Baseline:
     return rest.make(_frames(config, mounted=True), before)[0]
 
 
-def _frames(config: PadConfig, mounted: bool) -> list[Frame]:
-    source = Simulated(config)
+def hold_still(source: Simulated, mounted: bool) -> None:
+    """As a person would for a baseline: nothing touches, the robot stands, and the pad is there or is not."""
     source.finger = no_finger
     source.turning_rad_per_s = 0.0
     source.mounted = mounted
+
+
+def _frames(config: PadConfig, mounted: bool) -> list[Frame]:
+    source = Simulated(config)
+    hold_still(source, mounted)
     period_ns = round(1e9 / config.source.rate_hz)
     frames: list[Frame] = []
     for step in range(round(DURATION_S * config.source.rate_hz)):

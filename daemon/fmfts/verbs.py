@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 
 import msgspec
 
 from fmfts.ambient import BaselineError
-from fmfts.baselines import DURATION_S, BaselineJob, BaselineRequest, report, store
+from fmfts.baseline_files import StateError
+from fmfts.baselines import DURATION_S, BaselineJob, BaselineRequest, Recorded, Restoration
 from fmfts.bus.control import BadRequestError, Request
 from fmfts.bus.messages import StatusMessage
 from fmfts.channel import Channel
 from fmfts.config import PadConfig
+from fmfts.pending import Pending, fail_internally
+from fmfts.probing import probe_facts
 from fmfts.sensor import SourceError
+from fmfts.tasks import Selftest
 
 log = logging.getLogger(__name__)
 
@@ -30,19 +35,19 @@ class _OfPad(msgspec.Struct, forbid_unknown_fields=True):
 class _Baseline(_OfPad, forbid_unknown_fields=True):
     bare: bool = False
     replaced: bool = False
+    restore: bool = False
     duration_s: float = DURATION_S
 
 
 class Verbs:
-    """Handles requests on the pipeline's thread; what takes long runs as a job and is answered later."""
+    """Handles requests on the pipeline's thread; what takes long is a task, and answered when that ends."""
 
     def __init__(self, configs: Mapping[str, PadConfig], channels: Sequence[Channel], executor: Executor) -> None:
         self.last_status: dict[str, StatusMessage] = {}
         self._configs = configs
         self._channels = {channel.name: channel for channel in channels}
         self._executor = executor
-        self._jobs: list[tuple[Channel, Request]] = []
-        self._selftests: list[tuple[Channel, Request]] = []
+        self._pending: list[Pending] = []
         self._handlers: dict[str, Callable[[Request], None]] = {
             "status": self._status,
             "pads": self._pads,
@@ -54,27 +59,20 @@ class Verbs:
     def handle(self, request: Request) -> None:
         try:
             self._handlers[request.verb](request)
-        except (BadRequestError, SourceError, BaselineError) as error:
+        except (BadRequestError, SourceError, BaselineError, StateError) as error:
             request.fail(str(error))
+        except Exception as error:
+            log.exception("%s: internal error, worth reporting", request.verb)
+            fail_internally(request, error)
 
     def finish_jobs(self) -> None:
-        """Answer the requests whose work has ended since the last call."""
-        for channel, request in list(self._jobs):
-            job = channel.job
-            if job is not None and not channel.source.state.connected:
-                self._end_job(channel, request)
-                request.fail(f"pad '{channel.name}': {channel.source.state.reason}: no baseline was recorded")
-            elif job is not None and job.result is not None and job.result.done():
-                self._end_job(channel, request)
-                self._finish_baseline(channel, request, job)
-        for channel, request in list(self._selftests):
-            result = channel.source.selftest_result(channel.pad_index)
-            if result is not None:
-                self._selftests.remove((channel, request))
-                request.reply(pad=channel.name, **result)
-            elif not channel.source.state.connected:
-                self._selftests.remove((channel, request))
-                request.fail(f"pad '{channel.name}': {channel.source.state.reason}: no self-test")
+        """Answer the requests whose work has ended since the last call; call it a few times a second."""
+        now_s = time.monotonic()
+        self._pending = [pending for pending in self._pending if not pending.settle(now_s)]
+        under_way = {id(pending.task) for pending in self._pending}
+        for channel in self._channels.values():
+            if id(channel.job) not in under_way:
+                channel.job = None
 
     def _status(self, request: Request) -> None:
         request.arguments_as(_Nothing)
@@ -98,60 +96,39 @@ class Verbs:
         request.arguments_as(_Nothing)
         request.reply(
             pads=[
-                {
-                    "pad": name,
-                    "source": channel.source.state.description,
-                    "connected": channel.source.state.connected,
-                    "reason": channel.source.state.reason,
-                    "board": channel.source.state.board,
-                    "faults": channel.faults,
-                }
+                probe_facts(name, channel.source, channel.pad_index, _silence(channel))
                 for name, channel in self._channels.items()
             ]
         )
 
     def _selftest(self, request: Request) -> None:
         channel = self._named(request.arguments_as(_OfPad).pad)
-        channel.source.request_selftest(channel.pad_index)
-        self._selftests.append((channel, request))
+        task = Selftest(channel.name, channel.source, channel.pad_index)
+        self._pending.append(Pending(request, channel.name, task))
 
     def _baseline(self, request: Request) -> None:
         arguments = request.arguments_as(_Baseline)
         channel = self._named(arguments.pad)
-        if not 0.5 <= arguments.duration_s <= 60.0:
-            raise BadRequestError(f"baseline: duration_s is {arguments.duration_s}, it must be 0.5 to 60")
         if channel.job is not None:
             raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
+        pad = channel.pipeline.pad
+        if arguments.restore:
+            restoration = Restoration(pad, self._executor)
+            self._await_baseline(request, channel, restoration)
+            return
+        tolerance = self._configs[channel.name].tolerance.si()
+        work = BaselineRequest(pad, tolerance, arguments.bare, arguments.replaced, arguments.duration_s)
         if not channel.source.state.connected:
             raise BadRequestError(f"pad '{channel.name}': {channel.source.state.reason}: nothing to record")
-        config = self._configs[channel.name]
-        work = BaselineRequest(channel.pipeline.pad, config.tolerance.si(), arguments.bare, arguments.replaced)
-        channel.job = BaselineJob(
-            work,
-            channel.pipeline.baseline,
-            arguments.duration_s,
-            self._executor,
-            lambda share: request.progress(share=share),
-        )
-        self._jobs.append((channel, request))
+        channel.job = BaselineJob(work, channel.pipeline.baseline, channel.source, self._executor)
+        self._await_baseline(request, channel, channel.job)
 
-    def _finish_baseline(self, channel: Channel, request: Request, job: BaselineJob) -> None:
-        assert job.result is not None
-        try:
-            baseline, mounting = job.result.result()
-            path = store(baseline)
-        except (BaselineError, OSError) as error:
-            log.warning("%s", error)
-            request.fail(str(error))
-            return
-        channel.pipeline.use(baseline)
-        channel.event("baseline", f"{baseline.kind} {baseline.id}")
-        log.info("pad '%s': baseline %s (%s) stored in %s", channel.name, baseline.id, baseline.kind, path)
-        request.reply(**report(baseline, mounting, channel.pipeline.pad), stored=str(path))
+    def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:
+        def adopt() -> None:
+            assert task.recorded is not None
+            _use(channel, task.recorded)
 
-    def _end_job(self, channel: Channel, request: Request) -> None:
-        channel.job = None
-        self._jobs.remove((channel, request))
+        self._pending.append(Pending(request, channel.name, task, adopt))
 
     def _named(self, pad: str | None) -> Channel:
         if pad is None and len(self._channels) == 1:
@@ -160,3 +137,14 @@ class Verbs:
             known = ", ".join(sorted(self._channels))
             raise BadRequestError(f"no pad '{pad}': say one of {known}" if pad else f"which pad? one of {known}")
         return self._channels[pad]
+
+
+def _silence(channel: Channel) -> str:
+    return "connected, but it sends no frames" if channel.health in ("stale", "disconnected") else ""
+
+
+def _use(channel: Channel, recorded: Recorded) -> None:
+    baseline = recorded.baseline
+    channel.pipeline.use(baseline)
+    channel.event("baseline", f"{baseline.kind} {baseline.id}")
+    log.info("pad '%s': baseline %s (%s) stored in %s", channel.name, baseline.id, baseline.kind, recorded.path)

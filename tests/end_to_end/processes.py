@@ -64,14 +64,17 @@ class FirmwareHost:
 
 
 class RunningDaemon:
-    """`fmfts-daemon run` with sockets, state and log in `folder`."""
+    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint: where it serves, by its config alone."""
 
-    def __init__(self, folder: Path, config: str, *, wait: bool = True) -> None:
+    def __init__(self, folder: Path, config: str, *, wait: bool = True, endpoint: str | None = None) -> None:
         self.folder = folder
         self.config = folder / "config.toml"
-        self.config.write_text(config)
-        self.base = f"ipc://{folder}"
+        self.base = endpoint or f"ipc://{folder}"
         self.environment = os.environ | {"FMFTS_BUS": self.base, "XDG_STATE_HOME": str(folder / "state")}
+        if endpoint is not None:
+            del self.environment["FMFTS_BUS"]
+            config += f'[bus]\nendpoint = "{endpoint}"\n'
+        self.config.write_text(config)
         self.log = folder / "daemon.log"
         self.start()
         if wait:

@@ -26,10 +26,11 @@ import pytest
 from bus_messages import contact_message, event_message, pose_message, status_message
 from rich.console import Console
 
+from fmfts import exit_codes
 from fmfts.bus.control import ControlServer
 from fmfts.bus.messages import ContactMessage, encode
 from fmfts.bus.publisher import Publisher
-from fmfts.view.listen import EXIT_UNAVAILABLE, listen
+from fmfts.view.listen import listen
 from fmfts.view.picture import as_svg, render_contact, tilt_deg
 from fmfts.view.status import status
 from fmfts.view.tally import Tally, now_line
@@ -222,13 +223,13 @@ def test_json_is_one_object_for_each_message(base: str) -> None:
 def test_silence_ends_with_a_hint_and_an_exit_code(base: str) -> None:
     out = io.StringIO()
     before = signal.getsignal(signal.SIGTERM)
-    assert listen(None, 0.2, out, endpoint=base) == EXIT_UNAVAILABLE
+    assert listen(None, 0.2, out, endpoint=base) == exit_codes.UNAVAILABLE
     assert signal.getsignal(signal.SIGTERM) is before
     assert f"nothing arrived from {base}/bus: is fmfts-daemon running?" in out.getvalue()
 
 
 def test_endpoint_that_is_none_is_named(caplog: pytest.LogCaptureFixture) -> None:
-    assert listen(None, 0.2, io.StringIO(), endpoint="nonsense") == EXIT_UNAVAILABLE
+    assert listen(None, 0.2, io.StringIO(), endpoint="nonsense") == exit_codes.UNAVAILABLE
     assert "'nonsense' is no base of endpoints" in caplog.text
 
 
@@ -337,7 +338,7 @@ def test_status_without_a_daemon_says_so(
     base: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fmfts.view.status.TIMEOUT_S", 0.1)
-    assert status(out=io.StringIO(), endpoint=base) == EXIT_UNAVAILABLE
+    assert status(out=io.StringIO(), endpoint=base) == exit_codes.UNAVAILABLE
     assert "is fmfts-daemon running" in caplog.text
 
 

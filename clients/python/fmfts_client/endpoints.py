@@ -58,11 +58,16 @@ class Endpoints:
         return cls(*(f"ipc://{directory / name}" for name in ("bus", "control", "frames")))
 
 
+def named_base(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Optional[str]:
+    """The base that somebody names: FMFTS_BUS, else the one in the daemon's configuration; None: the defaults hold."""
+    return environ.get(OVERRIDE) or configured
+
+
 def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mapping[str, str] = os.environ) -> Endpoints:
     """Where a client finds the daemon: what it was given (a base or Endpoints), else the defaults."""
     if isinstance(endpoint, Endpoints):
         return endpoint
-    base = endpoint or environ.get(OVERRIDE)
+    base = endpoint or named_base(environ=environ)
     if base:
         return Endpoints.from_base(base)
     if SERVICE_DIRECTORY.is_dir():
@@ -80,7 +85,7 @@ def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os
 
     `RUNTIME_DIRECTORY` is what systemd made for it. Clients never read it: it would be their own service's.
     """
-    base = environ.get(OVERRIDE) or configured
+    base = named_base(configured, environ)
     if base:
         return Endpoints.from_base(base)
     service = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]

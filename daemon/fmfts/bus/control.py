@@ -36,7 +36,7 @@ class Request:
         self._server = server
         self._route = route
         self._identity = identity
-        self._answered = False
+        self.answered = False
 
     def arguments_as(self, kind: type[T]) -> T:
         """The arguments as a msgspec Struct (forbid_unknown_fields=True to be strict). Raises BadRequestError."""
@@ -64,9 +64,9 @@ class Request:
         self._send(encode_facts({"id": self._identity, "progress": facts}), last=False)
 
     def _send(self, payload: bytes, last: bool) -> None:
-        if self._answered:
+        if self.answered:
             raise RuntimeError(f"{self.verb}: this request was answered already")
-        self._answered = last
+        self.answered = last
         self._server._send(self._route, payload)
 
 

@@ -17,7 +17,8 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from fmfts.view.picture import EXIT_UNAVAILABLE, render_contact
+from fmfts import exit_codes
+from fmfts.view.picture import render_contact
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import Contact, EndpointError, Event, Message, MessageError, SchemaError, Status, Subscription
 
@@ -45,8 +46,8 @@ def listen(
 ) -> int:
     """Show `pad` (None: all) for `seconds` (None: until Ctrl-C), then a summary. Returns the exit code.
 
-    0, or EXIT_UNAVAILABLE when there is nothing to listen to: no place to meet, a daemon of another schema, or not
-    one message in `seconds`.
+    0, or UNAVAILABLE when there is nothing to listen to: no place to meet, a daemon of another schema, or not one
+    message in `seconds`.
     """
     out = sys.stdout if out is None else out
     try:
@@ -54,7 +55,7 @@ def listen(
             return _listen(subscription, seconds, out, as_json)
     except (EndpointError, SchemaError) as error:
         log.error("%s", error)
-        return EXIT_UNAVAILABLE
+        return exit_codes.UNAVAILABLE
     except BrokenPipeError:  # `listen | head` has seen enough; what is still buffered has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
         return 0
@@ -78,7 +79,7 @@ def _listen(subscription: Subscription, seconds: float | None, out: TextIO, as_j
         output.end()
     _summarise(tallies, subscription, out, as_json)
     if seconds is not None and not tallies:
-        return EXIT_UNAVAILABLE
+        return exit_codes.UNAVAILABLE
     return 0
 
 

@@ -17,6 +17,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from fmfts import exit_codes
 from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
 
 HALF_WIDTH_M = 0.020  # the pad is not described on the bus: what is farther out is drawn at the edge
@@ -24,7 +25,6 @@ HALF_COLUMNS = 20  # one column is 1 mm wide; a row is twice as high as a column
 FULL_BAR_N = 5.0
 BAR_COLUMNS = 20
 MAGNET_RADIUS_M = 0.002
-EXIT_UNAVAILABLE = 69
 
 
 def render_contact(
@@ -185,10 +185,10 @@ def main() -> int:
             status, rate_hz = client.status, client.rate_hz
     except (EndpointError, SchemaError) as error:
         print(error, file=sys.stderr)
-        return EXIT_UNAVAILABLE
+        return exit_codes.UNAVAILABLE
     if contact is None:
         print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
-        return EXIT_UNAVAILABLE
+        return exit_codes.UNAVAILABLE
     options.out.write_text(
         as_svg(render_contact(contact, status, rate_hz, arrival_s), "fmfts-daemon listen"), encoding="utf-8"
     )

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fmfts.view.picture import EXIT_UNAVAILABLE
+from fmfts import exit_codes
 from fmfts_client import ControlError, EndpointError, MessageError, Status, request
 
 TIMEOUT_S = 3.0
@@ -19,14 +19,14 @@ log = logging.getLogger(__name__)
 
 
 def status(*, as_json: bool = False, out: TextIO | None = None, endpoint: str | None = None) -> int:
-    """Print the last status of every pad. Returns the exit code: 0, or EXIT_UNAVAILABLE where no daemon answers."""
+    """Print the last status of every pad. Returns the exit code: 0, or UNAVAILABLE where no daemon answers."""
     out = sys.stdout if out is None else out
     try:
         pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S).get("pads", [])
         reports = [Status.from_message(pad) for pad in pads]
     except (ControlError, EndpointError, MessageError) as error:
         log.error("%s", error)
-        return EXIT_UNAVAILABLE
+        return exit_codes.UNAVAILABLE
     if as_json:
         print(json.dumps({"pads": pads}, indent=1), file=out)
     else:

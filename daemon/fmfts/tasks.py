@@ -1,0 +1,50 @@
+"""Work on one pad that takes seconds: the running daemon does it between frames, a one-shot verb on its own."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Protocol
+
+from fmfts.sensor import Source
+
+# A board says hello within a second of being opened, a reader process starts in half of one.
+PATIENCE_S = 3.0
+SELFTEST_S = 5.0
+
+
+class Task(Protocol):
+    """Ask `facts`, then `problem`, a few times a second until one of them has something to say."""
+
+    @property
+    def share(self) -> float:
+        """How much of it is done, 0 to 1."""
+
+    def facts(self) -> dict[str, Any] | None:
+        """The result, None while there is none. Raises what made an end of the work."""
+
+    def problem(self, now_s: float) -> str:
+        """Why there will never be a result, "" while there is hope. now_s: time.monotonic()."""
+
+
+class Selftest:
+    """The chips' own test, started at once; SourceError where the source has none."""
+
+    def __init__(self, pad: str, source: Source, pad_index: int) -> None:
+        self._pad = pad
+        self._source = source
+        self._pad_index = pad_index
+        source.request_selftest(pad_index)
+        self._begun_s = time.monotonic()
+
+    @property
+    def share(self) -> float:
+        return min((time.monotonic() - self._begun_s) / SELFTEST_S, 1.0)
+
+    def facts(self) -> dict[str, Any] | None:
+        result = self._source.selftest_result(self._pad_index)
+        return None if result is None else {"pad": self._pad, **result}
+
+    def problem(self, now_s: float) -> str:
+        if not self._source.state.connected:
+            return f"{self._source.state.reason}: no self-test"
+        return f"no self-test within {SELFTEST_S:g} s" if now_s - self._begun_s > SELFTEST_S else ""

@@ -1,0 +1,149 @@
+"""One-shot verbs as a person types them: beside a running daemon, without one, and where something is in the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from end_to_end.processes import (
+    BRIDGE_CONFIG,
+    FirmwareHost,
+    RunningDaemon,
+    resting_field,
+    run_command,
+)
+from fmfts.pad import Pad
+
+# Neither pressed nor turned: a baseline may be recorded at any time.
+STILL_CONFIG = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+finger = "none"
+turning_deg_per_s = 0.0
+"""
+RECORD = ("baseline", "--rest", "--duration-s", "0.5")
+
+
+def free_ports() -> int:
+    """The first of three in a row."""
+    for first in range(20000 + os.getpid() % 10000, 60000, 3):
+        try:
+            for port in range(first, first + 3):
+                with socket.socket() as attempt:
+                    attempt.bind(("127.0.0.1", port))
+        except OSError:
+            continue
+        return first
+    raise AssertionError("no port is free")
+
+
+@pytest.fixture(params=["ipc", "tcp"])
+def daemon(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[RunningDaemon]:
+    """Found by nothing but its configuration."""
+    endpoint = f"ipc://{tmp_path}" if request.param == "ipc" else f"tcp://127.0.0.1:{free_ports()}"
+    with RunningDaemon(tmp_path, STILL_CONFIG, endpoint=endpoint) as daemon:
+        yield daemon
+
+
+def without_traceback(ended: subprocess.CompletedProcess[str], code: int) -> str:
+    """What the command said, which ended with `code` and a sentence."""
+    assert "Traceback" not in ended.stderr
+    assert ended.returncode == code, ended
+    return ended.stderr + ended.stdout
+
+
+def test_verbs_find_the_daemon_that_their_configuration_names(daemon: RunningDaemon) -> None:
+    recorded = daemon.command(*RECORD, "--json", "--config", daemon.config)
+    assert recorded.returncode == 0, recorded.stderr
+    (pad,) = daemon.request("pads")["pads"]
+    assert pad["baseline"] == json.loads(recorded.stdout)["baseline"], "the running daemon learned of it"
+    for verb in (("probe",), ("selftest",), ("status",), ("listen", "--seconds", "0.5")):
+        without_traceback(daemon.command(*verb, "--config", daemon.config), 0)
+    without_traceback(daemon.command("status"), 69)
+
+
+def test_second_daemon_is_refused_whatever_the_transport(daemon: RunningDaemon) -> None:
+    said = without_traceback(daemon.command("run", "--config", daemon.config), 69)
+    assert "another" in said
+    assert daemon.base.removesuffix("/") in said
+
+
+@pytest.mark.parametrize("verb", [("probe",), RECORD, ("status",), ("listen", "--seconds", "1")])
+@pytest.mark.parametrize("place", ["nonsense", "open directory"])
+def test_unusable_endpoint_is_a_sentence(tmp_path: Path, verb: tuple[str, ...], place: str) -> None:
+    (tmp_path / "fmfts").mkdir(mode=0o755)
+    environment = os.environ | {
+        "XDG_RUNTIME_DIR": str(tmp_path),
+        "FMFTS_BUS": "nonsense" if place == "nonsense" else "",
+    }
+    config = tmp_path / "config.toml"
+    config.write_text(STILL_CONFIG)
+    said = without_traceback(run_command(*verb, "--config", config, environment=environment), 69)
+    assert "FMFTS_BUS" in said or "ipc:///absolute/directory" in said
+
+
+@pytest.mark.parametrize(("verb", "code"), [(("run",), 78), (RECORD, 69)])
+def test_unusable_state_directory_is_a_sentence(tmp_path: Path, verb: tuple[str, ...], code: int) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text(STILL_CONFIG)
+    environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": "/proc/x"}
+    said = without_traceback(run_command(*verb, "--config", config, environment=environment), code)
+    assert "/proc/x" in said
+    assert "XDG_STATE_HOME" in said
+
+
+def test_duration_is_checked_without_a_daemon_too(tmp_path: Path) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text(STILL_CONFIG)
+    environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": str(tmp_path)}
+    arguments = ("baseline", "--rest", "--duration-s", "61", "--config", config)
+    assert "0.5 to 60 s" in without_traceback(run_command(*arguments, environment=environment), 65)
+
+
+@pytest.mark.parametrize("running", [True, False])
+def test_pad_that_its_board_does_not_have_is_not_connected(tmp_path: Path, pad: Pad, running: bool) -> None:
+    with FirmwareHost(tmp_path) as host:
+        host.field(resting_field(pad))
+        with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port) + "pad_index = 1\n") as daemon:
+            daemon.wait_for(lambda contact: contact.health == "stale")
+            if not running:
+                daemon.stop()
+            assert "connected: no" in without_traceback(daemon.command("probe", "--config", daemon.config), 69)
+
+
+class TestDamagedBaseline:
+    @pytest.fixture
+    def damaged(self, tmp_path: Path) -> Iterator[RunningDaemon]:
+        """Two were recorded; the second was damaged while the daemon was away."""
+        with RunningDaemon(tmp_path, STILL_CONFIG) as daemon:
+            for _ in range(2):
+                daemon.request("baseline", duration_s=0.5)
+            daemon.stop()
+            stored = tmp_path / "state" / "fmfts" / "baseline" / "left.json"
+            stored.write_text(stored.read_text()[:300])
+            daemon.start()
+            daemon.wait_until_serving()
+            yield daemon
+
+    def test_bus_says_why_there_is_none_and_the_last_good_one_comes_back(self, damaged: RunningDaemon) -> None:
+        without = damaged.wait_for(lambda contact: contact.health == "no_baseline")
+        assert "left.json is damaged" in without.reason
+        assert "left.previous.json" in without.reason
+        assert "baseline --restore" in without.reason
+        without_traceback(damaged.command("baseline", "--restore", "--config", damaged.config), 0)
+        damaged.wait_for(lambda contact: contact.health == "ok")
+
+    def test_last_good_one_comes_back_without_a_daemon(self, damaged: RunningDaemon) -> None:
+        damaged.stop()
+        without_traceback(damaged.command("baseline", "--restore", "--config", damaged.config), 0)
+        damaged.start()
+        damaged.wait_until_serving()
+        damaged.wait_for(lambda contact: contact.health == "ok")

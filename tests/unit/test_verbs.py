@@ -1,0 +1,270 @@
+"""Requests that take seconds, on a real control socket: each is answered, whatever becomes of the work."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+import zmq
+
+from fmfts.baseline_files import path_of, previous_of, stored
+from fmfts.bus.control import ControlServer
+from fmfts.bus.publisher import Publisher
+from fmfts.channel import Channel
+from fmfts.config import PadConfig, SceneConfig, SimulatedSource
+from fmfts.contact import ContactModel
+from fmfts.pending import PROGRESS_S
+from fmfts.pipeline import PadPipeline
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+from fmfts.sensor.simulated import Simulated
+from fmfts.tasks import PATIENCE_S
+from fmfts.verbs import Verbs
+from fmfts_client import Endpoints
+
+CONFIG = PadConfig(
+    name="left", source=SimulatedSource(finger="none", turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant")
+)
+PERIOD_NS = round(1e9 / 220)
+
+
+class Broken(Executor):
+    """Whatever is submitted ends with an error that nobody foresaw."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_exception(ZeroDivisionError("a bug"))
+        return future
+
+
+class Daemon:
+    """The part of one that handles requests, its pad's frames coming faster than in real time."""
+
+    def __init__(self, folder: Path, executor: Executor) -> None:
+        endpoints = Endpoints.from_base(f"ipc://{folder}")
+        self._publisher = Publisher(endpoints, "boot")
+        self._control = ControlServer(endpoints.control)
+        self.source = Simulated(CONFIG)
+        pad = CONFIG.pad()
+        model = ContactModel.load("default", pad)
+        pipeline = PadPipeline(pad, model, "boot", 220.0, choose(CONFIG.scene, CONFIG.magnet).tracking)
+        self.channel = Channel(self.source, 0, pipeline, self._publisher, "boot", 220.0)
+        self.verbs = Verbs({"left": CONFIG}, [self.channel], executor)
+        self._now_ns = 0
+        self.frames(1)
+        self._peer = zmq.Context.instance().socket(zmq.DEALER)
+        self._peer.linger = 0
+        self._peer.connect(endpoints.control)
+
+    def frames(self, count: int) -> list[Frame]:
+        """The next `count` frames of the pad, which the channel has taken."""
+        given = []
+        while len(given) < count:
+            for frame in self.source.poll(self._now_ns):
+                given.append(replace(frame, host_time_ns=time.monotonic_ns()))
+                self.channel.frame(given[-1])
+            self._now_ns += PERIOD_NS
+        return given
+
+    def ask(self, verb: str, **arguments: Any) -> None:
+        self._peer.send(msgpack.packb({"id": 1, "verb": verb, **arguments}))
+        until = time.monotonic() + 5.0
+        while not (requests := self._control.poll()):
+            assert time.monotonic() < until
+        for request in requests:
+            self.verbs.handle(request)
+
+    def answer(self) -> dict[str, Any]:
+        """The next message that the peer gets; jobs are finished until there is one."""
+        until = time.monotonic() + 10.0
+        while not self._peer.poll(10):
+            self.verbs.finish_jobs()
+            assert time.monotonic() < until
+        answer: dict[str, Any] = msgpack.unpackb(self._peer.recv())
+        return answer
+
+    def result(self) -> dict[str, Any]:
+        while "progress" in (answer := self.answer()):
+            pass
+        return answer
+
+    def close(self) -> None:
+        self._peer.close()
+        self._control.close()
+        self._publisher.close()
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "fmfts"
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[Daemon]:
+    with ThreadPoolExecutor(max_workers=1) as executor:
+        daemon = Daemon(tmp_path, executor)
+        yield daemon
+        daemon.close()
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
+    """Seconds that are added to this computer's clock."""
+    ahead, real = [0.0], time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: real() + ahead[0])
+    yield ahead
+    ahead[0] = 0.0
+
+
+def test_progress_comes_at_once_and_every_second_whatever_the_duration(daemon: Daemon, clock: list[float]) -> None:
+    daemon.ask("baseline", duration_s=55.0)
+    assert daemon.answer() == {"id": 1, "progress": {"share": 0.0}}
+    for second in range(1, 4):
+        clock[0] += 2 * PROGRESS_S
+        daemon.frames(220)
+        assert daemon.answer()["progress"]["share"] == pytest.approx(second / 55, rel=0.05)
+
+
+def test_recorded_baseline_is_in_use_before_it_is_reported(daemon: Daemon) -> None:
+    daemon.ask("baseline", duration_s=1.0)
+    daemon.frames(300)
+    told = daemon.result()
+    assert told["ok"]
+    assert daemon.channel.pipeline.baseline is not None
+    assert daemon.channel.pipeline.baseline.id == told["baseline"]
+    assert stored(CONFIG.pad()) == daemon.channel.pipeline.baseline
+    assert daemon.channel.job is None
+
+
+@pytest.mark.parametrize("frames", [0, 100])
+def test_pad_without_frames_fails_the_baseline_and_frees_the_next(
+    daemon: Daemon, clock: list[float], frames: int
+) -> None:
+    daemon.ask("baseline", duration_s=1.0)
+    daemon.frames(frames)
+    clock[0] += PATIENCE_S + 0.1
+    assert "no frame within 3 s" in daemon.result()["error"]
+    clock[0] = 0.0
+    daemon.ask("baseline", duration_s=0.5)
+    daemon.frames(150)
+    assert daemon.result()["ok"]
+
+
+def test_device_whose_clock_stands_fails_the_baseline(daemon: Daemon, clock: list[float]) -> None:
+    daemon.ask("baseline", duration_s=1.0)
+    (frame,) = daemon.frames(1)
+    for _ in range(8):
+        clock[0] += 1.0
+        daemon.channel.frame(frame)
+    assert "is it halted" in daemon.result()["error"]
+
+
+def test_board_that_is_reset_fails_the_baseline(daemon: Daemon) -> None:
+    daemon.ask("baseline", duration_s=1.0)
+    (before,) = daemon.frames(1)
+    daemon.frames(100)
+    daemon.channel.frame(before)
+    assert "went back" in daemon.result()["error"]
+    assert daemon.channel.job is None
+
+
+def test_vanished_device_is_named(daemon: Daemon, clock: list[float]) -> None:
+    daemon.ask("baseline", duration_s=1.0)
+    daemon.source.state.disconnect("unplugged", time.monotonic_ns())
+    clock[0] += PATIENCE_S + 0.1
+    assert "unplugged; no baseline was recorded" in daemon.result()["error"]
+
+
+def test_selftest_without_a_result_is_given_up(
+    daemon: Daemon, clock: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(daemon.source, "selftest_result", lambda pad_index: None)
+    daemon.ask("selftest")
+    assert "progress" in daemon.answer()
+    clock[0] += 5.1
+    assert daemon.result()["error"] == "pad 'left': no self-test within 5 s"
+
+
+def test_unforeseen_error_is_an_answer_and_a_traceback(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    daemon = Daemon(tmp_path, Broken())
+    daemon.ask("baseline", duration_s=0.5)
+    daemon.frames(150)
+    with caplog.at_level(logging.ERROR):
+        assert "ZeroDivisionError: a bug" in daemon.result()["error"]
+    assert "Traceback" in caplog.text
+    daemon.ask("pads")
+    assert daemon.answer()["ok"]
+    daemon.close()
+
+
+def test_unwritable_place_is_named_with_what_to_do(daemon: Daemon, state: Path) -> None:
+    state.mkdir(parents=True)
+    (state / "baseline").write_text("a file where a folder should be")
+    daemon.ask("baseline", duration_s=0.5)
+    daemon.frames(150)
+    error = daemon.result()["error"]
+    assert str(state / "baseline" / "left.json") in error
+    assert "XDG_STATE_HOME" in error
+    assert daemon.channel.pipeline.baseline is None
+
+
+@pytest.mark.parametrize("duration_s", [0.4, 61.0, -1.0])
+def test_senseless_duration_is_refused_with_the_limits(daemon: Daemon, duration_s: float) -> None:
+    daemon.ask("baseline", duration_s=duration_s)
+    assert "0.5 to 60 s" in daemon.answer()["error"]
+    assert daemon.channel.job is None
+
+
+def record_twice(daemon: Daemon) -> tuple[str, str]:
+    ids = []
+    for _ in range(2):
+        daemon.ask("baseline", duration_s=0.5)
+        daemon.frames(150)
+        ids.append(daemon.result()["baseline"])
+    first, second = ids
+    return first, second
+
+
+def test_restoring_swaps_the_last_two(daemon: Daemon) -> None:
+    first, second = record_twice(daemon)
+    for expected in (first, second, first):
+        daemon.ask("baseline", restore=True)
+        assert daemon.result()["baseline"] == expected
+        assert daemon.channel.pipeline.baseline is not None
+        assert daemon.channel.pipeline.baseline.id == expected
+
+
+def test_damaged_file_never_becomes_the_one_before(daemon: Daemon) -> None:
+    first, _ = record_twice(daemon)
+    path = path_of("left")
+    kept = previous_of(path).read_bytes()
+    path.write_bytes(path.read_bytes()[:300])
+    daemon.ask("baseline", duration_s=0.5)
+    daemon.frames(150)
+    assert daemon.result()["ok"]
+    assert previous_of(path).read_bytes() == kept
+    daemon.ask("baseline", restore=True)
+    assert daemon.result()["baseline"] == first
+
+
+def test_nothing_to_restore_is_said(daemon: Daemon) -> None:
+    daemon.ask("baseline", restore=True)
+    assert "left.previous.json" in daemon.result()["error"]
+
+
+def test_probe_calls_a_pad_connected_only_while_frames_come(daemon: Daemon) -> None:
+    daemon.ask("probe")
+    (found,) = daemon.answer()["pads"]
+    assert (found["connected"], found["reason"]) == (True, "")
+    daemon.channel.tick(time.monotonic_ns() + 1_000_000_000)
+    daemon.ask("probe")
+    (found,) = daemon.answer()["pads"]
+    assert (found["connected"], found["reason"]) == (False, "connected, but it sends no frames")
