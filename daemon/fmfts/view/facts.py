@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
-# Suffix of a key → what a person reads: unit and factor. Millimetres and gauss only where a person looks.
-UNITS = {"_m": ("mm", 1e3), "_t": ("mG", 1e7), "_rad": ("°", 57.29577951308232), "_s": ("s", 1.0), "_c": ("°C", 1.0)}
-EXCEPTIONS = {"remanence_t": ("T", 1.0), "remanence_sd_t": ("T", 1.0)}
+
+class Unit(NamedTuple):
+    name: str
+    factor: float
+    decimals: int  # what a person can use, and a measurement is worth
+
+
+PLAIN = Unit("", 1.0, 4)
+# Suffix of a key → what a person reads. Millimetres and gauss only where a person looks.
+UNITS = {
+    "_remanence_t": Unit("T", 1.0, 4),
+    "_remanence_sd_t": Unit("T", 1.0, 4),
+    "_m": Unit("mm", 1e3, 3),
+    "_t": Unit("mG", 1e7, 2),
+    "_rad": Unit("°", math.degrees(1.0), 2),
+    "_s": Unit("s", 1.0, 2),
+    "_c": Unit("°C", 1.0, 1),
+}
+HEXADECIMAL = ("address",)  # as it stands on the board and in the data sheet
 
 
 def print_facts(facts: dict[str, Any], as_json: bool) -> None:
@@ -17,29 +34,36 @@ def print_facts(facts: dict[str, Any], as_json: bool) -> None:
 
 def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:
     for key, value in facts.items():
+        if value in ("", {}):
+            continue
         if isinstance(value, dict):
             yield f"{indent}{key}:"
             yield from _lines(value, indent + "  ")
         elif isinstance(value, list | tuple) and value and isinstance(value[0], dict):
-            for entry in value:
+            for number, entry in enumerate(value):
+                yield from [""] if number else []
                 yield from _lines(entry, indent)
-                yield ""
         else:
             name, text = _readable(key, value)
             yield f"{indent}{name}: {text}"
 
 
 def _readable(key: str, value: Any) -> tuple[str, str]:
-    unit, factor = EXCEPTIONS.get(key) or next((UNITS[end] for end in UNITS if key.endswith(end)), ("", 1.0))
-    name = key[: key.rindex("_")] if unit else key
-    return name.replace("_", " "), f"{_number(value, factor)} {unit}".strip()
+    if key.endswith(HEXADECIMAL) and isinstance(value, int):
+        return key.replace("_", " "), f"{value:#04x}"
+    suffix = next((suffix for suffix in UNITS if f"_{key}".endswith(suffix)), "")
+    unit = UNITS.get(suffix, PLAIN)
+    name = key[: key.rindex("_")] if suffix else key
+    return name.replace("_", " "), f"{_number(value, unit)} {unit.name}".strip()
 
 
-def _number(value: Any, factor: float) -> str:
+def _number(value: Any, unit: Unit) -> str:
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "–"}[value]
     if isinstance(value, float):
-        return f"{value * factor:.4g}"
+        return (
+            f"{round(value * unit.factor, unit.decimals) + 0.0:.{unit.decimals}f}"  # + 0.0: there is no minus nothing
+        )
     if isinstance(value, list | tuple):
-        return "(" + ", ".join(_number(entry, factor) for entry in value) + ")"
+        return "(" + ", ".join(_number(entry, unit) for entry in value) + ")" if value else "none"
     return str(value)
