@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from fmfts.config import Config
+from fmfts.config import BoardUid, Config, PadName
 from fmfts.config_checks import problem_in
 
 ENVIRONMENT = "FMFTS_CONFIG"
@@ -29,6 +29,11 @@ UNITS = {
     "gauss": "gauss",
     "k": "kelvin",
     "minute": "minutes",
+}
+
+PATTERNS = {
+    inspect.type_info(PadName).pattern: "1 to 32 letters, digits, - or _",  # type: ignore[attr-defined]
+    inspect.type_info(BoardUid).pattern: "24 hexadecimal digits",  # type: ignore[attr-defined]
 }
 
 
@@ -202,7 +207,7 @@ def _allowed(kind: inspect.Type) -> str:
     if isinstance(kind, inspect.IntType | inspect.FloatType):
         return ("a whole number" if isinstance(kind, inspect.IntType) else "a number") + _bounds(kind)
     if isinstance(kind, inspect.StrType):
-        return "text in quotes" + (f" that matches {kind.pattern}" if kind.pattern else "")
+        return "text in quotes" + (f": {PATTERNS[kind.pattern]}" if kind.pattern else "")
     if isinstance(kind, inspect.BoolType):
         return "true or false"
     if isinstance(kind, inspect.TupleType):
