@@ -35,7 +35,7 @@ def field_columns(sensors: int) -> list[str]:
 def read(path: Path, sensors: int) -> FieldTable:
     """Raises DataError: a missing column, a cell that is no number, a field no sensor could have measured."""
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8-sig")  # some spreadsheets put a byte order mark first
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: cannot be read: {error}") from error
     lines = csv.DictReader(io.StringIO(text))
@@ -44,13 +44,15 @@ def read(path: Path, sensors: int) -> FieldTable:
     missing = [name for name in wanted if name not in header]
     if missing:
         raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
-    rows = list(lines)
+    rows = [(lines.line_num, row) for row in lines]
     if not rows:
         raise DataError(f"{path}: there is no row below the header")
-    values = np.array([[_number(path, line, name, row[name]) for name in wanted] for line, row in enumerate(rows, 2)])
+    for line, row in rows:
+        _require_as_many(path, line, row, header)
+    values = np.array([[_number(path, line, name, row[name]) for name in wanted] for line, row in rows])
     return FieldTable(
         field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
-        others={name: [row[name] or "" for row in rows] for name in header if name not in wanted},
+        others={name: [row[name] for _, row in rows] for name in header if name not in wanted},
     )
 
 
@@ -61,8 +63,16 @@ def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:
     writer.writerows(zip(*columns.values(), strict=True))
 
 
-def _number(path: Path, line: int, name: str, cell: str | None) -> float:
-    if cell is None or not cell.strip():
+def _require_as_many(path: Path, line: int, row: Mapping[str | None, object], header: Sequence[str]) -> None:
+    """csv.DictReader keeps what is too much under None, and gives None for what is missing."""
+    surplus = row.get(None, [])
+    cells = len(header) - list(row.values()).count(None) + (len(surplus) if isinstance(surplus, list) else 0)
+    if cells != len(header):
+        raise DataError(f"{path}: row {line} has {cells} cells, the header {len(header)}: was it cut off?")
+
+
+def _number(path: Path, line: int, name: str, cell: str) -> float:
+    if not cell.strip():
         return float("nan")
     try:
         value = float(cell)
