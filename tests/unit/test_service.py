@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from conftest import missing
 from fmfts.service import log
 from fmfts.service.notify import Notifier
 from fmfts.service.state import state_directory, write_atomically
@@ -135,8 +136,13 @@ def test_stream_without_a_descriptor_is_no_journal() -> None:
     assert not log.is_journal(io.StringIO(), {"JOURNAL_STREAM": "1:2"})
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze (apt install systemd)")
+def require(tool: str) -> None:
+    if shutil.which(tool) is None:
+        missing(f"{tool} (Debian package systemd)")
+
+
 def test_unit_is_one_that_systemd_accepts_without_a_word(tmp_path: Path) -> None:
+    require("systemd-analyze")
     text = (SYSTEMD / "fmfts.service").read_text()
     assert "ExecStart=/opt/fmfts/bin/fmfts-daemon run\n" in text
     unit = tmp_path / "fmfts.service"
@@ -148,8 +154,8 @@ def test_unit_is_one_that_systemd_accepts_without_a_word(tmp_path: Path) -> None
     assert (run.stdout + run.stderr, run.returncode) == ("", 0)
 
 
-@pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="needs systemd-sysusers (apt install systemd)")
 def test_users_and_folders_are_made(tmp_path: Path) -> None:
+    require("systemd-sysusers")
     (tmp_path / "etc").mkdir()
     for tool, file in (("systemd-sysusers", "fmfts.sysusers"), ("systemd-tmpfiles", "fmfts.tmpfiles")):
         arguments = ["--create"] if tool == "systemd-tmpfiles" else []
