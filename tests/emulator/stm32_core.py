@@ -29,6 +29,7 @@ class SysTick:
     def reset(self) -> None:
         self.control = self.load = self._frozen = self._zero = 0
         self._cancel()
+        self._show()
 
     def _cancel(self) -> None:
         if self._event:
@@ -49,6 +50,12 @@ class SysTick:
         if self.control & ENABLE and self.load:
             self._zero = self._machine.now + counts * self._ticks_per_count()
             self._event = self._machine.after(counts * self._ticks_per_count(), self._reached_zero)
+        self._show()
+
+    def _show(self) -> None:
+        """To the C side, which answers the firmware's reads."""
+        self._clock.systick_runs = self._event is not None and bool(self.control & CLKSOURCE)
+        self._clock.systick_load, self._clock.systick_zero = self.load, self._zero
 
     def _reached_zero(self) -> None:
         self.control |= COUNTFLAG
@@ -56,6 +63,7 @@ class SysTick:
             self._core.pend(SYSTICK)
         self._zero += (self.load + 1) * self._ticks_per_count()
         self._event = self._machine.after(max(self._zero - self._machine.now, 0), self._reached_zero)
+        self._show()
 
     def core_clock_changes(self) -> int:
         """To be called before; the count that goes on after."""
@@ -80,6 +88,7 @@ class SysTick:
             self._count_from(counts or self.load + 1)
         elif offset == 0x14:
             self.load = value & 0xFFFFFF
+            self._show()
         elif offset == 0x18:
             self.control &= ~COUNTFLAG
             self._frozen = 0
@@ -116,8 +125,6 @@ class CoreRegisters:
         machine.peripherals[DWT_PAGE] = CycleCounter(machine)
         for kilobyte in range(4):
             machine.peripherals[PAGE + kilobyte] = _Kilobyte(self, kilobyte << 10)
-        machine.often_read |= {0xE000_E014: lambda: self.systick.load, 0xE000_E018: self.systick.value}
-        machine.often_read[0xE000_ED04] = self._icsr
         self.reset()
 
     def reset(self) -> None:
@@ -128,9 +135,11 @@ class CoreRegisters:
         self._active: list[int] = []
         self.entered = dict.fromkeys(range(FIRST_IRQ + IRQS), 0)  # how often, since reset
         self.machine.engine.vector_table = 0
+        self._show()
 
     def pend(self, number: int) -> None:
         self._pending |= 1 << number
+        self._show()
         self.machine.attend()
 
     def line(self, irq: int, level: bool) -> None:
@@ -172,12 +181,14 @@ class CoreRegisters:
         self._pending &= ~(1 << number)
         self._active.append(number)
         self.entered[number] += 1
+        self._show()
         self.machine.engine.enter_exception(number)
         return True
 
     def leave_interrupt(self) -> None:
         number = self._active.pop()
         self._pending |= self._lines & 1 << number
+        self._show()
         self.machine.engine.leave_exception()
 
     def read(self, offset: int) -> int:
@@ -191,11 +202,13 @@ class CoreRegisters:
         if 0xD18 <= offset < 0xD24:
             return int.from_bytes(self._priority[4 + offset - 0xD18 :][:4], "little")
         vector = self.machine.engine.vector_table
-        return {0xD00: CPUID, 0xD04: self._icsr(), 0xD08: vector, 0xD0C: AIRCR_READS << 16}.get(offset, 0)
+        return {0xD00: CPUID, 0xD04: self.machine.clock.icsr, 0xD08: vector, 0xD0C: AIRCR_READS << 16}.get(offset, 0)
 
-    def _icsr(self) -> int:
+    def _show(self) -> None:
+        """ICSR to the C side, which answers the firmware's reads."""
         active = self._active[-1] if self._active else 0
-        return active | (self._pending >> SYSTICK & 1) << 26 | (self._pending >> PENDSV & 1) << 28
+        pending = (self._pending >> SYSTICK & 1) << 26 | (self._pending >> PENDSV & 1) << 28
+        self.machine.clock.icsr = active | pending
 
     def write(self, offset: int, value: int) -> None:
         if 0x10 <= offset < 0x20:
@@ -213,6 +226,7 @@ class CoreRegisters:
             self.machine.engine.vector_table = value & ~0x7F
         elif offset == 0xD0C and value >> 16 == AIRCR_KEY and value & 4:
             self.machine.reset("software")
+        self._show()
         self.machine.attend()
 
     def _write_irq_bits(self, offset: int, value: int) -> None:

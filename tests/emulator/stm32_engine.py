@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Self
 
 from unicorn import (
     UC_ARCH_ARM,
@@ -54,7 +55,6 @@ FRAME = (
     *(UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2, UC_ARM_REG_R3),
     *(UC_ARM_REG_R12, UC_ARM_REG_LR, UC_ARM_REG_PC, UC_ARM_REG_XPSR),
 )
-FRAME_BYTES, STACK_REALIGNED = 32, 1 << 9
 
 Read = Callable[[int, int], int]  # address, width; the value
 Write = Callable[[int, int, int], None]  # address, width, value
@@ -64,21 +64,46 @@ _NOTHING = ctypes.c_void_p(None)
 
 
 class Clock(ctypes.Structure):
-    """struct clock of stm32_block_hook.c, which reads and writes it between all instructions of ours."""
+    """struct clock of stm32_hooks.c, which reads and writes it between all instructions of ours."""
 
-    _fields_ = [(name, ctypes.c_uint64) for name in ("now", "deadline", "ticks_per_cycle", "stopped", "trap_page")]
-    _fields_.append(("stop", ctypes.c_void_p))
+    _fields_ = [
+        *((name, ctypes.c_uint64) for name in ("now", "deadline", "ticks_per_cycle", "stopped", "pc", "trap_page")),
+        ("due", ctypes.c_uint64),
+        *((name, ctypes.c_uint64) for name in ("systick_runs", "systick_load", "systick_zero", "icsr")),
+        *((name, ctypes.c_void_p) for name in ("unicorn", "read")),
+    ]
 
 
-def _block_hook() -> ctypes.c_void_p:
-    source = Path(__file__).with_name("stm32_block_hook.c")
-    name = f"fmfts-block-hook-{os.getuid()}-{hashlib.sha256(source.read_bytes()).hexdigest()[:16]}.so"
+class Unicorn(ctypes.Structure):
+    """struct unicorn of stm32_hooks.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("stop", "start", "read_registers", "write_registers")),
+        *((name, ctypes.c_void_p) for name in ("read_memory", "write_memory")),
+        ("frame", ctypes.c_int * len(FRAME)),
+        ("stack", ctypes.c_int),
+    ]
+
+    @classmethod
+    def loaded(cls) -> Self:
+        functions = (uclib.uc_emu_stop, uclib.uc_emu_start, uclib.uc_reg_read_batch, uclib.uc_reg_write_batch)
+        functions += (uclib.uc_mem_read, uclib.uc_mem_write)
+        return cls(*map(_address, functions), (ctypes.c_int * len(FRAME))(*FRAME), UC_ARM_REG_SP)
+
+
+def _hooks() -> ctypes.CDLL:
+    source = Path(__file__).with_name("stm32_hooks.c")
+    name = f"fmfts-stm32-hooks-{os.getuid()}-{hashlib.sha256(source.read_bytes()).hexdigest()[:16]}.so"
     library = Path(tempfile.gettempdir()) / name
     if not library.exists():
         built = library.with_suffix(f".{os.getpid()}")
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", source, "-o", built], check=True)
         built.rename(library)
-    return ctypes.cast(ctypes.CDLL(str(library)).on_block, ctypes.c_void_p)
+    return ctypes.CDLL(str(library))
+
+
+def _address(function: object) -> int | None:
+    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 class _Registers:
@@ -108,8 +133,11 @@ class Engine:
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self.uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M3)
         self._handle = self.uc._uch
-        stop = ctypes.cast(uclib.uc_emu_stop, ctypes.c_void_p).value
-        self.clock = Clock(0, 0, 0, 0, TRAP >> 12, stop)
+        self._hooks = _hooks()
+        self._unicorn = Unicorn.loaded()
+        self.clock = Clock(trap_page=TRAP >> 12, unicorn=ctypes.addressof(self._unicorn), due=NEVER)
+        self._arguments = self._handle, ctypes.byref(self.clock)
+        self.vector_table = 0
         self.failure: Exception | None = None
         self.exception: int | None = None
         readable = READ_ONLY
@@ -123,14 +151,13 @@ class Engine:
         blocks = ((PERIPHERALS, PERIPHERALS_SIZE), (CORE, CORE_SIZE))
         self._callbacks = [self._map(base, size, read, write) for base, size in blocks]
         self._frame = _Registers(self._handle, FRAME)
-        self._stack_and_link = _Registers(self._handle, (UC_ARM_REG_SP, UC_ARM_REG_LR))
         self._stack = _Registers(self._handle, (UC_ARM_REG_SP,))
         self._pc = _Registers(self._handle, (UC_ARM_REG_PC,))
         self._primask = _Registers(self._handle, (UC_ARM_REG_PRIMASK,))
         self._hook = ctypes.c_size_t()
         every_address = (ctypes.c_uint64(1), ctypes.c_uint64(0))
         uclib.uc_hook_add(
-            *(self._handle, ctypes.byref(self._hook), ctypes.c_int(UC_HOOK_BLOCK), _block_hook()),
+            *(self._handle, ctypes.byref(self._hook), ctypes.c_int(UC_HOOK_BLOCK), self._hooks.on_block),
             *(ctypes.byref(self.clock), *every_address),
         )
         self.uc.hook_add(UC_HOOK_INTR, self._on_cpu_exception)
@@ -149,10 +176,14 @@ class Engine:
             except Exception as failure:  # noqa: BLE001
                 self._fail(failure)
 
-        callbacks = _READ(on_read), _WRITE(on_write)
-        address = (ctypes.c_uint64(base), ctypes.c_uint64(size))
-        uclib.uc_mmio_map(self._handle, *address, callbacks[0], _NOTHING, callbacks[1], _NOTHING)
-        return callbacks
+        reader, writer = _READ(on_read), _WRITE(on_write)
+        first = reader
+        if base == CORE:  # asks the Python callback only for what it does not know
+            self.clock.read = _address(reader)
+            first = self._hooks.on_core_read
+        address, context = (ctypes.c_uint64(base), ctypes.c_uint64(size)), ctypes.byref(self.clock)
+        uclib.uc_mmio_map(self._handle, *address, first, context, writer, _NOTHING)
+        return reader, writer
 
     def _fail(self, failure: Exception) -> None:
         self.failure = self.failure or failure
@@ -194,9 +225,8 @@ class Engine:
 
     def run(self) -> bool:
         """Go on until the deadline, a WFI (then the answer is False) or the end of an exception handler."""
-        self.clock.stopped = 0
         self.exception = None
-        status = uclib.uc_emu_start(self._handle, self.pc | 1, 0xFFFF_FFFE, 0, 0)
+        status = self._hooks.run(*self._arguments)
         if self.failure:
             failure, self.failure = self.failure, None
             raise failure
@@ -206,28 +236,14 @@ class Engine:
 
     @property
     def in_trap(self) -> bool:
-        return self.pc >> 12 == TRAP >> 12
+        """It stopped at the end of an exception handler."""
+        return self.clock.pc >> 12 == TRAP >> 12
 
     def enter_exception(self, number: int) -> None:
-        """Push the frame (ARMv7-M B1.5.6), eight-byte aligned as CCR.STKALIGN has it after reset."""
-        frame = list(self._frame.read())
-        stack = self._stack.read()[0]
-        if stack & 4:
-            frame[-1] |= STACK_REALIGNED
-        stack = (stack & ~7 if stack & 4 else stack) - FRAME_BYTES
-        self.uc.mem_write(stack, struct.pack("<8I", *frame))
-        self._stack_and_link.write(stack, TRAP | 1)
-        self._pc.write(self.word(self.vector_table + 4 * number) | 1)
-        self.clock.now += 12 * self.clock.ticks_per_cycle
-
-    vector_table = 0
+        self._hooks.enter_exception(*self._arguments, self.vector_table + 4 * number)
 
     def leave_exception(self) -> None:
-        stack = self._stack.read()[0]
-        frame = struct.unpack("<8I", self.uc.mem_read(stack, FRAME_BYTES))
-        self._stack.write(stack + FRAME_BYTES + (4 if frame[-1] & STACK_REALIGNED else 0))
-        self._frame.write(*frame[:6], frame[6] | 1, frame[7] & ~STACK_REALIGNED)
-        self.clock.now += 12 * self.clock.ticks_per_cycle
+        self._hooks.leave_exception(*self._arguments)
 
 
 def read_elf(path: Path) -> list[tuple[int, bytes]]:

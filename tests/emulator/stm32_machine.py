@@ -53,7 +53,6 @@ class Machine:
         self.complaints: list[str] = []
         self._events: list[tuple[int, int, Event]] = []
         self._order = count()
-        self._due = NEVER
         self._until = 0
         self._sleeping = False
         self._attend = False
@@ -62,7 +61,6 @@ class Machine:
         self._reset_requested: str | None = None
         self.on_reset: Callable[[str], None] = lambda cause: None
         self.peripherals: dict[int, Peripheral] = {}
-        self.often_read: dict[int, Callable[[], int]] = {}  # the same registers by the shortest way
         self.core = CoreRegisters(self)
         self.engine.load([*read_elf(elf), (FLASH_SIZE_KIB, (64).to_bytes(2, "little")), (UNIQUE_ID, uid)])
 
@@ -85,18 +83,18 @@ class Machine:
     def after(self, ticks: int, action: Callable[[], None]) -> Event:
         event = Event(self.clock.now + ticks, action)
         heapq.heappush(self._events, (event.tick, next(self._order), event))
-        self._due = self._events[0][0]
-        self.clock.deadline = min(self.clock.deadline, self._due)
+        self.clock.due = self._events[0][0]
+        self.clock.deadline = min(self.clock.deadline, self.clock.due)
         return event
 
     def _run_due(self) -> None:
-        while self._due <= self.clock.now:
+        while self.clock.due <= self.clock.now:
             action = heapq.heappop(self._events)[2].action
             if action:
                 action()
-            self._due = self._events[0][0] if self._events else NEVER
+            self.clock.due = self._events[0][0] if self._events else NEVER
         if not self._attend:
-            self.clock.deadline = min(self._due, self._until)
+            self.clock.deadline = min(self.clock.due, self._until)
 
     def attend(self) -> None:
         """Look at interrupts before the next block: one may have become pending."""
@@ -107,20 +105,19 @@ class Machine:
         """A register was read while its bus event is on its way: a second read in a row waits for it."""
         before, tick = self._polled
         if before == register and self.clock.now - tick < POLL_TICKS:
-            self.clock.now = max(self.clock.now, min(self._due, self._until))
+            self.clock.now = max(self.clock.now, min(self.clock.due, self._until))
             self._run_due()
         self._polled = (register, self.clock.now)
 
     # Registers
 
     def _read(self, address: int, width: int) -> int:
-        if self.clock.now >= self._due:
+        if self.clock.now >= self.clock.due:
             self._run_due()
-        often = self.often_read.get(address)
-        return often() if often else self._block(address, width).read(address & 0x3FF)
+        return self._block(address, width).read(address & 0x3FF)
 
     def _write(self, address: int, width: int, value: int) -> None:
-        if self.clock.now >= self._due:
+        if self.clock.now >= self.clock.due:
             self._run_due()
         self._polled = NOT_POLLED  # whoever writes does more than wait
         self._block(address, width).write(address & 0x3FF, value)
@@ -161,13 +158,13 @@ class Machine:
                 self._sleeping = False
             masked = self.core.waiting()
             if self._sleeping and not masked:
-                self.clock.now = max(self.clock.now, min(self._due, tick))
+                self.clock.now = max(self.clock.now, min(self.clock.due, tick))
                 continue
             self._sleeping = False
             # No hook tells when PRIMASK is cleared: look again soon, and less often the longer it lasts.
             self._attend = masked
             self._masked_for = 2 * self._masked_for if masked else 1
-            self.clock.deadline = min(self._due if not masked else self.clock.now + self._masked_for, tick)
+            self.clock.deadline = min(self.clock.due if not masked else self.clock.now + self._masked_for, tick)
             self._run_engine()
 
     def jump(self, address: int) -> None:
