@@ -8,10 +8,11 @@ from fmfts.sensor import Source
 
 
 def faults_of(source: Source, pad_index: int) -> list[str]:
-    """A sentence for everything that is wrong with this pad's sensors, or with the whole source, now."""
+    """A sentence for everything that is wrong with this pad, its sensors, or with the whole source, now."""
     state = source.state
     sensors = [text for (pad, _), text in sorted(state.sensor_faults.items()) if pad == pad_index]
-    return sensors + sorted(state.warnings.values())
+    pads = [text for pad, text in state.pad_faults.items() if pad == pad_index]
+    return pads + sensors + sorted(state.warnings.values())
 
 
 def probe_facts(pad: str, source: Source, pad_index: int, silence: str) -> dict[str, Any]:

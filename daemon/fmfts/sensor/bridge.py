@@ -113,7 +113,7 @@ class Bridge:
         self._link.restart()
         note(self.state.warnings, "latency timer", serial_port.latency_warning(self._port))
         if self._is_configured_port:
-            self._link.ask(Verb.HELLO)
+            self._link.requests.ask(Verb.HELLO)
         return True
 
     def _ports_to_try(self) -> list[str]:
@@ -139,7 +139,7 @@ class Bridge:
         unheard = self._link.heard_ns == 0
         frames = self._link.feed(data, now_ns)
         if unheard and self._link.heard_ns and not self._is_configured_port:
-            self._link.ask(Verb.HELLO)
+            self._link.requests.ask(Verb.HELLO)
         return frames
 
     def _judge(self, now_ns: int) -> None:
@@ -169,7 +169,7 @@ class Bridge:
             self._disconnect(reason, now_ns)
             return
         if self.state.connected:
-            self._link.ask(Verb.HELLO)
+            self._link.requests.ask(Verb.HELLO)
         self.state.disconnect(reason, now_ns)
 
     def _send(self, now_ns: int) -> None:

@@ -29,6 +29,7 @@ class HostClock:
     """The clock of a source on this host: its device time is CLOCK_MONOTONIC already."""
 
     drift_ppm = 0.0
+    restarts = 0
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         return min(device_us * 1000, arrival_ns)
@@ -108,6 +109,10 @@ class DeviceClock:
             self._lowest = point
         self._height = min(self._height, point[1] - self._slope * point[0])
 
+    def _forget_late(self) -> None:
+        self._late_since_ns = self._late_packets = 0
+        self._least_late_ns = math.inf
+
     def _late(self, point: Point, arrival_ns: int) -> None:
         """Follow, once the lateness has lasted: the clock stood still for as long as the least late packet says."""
         if not self._late_packets:
@@ -122,10 +127,6 @@ class DeviceClock:
         self._height += step_ns
         self._forget_late()
         self._learn(point)
-
-    def _forget_late(self) -> None:
-        self._late_since_ns = self._late_packets = 0
-        self._least_late_ns = math.inf
 
     def _close_bucket(self, first: Point) -> None:
         self._minima.append(self._lowest)

@@ -11,6 +11,7 @@ from fmfts.sensor.wire import VERSION
 
 Key = TypeVar("Key")
 
+DEAF = "the board sends but answers no request: check the line from host to board"
 _RESET_CAUSES = ("unknown", "power on", "reset pin", "software", "independent watchdog", "window watchdog", "low power")
 _CLOCKS = ("host build", "crystal", "RC oscillator")
 
@@ -84,8 +85,10 @@ def bad_clock(hello: Hello) -> str | None:
 
 
 def pad_mismatch(pad: PadConfig, pad_index: int, hello: Hello) -> str | None:
+    """Why the board cannot serve a pad of the config at all, None when it can."""
     if pad_index >= len(hello.pads):
-        return f"pad {pad.name!r}: pad_index = {pad_index}, but the board has {len(hello.pads)} pad(s), counted from 0"
+        wants = f"pad {pad.name!r} wants pad_index = {pad_index} (they count from 0)"
+        return f"the board has {_some(len(hello.pads), 'pad')}, {wants}: correct the config"
     sensors = len(hello.pads[pad_index].sensors)
     return None if sensors == len(pad.geometry.sensors_mm) else wrong_sensor_count(pad, sensors)
 
@@ -95,9 +98,26 @@ def wrong_sensor_count(pad: PadConfig, sensors: int) -> str:
     return f"pad {pad.name!r}: the source has {sensors} sensors, geometry.sensors_mm has {expected}: correct the config"
 
 
-def foreign_version(version: int | None) -> str:
-    newer = "the daemon" if version is not None and version > VERSION else "the firmware"
-    return f"the board speaks wire version {version}, this daemon version {VERSION}: update {newer}"
+def contradiction(hello: Hello, pad_index: int, sensors: int) -> str | None:
+    """What a packet claims about a pad that the board's own hello denies; None where they agree."""
+    if pad_index >= len(hello.pads):
+        return f"it is of pad {pad_index}, and the hello has {_some(len(hello.pads), 'pad')}"
+    expected = len(hello.pads[pad_index].sensors)
+    return None if sensors == expected else f"it has {_some(sensors, 'sensor')}, and the hello has {expected}"
+
+
+def misfits(count: int, what: str, why: str) -> str:
+    """Packets whose check sum is right and whose content cannot be."""
+    return f"{_some(count, 'packet')} left out, the last a {what}: {why}; if this goes on, flash the firmware again"
+
+
+def _some(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def foreign_version(version: int) -> str:
+    mend = "update the daemon" if version > VERSION else "flash the firmware that came with this daemon"
+    return f"the board speaks wire version {version}, this daemon {VERSION}: {mend}"
 
 
 def refusal(request: Request, reply: Reply) -> str:

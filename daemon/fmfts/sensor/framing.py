@@ -44,8 +44,7 @@ class Decoder:
         self.crc_errors = 0
         self.garbage_packets = 0
         self.garbage_bytes = 0
-        self.foreign_packets = 0
-        self.foreign_version: int | None = None
+        self.foreign_version: int | None = None  # of the last packet of another wire version
         self._pending = b""
         self._joined = False
 
@@ -74,7 +73,6 @@ class Decoder:
                 self.crc_errors += self._joined
                 return None
             if body[0] >> 4 != VERSION:
-                self.foreign_packets += 1
                 self.foreign_version = body[0] >> 4
                 return None
             return unpack(body)

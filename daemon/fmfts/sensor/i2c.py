@@ -102,9 +102,8 @@ class I2c:
         self._started_ns = now_ns
         self._check_ns = now_ns + CHECK_NS
         self._killed = self._last_words = ""
-        self.state.warnings.clear()
         self._link.restart()
-        self._link.ask(Verb.HELLO)
+        self._link.requests.ask(Verb.HELLO)
 
     def _descriptor(self, stream: str) -> int:
         file = getattr(self._process, stream)

@@ -8,8 +8,8 @@ from msgspec import Struct
 
 from fmfts.config import I2cSource, PadConfig
 from fmfts.sensor import hmc5983
-from fmfts.sensor.link import Settings
 from fmfts.sensor.packets import MAX_PADS, MAX_SENSORS
+from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceError
 
 # Select (START, address, control byte, STOP), then status and six data bytes in one transfer with repeated starts.

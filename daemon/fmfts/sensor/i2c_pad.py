@@ -14,8 +14,8 @@ from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.hmc5983 import ADDRESS, Axes
 from fmfts.sensor.i2c_bus import I2cBus
 from fmfts.sensor.i2c_config import PadWiring
-from fmfts.sensor.link import Settings
 from fmfts.sensor.packets import TEMPERATURE_UNKNOWN, HelloPad, HelloSensor, Sample, SensorState, StatusPad
+from fmfts.sensor.settings import Settings
 from fmfts.sensor.tca9548a import Switches
 
 MISSES_UNTIL_LOST = 3  # a single NACK is noise

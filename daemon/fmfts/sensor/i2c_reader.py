@@ -22,8 +22,8 @@ from fmfts.sensor.hmc5983 import ADDRESS
 from fmfts.sensor.i2c_bus import CallRecord, I2cBus
 from fmfts.sensor.i2c_config import ReaderConfig
 from fmfts.sensor.i2c_pad import I2cPad
-from fmfts.sensor.link import Settings
 from fmfts.sensor.packets import ALL_PADS, UID_BYTES, Hello, Packet, Reply, Request, Result, Status, Verb
+from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.tca9548a import Switches
 

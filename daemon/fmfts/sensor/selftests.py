@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmfts.sensor import faults, hmc5983
-from fmfts.sensor.packets import Hello, Selftest
+from fmfts.sensor.packets import HelloPad, Selftest
 from fmfts.sensor.source import SourceError
 
 TIME_LIMIT_NS = 3_000_000_000
@@ -26,10 +26,12 @@ class Selftests:
         self._results.pop(pad_index, None)
         self._deadlines_ns[pad_index] = now_ns + TIME_LIMIT_NS
 
-    def finish(self, selftest: Selftest, hello: Hello) -> None:
-        """Judge a measurement."""
+    def awaits(self, pad_index: int) -> bool:
+        return pad_index in self._deadlines_ns
+
+    def finish(self, selftest: Selftest, pad: HelloPad) -> None:
+        """Judge a measurement of all sensors of `pad`."""
         sensors = selftest.sensors
-        pad = hello.pads[selftest.pad_index]
         reasons = [faults.no_measurement(pad, index, one.state) for index, one in enumerate(sensors)]
         facts = hmc5983.selftest_facts(
             selftest.gain_code, [one.positive for one in sensors], [one.negative for one in sensors], reasons

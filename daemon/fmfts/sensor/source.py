@@ -23,9 +23,8 @@ class SourceState:
     since_ns: int = 0
     crc_errors: int = 0
     garbage_bytes: int = 0
-    foreign_packets: int = 0  # of another wire version
     reconnects: int = 0
-    gaps: dict[int, int] = field(default_factory=dict)  # pad index → frames that were produced and never came
+    pad_faults: dict[int, str] = field(default_factory=dict)  # pad index → why nothing of this pad can be used
     sensor_faults: dict[tuple[int, int], str] = field(default_factory=dict)  # (pad index, sensor) → what is wrong
     warnings: dict[str, str] = field(default_factory=dict)  # subject → a sentence that holds now
     board: dict[str, object] = field(default_factory=dict)  # identity: uid, firmware, reset cause, chips …

@@ -1,0 +1,230 @@
+"""The host's end of the wire against boards that say what cannot be, and lines that lose what matters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from wire_packets import make_sample, packets, samples, selftests
+
+from fmfts.config import BridgeSource, GeometryConfig, PadConfig
+from fmfts.sensor.clock import DeviceClock
+from fmfts.sensor.framing import Decoder, encode
+from fmfts.sensor.link import Link
+from fmfts.sensor.packets import (
+    Hello,
+    HelloPad,
+    HelloSensor,
+    Packet,
+    Reply,
+    Request,
+    Sample,
+    Selftest,
+    SelftestSensor,
+    Status,
+    StatusPad,
+    Verb,
+)
+from fmfts.sensor.source import SourceState
+
+UID = bytes(range(12))
+SECOND_NS = 1_000_000_000
+GOOD = SelftestSensor(0, (452, 452, 421), (-452, -452, -421))
+
+
+def pad(name: str = "left", sensors: int = 4, **source: object) -> PadConfig:
+    positions = tuple((float(i), 0.0, 0.0) for i in range(sensors))
+    settings = BridgeSource(port="/dev/null", **source)  # type: ignore[arg-type]
+    return PadConfig(name=name, source=settings, geometry=GeometryConfig(sensors_mm=positions))
+
+
+def hello(*sensors: int, **changes: object) -> Hello:
+    """Of a board with so many sensors on each pad, set up as the config wants it."""
+    pads = tuple(
+        HelloPad(1, 0x70 + i, tuple(HelloSensor(c, 0, b"H43") for c in range(n))) for i, n in enumerate(sensors)
+    )
+    fields = {"firmware_version": (0, 1, 0), "reset_cause": 1, "clock": 1, "uid": UID, "rate_hz": 220, "gain_code": 3}
+    return Hello(**(fields | {"trigger": 0, "running": 1, "pads": pads} | changes))  # type: ignore[arg-type]
+
+
+def sample(sensors: int = 4, pad_index: int = 0, **changes: int) -> Sample:
+    everyone = (1 << sensors) - 1
+    fields = {"sequence": 0, "time_us": 4545, "gain_code": 3, "trigger": 0, "valid": everyone, "fresh": everyone}
+    return make_sample(
+        [(1, 2, 3)] * sensors, [0] * sensors, pad_index=pad_index, temperature_raw=0, **(fields | changes)
+    )
+
+
+class Line:
+    """A Link, and the time at which things happen to it."""
+
+    def __init__(self, *pads: PadConfig) -> None:
+        self.state = SourceState(description="a board")
+        self.link = Link(dict(enumerate(pads or (pad(),))), self.state, DeviceClock())
+        self.link.restart()
+        self.now_ns = SECOND_NS
+
+    def feed(self, *packets_: Packet, later_ns: int = 4_545_000) -> list:
+        self.now_ns += later_ns
+        return self.link.feed(b"\0" + b"".join(encode(one) for one in packets_), self.now_ns)
+
+    def asked(self, later_ns: int = 0) -> list[Request]:
+        self.now_ns += later_ns
+        return [one for one in Decoder().feed(self.link.outgoing(self.now_ns)) if isinstance(one, Request)]
+
+    def answer_all(self, told: Hello) -> list[Verb]:
+        """What is asked until nothing is; each request is done, and `told` is the hello."""
+        answered: list[Verb] = []
+        while asked := self.asked(later_ns=300_000_000):
+            assert len(answered) < 10
+            answered.append(Verb(asked[0].verb))
+            self.feed(Reply(asked[0].request_id, asked[0].verb, 0), *([told] if answered[-1] == Verb.HELLO else []))
+        return answered
+
+
+@given(st.lists(st.tuples(packets, st.integers(0, 10 * SECOND_NS)), max_size=12), st.booleans(), st.booleans())
+def test_no_packet_ever_raises_whatever_its_fields(sent: list[tuple[Packet, int]], known: bool, testing: bool) -> None:
+    line = Line(pad(), pad("right", sensors=3))
+    if known:
+        line.feed(hello(4, 3))
+    for packet, later_ns in sent:
+        if testing:
+            line.link.request_selftest(0, line.now_ns)
+            testing = False
+        for frame in line.feed(packet, later_ns=later_ns):
+            assert frame.counts.shape == ((4, 3), (3, 3))[frame.pad_index]
+            assert frame.host_time_ns <= line.now_ns
+        line.link.outgoing(line.now_ns)
+    assert all(0 <= sensor < 8 for _, sensor in line.state.sensor_faults)
+    result = line.link.selftest_result(0)
+    assert result is None or "passed" in result
+
+
+@given(samples())
+def test_a_sample_that_contradicts_the_hello_is_no_frame_and_is_named(packet: Sample) -> None:
+    line = Line()
+    line.feed(hello(4))
+    frames = line.feed(packet)
+    fits = packet.pad_index == 0 and len(packet.counts) == 4
+    assert len(frames) == fits
+    assert ("packets" in line.state.warnings) != fits
+
+
+def test_what_does_not_fit_is_counted_and_the_last_of_it_named() -> None:
+    line = Line()
+    line.feed(hello(4))
+    line.feed(sample(3), sample(5), Status(0, 0, 0, (StatusPad(0, 0, 0, (0,) * 6),)))
+    assert line.state.warnings["packets"] == (
+        "3 packets left out, the last a status: it has 6 sensors, and the hello has 4; "
+        "if this goes on, flash the firmware again"
+    )
+    assert line.state.sensor_faults == {}
+    line.feed(Request(Verb.HELLO, 0, 255, 0))
+    assert "4 packets left out, the last a request: only a host sends these" in line.state.warnings["packets"]
+    line.link.restart()
+    assert line.state.warnings == {}
+
+
+def test_a_sample_with_too_few_sensors_for_the_pad_is_a_fault_until_one_fits() -> None:
+    line = Line()
+    assert line.feed(sample(3)) == []
+    assert line.state.pad_faults == {
+        0: "pad 'left': the source has 3 sensors, geometry.sensors_mm has 4: correct the config"
+    }
+    assert len(line.feed(sample(4, time_us=9090))) == 1
+    assert line.state.pad_faults == {}
+
+
+@given(selftests)
+def test_any_selftest_result_ends_the_selftest_and_only_a_possible_one_is_judged(packet: Selftest) -> None:
+    line = Line()
+    line.feed(hello(4))
+    line.link.request_selftest(0, line.now_ns)
+    line.feed(packet)
+    result = line.link.selftest_result(0)
+    if packet.pad_index:
+        assert result is None
+    elif len(packet.sensors) == 4 and packet.gain_code < 8:
+        assert result is not None
+        assert len(result["sensors"]) == 4  # type: ignore[arg-type]
+    else:
+        assert result is not None
+        assert result["passed"] is False
+        assert "cannot be" in str(result["error"])
+
+
+def test_a_selftest_result_that_nobody_awaits_changes_nothing() -> None:
+    line = Line()
+    line.feed(hello(4), Selftest(7, 0, 5, (GOOD,) * 4))
+    assert line.link.selftest_result(0) is None
+
+
+def test_a_lost_hello_is_asked_for_again() -> None:
+    line = Line(pad(rate_hz=50))
+    line.link.requests.ask(Verb.HELLO)
+    (first,) = line.asked()
+    line.feed(Reply(first.request_id, Verb.HELLO, 0), sample())
+    assert line.asked() == []
+    due_ns = line.link.due_ns
+    assert due_ns is not None
+    assert [one.verb for one in line.asked(later_ns=due_ns - line.now_ns)] == [Verb.HELLO]
+    assert line.answer_all(hello(4)) == [Verb.HELLO, Verb.RATE]
+
+
+def test_a_reset_whose_hello_was_lost_is_noticed_and_the_settings_given_again() -> None:
+    line = Line(pad(rate_hz=50))
+    line.feed(hello(4, rate_hz=50))
+    for i in range(100):
+        line.feed(sample(time_us=20_000 * i, sequence=i), later_ns=20_000_000)
+    assert line.asked() == []
+    line.feed(sample(time_us=0))
+    assert [one.verb for one in line.asked()] == [Verb.HELLO]
+    assert line.answer_all(hello(4, rate_hz=220)) == [Verb.HELLO, Verb.RATE]
+
+
+def test_a_busy_board_is_asked_again_and_a_refusal_is_not_repeated() -> None:
+    line = Line(pad(rate_hz=50))
+    line.feed(hello(4))
+    (rate,) = line.asked()
+    line.feed(Reply(rate.request_id, Verb.RATE, 4))
+    assert [one.verb for one in line.asked(later_ns=300_000_000)] == [Verb.HELLO]
+    line = Line(pad(rate_hz=50))
+    line.feed(hello(4))
+    (rate,) = line.asked()
+    line.feed(Reply(rate.request_id, Verb.RATE, 2))
+    assert line.asked(later_ns=300_000_000) == []
+    assert "out of range" in line.state.warnings["request rate"]
+
+
+def test_a_board_that_resets_in_a_loop_does_not_fill_the_queue() -> None:
+    line = Line(pad(rate_hz=50, trigger="simultaneous", range_gauss=4.0))
+    for _ in range(1000):
+        line.feed(hello(4))
+    assert line.answer_all(hello(4)) == [Verb.RANGE, Verb.RATE, Verb.TRIGGER]
+
+
+@pytest.mark.parametrize(
+    ("version", "mend"), [(2, "update the daemon"), (0, "flash the firmware that came with this daemon")]
+)
+def test_another_wire_version_is_named_with_what_to_do(version: int, mend: str) -> None:
+    from binascii import crc_hqx
+
+    line = Line()
+    body = bytes((version << 4 | 1, 7, 7, 7))
+    packet = body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")
+    assert 0 not in packet[1:]
+    stuffed = b"".join(bytes((len(block) + 1,)) + block for block in packet.split(b"\0"))
+    assert line.link.feed(b"\0" + stuffed + b"\0", line.now_ns) == []
+    said = f"the board speaks wire version {version}, this daemon 1: {mend}"
+    assert line.state.warnings == {"wire version": said}
+
+
+def test_a_new_hello_forgets_the_faults_of_sensors_that_are_gone() -> None:
+    line = Line()
+    line.feed(hello(4))
+    line.feed(Status(0, 0, 0, (StatusPad(0, 0, 0, (0, 0, 0, 1)),)))
+    assert set(line.state.sensor_faults) == {(0, 3)}
+    line.feed(hello(3))
+    assert line.state.sensor_faults == {}
+    assert np.array_equal(list(line.state.pad_faults), [0])
