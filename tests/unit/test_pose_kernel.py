@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -267,3 +270,25 @@ def test_arrays_of_the_wrong_size_are_refused(pad: Pad) -> None:
     crowd = np.tile(problem.magnets, (9, 1))
     with pytest.raises(ValueError, match="magnets"):
         replace(batch, magnets=crowd[None]).solve(1e-3, 50)
+
+
+def test_without_the_kernel_the_reference_serves() -> None:
+    """Also what `FMFTS_SOLVER=numpy` asks for: the same pose, and the name that says so."""
+    script = (
+        "import numpy as np\n"
+        "from fmfts.bench.workspace import standard_pad\n"
+        "from fmfts.pose import SOLVER, dipole_field, solve\n"
+        "pad = standard_pad()\n"
+        "place, strength = pad.sensors.position_m, pad.magnet.strength_t_m3\n"
+        "field = dipole_field(place, np.array([0, 0, 11e-3]), pad.rest_axis, strength)\n"
+        "print(SOLVER, *solve(field, pad).position_m)\n"
+    )
+    environment = os.environ | {"FMFTS_SOLVER": "numpy"}
+    run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    solver, *position = run.stdout.split()
+    assert solver == "numpy"
+    assert [float(value) for value in position] == pytest.approx([0.0, 0.0, 11e-3], abs=1e-8)
+    # Where no compiler was there, the import fails, and that is all it takes.
+    hidden = "import sys; sys.modules['fmfts.pose._kernel'] = None\n" + script
+    run = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True, check=True)
+    assert run.stdout.split()[0] == "numpy"

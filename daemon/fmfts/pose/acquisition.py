@@ -19,8 +19,8 @@ from fmfts.pose.state import POSITION, State
 
 Array = NDArray[np.float64]
 
-# Two minima are one if they are closer than this many deviations of the position.
-SAME_DEVIATIONS = 5.0
+# Two minima are one if they are closer than this many deviations of the position: searches stop within 0.03.
+SAME_DEVIATIONS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +63,14 @@ def starts_around(measurements: Array, distance_m: float) -> Array:
     starts: Array = middle + distance_m * np.concatenate(
         [one_side, one_side - 2.0 * np.outer(one_side @ normal, normal)]
     )
+    return starts
+
+
+def starts_in_box(middle_m: Array, half_m: Array) -> Array:
+    """27 positions (27, 3): a box's corners, edges, faces and middle. half_m (3,): half its sides."""
+    corner = np.array([-1.0, 0.0, 1.0])
+    grid = np.stack(np.meshgrid(corner, corner, corner, indexing="ij"), axis=-1).reshape(-1, 3)
+    starts: Array = middle_m + half_m * grid
     return starts
 
 

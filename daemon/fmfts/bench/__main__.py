@@ -1,0 +1,30 @@
+"""python -m fmfts.bench speed | accuracy | convergence"""
+
+from __future__ import annotations
+
+import argparse
+
+from fmfts.bench import accuracy, convergence, speed
+from fmfts.pose import SOLVER
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m fmfts.bench", description="measure the pose solver")
+    parser.add_argument("--seed", type=int, default=1)
+    verbs = parser.add_subparsers(required=True, metavar="speed | accuracy | convergence")
+    verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
+    verb.set_defaults(run=speed.run)
+    verb = verbs.add_parser("accuracy", help="errors over the Cramér–Rao bound, and whether the covariance is honest")
+    verb.add_argument("--draws", type=int, default=20000)
+    verb.set_defaults(run=accuracy.run)
+    verb = verbs.add_parser("convergence", help="cold starts, and how many go wrong unnoticed")
+    verb.add_argument("--draws", type=int, default=20000, help="for each model and number of sensors")
+    verb.set_defaults(run=convergence.run)
+    options = parser.parse_args()
+    if SOLVER != "c":
+        parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()

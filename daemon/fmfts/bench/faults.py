@@ -1,0 +1,190 @@
+"""What the whole chain below the bus says of broken sensors and foreign fields, and how often it is wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from math import acos
+
+import numpy as np
+
+from fmfts.bench.drills import (
+    FINGERS,
+    RATE_HZ,
+    Ambient,
+    DrillSource,
+    Fault,
+    pad_config,
+    record,
+    spoiled,
+)
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig
+from fmfts.contact import ContactModel
+from fmfts.pipeline import PadPipeline
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+from fmfts.simulate.finger import Finger, Touch
+from fmfts.simulate.mounted import MountedPad
+from fmfts.simulated_baseline import simulated_baseline
+
+# An error of more than this many published deviations is a wrong answer.
+WRONG_DEVIATIONS = 5.0
+WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 0.3
+GRACE_S = 0.5
+PUBLISHED = ("ok", "degraded")
+AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
+
+
+@dataclass(slots=True)
+class Outcome:
+    """One kind of fault in one situation, over all sensors and axes. Times in ms; shares of frames from 0 to 1."""
+
+    kind: str
+    ambient: str
+    touch: str
+    drills: int = 0
+    frames: int = 0
+    detected_ms: list[float] = field(default_factory=list)
+    named: int = 0
+    alarmed: int = 0
+    wrong_early: int = 0
+    wrong_late: int = 0
+    worst: float = 0.0
+    back: int = 0
+    health: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def line(self) -> str:
+        times = sorted(self.detected_ms)
+        seen = f"{len(times):3d}/{self.drills:<3d}"
+        when = f"{times[len(times) // 2]:5.0f} {times[-1]:6.0f}" if times else "    -      -"
+        named = f"{100 * self.named / self.alarmed:5.0f}" if self.alarmed else "    -"
+        shares = " ".join(f"{100 * self.health[name] / self.frames:5.0f}" for name in HEALTHS)
+        wrong = f"{self.wrong_early:6d} {self.wrong_late:6d} {self.worst:7.1f}"
+        return (
+            f"{self.kind:24} {self.ambient:8} {self.touch:7} {seen} {when} {named} {wrong}  {shares}"
+            f"  {self.back:3d}/{self.drills}"
+        )
+
+
+HEALTHS = ("ok", "degraded", "disturbed", "lost")
+HEADER = (
+    "                                          seen     detected ms named  wrong frames  worst   "
+    "% of frames in the fault\n"
+    "fault                    scene    pad     drills     p50    max     %  <.5 s  after     sd     "
+    "ok  degr  dist  lost   ok again"
+)
+
+
+class Truth:
+    """What a simulated pad really is at a moment, and how far a message is from it."""
+
+    def __init__(self, built: MountedPad, finger: Finger) -> None:
+        self._built = built
+        self._finger = finger
+
+    def deviations(self, message: ContactMessage) -> float:
+        """The largest error of a number that is published as good, in its published deviations."""
+        if message.health not in PUBLISHED:
+            return 0.0
+        touch = self._finger(message.t_sample_ns * 1e-9)
+        pairs = [
+            (message.x_m, message.x_sd_m, touch.x_m),
+            (message.y_m, message.y_sd_m, touch.y_m),
+            (message.force_n, message.force_sd_n, touch.force_n),
+        ]
+        errors = [abs(value - truth) / sd for value, sd, truth in pairs if value is not None and sd is not None]
+        if message.force_min_n is not None and message.force_min_n > touch.force_n:
+            # A bound has three deviations in it already, and none beside it.
+            errors.append(np.inf)
+        if message.pose is not None:
+            errors += self._pose_errors(message, touch)
+        return float(max(errors, default=0.0))
+
+    def _pose_errors(self, message: ContactMessage, touch: Touch) -> list[float]:
+        assert message.pose is not None
+        (position,), (axis,) = self._built.pose(*(np.array([value]) for value in touch))
+        away = np.abs(np.array(message.pose.position_m) - position) / message.pose.position_sd_m
+        # Two directions share the deviation: a turn of both at once is √2 of it.
+        turned = acos(min(float(np.array(message.pose.axis) @ axis), 1.0)) / (np.sqrt(2.0) * message.pose.axis_sd_rad)
+        return [*away.tolist(), turned]
+
+
+class Healthy:
+    """A mounted pad that is well, with a pipeline that has followed it until the fault begins."""
+
+    def __init__(self, ambient: Ambient, touch: str, seed: int, model: ContactModel) -> None:
+        self.ambient, self.touch = ambient, touch
+        self.config = pad_config(ambient, seed)
+        self.finger = FINGERS[touch]
+        self.model = model
+        self._pipeline = pipeline_of(self.config, model)
+        source = DrillSource(self.config)
+        self.truth = Truth(source.built, self.finger)
+        self.frames = record(source, self.finger, WARM_S + FAULT_S + AFTER_S)
+        self.begin = round(WARM_S * RATE_HZ)
+        self.end = round((WARM_S + FAULT_S) * RATE_HZ)
+        for frame in self.frames[: self.begin]:
+            self._pipeline.process(frame)
+
+    def pipeline(self) -> PadPipeline:
+        """As it is when the fault begins."""
+        return deepcopy(self._pipeline, {id(self.model): self.model})
+
+    def frames_with(self, fault: Fault) -> list[Frame]:
+        if fault.field is None:
+            return spoiled(self.frames, fault, self.begin, self.end)
+        return record(DrillSource(self.config, fault.field, WARM_S), self.finger, WARM_S + FAULT_S)
+
+    def drill(self, fault: Fault, outcome: Outcome) -> None:
+        frames, pipeline = self.frames_with(fault), self.pipeline()
+        detected = False
+        outcome.drills += 1
+        for number in range(self.begin, self.end):
+            message = pipeline.process(frames[number])
+            since_s = (number - self.begin) / RATE_HZ
+            outcome.frames += 1
+            outcome.health[message.health] += 1
+            off = self.truth.deviations(message)
+            outcome.worst = max(outcome.worst, off)
+            outcome.wrong_early += off > WRONG_DEVIATIONS and since_s <= GRACE_S
+            outcome.wrong_late += off > WRONG_DEVIATIONS and since_s > GRACE_S
+            if message.health != "ok":
+                outcome.alarmed += 1
+                outcome.named += named_right(message, fault)
+                if not detected:
+                    outcome.detected_ms.append(since_s * 1e3)
+                detected = True
+        messages = [pipeline.process(frame) for frame in frames[self.end :]]
+        outcome.back += bool(messages) and messages[-1].health == "ok"
+
+
+def named_right(message: ContactMessage, fault: Fault) -> bool:
+    if fault.sensor is None:
+        return message.health in ("disturbed", "lost")
+    return message.health == "degraded" and message.reason.startswith(f"sensor {fault.sensor + 1} ")
+
+
+def pipeline_of(config: PadConfig, model: ContactModel) -> PadPipeline:
+    tracking = choose(config.scene, config.magnet).tracking
+    pipeline = PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking)
+    pipeline.use(simulated_baseline(config))
+    return pipeline
+
+
+def drilled(faults: Sequence[Fault], seeds: Iterable[int], ambients: Sequence[Ambient] = AMBIENTS) -> list[Outcome]:
+    """Every fault in every situation."""
+    outcomes: dict[tuple[str, str, str], Outcome] = {}
+    for seed in seeds:
+        model = ContactModel.load("default", pad_config("constant", seed).pad())
+        for ambient in ambients:
+            for touch in FINGERS:
+                healthy = Healthy(ambient, touch, seed, model)
+                for fault in faults:
+                    key = (fault.kind, ambient, touch)
+                    outcome = outcomes.setdefault(key, Outcome(*key))
+                    healthy.drill(fault, outcome)
+    return list(outcomes.values())
