@@ -40,6 +40,7 @@ class Hmc5983:
         self.phase_s = phase_s
         self.gain = [1.0, 1.0, 1.0]
         self.strap = 1.0
+        self.subtracts_field = True  # data sheet, self-test operation; there is another reading, and so another kind
         self.temperature_c = 25.0
         self.absent = False
         self.frozen = False  # a clock that has stopped
@@ -162,7 +163,7 @@ class Hmc5983:
         for field, gain, strap in zip(self.field_gauss, self.gain, STRAP_GAUSS, strict=True):
             total = round((field + bias * strap) * gain * lsb)
             # Under a bias the chip itself takes away the field without it.
-            shown = round(bias * strap * gain * lsb) if bias else total
+            shown = round(bias * strap * gain * lsb) if bias and self.subtracts_field else total
             counts.append(shown if -2048 <= total <= 2047 else -4096)
         x, y, z = counts
         for offset, value in zip((0, 2, 4), (x, z, y), strict=True):

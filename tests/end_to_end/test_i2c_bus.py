@@ -325,6 +325,24 @@ def test_a_selftest_measures_every_axis_and_streaming_goes_on(kernel: KernelBus,
     assert np.array_equal(frame.counts[3], expected_counts(gain_code=3)[3])
 
 
+def test_a_chip_that_leaves_the_field_in_its_selftest_is_judged_by_its_strap_alone(
+    kernel: KernelBus, opened: Callable
+) -> None:
+    """The data sheet can be read both ways; 0.5 G outside is 195 counts, and would fail a good axis or pass a bad."""
+    for channel in range(4):
+        kernel.chip(channel, field_gauss=[0.5, -0.5, 0.3], subtracts_field=channel % 2 == 0)
+    kernel.chip(3, strap=0.1)
+    source = opened(pad())
+    run(source, all_valid)
+    source.request_selftest(0)
+    run(source, lambda frames: source.selftest_result(0))
+    *good, weak = source.selftest_result(0)["sensors"]
+    assert [sensor["positive_counts"] for sensor in good] == [[452, 452, 421]] * 3
+    assert [sensor["negative_counts"] for sensor in good] == [[-452, -452, -421]] * 3
+    assert all(sensor["passed"] for sensor in good)
+    assert "x: +45 and -45 counts" in weak["failures"][0]
+
+
 def test_closing_ends_the_reader(kernel: KernelBus, opened: Callable) -> None:
     source = opened(pad())
     run(source, all_valid)

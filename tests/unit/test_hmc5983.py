@@ -48,6 +48,28 @@ def test_a_count_at_a_limit_passes_and_one_beyond_fails(edge: int) -> None:
     assert len(hmc5983.selftest_failures(5, (-edge,) * 3, (edge,) * 3)) == 3
 
 
+def test_the_field_outside_is_taken_off_once_whether_the_chip_does_it_or_not() -> None:
+    outside = (200, -150, 0)
+    up, down = hmc5983.strap_counts(outside, GOOD_UP, GOOD_DOWN)
+    assert (up, down) == (GOOD_UP, GOOD_DOWN)
+    shifted_up = (652, 302, 421)
+    shifted_down = (-252, -602, -421)
+    assert hmc5983.strap_counts(outside, shifted_up, shifted_down) == (GOOD_UP, GOOD_DOWN)
+
+
+def test_a_strap_that_does_nothing_fails_on_either_kind() -> None:
+    """A field outside within the limits must not pass for the strap's."""
+    outside = (300, 300, 300)
+    for shown in ((0, 0, 0), outside):
+        assert len(hmc5983.selftest_failures(5, *hmc5983.strap_counts(outside, shown, shown))) == 3
+
+
+def test_saturation_without_bias_spoils_the_axis() -> None:
+    up, down = hmc5983.strap_counts((0, hmc5983.OVERFLOW_COUNT, 0), GOOD_UP, GOOD_DOWN)
+    assert up == (452, hmc5983.OVERFLOW_COUNT, 421)
+    assert down == (-452, hmc5983.OVERFLOW_COUNT, -421)
+
+
 def test_selftest_facts_give_each_axis_its_gain() -> None:
     facts = hmc5983.selftest_facts(5, [(475, 430, 421)], [(-475, -430, -421)])
     (sensor,) = facts["sensors"]

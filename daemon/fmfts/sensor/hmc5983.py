@@ -24,7 +24,7 @@ STATUS_READY = 0x01
 MODE_CONTINUOUS, MODE_SINGLE = 0x00, 0x01
 TEMPERATURE_COMPENSATION = 0x80  # off at power-on
 AVERAGE_8 = 0x60
-BIAS_POSITIVE, BIAS_NEGATIVE = 0x01, 0x02
+BIAS_NONE, BIAS_POSITIVE, BIAS_NEGATIVE = 0x00, 0x01, 0x02
 
 SELFTEST_GAIN_CODE = 5
 SELFTEST_LIMITS = (243, 575)  # counts at gain code 5, of either sign
@@ -86,6 +86,26 @@ def why_not_identity(answer: bytes) -> str | None:
     return (
         f"answers {answer.hex(' ')} where an HMC5983 says 48 34 33 (H43): another chip is fitted, or the bus is noisy"
     )
+
+
+def strap_counts(unbiased: Axes, positive: Axes, negative: Axes) -> tuple[Axes, Axes]:
+    """What the bias strap alone did, from the counts without and with either bias; OVERFLOW_COUNT where one saturated.
+
+    The data sheet says that the chip subtracts the external field itself; then positive and negative are symmetric
+    about zero. A chip that does not shows them symmetric about the unbiased reading. Whichever is nearer is taken off,
+    axis by axis, as in firmware/core/hmc5983.c: a strap that does nothing fails on both kinds.
+    """
+    axes = [_strap_axis(*counts) for counts in zip(unbiased, positive, negative, strict=True)]
+    (x, y, z), (x_down, y_down, z_down) = zip(*axes, strict=True)
+    return (x, y, z), (x_down, y_down, z_down)
+
+
+def _strap_axis(unbiased: int, plus: int, minus: int) -> tuple[int, int]:
+    if OVERFLOW_COUNT in (unbiased, plus, minus):
+        return OVERFLOW_COUNT, OVERFLOW_COUNT
+    twice_the_centre = plus + minus
+    external = unbiased if abs(twice_the_centre - 2 * unbiased) < abs(twice_the_centre) else 0
+    return plus - external, minus - external
 
 
 def selftest_limits(gain_code: int) -> tuple[int, int]:
