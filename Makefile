@@ -1,6 +1,7 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
 #              paper's forty readings through the firmware's own code)
 # make test    set up what the tests need, then run them all
+# make bench   what a solve costs, how accurate and how sure it is    (cold-starts: a million of them, half an hour)
 
 PYTHON ?= python3
 VENV := .venv
@@ -14,13 +15,17 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 
-.PHONY: demo test lint unit firmware model clean base-packages test-packages
+.PHONY: demo test lint unit bench cold-starts firmware model clean base-packages test-packages
+
+# Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
+# answer it with a traceback while it starts.
+until_interrupted = trap 'kill $$demo; wait $$demo 2>/dev/null; exit 0' INT TERM HUP; $(1) & demo=$$!; wait $$demo
 
 demo: $(VENV)/.installed $(if $(PAPER),firmware)
 ifneq ($(PAPER),)
-	@$(BIN)/python tests/end_to_end/paper_demo.py
+	@$(call until_interrupted,$(BIN)/python tests/end_to_end/paper_demo.py)
 else
-	@$(BIN)/python -m fmfts.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS))
+	@$(call until_interrupted,$(BIN)/python -m fmfts.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
 endif
 
 test: test-packages $(VENV)/.installed-test lint unit
@@ -32,6 +37,13 @@ lint: $(VENV)/.installed-test
 
 unit: $(VENV)/.installed-test
 	$(BIN)/python -m pytest
+
+bench: $(VENV)/.installed
+	@$(BIN)/python -m fmfts.bench speed
+	@$(BIN)/python -m fmfts.bench accuracy
+
+cold-starts: $(VENV)/.installed
+	@$(BIN)/python -m fmfts.bench convergence --draws 250000
 
 firmware:
 	@$(MAKE) --no-print-directory -C firmware host

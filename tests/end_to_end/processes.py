@@ -78,7 +78,11 @@ class RunningDaemon:
         self.log = folder / "daemon.log"
         self.start()
         if wait:
-            self.wait_until_serving()
+            try:
+                self.wait_until_serving()
+            except BaseException:  # Ctrl-C among them
+                self.__exit__()
+                raise
 
     def start(self) -> None:
         with self.log.open("a") as stderr:

@@ -1,0 +1,93 @@
+"""The demo as somebody meets it who has just cloned the repository: started, interrupted, and failing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from end_to_end.processes import PATIENCE_S, ROOT, build_firmware_host
+
+DEMO = (sys.executable, "-m", "fmfts.demo", "--config", ROOT / "config.toml")
+PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
+
+
+def started(command: tuple[str | Path, ...]) -> subprocess.Popen[str]:
+    """In a process group of its own, as a shell starts it: Ctrl-C goes to all of them."""
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
+
+
+def child_of(process: subprocess.Popen[str]) -> int:
+    """The first child, as soon as there is one."""
+    until = time.monotonic() + PATIENCE_S
+    while not (children := Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.001)
+    return int(children[0])
+
+
+def first_line(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline()
+
+
+def gone(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("when", ["starting", "listening"])
+def test_interrupted_demo_ends_quietly_and_takes_its_daemon_along(number: signal.Signals, when: str) -> None:
+    with started(DEMO) as demo:
+        daemon = child_of(demo)
+        if when == "listening":
+            first_line(demo)
+        if number == signal.SIGINT:
+            os.killpg(demo.pid, number)
+        else:
+            demo.send_signal(number)
+        _, stderr = demo.communicate(timeout=PATIENCE_S)
+    assert (demo.returncode, stderr) == (0, "")
+    assert gone(daemon)
+
+
+def test_interrupted_paper_demo_ends_without_a_traceback() -> None:
+    build_firmware_host()
+    with started(PAPER_DEMO) as demo:
+        first_line(demo)
+        child_of(demo)
+        os.killpg(demo.pid, signal.SIGINT)
+        _, stderr = demo.communicate(timeout=PATIENCE_S)
+    assert (demo.returncode, stderr) == (130, "")
+
+
+def test_daemon_that_dies_during_the_demo_leaves_its_log() -> None:
+    with started(DEMO) as demo:
+        daemon = child_of(demo)
+        first_line(demo)
+        os.kill(daemon, signal.SIGKILL)
+        _, stderr = demo.communicate(timeout=PATIENCE_S)
+    assert demo.returncode == 1
+    assert "fmfts-daemon ended with -9" in stderr
+    assert "publishing on ipc://" in stderr
+
+
+def test_demo_of_a_wrong_configuration_says_what_is_wrong(tmp_path: Path) -> None:
+    config = tmp_path / "wrong.toml"
+    config.write_text("pads = 1\n")
+    with started((*DEMO[:-1], config)) as demo:
+        _, stderr = demo.communicate(timeout=PATIENCE_S)
+    assert demo.returncode == 78
+    assert "wrong.toml" in stderr
+    assert "Traceback" not in stderr
