@@ -16,8 +16,8 @@ from fmfts.statistics import PadStatistics
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
-# A frame this old is not worth solving: newer ones wait behind it.
-OVERDUE_S = 0.1
+# A frame this old is not worth solving: newer ones wait behind it. What a busy computer's scheduler does is shorter.
+OVERDUE_S = 0.5
 
 
 class Channel:
