@@ -9,15 +9,13 @@ from pathlib import Path
 
 from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, SourceConfig
 from fmfts.sensor.hmc5983 import gain_code_for_range
+from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
 
 Key = str | int
 Problem = tuple[tuple[Key, ...], str]  # keys that lead to the value, and what is wrong with it
 
 FEWEST_SENSORS, MOST_SENSORS = 3, 8
-FREE_RUNNING_HMC5883L_HZ = 75  # data sheet: the fastest continuous mode of the older chip
-SIMULTANEOUS_HZ = 160  # data sheet: 6 ms for a single measurement
-BITS_PER_SENSOR = 146  # of the bus, to select, ask and read one sensor: 584 for four
 CLOSEST_MM = 2.0  # a magnet this near has touched the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
 SENSOR_SPACING_MM = 1.0
@@ -53,10 +51,10 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
         gain_code_for_range(source.range_gauss)
     except ValueError as error:
         yield ("source", "range_gauss"), str(error)
-    if source.trigger == "simultaneous" and source.rate_hz > SIMULTANEOUS_HZ:
-        yield ("source", "rate_hz"), f'at most {SIMULTANEOUS_HZ} with trigger = "simultaneous"'
-    if source.chip == "hmc5883l" and source.trigger == "free" and source.rate_hz > FREE_RUNNING_HMC5883L_HZ:
-        yield ("source", "rate_hz"), f'at most {FREE_RUNNING_HMC5883L_HZ} with chip = "hmc5883l" running free'
+    if source.rate_hz > source_rate_hz(source):
+        simultaneous = f'trigger = "simultaneous"{" over a bridge" if isinstance(source, BridgeSource) else ""}'
+        mode = simultaneous if source.trigger == "simultaneous" else f'chip = "{source.chip}" running free'
+        yield ("source", "rate_hz"), f"at most {source_rate_hz(source)} with {mode}"
     if isinstance(source, I2cSource):
         if len(source.channels) != len(pad.geometry.sensors_mm):
             yield (
@@ -144,7 +142,7 @@ def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
 
 
 def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
-    load_hz: dict[int, int] = {}
+    sensors_on: dict[int, list[int]] = {}  # bus → sensors of each pad
     clock_hz: dict[int, int] = {}
     for number, pad in enumerate(pads):
         source = pad.source
@@ -152,10 +150,12 @@ def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
             continue
         if clock_hz.setdefault(source.bus, source.clock_hz) != source.clock_hz:
             yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
-        load_hz[source.bus] = load_hz.get(source.bus, 0) + len(source.channels) * source.rate_hz * BITS_PER_SENSOR
-        if load_hz[source.bus] > source.clock_hz:
+        sensors = sensors_on.setdefault(source.bus, [])
+        sensors.append(len(source.channels))
+        most_hz = i2c_rate_hz(source.chip, source.trigger, source.clock_hz, sum(sensors), len(sensors))
+        if source.rate_hz > most_hz:
+            mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
             yield (
                 ("pad", number, "source", "rate_hz"),
-                f"more than bus {source.bus} can carry: its pads need {load_hz[source.bus]} bits a second, "
-                f"and clock_hz is {source.clock_hz}",
+                f"at most {most_hz}: more than bus {source.bus} can carry, {sum(sensors)} sensors with {mode}",
             )

@@ -17,6 +17,7 @@ OUTPUT_RATE_HZ = (0.75, 1.5, 3.0, 7.5, 15.0, 30.0, 75.0, 220.0)  # CRA bits 4–
 CHIP_RATE_HZ = {"hmc5983": 220, "hmc5883l": 75}
 SINGLE_RATE_HZ = 160  # single measurements: 6 ms each
 SINGLE_CONVERSION_S = 6e-3
+SINGLE_WAIT_S = 6.2e-3  # the same by the slowest chip: clock tolerance 3 %
 
 CONFIG_A, CONFIG_B, MODE, DATA, STATUS, IDENTIFICATION, TEMPERATURE = 0x00, 0x01, 0x02, 0x03, 0x09, 0x0A, 0x31
 IDENTITY = b"H43"

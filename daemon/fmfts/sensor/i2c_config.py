@@ -7,14 +7,10 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 
 from fmfts.config import I2cSource, PadConfig
-from fmfts.sensor import hmc5983
 from fmfts.sensor.packets import MAX_PADS, MAX_SENSORS
+from fmfts.sensor.rate_limits import i2c_cycle_s, i2c_rate_hz
 from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceError
-
-# Select (START, address, control byte, STOP), then status and six data bytes in one transfer with repeated starts.
-BITS_PER_SENSOR = 20 + 126
-BITS_PER_FRAME = 20  # the mux's control byte read back
 
 
 class PadWiring(Struct, frozen=True):
@@ -39,16 +35,17 @@ class ReaderConfig(Struct, frozen=True):
         return "simultaneous" if self.trigger else "free"
 
     @property
+    def sensors(self) -> int:
+        return sum(len(pad.channels) for pad in self.pads)
+
+    @property
     def cycle_s(self) -> float:
         """Time on the wires for one reading of all sensors."""
-        sensors = sum(len(pad.channels) for pad in self.pads)
-        return (sensors * BITS_PER_SENSOR + len(self.pads) * BITS_PER_FRAME) / self.clock_hz
+        return i2c_cycle_s(self.clock_hz, self.sensors, len(self.pads), self.trigger_name)
 
     @property
     def highest_rate_hz(self) -> int:
-        """What bus and trigger allow: simultaneous conversions have to end before they can be read."""
-        waiting_s = hmc5983.SINGLE_CONVERSION_S if self.trigger else 0.0
-        return min(220, int(1.0 / (self.cycle_s + waiting_s)))
+        return i2c_rate_hz(self.chip, self.trigger_name, self.clock_hz, self.sensors, len(self.pads))
 
 
 def reader_config(pads: Mapping[int, PadConfig]) -> ReaderConfig:
@@ -66,7 +63,7 @@ def reader_config(pads: Mapping[int, PadConfig]) -> ReaderConfig:
     if config.rate_hz > config.highest_rate_hz:
         names = " and ".join(repr(pad.name) for pad in configs)
         raise SourceError(
-            f"pad {names}: {sum(len(wiring.channels) for wiring in wirings)} sensors at {config.rate_hz} Hz are more "
+            f"pad {names}: {config.sensors} sensors at {config.rate_hz} Hz are more "
             f"than I2C bus {source.bus} carries at {source.clock_hz} Hz: at most {config.highest_rate_hz} Hz; "
             "lower rate_hz, raise clock_hz (400000 is the mux's limit), or use another bus"
         )

@@ -105,7 +105,7 @@ class Reader:
                 pad.poll()
             return
         ends_us = [pad.trigger() for pad in self._pads]
-        time.sleep(hmc5983.SINGLE_CONVERSION_S)
+        time.sleep(hmc5983.SINGLE_WAIT_S)
         for pad, converted_us in zip(self._pads, ends_us, strict=True):
             pad.poll(converted_us)
 
@@ -155,7 +155,6 @@ class Reader:
             settings.gain_code >= len(hmc5983.LSB_PER_GAUSS)
             or settings.trigger not in (0, 1)
             or not 1 <= settings.rate_hz <= config.highest_rate_hz
-            or settings.rate_hz > hmc5983.highest_rate_hz(config.chip, config.trigger_name)
         ):
             return Result.OUT_OF_RANGE
         self._config, self._settings = config, settings
