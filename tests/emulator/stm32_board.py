@@ -205,7 +205,7 @@ class Board:
 
     def latch_busy(self, pad: int) -> None:
         """The erratum: the port takes the bus for busy until SCL and SDA were moved by hand and SWRST was given."""
-        self.wires[self.places[pad].port].i2c.latch_busy()
+        self.wires[self.places[pad].port].i2c.busy.latch()
 
     def corrupt(self, pad: int, sensor: int, register: int = 1, flip: int = 0x60) -> None:
         self.sensors[pad][sensor].run()
