@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from binascii import crc_hqx
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -161,7 +162,8 @@ def test_an_absent_port_is_named_and_found_when_it_appears(tmp_path: Path) -> No
     bridge = Bridge({0: pad(tmp_path / "port")})
     bridge.poll(time.monotonic_ns())
     assert not bridge.state.connected
-    assert bridge.state.reason == f"{tmp_path / 'port'} does not exist: is the board plugged in?"
+    assert bridge.state.description == f"bridge on {tmp_path / 'port'}"
+    assert bridge.state.reason == "the port does not exist: is the board plugged in?"
     assert bridge.fileno() is None
     with plugged(tmp_path / "port") as board:
         run(bridge, board, until=lambda: bridge.state.connected)
@@ -177,7 +179,8 @@ def test_unplugging_closes_the_descriptor_says_why_and_reopens(board: Board) -> 
         assert descriptor is not None
         board.unplug()
         run(bridge, until=lambda: not bridge.state.connected)
-        assert str(board.link) in bridge.state.reason
+        assert bridge.state.reason.startswith("the port ")
+        assert str(board.link) not in bridge.state.reason  # the description has it already
         assert bridge.fileno() is None
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.fstat(descriptor)
@@ -207,9 +210,34 @@ def test_a_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) 
     connected(bridge, board)
     bridge.poll(time.monotonic_ns() + 2_000_000_000)
     assert not bridge.state.connected
-    assert "silent" in bridge.state.reason
+    assert bridge.state.reason.startswith("the port is open but silent for ")
     run(bridge, board, until=lambda: bridge.state.connected)
     assert board.requests[0].verb == Verb.HELLO
+    bridge.close()
+
+
+@pytest.mark.parametrize("kind", ["/dev/null", "file", "folder"])
+def test_what_is_no_serial_port_is_called_so(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "file").write_text("not a port")
+    (tmp_path / "folder").mkdir()
+    bridge = Bridge({0: pad(tmp_path / kind)})  # an absolute path stays what it is
+    bridge.poll(time.monotonic_ns())
+    assert bridge.state.reason == "the port is not a serial port: see /dev/serial/by-id for those that are"
+    bridge.close()
+
+
+@pytest.mark.parametrize("bound", [False, True])
+def test_a_board_of_another_wire_version_is_not_called_silent(board: Board, bound: bool) -> None:
+    foreign = b"\x04\x21" + crc_hqx(b"\x21", 0xFFFF).to_bytes(2, "little") + b"\0"
+    bridge = Bridge({0: pad(board.link, uid=UID.hex() if bound else None)}, board.link.parent / "by-id")
+    board.deaf = True
+    now_ns = time.monotonic_ns()
+    bridge.poll(now_ns)
+    os.write(board.master, b"\0" + foreign)
+    bridge.poll(now_ns + 1_000_000)
+    bridge.poll(now_ns + 2_000_000_000)
+    assert "speaks wire version 2, this daemon 1: update the daemon" in bridge.state.reason
+    assert "silent" not in bridge.state.reason
     bridge.close()
 
 

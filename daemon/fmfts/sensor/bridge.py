@@ -74,7 +74,9 @@ class Bridge:
 
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
-            raise SourceError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
+            raise SourceError(
+                f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
+            )
         self._link.request_selftest(pad_index, time.monotonic_ns())
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
@@ -131,10 +133,10 @@ class Bridge:
         except BlockingIOError:
             return ()
         except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
-            self._disconnect(f"{self._port} is gone ({error.strerror}): plug the board in again", now_ns)
+            self._disconnect(f"the port is gone ({error.strerror}): plug the board in again", now_ns)
             return ()
         if not data:
-            self._disconnect(f"{self._port} hung up: plug the board in again", now_ns)
+            self._disconnect("the port hung up: plug the board in again", now_ns)
             return ()
         unheard = self._link.heard_ns == 0
         frames = self._link.feed(data, now_ns)
@@ -150,9 +152,8 @@ class Bridge:
                 self._found[self._port] = f"holds board {link.hello.uid.hex()}"
                 self._give_port_up(now_ns)
             elif now_ns - self._opened_ns >= IDENTIFY_NS:
-                self._found[self._port] = (
-                    "answers, but tells no uid" if link.heard_ns else "holds no board that answers"
-                )
+                silence = "answers, but tells no uid" if link.heard_ns else "holds no board that answers"
+                self._found[self._port] = self.state.warnings.get("wire version", silence)
                 self._give_port_up(now_ns)
         elif now_ns - self._quiet_since_ns >= SILENCE_NS:
             self._silent(now_ns)
@@ -164,7 +165,8 @@ class Bridge:
 
     def _silent(self, now_ns: int) -> None:
         quiet_s = (now_ns - self._quiet_since_ns) / 1e9
-        reason = f"{self._port} is open but silent for {quiet_s:.1f} s: is the board powered and running?"
+        silent = f"the port is open but silent for {quiet_s:.1f} s: is the board powered and running?"
+        reason = self.state.warnings.get("wire version", silent)
         if now_ns - self._quiet_since_ns >= REOPEN_NS:
             self._disconnect(reason, now_ns)
             return
@@ -182,7 +184,7 @@ class Bridge:
         except BlockingIOError:
             return  # the rest goes at the next poll; the repetition after 250 ms brings one about
         except OSError as error:
-            self._disconnect(f"{self._port} takes no requests ({error.strerror}): plug the board in again", now_ns)
+            self._disconnect(f"the port takes no requests ({error.strerror}): plug the board in again", now_ns)
 
     def _give_port_up(self, now_ns: int) -> None:
         self._release()
@@ -195,9 +197,12 @@ class Bridge:
             return
         self._attempt_ns = now_ns + self._backoff_ns
         self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
-        found = "; ".join(f"{port} {what}" for port, what in self._found.items())
-        wanted = "" if self._uid is None else f"board {self._uid.hex()} is nowhere: "
-        self.state.disconnect(wanted + found, now_ns)
+        if self._uid is None:
+            reason = f"the port {self._found[self._port]}"
+        else:
+            found = "; ".join(f"{port} {what}" for port, what in self._found.items())
+            reason = f"board {self._uid.hex()} is nowhere: {found}"
+        self.state.disconnect(reason, now_ns)
 
     def _disconnect(self, reason: str, now_ns: int) -> None:
         """The descriptor goes before anything else: kept, it would make the adapter come back under another name."""

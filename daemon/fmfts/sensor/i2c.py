@@ -56,7 +56,7 @@ class I2c:
     def deadline_ns(self) -> int | None:
         if self._process is None:
             return self._attempt_ns
-        return min(self._check_ns, self._check_ns if self._link.due_ns is None else self._link.due_ns)
+        return min(when for when in (self._check_ns, self._link.due_ns) if when is not None)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
         if self._process is None:

@@ -21,7 +21,12 @@ def open_raw(port: str, baud: int) -> serial.Serial:
 
     Raises OSError (SerialException is one).
     """
-    device = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
+    try:
+        device = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
+    except serial.SerialException as error:
+        if isinstance(error.__context__, termios.error):  # pyserial keeps its number in a text
+            raise OSError(*error.__context__.args) from error
+        raise
     try:
         attributes = termios.tcgetattr(device.fileno())
         # pyserial sets VMIN to 0, and then "nothing yet" and "hung up" are both a read of 0 bytes.
@@ -41,8 +46,10 @@ def close(device: serial.Serial) -> None:
 
 
 def why_not_open(port: str, error: OSError) -> str:
-    """The end of a sentence that begins with the port's name."""
+    """The end of a sentence that begins with the port."""
     match error.errno:
+        case errno.ENOTTY | errno.EISDIR:
+            return "is not a serial port: see /dev/serial/by-id for those that are"
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
             return "does not exist: is the board plugged in?"
         case errno.EACCES | errno.EPERM:
