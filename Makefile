@@ -1,6 +1,7 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
-#              paper's forty readings through the firmware's own code)
+#              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
 # make test    set up what the tests need, then run them all
+# make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
 # make bench   what a solve costs, how accurate and how sure it is    (cold-starts: a million of them, half an hour)
 
 PYTHON ?= python3
@@ -8,6 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SECONDS ?=
 PAPER ?=
+FIRMWARE ?=
 
 # What a bare Debian lacks: python3-venv, and Python.h for compiled parts.
 BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
@@ -15,15 +17,17 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 
-.PHONY: demo test lint unit bench cold-starts firmware model clean base-packages test-packages
+.PHONY: demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
 until_interrupted = trap 'kill $$demo; wait $$demo 2>/dev/null; exit 0' INT TERM HUP; $(1) & demo=$$!; wait $$demo
 
-demo: $(VENV)/.installed $(if $(PAPER),firmware)
+demo: $(VENV)/.installed $(if $(PAPER),firmware) $(if $(FIRMWARE),test-packages $(VENV)/.installed-test)
 ifneq ($(PAPER),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/paper_demo.py)
+else ifneq ($(FIRMWARE),)
+	@$(call until_interrupted,$(BIN)/python tests/end_to_end/firmware_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
 endif
@@ -37,6 +41,9 @@ lint: $(VENV)/.installed-test
 
 unit: $(VENV)/.installed-test
 	$(BIN)/python -m pytest
+
+test-firmware-long: test-packages $(VENV)/.installed-test
+	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
 
 bench: $(VENV)/.installed
 	@$(BIN)/python -m fmfts.bench speed

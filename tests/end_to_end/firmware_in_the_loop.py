@@ -18,7 +18,7 @@ from fmfts.simulate.mounted import MountedPad
 
 ELF = ROOT / "firmware" / "build" / "fmfts.elf"
 RUNNER = ROOT / "tests" / "emulator" / "board_on_pty.py"
-MOVES_A_SECOND = 200
+MOVES_A_SECOND = 100
 
 
 class EmulatedBoard(FirmwareHost):
