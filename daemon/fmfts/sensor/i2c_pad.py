@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -11,20 +10,16 @@ import numpy as np
 
 from fmfts.sensor import hmc5983, tca9548a
 from fmfts.sensor.frame import AGE_UNKNOWN_US
-from fmfts.sensor.hmc5983 import ADDRESS, Axes
+from fmfts.sensor.hmc5983 import ADDRESS
 from fmfts.sensor.i2c_bus import I2cBus
 from fmfts.sensor.i2c_config import PadWiring
+from fmfts.sensor.i2c_sensor import Sensor, now_us
 from fmfts.sensor.packets import TEMPERATURE_UNKNOWN, HelloPad, HelloSensor, Sample, SensorState, StatusPad
 from fmfts.sensor.settings import Settings
 from fmfts.sensor.tca9548a import Switches
 
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
-RETRY_US = 250_000
 TRIGGER_TRIES = 3
-
-
-def now_us() -> int:
-    return time.monotonic_ns() // 1000
 
 
 class MuxError(Exception):
@@ -33,25 +28,6 @@ class MuxError(Exception):
     def __init__(self, cause: OSError) -> None:
         super().__init__(str(cause))
         self.cause = cause
-
-
-@dataclass(slots=True)
-class Sensor:
-    """One chip and its last sample; `sampled_us` None: none that may be used."""
-
-    channel: int
-    state: SensorState = SensorState.NOT_STARTED
-    identification: bytes = bytes(3)
-    axes: Axes = (0, 0, 0)
-    block: bytes = b""
-    sampled_us: int | None = None
-    polled_us: int = 0
-    started_us: int = 0
-    retry_us: int = 0
-    fresh: bool = False
-    discard: int = 0
-    misses: int = 0
-    temperature_raw: int = TEMPERATURE_UNKNOWN
 
 
 @dataclass(slots=True)
@@ -182,29 +158,23 @@ class I2cPad:
         self.bus_errors += 1
         sensor.misses += 1
         if sensor.state != SensorState.OK or sensor.misses >= MISSES_UNTIL_LOST:
-            self._lose(sensor, state)
-
-    def _lose(self, sensor: Sensor, state: SensorState) -> None:
-        sensor.state = state
-        sensor.retry_us = now_us() + RETRY_US
+            sensor.lose(state)
 
     def _set_up(self, sensor: Sensor) -> None:
         self.select(sensor)
         sensor.identification = self.bus.read_register(ADDRESS, hmc5983.IDENTIFICATION, 3)
         if hmc5983.why_not_identity(sensor.identification):
-            self._lose(sensor, SensorState.WRONG_IDENTIFICATION)
+            sensor.lose(SensorState.WRONG_IDENTIFICATION)
             return
         wanted = self.registers()
         self.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A,)) + wanted)
         if self.bus.read_register(ADDRESS, hmc5983.CONFIG_A, 2) != wanted:
-            self._lose(sensor, SensorState.CONFIGURATION_LOST)
+            sensor.lose(SensorState.CONFIGURATION_LOST)
             return
         if not self.settings.trigger:
             self.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_CONTINUOUS)))
-        sensor.state, sensor.sampled_us, sensor.fresh = SensorState.OK, None, False
-        _, sensor.block = self.bus.read_status_and_axes()  # from before: gone, and not to be taken for new
-        sensor.discard = 1  # the first sample after a change of gain has the old one
-        sensor.polled_us = sensor.started_us = now_us()
+        _, block = self.bus.read_status_and_axes()
+        sensor.begin(block)
 
     def _read(self, sensor: Sensor, converted_us: int | None) -> None:
         for _ in range(1 if converted_us is None else TRIGGER_TRIES):
@@ -213,27 +183,13 @@ class I2cPad:
             status, block = self.bus.read_status_and_axes()
             if status & hmc5983.STATUS_READY or block != sensor.block:
                 break
-        if self._is_new(sensor, status, block):
+        period_us = self._period_us()
+        if sensor.is_new(status, block, period_us):
             # Between the last look and this one; half of that is the best guess and the least error.
             guess_us = (before_us + sensor.polled_us) // 2 if converted_us is None else converted_us
-            self._accept(sensor, block, max(guess_us, sensor.polled_us - self._period_us()))
-        elif now_us() - max(sensor.sampled_us or 0, sensor.started_us) > 5 * self._period_us() + 100_000:
-            self._lose(sensor, SensorState.NO_NEW_DATA)
-
-    def _is_new(self, sensor: Sensor, status: int, block: bytes) -> bool:
-        """Data may come between the status byte and the six; and RDY may outlive a reading (data sheets disagree)."""
-        if block != sensor.block:
-            return True
-        age_us = sensor.polled_us - (sensor.sampled_us or 0)
-        return bool(status & hmc5983.STATUS_READY) and age_us > 0.5 * self._period_us()
-
-    def _accept(self, sensor: Sensor, block: bytes, sampled_us: int) -> None:
-        sensor.block = block
-        if sensor.discard:
-            sensor.discard -= 1
-            sensor.started_us = sensor.polled_us
-            return
-        sensor.axes, sensor.sampled_us, sensor.fresh = hmc5983.axes_from_registers(block), sampled_us, True
+            sensor.take(block, max(guess_us, sensor.polled_us - period_us))
+        elif sensor.is_silent(period_us):
+            sensor.lose(SensorState.NO_NEW_DATA)
 
     def _check(self, sensor: Sensor) -> None:
         self.select(sensor)

@@ -6,7 +6,8 @@ import time
 
 from fmfts.sensor import hmc5983
 from fmfts.sensor.hmc5983 import ADDRESS, SELFTEST_GAIN_CODE, Axes
-from fmfts.sensor.i2c_pad import I2cPad, MuxError, Sensor
+from fmfts.sensor.i2c_pad import I2cPad, MuxError
+from fmfts.sensor.i2c_sensor import Sensor
 from fmfts.sensor.packets import Selftest, SelftestSensor, SensorState
 
 RATE_HZ = 15  # the data sheet's own example; single measurements do not wait for it
