@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +12,8 @@ from hypothesis import strategies as st
 from wire_packets import make_sample, packets, samples, selftests
 
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
+from fmfts.probing import faults_of
+from fmfts.sensor import Source
 from fmfts.sensor.clock import DeviceClock
 from fmfts.sensor.framing import Decoder, encode
 from fmfts.sensor.link import Link
@@ -154,6 +159,24 @@ def test_any_selftest_result_ends_the_selftest_and_only_a_possible_one_is_judged
         assert "cannot be" in str(result["error"])
 
 
+@pytest.mark.parametrize(
+    ("sensors", "gain_code", "why"),
+    [(5, 5, "it has 5 sensors, and the hello has 4"), (4, 8, "there is no gain code 8"), (4, 255, "no gain code 255")],
+)
+def test_an_impossible_selftest_result_fails_the_selftest_with_the_reason(
+    sensors: int, gain_code: int, why: str
+) -> None:
+    line = Line()
+    line.feed(hello(4))
+    line.link.request_selftest(0, line.now_ns)
+    line.feed(Selftest(0, 0, gain_code, (GOOD,) * sensors))
+    result = line.link.selftest_result(0)
+    assert result is not None
+    assert result["passed"] is False
+    assert why in str(result["error"])
+    assert "1 packet left out, the last a self-test" in line.state.warnings["packets"]
+
+
 def test_a_selftest_result_that_nobody_awaits_changes_nothing() -> None:
     line = Line()
     line.feed(hello(4), Selftest(7, 0, 5, (GOOD,) * 4))
@@ -218,6 +241,16 @@ def test_another_wire_version_is_named_with_what_to_do(version: int, mend: str) 
     assert line.link.feed(b"\0" + stuffed + b"\0", line.now_ns) == []
     said = f"the board speaks wire version {version}, this daemon 1: {mend}"
     assert line.state.warnings == {"wire version": said}
+
+
+def test_a_pad_that_the_board_lacks_is_the_first_of_its_pads_faults_and_no_others() -> None:
+    line = Line(pad(), pad("right", pad_index=1))
+    line.feed(hello(4, clock=2))
+    source = cast("Source", SimpleNamespace(state=line.state))
+    lacking = "the board has 1 pad, pad 'right' wants pad_index = 1 (they count from 0): correct the config"
+    first, oscillator = faults_of(source, 1)
+    assert first == lacking
+    assert faults_of(source, 0) == [oscillator]
 
 
 def test_a_new_hello_forgets_the_faults_of_sensors_that_are_gone() -> None:
