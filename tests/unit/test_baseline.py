@@ -1,56 +1,17 @@
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mounted_world import NOISE_T, TOLERANCE, World
 
 from fmfts import ambient
-from fmfts.ambient import Baseline, BaselineError, Recording, make_bare, make_rest, summarise
-from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FREE_FIELD, FREE_PAPER, State, dipole_field, displacement, solve
+from fmfts.ambient import Baseline, BaselineError, make_bare, make_rest, summarise
+from fmfts.pad import Pad
+from fmfts.pose import FREE_FIELD, FREE_PAPER, dipole_field, displacement, solve
 from fmfts.sensor.frame import Frame
-from fmfts.simulate.cylinder import cylinder_field
-
-NOISE_T = 2e-7
-FRAMES = 660
-TOLERANCE = Tolerance(1e-4, 1e-4, math.radians(1.0), 0.005, 0.05)
-
-
-@dataclass
-class World:
-    """One pad as built within TOLERANCE, in an Earth's field; fields of the exact cylinder."""
-
-    pad: Pad
-    random: np.random.Generator
-
-    def __post_init__(self) -> None:
-        random = self.random
-        self.gain = 1.0 + random.normal(0.0, TOLERANCE.gain, (4, 3))
-        self.places = self.pad.sensors.position_m + random.normal(0.0, TOLERANCE.sensor_position_m, (4, 3))
-        step = np.concatenate([random.normal(0, 1e-4, 3), random.normal(0, np.radians(1), 2), np.zeros(4)])
-        self.rest = State.at_rest(self.pad).stepped(step)
-        self.remanence_t = 1.23 * (1.0 + random.normal(0.0, 0.03))
-        direction = random.normal(size=3)
-        self.earth_t = 0.5e-4 * direction / np.linalg.norm(direction)
-
-    def bare(self) -> np.ndarray:
-        return self.gain * self.earth_t
-
-    def field(self, state: State | None = None) -> np.ndarray:
-        state = state or self.rest
-        magnet = self.pad.magnet.with_remanence(self.remanence_t)
-        positions, axes = np.tile(state.position_m, (4, 1)), np.tile(state.axis, (4, 1))
-        return self.gain * (cylinder_field(self.places, positions, axes, magnet) + self.earth_t)
-
-    def recorded(self, field: np.ndarray) -> Recording:
-        mean = field + self.random.normal(0.0, NOISE_T / np.sqrt(FRAMES), field.shape)
-        return Recording(mean, np.full((4, 3), NOISE_T), np.full(4, FRAMES), 3, 24.0, 3.0)
-
-    def bare_baseline(self) -> Baseline:
-        return make_bare(self.pad, TOLERANCE, self.recorded(self.bare()))
 
 
 @pytest.fixture

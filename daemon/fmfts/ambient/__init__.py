@@ -1,18 +1,23 @@
 """The baseline: what an unloaded pad's sensors see, recorded, checked, stored, and taken away from every frame."""
 
-from fmfts.ambient.baseline import Baseline, encode, load, make_bare, make_rest
+from fmfts.ambient.aligned import Means, means
+from fmfts.ambient.baseline import Baseline, encode, load, make_bare, make_refined, make_rest, make_turn
 from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.recording import BaselineError, Recording, summarise
 
 __all__ = [
     "Baseline",
     "BaselineError",
+    "Means",
     "Mounting",
     "Recording",
     "encode",
     "estimate_mounting",
     "load",
     "make_bare",
+    "make_refined",
     "make_rest",
+    "make_turn",
+    "means",
     "summarise",
 ]

@@ -10,9 +10,13 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from fmfts.ambient.aligned import Means
 from fmfts.ambient.diagnosis import check_bare, estimate_and_judge
+from fmfts.ambient.gains import Gains
 from fmfts.ambient.mounting import Mounting, nominal_mounting
 from fmfts.ambient.recording import BaselineError, Recording
+from fmfts.ambient.refine import AtRest, PressFields, pick, refined
+from fmfts.ambient.turn import Turn, gains_from_turn
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
 
@@ -35,7 +39,7 @@ class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @classmethod
     def of(cls, recording: Recording) -> StoredRecording:
         return cls(
-            utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            utc=_now(),
             mean_t=_rows(recording.mean_t),
             noise_t=_rows(recording.noise_t),
             samples=tuple(int(count) for count in recording.samples),
@@ -55,10 +59,45 @@ class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
 
-class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class StoredTurn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A `Turn` with the time at which it was made."""
+
+    utc: str
+    field_t: tuple[Rows, ...]
+    deviation_t: Rows
+    time_s: tuple[float, ...]
+
+    @classmethod
+    def of(cls, turn: Turn) -> StoredTurn:
+        times = tuple(float(time) for time in turn.time_s)
+        return cls(_now(), tuple(_rows(field) for field in turn.field_t), _rows(turn.deviation_t), times)
+
+    def turn(self) -> Turn:
+        return Turn(np.array(self.field_t), np.array(self.deviation_t), np.array(self.time_s))
+
+
+class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """`PressFields` with the time at which they were made."""
+
+    utc: str
+    field_t: tuple[Rows, ...]
+    deviation_t: Rows
+    rest_t: Rows
+
+    @classmethod
+    def of(cls, presses: PressFields) -> StoredPresses:
+        fields = tuple(_rows(field) for field in presses.field_t)
+        return cls(_now(), fields, _rows(presses.deviation_t), _rows(presses.rest_t))
+
+    def presses(self) -> PressFields:
+        return PressFields(np.array(self.field_t), np.array(self.deviation_t), np.array(self.rest_t))
+
+
+class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The recordings are the facts; the mounting follows from them, the tolerances and the drawing, the same each time.
 
     `id` is the first twelve hex digits of the SHA-256 of everything else: a damaged file does not have its own id.
+    What was not recorded is not in the file, so that the ids of older files still hold.
     """
 
     format: int
@@ -68,6 +107,8 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tolerance: dict[str, float]
     bare: StoredRecording | None
     rest: StoredRecording | None
+    turn: StoredTurn | None = None
+    refine: StoredPresses | None = None
 
     @property
     def kind(self) -> Kind:
@@ -82,10 +123,17 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         tolerance = Tolerance(**self.tolerance)
         bare = None if self.bare is None else self.bare.recording()
         if self.rest is not None:
-            return estimate_and_judge(pad, tolerance, self.rest.recording(), bare)
+            known = self._at_rest(pad, self.rest)
+            mounting = estimate_and_judge(pad, tolerance, known.rest, bare, known.gains)
+            return mounting if self.refine is None else refined(known, mounting, self.refine.presses())
         if bare is not None:
             return nominal_mounting(pad, tolerance, bare)
         raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
+
+    def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
+        tolerance = Tolerance(**self.tolerance)
+        gains: Gains | None = None if self.turn is None else gains_from_turn(pad, tolerance, self.turn.turn())
+        return AtRest(pad, tolerance, rest.recording(), None if self.bare is None else self.bare.recording(), gains)
 
     def sealed(self) -> Baseline:
         """The same with its own id."""
@@ -94,10 +142,13 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return msgspec.structs.replace(self, id=digest)
 
 
-def make_bare(pad: Pad, tolerance: Tolerance, recording: Recording) -> Baseline:
-    """A baseline of the field alone, the pad not mounted; it ends what any rest recording of before said."""
+def make_bare(pad: Pad, tolerance: Tolerance, recording: Recording, before: Baseline | None = None) -> Baseline:
+    """A baseline of the field alone, the pad not mounted; it ends what any rest recording of before said.
+
+    Gains are the sensors' own, so that `before` lends its turn.
+    """
     check_bare(pad, recording)
-    return _baseline(pad, tolerance, StoredRecording.of(recording), None)
+    return _baseline(pad, tolerance, StoredRecording.of(recording), None, before)
 
 
 def make_rest(
@@ -105,14 +156,44 @@ def make_rest(
 ) -> tuple[Baseline, Mounting]:
     """A baseline of the mounted, unloaded pad; `before` lends its bare recording. Refused where it does not fit.
 
-    Unless the pad was `replaced`, its magnet must be where it was before: a load would become the new zero.
+    Unless the pad was `replaced`, its magnet must be where it was before: a load would become the new zero. What
+    presses told holds until then; the sensors' gains, which a turn told, hold beyond.
     """
     bare = None if before is None else before.bare
-    baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording))
+    baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before)
+    if before is not None and before.rest is not None and not replaced:
+        baseline = msgspec.structs.replace(baseline, refine=before.refine).sealed()
     mounting = baseline.mounting(pad)
     if before is not None and before.rest is not None and not replaced:
         _require_unmoved(pad, tolerance, before, recording)
     return baseline, mounting
+
+
+def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
+    """`before`, which must have a rest recording, with the gains that turning the unloaded robot told."""
+    _require_rest(before, "--turn")
+    assert before is not None
+    stored = StoredTurn.of(Turn.of(means))
+    baseline = msgspec.structs.replace(before, turn=stored).sealed()
+    return baseline, baseline.mounting(pad)
+
+
+def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
+    """`before`, which must have a rest recording, with what unlabelled presses told of sensor places and gains."""
+    rest = _require_rest(before, "--refine")
+    assert before is not None
+    plain = msgspec.structs.replace(before, refine=None)
+    fields = pick(plain._at_rest(pad, rest), plain.mounting(pad), means)
+    baseline = msgspec.structs.replace(before, refine=StoredPresses.of(fields)).sealed()
+    return baseline, baseline.mounting(pad)
+
+
+def _require_rest(before: Baseline | None, option: str) -> StoredRecording:
+    if before is None or before.rest is None:
+        raise BaselineError(
+            f"rest is not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad, then {option}"
+        )
+    return before.rest
 
 
 def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
@@ -164,9 +245,20 @@ def encode(baseline: Baseline) -> bytes:
     return msgspec.json.format(msgspec.json.encode(baseline), indent=1) + b"\n"
 
 
-def _baseline(pad: Pad, tolerance: Tolerance, bare: StoredRecording | None, rest: StoredRecording | None) -> Baseline:
+def _baseline(
+    pad: Pad,
+    tolerance: Tolerance,
+    bare: StoredRecording | None,
+    rest: StoredRecording | None,
+    before: Baseline | None,
+) -> Baseline:
+    turn = None if before is None else before.turn
     tolerances = {name: float(getattr(tolerance, name)) for name in Tolerance.__slots__}
-    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest).sealed()
+    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest, turn).sealed()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _rows(array: np.ndarray) -> Rows:

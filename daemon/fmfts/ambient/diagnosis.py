@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.ambient.gains import Gains
 from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.recording import BaselineError, Recording
 from fmfts.chi2 import quantile
@@ -47,20 +48,24 @@ def check_bare(pad: Pad, bare: Recording) -> None:
         )
 
 
-def estimate_and_judge(pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None) -> Mounting:
+def estimate_and_judge(
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None = None
+) -> Mounting:
     """The mounting, if it is one: BaselineError with the misfit and its likely cause otherwise."""
-    mounting = estimate_mounting(pad, tolerance, rest, bare)
+    mounting = estimate_mounting(pad, tolerance, rest, bare, gains=gains)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
     # With perfect sensors the misfit shows where it arose; the tolerances would spread it over all of them.
-    misfit = estimate_mounting(pad, replace(tolerance, sensor_position_m=0.0, gain=0.0), rest, bare).misfit_t
+    misfit = estimate_mounting(
+        pad, replace(tolerance, sensor_position_m=0.0, gain=0.0), rest, bare, gains=gains
+    ).misfit_t
     worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
     facts = (
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} tolerances from its place; "
         f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e7:+.0f} mG off."
     )
-    plausible = [suspicion for suspicion in _suspicions(pad, tolerance, rest, bare) if suspicion.plausible]
+    plausible = [suspicion for suspicion in _suspicions(pad, tolerance, rest, bare, gains) if suspicion.plausible]
     if not plausible:
         cause = (
             "No single fault explains it: steel or a magnet nearby, or sensors_mm, rest_mm and remanence_t in the "
@@ -80,21 +85,23 @@ def _fits(mounting: Mounting) -> bool:
     return mounting.chi2 < _limit(mounting)
 
 
-def _suspicions(pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None) -> Iterator[_Suspicion]:
+def _suspicions(
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None
+) -> Iterator[_Suspicion]:
     """The single faults that are worth a try, each with the mounting that would follow if it were so."""
     count = len(pad.sensors)
     yield _Suspicion(
-        estimate_mounting(replace(pad, rest_axis=-pad.rest_axis), tolerance, rest, bare),
+        estimate_mounting(replace(pad, rest_axis=-pad.rest_axis), tolerance, rest, bare, gains=gains),
         "The magnet is in upside down: turn it, or negate rest_axis.",
     )
     for one, other in combinations(range(count), 2):
         order = np.arange(count)
         order[[one, other]] = other, one
         yield _Suspicion(
-            estimate_mounting(pad, tolerance, _reordered(rest, order), bare and _reordered(bare, order)),
+            estimate_mounting(pad, tolerance, _reordered(rest, order), bare and _reordered(bare, order), gains=gains),
             f"Sensors {one + 1} and {other + 1} are swapped: exchange their channels in the config or their wires.",
         )
-    loaded = estimate_mounting(pad, replace(tolerance, **LOADED), rest, bare)
+    loaded = estimate_mounting(pad, replace(tolerance, **LOADED), rest, bare, gains=gains)
     x, y, z = (loaded.rest.position_m - pad.rest_position_m) * 1e3
     tilt = np.arccos(np.clip(loaded.rest.axis @ pad.rest_axis, -1.0, 1.0))
     yield _Suspicion(
@@ -107,7 +114,7 @@ def _suspicions(pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording
     for sensor in range(count):
         used = np.arange(count) != sensor
         yield _Suspicion(
-            estimate_mounting(pad, tolerance, rest, bare, used),
+            estimate_mounting(pad, tolerance, rest, bare, used, gains),
             f"Sensor {sensor + 1} alone is wrong: a bad chip (run selftest), a bad place, or steel beside it.",
         )
 

@@ -6,11 +6,13 @@ mounting and manufacture leave open, with the tolerances as priors. Contact then
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.ambient.gains import Gains, relative_deviation
+from fmfts.ambient.presses import PressBundle, Presses
 from fmfts.ambient.recording import Recording
 from fmfts.ambient.unknowns import Leftover, Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
@@ -38,6 +40,7 @@ class Mounting:
     chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
     rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
     ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
+    press_chi2: (K,) misfit of each press, if there were any, of 3N − 5 degrees of freedom.
     """
 
     rest: State
@@ -56,6 +59,7 @@ class Mounting:
     rest_strain: Array
     ambient_t: Array | None
     ambient_deviation_t: Array | None
+    press_chi2: Array = field(default_factory=lambda: np.zeros(0))
 
     def mounted(self, pad: Pad) -> Pad:
         """The drawing with the estimated sensor places and rest pose in it."""
@@ -89,13 +93,20 @@ class Mounting:
 
 
 def estimate_mounting(
-    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, used: NDArray[np.bool_] | None = None
+    pad: Pad,
+    tolerance: Tolerance,
+    rest: Recording,
+    bare: Recording | None,
+    used: NDArray[np.bool_] | None = None,
+    gains: Gains | None = None,
+    presses: Presses | None = None,
 ) -> Mounting:
     """The most probable mounting, from the field at rest and, where there is one, the field without the pad.
 
     With a bare recording, the difference of both is the magnet's alone, and the ambient field is a measurement; without
     one it is one more unknown, and what comes out for it is not worth publishing (18–31 mG wrong).
-    used: (N,) sensors to believe, all if None.
+    used: (N,) sensors to believe, all if None. gains: what is known of them, no more than the tolerance if None.
+    presses: what moved the magnet, if anything did; every press must be of a sensor that is believed.
     """
     count = len(pad.sensors)
     data, variance = rest.mean_t, rest.mean_deviation_t**2 + MODEL_DEVIATION_T**2
@@ -103,16 +114,23 @@ def estimate_mounting(
         data, variance = data - bare.mean_t, variance + bare.mean_deviation_t**2
     believed = np.repeat(np.ones(count, dtype=bool) if used is None else used, 3)
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
-    unknowns = Unknowns.of(pad, tolerance, ambient_free=bare is None)
+    unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
     scaled = np.zeros(len(unknowns.deviation))
+    bundle = None if presses is None else PressBundle(presses, unknowns)
     for _ in range(ITERATIONS):
         predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled))
         weighted = weight[:, None] * jacobian * unknowns.deviation
-        normal = weighted.T @ weighted + np.eye(len(scaled))
-        step = np.linalg.solve(normal, weighted.T @ (weight * (data - predicted).ravel()) - scaled)
+        normal = weighted.T @ weighted + unknowns.precision
+        gradient = weighted.T @ (weight * (data - predicted).ravel()) - unknowns.precision @ scaled
+        if bundle is not None:
+            reduced = bundle.linearise(scaled)
+            normal, gradient = normal + reduced.normal, gradient + reduced.gradient
+        step = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64)
         # Beyond a few prior deviations the linear model is not to be believed.
         step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
         scaled = scaled + step
+        if bundle is not None:
+            bundle.follow(step)
         if np.abs(step).max() < SETTLED:
             break
     state, places, gain = unknowns.unpack(scaled)
@@ -123,7 +141,8 @@ def estimate_mounting(
     magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
     distance = np.linalg.norm(places - state.position_m, axis=1)
     ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
-    spread = np.sqrt(np.diagonal(covariance)[9:]).reshape(2, count, 3)
+    place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
+    gain_deviation = relative_deviation(covariance[9 + 3 * count :, 9 + 3 * count :])
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),
         rest_covariance=covariance[:6, :6],
@@ -132,15 +151,16 @@ def estimate_mounting(
         offset_t=rest.mean_t / gain - magnet_alone,
         rest_field_t=magnet_alone,
         noise_t=rest.noise_t,
-        proportional=_proportional(spread[0], spread[1], distance),
+        proportional=_proportional(place_deviation, gain_deviation, distance),
         systematic_t=0.0,
         leftover=Leftover(unknowns, scaled, scaled_covariance, weight),
-        chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ scaled),
+        chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ unknowns.precision @ scaled),
         measurements=int(believed.sum()),
         misfit_t=misfit,
         rest_strain=scaled[:5],
         ambient_t=ambient,
         ambient_deviation_t=ambient_deviation,
+        press_chi2=np.zeros(0) if bundle is None else bundle.linearise(scaled).block_chi2,
     )
 
 
@@ -150,8 +170,8 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
     All sensors weigh the same, as in the paper: nothing tells yet which of them are off, only how much they may be.
     """
     shape = bare.mean_t.shape
-    field = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
-    typical_t = np.sqrt(np.mean(field**2))
+    at_rest_t = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
+    typical_t = np.sqrt(np.mean(at_rest_t**2))
     distance = np.linalg.norm(pad.sensors.position_m - pad.rest_position_m, axis=1)
     place, gain = np.full(shape, tolerance.sensor_position_m), np.full(shape, tolerance.gain)
     proportional = np.sqrt(np.mean(_proportional(place, gain, distance) ** 2))
@@ -162,7 +182,7 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
         gain=np.ones(shape),
         sensor_position_m=pad.sensors.position_m,
         offset_t=bare.mean_t,
-        rest_field_t=pad.sensors.to_sensor(field),
+        rest_field_t=pad.sensors.to_sensor(at_rest_t),
         noise_t=bare.noise_t,
         proportional=np.zeros(shape),
         systematic_t=float(proportional * typical_t),

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.ambient.gains import Gains
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import State, dipole_derivatives, tangent_basis
 
@@ -22,14 +23,24 @@ TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
 @dataclass(frozen=True, slots=True)
 class Unknowns:
     """Rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N), counted in prior deviations:
-    `deviation` (9 + 6N,) has them in SI."""
+    `deviation` (9 + 6N,) has them in SI, from the drawing and the prior's `gain` (N, 3). precision (9 + 6N, 9 + 6N):
+    of the prior in these units; turning the robot makes gains depend on each other."""
 
     pad: Pad
     deviation: Array
+    gain: Array
+    precision: Array
 
     @classmethod
-    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool) -> Self:
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, gains: Gains | None = None) -> Self:
+        """gains: the tolerance's if None. With a tolerance of zero they are taken as exact."""
         count = len(pad.sensors)
+        gains = gains or Gains.untested(count, tolerance.gain)
+        gain_deviation = np.sqrt(np.diagonal(gains.covariance)) if tolerance.gain else np.zeros(3 * count)
+        precision = np.eye(9 + 6 * count)
+        if tolerance.gain:
+            correlation = gains.covariance / gain_deviation / gain_deviation[:, None]
+            precision[9 + 3 * count :, 9 + 3 * count :] = np.linalg.inv(correlation)
         spread = np.concatenate(
             [
                 np.full(3, tolerance.magnet_position_m),
@@ -37,30 +48,37 @@ class Unknowns:
                 [tolerance.remanence],
                 np.full(3, AMBIENT_DEVIATION_T if ambient_free else 0.0),
                 np.full(3 * count, tolerance.sensor_position_m),
-                np.full(3 * count, tolerance.gain),
+                gain_deviation,
             ]
         )
-        return cls(pad, spread)
+        return cls(pad, spread, gains.mean, precision)
 
     def unpack(self, scaled: Array) -> tuple[State, Array, Array]:
         """State, sensor places (N, 3) and gains (N, 3)."""
         count = len(self.pad.sensors)
         values = self.deviation * scaled
         places = self.pad.sensors.position_m + values[9 : 9 + 3 * count].reshape(count, 3)
-        gain = 1.0 + values[9 + 3 * count :].reshape(count, 3)
+        gain = self.gain + values[9 + 3 * count :].reshape(count, 3)
         return State.at_rest(self.pad).stepped(values[:9]), places, gain
 
-    def predict(self, state: State, places: Array, gain: Array) -> tuple[Array, Array]:
-        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI."""
+    def predict(
+        self, state: State, places: Array, gain: Array, start_axis: Array | None = None, octupole_m2: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI.
+
+        The tilt is a step in the tangent plane of `start_axis`: the drawing's if None, where the search for the rest
+        pose starts, and which stays within degrees of it.
+        """
         count = len(places)
         strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
-        dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength)
+        dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength, octupole_m2)
         to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
         field = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
         columns = np.zeros((count, 3, len(self.deviation)))
         columns[:, :, 0:3] = to_sensor @ by_position
-        # The tangent plane is that of the drawing's axis, where the search starts; the tilt stays within degrees of it.
-        columns[:, :, 3:5] = to_sensor @ by_axis @ tangent_basis(self.pad.rest_axis)
+        columns[:, :, 3:5] = (
+            to_sensor @ by_axis @ tangent_basis(self.pad.rest_axis if start_axis is None else start_axis)
+        )
         columns[:, :, 5] = (to_sensor @ dipole[:, :, None])[:, :, 0]
         columns[:, :, 6:9] = to_sensor
         for sensor in range(count):

@@ -1,0 +1,31 @@
+"""What is known of the sensors' gains: no more than their tolerance, or what turning an unloaded pad told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Per axis, measured = gain·true: mean (N, 3) and covariance (3N, 3N)."""
+
+    mean: Array
+    covariance: Array
+
+    @classmethod
+    def untested(cls, count: int, tolerance: float) -> Self:
+        return cls(np.ones((count, 3)), np.eye(3 * count) * tolerance**2)
+
+
+def relative_deviation(covariance: Array) -> Array:
+    """(N, 3) of gains with `covariance` (3N, 3N), relative to their mean: what all have in common is the moment's."""
+    size = len(covariance)
+    apart = np.eye(size) - 1.0 / size
+    deviation: Array = np.sqrt(np.diagonal(apart @ covariance @ apart)).reshape(-1, 3)
+    return deviation
