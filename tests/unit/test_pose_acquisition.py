@@ -9,12 +9,24 @@ import pytest
 
 from fmfts.chi2 import quantile
 from fmfts.pad import Pad
-from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Problem, State, Status, acquire, parts_of
+from fmfts.pose import (
+    FREE_FIELD,
+    FREE_PAPER,
+    FREE_POSE,
+    STOP_CONVERGED,
+    Prior,
+    Problem,
+    State,
+    Status,
+    acquire,
+    parts_of,
+)
 from fmfts.pose.acquisition import starts_around
 from fmfts.pose.kernel import solve_kernel
 from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.pose.reference import solve_reference
+from fmfts.pose.state import SIZE
 
 NOISE_T = 2e-7
 DRAWS = 300
@@ -60,21 +72,35 @@ def test_every_cold_start_is_right_or_flagged(pad: Pad, free: np.ndarray, sensor
 STARTS = starts_around(np.array([[x, y, 0.0, *[0.0] * 7] for x in (8e-3, -8e-3) for y in (8e-3, -8e-3)]), 12e-3)
 
 
-@pytest.mark.parametrize("free", [FREE_PAPER, FREE_FIELD], ids=["6", "8"])
-def test_kernel_and_reference_project_to_the_same_minimum(pad: Pad, free: np.ndarray) -> None:
+ROLES = {
+    "6 free": parts_of(free=FREE_PAPER),
+    "8 free": parts_of(free=FREE_FIELD),
+    "moment free, ambient under a prior": parts_of(free=FREE_PAPER, prior=[6, 7, 8]),
+    "one ambient component free, one under a prior": parts_of(free=[*FREE_POSE, 6], prior=[8]),
+}
+
+
+@pytest.mark.parametrize("roles", ROLES)
+def test_kernel_and_reference_project_to_the_same_state(pad: Pad, roles: str) -> None:
     random = np.random.default_rng(12)
     for _ in range(30):
-        truth = anywhere(random, ambient=len(free) == 8)
+        truth = anywhere(random, ambient="ambient" in roles or roles == "8 free")
+        expected = replace(State.at_rest(pad), ambient_t=truth.ambient_t + random.normal(0.0, 1e-6, 3))
         problem = replace(
-            problem_of(truth, pad, free, 4, random),
+            problem_of(truth, pad, FREE_PAPER, 4, random),
             magnets=magnet_rows(pad.magnet),
+            parts=ROLES[roles],
+            prior=Prior(expected, np.diag(np.full(SIZE, 1e-6**2))),
+            start=replace(State.at_rest(pad), ambient_t=truth.ambient_t * [1.0, 1.0, 0.9]),
             stop_chi2=STOP_CONVERGED,
-            max_iterations=200,
             project=True,
         )
-        kernel, reference = solve_kernel(problem), solve_reference(problem)
-        assert kernel.status is reference.status is Status.CONVERGED
-        assert kernel.state.vector() == pytest.approx(reference.state.vector(), rel=1e-9, abs=1e-13)
+        # Where no step is taken, the state is that of the projection alone.
+        for limit in (0, 200):
+            kernel = solve_kernel(replace(problem, max_iterations=limit))
+            reference = solve_reference(replace(problem, max_iterations=limit))
+            assert kernel.status is reference.status is (Status.CONVERGED if limit else Status.AT_LIMIT)
+            assert kernel.state.vector() == pytest.approx(reference.state.vector(), rel=1e-9, abs=1e-13)
 
 
 def test_a_field_that_no_magnet_makes_is_not_acquired(pad: Pad) -> None:

@@ -174,11 +174,26 @@ def test_nine_unknowns_at_rest_name_what_trades_off(solver, pad: Pad) -> None:
     assert np.linalg.norm(jacobian / NOISE_T @ (solution.direction / scale)) < 1e-6
 
 
-def test_a_height_known_to_no_better_than_centimetres_is_unobservable(solver, pad: Pad) -> None:
-    truth = State(np.array([0.1e-3, 0.0, 12e-3]), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
-    solution = solver(problem_at(pad, truth, parts=parts_of(free=np.arange(9))))
+def test_a_height_known_to_half_a_centimetre_is_unobservable(solver, pad: Pad) -> None:
+    """The bound there is 4.95 mm, of 16 mm to the sensors; where it is 0.8 mm, the answer stands."""
+    lateral = State(np.array([0.3e-3, 0.0, 12e-3]), np.array([0.05, 0.0, 1.0]) / np.hypot(0.05, 1.0), 0.0, np.zeros(3))
+    parts = parts_of(free=np.arange(9))
+    solution = solver(problem_at(pad, lateral, parts=parts, max_iterations=0))
     assert solution.status is Status.UNOBSERVABLE
     assert "z" in solution.unobservable
+    pressed = State(np.array([0.5e-3, 0.3e-3, 10.5e-3]), np.array([0.1, 0.05, 0.99]), 0.0, np.zeros(3))
+    pressed = replace(pressed, axis=pressed.axis / np.linalg.norm(pressed.axis))
+    solution = solver(problem_at(pad, pressed, parts=parts))
+    assert solution.status is Status.CONVERGED
+    assert np.sqrt(solution.covariance[2, 2]) == pytest.approx(827e-6, rel=0.01)
+
+
+def test_noise_of_zero_is_refused_also_beside_a_proportional_part(solver, pad: Pad) -> None:
+    problem = problem_at(pad)
+    problem.measurements[:, PROPORTIONAL] = 0.01
+    assert solver(problem).status is Status.CONVERGED
+    problem.measurements[4, NOISE] = 0.0
+    assert solver(problem).status is Status.INVALID
 
 
 def test_one_sensor_alone_is_unobservable(solver, pad: Pad) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from fmfts.pose import (
     FREE_POSE,
     PoseEstimate,
     Problem,
+    Solution,
     State,
     Status,
     acquire,
@@ -154,3 +156,16 @@ def test_real_recordings_are_solved_from_a_cold_start(sensors: set[int], median_
     assert len(away_mm) == 126
     assert np.median(away_mm) < median_mm
     assert np.percentile(away_mm, 95) < p95_mm
+
+
+def test_the_example_of_the_documentation_finds_its_magnet() -> None:
+    """Its readings are of a magnet at (0.5, 0, 11.5) mm, its axis along (0.1, 0, 1), rounded to 0.1 µT."""
+    example = re.search(r"```python\n(.*?)```", (ROOT / "docs/pose.md").read_text(), re.DOTALL)
+    assert example is not None
+    names: dict[str, object] = {}
+    exec(example.group(1), names)
+    found = names["found"]
+    assert isinstance(found, Solution)
+    assert found.status is Status.CONVERGED
+    deviation = np.sqrt(np.diagonal(found.covariance)[:3])
+    assert (np.abs(found.state.position_m - [0.5e-3, 0.0, 11.5e-3]) < 5.0 * deviation).all()

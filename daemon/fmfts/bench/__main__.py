@@ -1,17 +1,18 @@
-"""python -m fmfts.bench speed | accuracy | convergence"""
+"""python -m fmfts.bench speed | accuracy | convergence | faults"""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from fmfts.bench import accuracy, convergence, speed
+from fmfts.bench import accuracy, convergence, faults, speed
 from fmfts.pose import SOLVER
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m fmfts.bench", description="measure the pose solver")
     parser.add_argument("--seed", type=int, default=1)
-    verbs = parser.add_subparsers(required=True, metavar="speed | accuracy | convergence")
+    verbs = parser.add_subparsers(required=True, metavar="speed | accuracy | convergence | faults")
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
     verb = verbs.add_parser("accuracy", help="errors over the Cramér–Rao bound, and whether the covariance is honest")
@@ -20,6 +21,11 @@ def main() -> None:
     verb = verbs.add_parser("convergence", help="cold starts, and how many go wrong unnoticed")
     verb.add_argument("--draws", type=int, default=20000, help="for each model and number of sensors")
     verb.set_defaults(run=convergence.run)
+    verb = verbs.add_parser("faults", help="broken sensors and foreign fields: seen when, named right, wrong how often")
+    verb.add_argument("--quick", action="store_true", help="a few sensors and axes, half a minute")
+    verb.add_argument("--pads", type=int, default=8, help="how many healthy pads are tapped for a minute")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=faults.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")

@@ -39,7 +39,7 @@ AXES = "xyz"
 class Fault:
     """kind: what the table calls it. sensor: the one to be named, None where the field itself is foreign.
 
-    counts, field: what it does; valid: whether the sensor still answers; magnet: whether it is there.
+    counts, field: what it does; valid: whether the sensor still answers.
     """
 
     kind: str

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import json
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
-from math import acos
+from dataclasses import asdict, dataclass, field
+from math import acos, cos, pi
 
 import numpy as np
 
 from fmfts.bench.drills import (
     FINGERS,
+    FRAME_NS,
     RATE_HZ,
     Ambient,
     DrillSource,
     Fault,
+    field_faults,
     pad_config,
     record,
+    sensor_faults,
     spoiled,
 )
 from fmfts.bus.messages import ContactMessage
@@ -34,6 +39,7 @@ from fmfts.simulated_baseline import simulated_baseline
 WRONG_DEVIATIONS = 5.0
 WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 0.3
 GRACE_S = 0.5
+TAP_S = 50e-3
 PUBLISHED = ("ok", "degraded")
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
 
@@ -175,16 +181,84 @@ def pipeline_of(config: PadConfig, model: ContactModel) -> PadPipeline:
     return pipeline
 
 
-def drilled(faults: Sequence[Fault], seeds: Iterable[int], ambients: Sequence[Ambient] = AMBIENTS) -> list[Outcome]:
+def drilled(
+    faults: Sequence[Fault],
+    seeds: Iterable[int],
+    ambients: Sequence[Ambient] = AMBIENTS,
+    touches: Sequence[str] = tuple(FINGERS),
+) -> list[Outcome]:
     """Every fault in every situation."""
     outcomes: dict[tuple[str, str, str], Outcome] = {}
     for seed in seeds:
         model = ContactModel.load("default", pad_config("constant", seed).pad())
         for ambient in ambients:
-            for touch in FINGERS:
+            for touch in touches:
                 healthy = Healthy(ambient, touch, seed, model)
                 for fault in faults:
                     key = (fault.kind, ambient, touch)
                     outcome = outcomes.setdefault(key, Outcome(*key))
                     healthy.drill(fault, outcome)
     return list(outcomes.values())
+
+
+def tapping(time_s: float) -> Touch:
+    """1 N taps of 50 ms, three a second."""
+    within_s = time_s % (1.0 / 3.0) - 0.1
+    return Touch(1e-3, 2e-3, 0.5 * (1.0 - cos(2 * pi * within_s / TAP_S)) if 0.0 < within_s < TAP_S else 0.0)
+
+
+@dataclass(slots=True)
+class Well:
+    """A healthy pad that is tapped: alarms are false here."""
+
+    ambient: str
+    frames: int = 0
+    alarms: int = 0
+    wrong: int = 0
+    worst: float = 0.0
+
+    @property
+    def line(self) -> str:
+        return (
+            f"healthy, tapped, {self.ambient:8} {self.frames:8d} frames, {self.alarms} not ok "
+            f"({self.alarms / self.frames:.1e}), available {1 - self.alarms / self.frames:.4%}, "
+            f"{self.wrong} wrong, worst {self.worst:.1f} deviations"
+        )
+
+
+def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
+    well = Well(ambient)
+    for seed in seeds:
+        config = pad_config(ambient, seed)
+        pipeline = pipeline_of(config, ContactModel.load("default", config.pad()))
+        source = DrillSource(config)
+        source.finger = tapping
+        truth = Truth(source.built, tapping)
+        for step in range(round(seconds * RATE_HZ)):
+            for frame in source.poll(step * FRAME_NS):
+                message = pipeline.process(frame)
+                off = truth.deviations(message)
+                well.frames += 1
+                well.alarms += message.health != "ok"
+                well.wrong += off > WRONG_DEVIATIONS
+                well.worst = max(well.worst, off)
+    return well
+
+
+def run(options: Namespace) -> None:
+    """Print the table; with `options.out`, the same facts as JSON."""
+    quick = options.quick
+    faults = sensor_faults((0,), (0, 2)) if quick else sensor_faults(range(4), range(3))
+    foreign = field_faults()
+    outcomes = drilled(faults, (options.seed,))
+    outcomes += drilled(foreign, (options.seed,), touches=("pressed",) if quick else tuple(FINGERS))
+    print(HEADER)
+    for outcome in sorted(outcomes, key=lambda one: (one.ambient, one.touch)):
+        print(outcome.line)
+    seeds, seconds = (range(1, 2), 10.0) if quick else (range(1, 1 + options.pads), 60.0)
+    wells = [tapped(ambient, seeds, seconds) for ambient in AMBIENTS]
+    for well in wells:
+        print(well.line)
+    if options.out is not None:
+        facts = {"faults": [asdict(one) for one in outcomes], "healthy": [asdict(one) for one in wells]}
+        options.out.write_text(json.dumps(facts, indent=1) + "\n")

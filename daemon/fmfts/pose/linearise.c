@@ -60,12 +60,20 @@ static bool step_from_mean(const fmfts_search *search, const double *state, doub
         const double(*basis)[3] = (const double(*)[3])search->sources.source[m].basis;
         double origin[2][3];
         tangent_basis(from + AXIS_VALUE, origin);
+        for (int i = 0; i < 3; i++) {
+            step[i] = own[i] - from[i];
+        }
+        step[LOG_COLUMN] = own[LOG_VALUE] - from[LOG_VALUE];
+        uint8_t part = search->problem->parts[first_column(m) + TILT_COLUMN];
+        if (part == FMFTS_FREE || part == FMFTS_FIXED) {
+            step[TILT_COLUMN] = step[TILT_COLUMN + 1] = 0.0; /* of no account, however far it is */
+            turn[m][0][0] = turn[m][1][1] = 1.0;
+            turn[m][0][1] = turn[m][1][0] = 0.0;
+            continue;
+        }
         double along = dot3(own + AXIS_VALUE, from + AXIS_VALUE);
         if (!(along > 0.0)) {
             return false;
-        }
-        for (int i = 0; i < 3; i++) {
-            step[i] = own[i] - from[i];
         }
         for (int i = 0; i < 2; i++) {
             step[TILT_COLUMN + i] = dot3(origin[i], own + AXIS_VALUE) / along;
@@ -73,7 +81,6 @@ static bool step_from_mean(const fmfts_search *search, const double *state, doub
                 turn[m][i][j] = (dot3(origin[i], basis[j]) - step[TILT_COLUMN + i] * dot3(from + AXIS_VALUE, basis[j])) / along;
             }
         }
-        step[LOG_COLUMN] = own[LOG_VALUE] - from[LOG_VALUE];
     }
     return true;
 }

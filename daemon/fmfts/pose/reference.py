@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pose.model import UNIT, brought_to_now, magnets_of, predict, usable_rows
-from fmfts.pose.problem import PLACE, VALUE, Part, Problem, Solution, Status
+from fmfts.pose.problem import PLACE, VALUE, Part, Parts, Problem, Solution, Status
 from fmfts.pose.projection import best_linear_parts
 from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
 
@@ -113,7 +113,7 @@ class _Search:
             normal, gradient = weighted.T @ weighted, weighted.T @ residual
             chi2 = float(residual @ residual)
             if problem.prior is not None:
-                away, by_step = _from_mean(state, problem.prior.mean)
+                away, by_step = _from_mean(state, problem.prior.mean, problem.parts)
                 turn = by_step[np.ix_(self._order, self._order)]
                 pull = self._information @ away[self._order]
                 normal = normal + turn.T @ self._information @ turn
@@ -203,7 +203,7 @@ def _information(problem: Problem) -> Array | None:
     return information
 
 
-def _from_mean(state: State, mean: State) -> tuple[Array, Array]:
+def _from_mean(state: State, mean: State, parts: Parts) -> tuple[Array, Array]:
     """The step d (columns,) from a prior's mean, and its derivative D (columns, columns) by a step from `state`.
 
     With a the axis, m the mean's and T their tangent bases, d = T_mᵀa/(a·m); NaN at 90° or more.
@@ -211,6 +211,8 @@ def _from_mean(state: State, mean: State) -> tuple[Array, Array]:
     away, by_step = state.step_from(mean), np.eye(state.columns)
     for (first, magnet), (_, origin) in zip(magnets_of(state), magnets_of(mean), strict=True):
         tilt = slice(first + AXIS.start, first + AXIS.stop)
+        if parts[tilt.start] in (Part.FREE, Part.FIXED):
+            continue  # of no account, however far it is
         along = magnet.axis @ origin.axis
         basis, to_mean = tangent_basis(magnet.axis), tangent_basis(origin.axis).T
         away[tilt] = to_mean @ magnet.axis / along if along > 0.0 else np.nan
