@@ -119,7 +119,7 @@ def test_a_sample_that_contradicts_the_hello_is_no_frame_and_is_named(packet: Sa
 def test_what_does_not_fit_is_counted_and_the_last_of_it_named() -> None:
     line = Line()
     line.feed(hello(4))
-    line.feed(sample(3), sample(5), Status(0, 0, 0, (StatusPad(0, 0, 0, (0,) * 6),)))
+    assert line.feed(sample(3), sample(5), Status(0, 0, 0, (StatusPad(0, 0, 0, (1,) * 6),))) == []
     assert line.state.warnings["packets"] == (
         "3 packets left out, the last a status: it has 6 sensors, and the hello has 4; "
         "if this goes on, flash the firmware again"
