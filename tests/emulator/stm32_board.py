@@ -194,6 +194,9 @@ class Board:
         mux.absent = absent
         mux.control = mux.pending = 0
 
+    def bus_is_idle(self, pad: int) -> bool:
+        return self.wires[self.places[pad].port].i2c.is_idle
+
     def hold_sda(self, pad: int, clocks: int | None = None, sensor: int | None = None) -> None:
         """SDA low until clocked so often (None: for ever); by a sensor behind its mux, or by anyone before it."""
         place = self.places[pad]

@@ -41,6 +41,10 @@ class I2cEvents:
         self._cr1 = self._enabled_before = 0
         self._stop_everything()
 
+    @property
+    def is_idle(self) -> bool:
+        return self._phase == Phase.IDLE
+
     def _stop_everything(self) -> None:
         if self._event:
             self._event.cancel()
