@@ -91,9 +91,10 @@ class Daemon:
         return answer
 
     def result(self) -> dict[str, Any]:
-        while "progress" in (answer := self.answer()):
-            pass
-        return answer
+        for _ in range(20):
+            if "progress" not in (answer := self.answer()):
+                return answer
+        raise AssertionError("it never ends")
 
     def close(self) -> None:
         self._peer.close()
