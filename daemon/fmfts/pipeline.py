@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
+NO_NOISE = np.zeros(1)
 # A finger never lifts the magnet. One that stays lifted for this long was pressed when its baseline was recorded.
 LIFTED_S = 0.2
 
@@ -92,7 +93,10 @@ class Estimator:
         temperature_c = None if baseline.rest is None else baseline.rest.temperature_c
         # Before rest is recorded, nothing is known of moment or drift: the paper's own method serves.
         model_of_scene = PAPER if baseline.rest is None else tracking
-        self._tracker = Tracker(self.mounting.mounted(drawing), self.mounting.rest, model_of_scene, temperature_c)
+        noise_t = None if baseline.rest is None else self.mounting.noise_t
+        self._tracker = Tracker(
+            self.mounting.mounted(drawing), self.mounting.rest, model_of_scene, temperature_c, noise_t
+        )
         self._change_error = self.mounting.change_error(self._tracker.estimated)
         self._touch = TouchDetector(rate_hz)
         self._last_us: int | None = None
@@ -103,8 +107,9 @@ class Estimator:
         elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
         self._last_us = aligned.time_us
         field = self.mounting.magnet_field(aligned.field_t)
-        deviation = np.hypot(self.mounting.deviation_t(field, aligned.noise_share), aligned.bend_t)
-        track = self._tracker.update(field, deviation, elapsed_s, temperature_c)
+        lasting = np.hypot(self.mounting.deviation_t(field, NO_NOISE), aligned.bend_t)
+        deviation = np.hypot(lasting, self.mounting.noise_t * aligned.noise_share)
+        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, lasting)
         if self.baseline.rest is None:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":

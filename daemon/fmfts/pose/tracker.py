@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,14 @@ from fmfts.pad import Pad
 from fmfts.pose.problem import Part, Parts, Prior, Status, parts_of
 from fmfts.pose.solver import FREE_PAPER, PoseEstimate, solve
 from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, SIZE, State
+from fmfts.pose.watch import (
+    FEWEST_SENSORS,
+    GRADIENT_DEVIATION_T_PER_M,
+    UNEVEN_FIELD_DEVIATION_T,
+    Watch,
+    without,
+)
+from fmfts.pose.watch import TrackHealth as TrackHealth
 
 Array = NDArray[np.float64]
 
@@ -23,16 +30,9 @@ STOP_TRACKING = 1e-6
 # While a disturbance lasts, the search for a single sensor at fault is repeated once in so many frames: it costs
 # solves that take their time, because none of them fits.
 SEARCH_EVERY = 8
-# Fewer whole sensors than this leave poses that fit as well as the true one.
-FEWEST_SENSORS = 3
 # A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
 REACH_M = 8e-3
 MOMENT_FACTOR = 3.0
-# What a magnet 60 mm away, or a steel tool, makes: 22 mG from the middle to a sensor.
-GRADIENT_DEVIATION_T_PER_M = 3e-4
-UNEVEN_FIELD_DEVIATION_T = 1e-5
-
-TrackHealth = Literal["ok", "degraded", "disturbed", "lost"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +74,18 @@ class Tracker:
     Parts with a prior are carried from one good frame to the next; a frame that is not good teaches nothing.
     """
 
-    def __init__(self, pad: Pad, rest: State, model: TrackingModel, rest_temperature_c: float | None = None) -> None:
+    def __init__(
+        self,
+        pad: Pad,
+        rest: State,
+        model: TrackingModel,
+        rest_temperature_c: float | None = None,
+        noise_t: Array | None = None,
+    ) -> None:
+        """noise_t (N, 3): white noise of one sample; without it, faults that are small and last are not looked for."""
         self._pad = pad
+        self._watch = None if noise_t is None else Watch(pad, model.parts, noise_t)
+        self._nearest: PoseEstimate | None = None  # to the truth, as far as this frame tells
         self._rest = rest
         self._model = model
         self._rest_temperature_c = rest_temperature_c
@@ -87,16 +97,40 @@ class Tracker:
         self._verdict: tuple[TrackHealth, str] = ("lost", "")
 
     @property
+    def _moment_deviation(self) -> float:
+        return float(np.sqrt(self._covariance[LOG_MOMENT, LOG_MOMENT]))
+
+    @property
     def estimated(self) -> NDArray[np.intp]:
         """The columns that a frame estimates, up to the ambient field's."""
         return np.flatnonzero(np.isin(self._model.parts[: AMBIENT.stop], (Part.FREE, Part.PRIOR)))
 
     def update(
-        self, field_t: Array, deviation_t: Array, elapsed_s: float = 0.0, temperature_c: float | None = None
+        self,
+        field_t: Array,
+        deviation_t: Array,
+        elapsed_s: float = 0.0,
+        temperature_c: float | None = None,
+        lasting_t: Array | None = None,
     ) -> Track:
-        """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3); elapsed_s
-        since the last frame; temperature_c of the pad, None where unknown."""
+        """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3), of which
+        lasting_t is the part that no averaging takes away; elapsed_s since the last frame; temperature_c of the pad,
+        None where unknown."""
         self._since_good_s += max(elapsed_s, 0.0)
+        self._nearest = None
+        if self._watch is None or lasting_t is None:
+            return self._follow(field_t, deviation_t, temperature_c)
+        blamed = self._watch.blamed
+        track = self._follow(without(field_t, blamed), deviation_t, temperature_c)
+        told = self._watch.told(track.health, track.reason)
+        self._watch.look(field_t, lasting_t, self._nearest, self._moment_deviation)
+        if told is None:
+            return track
+        health, reason = told
+        return Track(track.estimate if health != "lost" else None, track.used, health, reason)
+
+    def _follow(self, field_t: Array, deviation_t: Array, temperature_c: float | None) -> Track:
+        """What this frame says by itself."""
         used = np.isfinite(field_t)
         whole: NDArray[np.bool_] = np.asarray(used.all(axis=1), dtype=np.bool_)
         if whole.sum() < FEWEST_SENSORS:
@@ -125,7 +159,7 @@ class Tracker:
         return Prior(replace(self._last, log_moment=moment), covariance)
 
     def _accept(self, estimate: PoseEstimate) -> None:
-        self._last = estimate.state
+        self._last, self._nearest = estimate.state, estimate
         self._covariance = estimate.covariance
         self._since_good_s = 0.0
         self._disturbed_frames = 0
@@ -166,6 +200,7 @@ class Tracker:
     def _explain(self, field_t: Array, deviation_t: Array, prior: Prior, whole: PoseEstimate) -> Track:
         """A frame that the model does not fit: without the one sensor that is to blame, else `disturbed` or `lost`."""
         used = np.isfinite(field_t)
+        self._nearest = whole if self._plausible(whole) else None
         if self._disturbed_frames % SEARCH_EVERY == 0:
             fitting = self._fitting_without(field_t, deviation_t, prior)
             steel = self._solve(field_t, deviation_t, prior, gradient=True)
@@ -173,6 +208,8 @@ class Tracker:
             fitting = {sensor: found for sensor, found in fitting.items() if self._probability(found) > outside}
             if len(fitting) == 1:
                 ((sensor, estimate),) = fitting.items()
+                if self._watch is not None and not self._watch.confirms(sensor):
+                    return Track(None, used, "lost", f"sensor {sensor + 1} may be at fault, or the field has turned")
                 self._accept(estimate)
                 used[sensor] = False
                 reason = f"sensor {sensor + 1} contradicts the others (χ² {whole.chi2:.0f} with it): left out"
