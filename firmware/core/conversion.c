@@ -6,6 +6,8 @@ enum {
     // a smaller part of the period before the prediction on loses track of chips, a larger one loads the bus.
     PERIOD_GAIN = 16,
     POLL_EARLY = 12,
+    // A conversion is seen after its end and never before, but its predecessor's end is an estimate: so much too late.
+    END_TOLERANCE = 8,
 };
 
 void conversion_restart(struct conversion *conversion, uint64_t now_us)
@@ -26,7 +28,7 @@ void conversion_seen(struct conversion *conversion, uint64_t seen_us)
     uint64_t not_ready_us = conversion->not_ready_us, ready_us = conversion->ready_us;
     uint64_t earliest_us = not_ready_us > ready_us ? not_ready_us : ready_us;
     // 32 bits: the chip is looked at oftener than every 71 minutes, and the STM32 divides no more at once.
-    uint32_t periods = (uint32_t)(seen_us - conversion->ended_us + period_us / 2) / conversion->period_us;
+    uint32_t periods = (uint32_t)(seen_us - conversion->ended_us + period_us / END_TOLERANCE) / conversion->period_us;
     uint64_t predicted_us = conversion->ended_us + (periods ? periods : 1) * period_us;
     conversion->ended_us = clamp(predicted_us, earliest_us, seen_us);
     conversion->ready_us = seen_us;

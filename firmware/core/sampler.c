@@ -1,12 +1,14 @@
 #include "sampler.h"
 
+#include "simultaneous.h"
+
 enum {
     MUX_STRIKES_MAX = 3,
     BUS_RETRY_US = 100000,
     CHORE_STAGGER_US = 11000,
     LATE_FRAME_US = 50000,
-    // Select, status and six bytes: 145 bits at 400 kHz.
-    TURN_US = 363,
+    // How late other sensors' turns may make the reading of a conversion. Much more, and its time could not be told.
+    READ_LATENESS_US = 600,
 };
 
 void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus *buses, uint8_t bus_count,
@@ -40,24 +42,15 @@ void sampler_apply(struct sampler *sampler, const struct sampler_settings *setti
     sampler->frame_remainder = 0;
     for (int p = 0; p < sampler->pad_count && sensors_too; p++) {
         struct sampler_pad *pad = &sampler->pads[p];
-        pad->trigger_due = pad->converting = pad->frame_due = false;
+        simultaneous_forget(pad);
         for (int i = 0; i < pad->wiring.sensor_count; i++)
             sensor_reconfigure(&pad->sensors[i], now_us);
     }
 }
 
-uint16_t sampler_rate_max(const struct sampler *sampler, enum trigger trigger)
+uint16_t sampler_rate_max(enum trigger trigger)
 {
-    int sensors[SAMPLER_BUSES_MAX] = {0}, most = 0;
-    if (trigger == TRIGGER_FREE)
-        return RATE_MAX_HZ;
-    for (int p = 0; p < sampler->pad_count; p++) {
-        const struct pad_wiring *wiring = &sampler->pads[p].wiring;
-        sensors[wiring->bus] += wiring->sensor_count;
-        most = sensors[wiring->bus] > most ? sensors[wiring->bus] : most;
-    }
-    int rate_hz = 1000000 / (SINGLE_WAIT_US + most * TURN_US);
-    return (uint16_t)(rate_hz < SINGLE_RATE_MAX_HZ ? rate_hz : SINGLE_RATE_MAX_HZ);
+    return trigger == TRIGGER_FREE ? RATE_MAX_HZ : SINGLE_RATE_MAX_HZ;
 }
 
 void sampler_stream(struct sampler *sampler, bool streaming)
@@ -106,7 +99,7 @@ void sampler_account(struct sampler *sampler, struct sampler_pad *pad, struct se
         recover(sampler, pad->wiring.bus);
 }
 
-static struct sensor_link link_of(struct sampler *sampler, struct sampler_pad *pad)
+struct sensor_link sampler_link(struct sampler *sampler, struct sampler_pad *pad)
 {
     return (struct sensor_link){
         .bus = sampler->buses[pad->wiring.bus].route.bus,
@@ -117,57 +110,42 @@ static struct sensor_link link_of(struct sampler *sampler, struct sampler_pad *p
     };
 }
 
-static void turn(struct sampler *sampler, struct sampler_pad *pad, struct sensor *sensor, uint8_t channel)
+bool sampler_reach_for(struct sampler *sampler, struct sampler_pad *pad, int i)
 {
-    enum bus_result result = sampler_reach(sampler, pad, (uint8_t)(1 << channel));
-    if (result != BUS_OK) {
-        pad->bus_errors++;
-        // The sensor is not to blame for its switch: it waits, but earns no strike.
-        uint64_t now_us = clock_now(sampler->clock);
-        if (sensor->due_us <= now_us)
-            sensor->due_us = now_us + 1000;
-        if (result != BUS_NO_ANSWER)
-            recover(sampler, pad->wiring.bus);
-        return;
-    }
+    enum bus_result result = sampler_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[i]));
+    if (result == BUS_OK)
+        return true;
+    // The sensor is not to blame for its switch: it waits, but earns no strike.
+    uint64_t now_us = clock_now(sampler->clock);
+    if (pad->sensors[i].due_us <= now_us)
+        pad->sensors[i].due_us = now_us + 1000;
+    sampler_account(sampler, pad, NULL, result);
+    return false;
+}
+
+static void turn(struct sampler *sampler, struct sampler_pad *pad, int i)
+{
+    struct sensor *sensor = &pad->sensors[i];
     bool held = true;
+    enum bus_result result = BUS_OK;
+    if (!sampler_reach_for(sampler, pad, i))
+        return;
     if (sensor->phase == PHASE_CHORE)
         result = route_check(&sampler->buses[pad->wiring.bus].route, &held);
     if (result == BUS_OK && !held) {
         pad->bus_errors++;
         return;
     }
-    const struct sensor_link link = link_of(sampler, pad);
+    const struct sensor_link link = sampler_link(sampler, pad);
     if (result == BUS_OK)
         result = sensor_turn(sensor, &link);
     sampler_account(sampler, pad, sensor, result);
 }
 
-// A switch passes a write to several channels at once, so all sensors of the pad start within one bit time.
-static void trigger_pad(struct sampler *sampler, struct sampler_pad *pad)
-{
-    uint8_t channels = 0;
-    for (int i = 0; i < pad->wiring.sensor_count; i++)
-        if (sensor_is_running(&pad->sensors[i]))
-            channels |= (uint8_t)(1 << pad->wiring.channels[i]);
-    pad->trigger_due = false;
-    pad->converting = true;
-    if (!channels)
-        return;
-    enum bus_result result = sampler_reach(sampler, pad, channels);
-    if (result == BUS_OK)
-        result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
-    sampler_account(sampler, pad, NULL, result);
-    uint64_t now_us = clock_now(sampler->clock);
-    for (int i = 0; i < pad->wiring.sensor_count && result == BUS_OK; i++)
-        if (sensor_is_running(&pad->sensors[i]))
-            sensor_await(&pad->sensors[i], now_us);
-}
-
-static void schedule_frames(struct sampler *sampler, uint64_t now_us)
+static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
 {
     if (!sampler->streaming || now_us < sampler->frame_us)
-        return;
+        return false;
     uint32_t interval_us = 1000000U / sampler->settings.rate_hz;
     if (now_us > sampler->frame_us + interval_us + LATE_FRAME_US)
         sampler->frame_us = now_us; // after a pause, frames are not made up for
@@ -184,48 +162,30 @@ static void schedule_frames(struct sampler *sampler, uint64_t now_us)
         else
             sampler->pads[p].trigger_due = true;
     }
+    return true;
 }
 
-static bool is_awaiting(const struct sampler_pad *pad)
+// A sample that was read a little late just missed a frame; its successor, read in time, would push it out of the next. It
+// is left in the chip until that frame is made, so that no conversion of a chip slower than the frames is lost.
+static bool would_supersede(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
 {
-    for (int i = 0; i < pad->wiring.sensor_count; i++)
-        if (pad->sensors[i].awaiting)
-            return true;
-    return false;
-}
-
-static bool poll_triggers(struct sampler *sampler, uint64_t now_us)
-{
-    for (int p = 0; p < sampler->pad_count; p++) {
-        struct sampler_pad *pad = &sampler->pads[p];
-        if (pad->borrowed)
-            continue;
-        if (pad->converting && !is_awaiting(pad)) {
-            pad->converting = false;
-            pad->frame_due = true;
-        } else if (pad->trigger_due && !pad->converting && !pad->frame_due &&
-                   sampler->buses[pad->wiring.bus].retry_us <= now_us) {
-            trigger_pad(sampler, pad);
-            return true;
-        }
-    }
-    return false;
+    return sensor->fresh && sampler->streaming && sampler->settings.trigger == TRIGGER_FREE &&
+           sensor->phase == PHASE_RUN && now_us + READ_LATENESS_US > sampler->frame_us;
 }
 
 bool sampler_poll(struct sampler *sampler)
 {
     uint64_t now_us = clock_now(sampler->clock);
-    schedule_frames(sampler, now_us);
-    if (poll_triggers(sampler, now_us))
+    if (schedule_frames(sampler, now_us) || simultaneous_poll(sampler, now_us))
         return true;
     for (int n = 0; n < SAMPLER_PADS_MAX * SAMPLER_SENSORS_MAX; n++) {
         sampler->turn = (uint8_t)((sampler->turn + 1) % (SAMPLER_PADS_MAX * SAMPLER_SENSORS_MAX));
         struct sampler_pad *pad = &sampler->pads[sampler->turn / SAMPLER_SENSORS_MAX];
         int i = sampler->turn % SAMPLER_SENSORS_MAX;
         if (i >= pad->wiring.sensor_count || pad->borrowed || pad->sensors[i].due_us > now_us ||
-            sampler->buses[pad->wiring.bus].retry_us > now_us)
+            sampler->buses[pad->wiring.bus].retry_us > now_us || would_supersede(sampler, &pad->sensors[i], now_us))
             continue;
-        turn(sampler, pad, &pad->sensors[i], pad->wiring.channels[i]);
+        turn(sampler, pad, i);
         return true;
     }
     return false;

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "simultaneous.h"
+
 enum { STAGE_CONFIGURE, STAGE_TRIGGER, STAGE_READ };
 
 enum {
@@ -17,7 +19,7 @@ void selftest_start(struct selftest *selftest, struct sampler *sampler, uint8_t 
     struct sampler_pad *pad = &sampler->pads[pad_index];
     *selftest = (struct selftest){.sampler = sampler, .active = true, .pad_index = pad_index};
     pad->borrowed = true;
-    pad->frame_due = pad->trigger_due = pad->converting = false;
+    simultaneous_forget(pad);
     for (int i = 0; i < pad->wiring.sensor_count; i++)
         selftest->state[i] = pad->sensors[i].state;
 }

@@ -13,6 +13,7 @@ enum {
     SILENCE_US = 50000,        // eleven conversions
     STALE_US = 4 * CONVERSION_PERIOD_US,
     LATE_CONVERSION_US = 3000, // beyond SINGLE_WAIT_US
+    BURST_US = 250,            // six bytes, with some time to spare
     CHORE_INTERVAL_US = 125000,
     READY_SURVIVES = 3, // probes in a row
 };
@@ -61,10 +62,18 @@ void sensor_reconfigure(struct sensor *sensor, uint64_t now_us)
     sensor->due_us = now_us;
 }
 
+void sensor_overtake(struct sensor *sensor, uint64_t triggered_us)
+{
+    sensor->overtaken = sensor->awaiting;
+    sensor->overtaken_us = triggered_us;
+    if (sensor->overtaken)
+        sensor->due_us = triggered_us;
+}
+
 void sensor_await(struct sensor *sensor, uint64_t triggered_us)
 {
     sensor->awaiting = true;
-    sensor->fresh = false;
+    sensor->confirmed = sensor->overtaken = sensor->fresh = false;
     sensor->conversion.ended_us = triggered_us + SINGLE_CONVERSION_US;
     sensor->due_us = triggered_us + SINGLE_WAIT_US;
 }
@@ -132,7 +141,7 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
         return BUS_OK;
     }
     sensor->phase = PHASE_RUN;
-    sensor->has_sample = sensor->fresh = sensor->awaiting = false;
+    sensor->has_sample = sensor->fresh = sensor->awaiting = sensor->overtaken = false;
     sensor->discard_next = true;
     sensor->unchanged = 0;
     conversion_restart(&sensor->conversion, now_us);
@@ -140,6 +149,12 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     sensor->settled_us = now_us + CONVERSION_PERIOD_US * 5 / 2;
     schedule_next(sensor, link, now_us);
     return BUS_OK;
+}
+
+static void seen_ready(struct sensor *sensor)
+{
+    sensor->missed = 0;
+    sensor->suspect = false;
 }
 
 static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
@@ -152,7 +167,10 @@ static void not_ready(struct sensor *sensor, const struct sensor_link *link, uin
     if (link->trigger == TRIGGER_FREE) {
         if (now_us > sensor->conversion.ended_us + SILENCE_US)
             sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
-    } else if (now_us > sensor->conversion.ended_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
+        return;
+    }
+    sensor->suspect = true;
+    if (now_us > sensor->conversion.ended_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
         sensor->awaiting = false;
         schedule_next(sensor, link, now_us);
         if (++sensor->missed >= MISSED_MAX)
@@ -179,9 +197,9 @@ static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen
 static void accept(struct sensor *sensor, const struct sensor_link *link, const int16_t counts[3])
 {
     uint64_t now_us = clock_now(link->clock);
+    sensor->unaltered = memcmp(sensor->counts, counts, sizeof sensor->counts) == 0;
     memcpy(sensor->counts, counts, sizeof sensor->counts);
     sensor->awaiting = false;
-    sensor->missed = 0;
     bool settled = !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
     bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // no dead clock comes back by itself
     if (settled && alive) {
@@ -209,16 +227,53 @@ static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_li
     return result;
 }
 
+enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    if (result != BUS_OK)
+        return result;
+    sensor->confirmed = status & HMC5983_READY;
+    if (sensor->confirmed)
+        seen_ready(sensor);
+    else
+        not_ready(sensor, link, clock_now(link->clock));
+    return BUS_OK;
+}
+
+// The output registers hold the last trigger's sample until the next conversion ends, not longer. A burst that is under
+// way at that moment has them locked, and the new sample is lost: so then it is asked whether there is one.
+static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint64_t changes_us = sensor->overtaken_us + SINGLE_FASTEST_US;
+    int16_t counts[3];
+    bool in_time = clock_now(link->clock) + BURST_US < changes_us;
+    enum bus_result result = in_time ? hmc5983_read(link->bus, counts) : BUS_OK;
+    if (result != BUS_OK)
+        return result;
+    if (in_time && clock_now(link->clock) < changes_us) {
+        accept(sensor, link, counts);
+        return BUS_OK;
+    }
+    sensor->awaiting = false;
+    sensor->suspect = true;
+    return BUS_OK;
+}
+
 static enum bus_result poll(struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t status = 0;
     int16_t counts[3];
+    if (sensor->overtaken)
+        return read_overtaken(sensor, link);
     enum bus_result result = hmc5983_read_status(link->bus, &status);
     uint64_t seen_us = clock_now(link->clock);
     if (result != BUS_OK)
         return result;
     bool ready = status & HMC5983_READY;
-    if (!ready)
+    if (ready)
+        seen_ready(sensor);
+    else
         not_ready(sensor, link, seen_us);
     if (!ready && !(status & HMC5983_LOCKED))
         return BUS_OK;

@@ -12,7 +12,8 @@
 
 enum {
     SINGLE_CONVERSION_US = 6000, // data sheet: one measurement, average of one
-    SINGLE_WAIT_US = 6250,       // the same by the slowest chip (clock tolerance 3 %), rounded up
+    SINGLE_WAIT_US = 6200,       // the same by the slowest chip (clock tolerance 3 %), rounded up
+    SINGLE_FASTEST_US = 5800,    // and by the fastest, rounded down
 };
 
 enum sensor_phase { PHASE_IDENTIFY, PHASE_CONFIGURE, PHASE_RUN, PHASE_CHORE };
@@ -30,11 +31,16 @@ struct sensor {
     bool fresh;            // not delivered yet
     bool discard_next;     // it was converted with the old gain
     bool awaiting;         // a trigger's conversion has not been read yet
+    bool confirmed;        // that conversion was seen to have ended
+    bool overtaken;        // triggered anew before that: READY is not about it any more
+    bool suspect;          // a trigger's conversion was late or missing, and none was seen since
+    bool unaltered;        // its last sample was the same as the one before
     bool temperature_next; // chores alternate
     int16_t counts[3];
     int16_t temperature_raw;
     struct conversion conversion;
     uint64_t due_us; // when it wants the bus next
+    uint64_t overtaken_us;
     uint64_t settled_us;
     uint64_t chore_us;
 };
@@ -64,6 +70,12 @@ void sensor_reconfigure(struct sensor *sensor, uint64_t now_us);
 
 // It was triggered along with others.
 void sensor_await(struct sensor *sensor, uint64_t triggered_us);
+
+// It was triggered again: what it awaits is to be read now, before the new conversion ends.
+void sensor_overtake(struct sensor *sensor, uint64_t triggered_us);
+
+// Asks whether the awaited conversion has ended, and reads nothing.
+enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link);
 
 bool sensor_is_running(const struct sensor *sensor);
 bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t now_us);

@@ -2,13 +2,17 @@
 
 #include <string.h>
 
+// Four bits at a time: a quarter of the time of one bit at a time, for 32 bytes of table.
 uint16_t wire_crc(const uint8_t *bytes, size_t count)
 {
+    static const uint16_t remainders[16] = {
+        0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7,
+        0x8108, 0x9129, 0xA14A, 0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF,
+    };
     uint16_t crc = 0xFFFF;
     for (size_t i = 0; i < count; i++) {
-        crc ^= (uint16_t)(bytes[i] << 8);
-        for (int bit = 0; bit < 8; bit++)
-            crc = (uint16_t)((crc & 0x8000) ? (crc << 1) ^ 0x1021 : crc << 1);
+        crc = (uint16_t)(crc << 4 ^ remainders[crc >> 12 ^ bytes[i] >> 4]);
+        crc = (uint16_t)(crc << 4 ^ remainders[crc >> 12 ^ (bytes[i] & 15)]);
     }
     return crc;
 }

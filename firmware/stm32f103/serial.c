@@ -10,7 +10,7 @@ enum {
     TRANSMIT_PIN = 9, // of port A
     RECEIVE_PIN = 10,
     TRANSMIT_SIZE = 512, // 11 ms of line
-    RECEIVE_SIZE = 128,  // 2.8 ms; the main loop comes by oftener
+    RECEIVE_SIZE = 256,  // 5.6 ms; the main loop comes by oftener
 };
 
 static uint8_t transmit_bytes[TRANSMIT_SIZE], receive_bytes[RECEIVE_SIZE];

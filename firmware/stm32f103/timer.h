@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-enum { TIMER_TICK_US = 250 };
+enum { TIMER_TICK_US = 100 };
 
 // May be called again when the core's clock changes; the time goes on.
 void timer_start(uint32_t core_mhz);

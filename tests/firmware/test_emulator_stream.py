@@ -62,9 +62,6 @@ def test_free_running_sensors_are_sampled_once_each_with_the_age_they_have() -> 
     assert stream.is_clean()
 
 
-@pytest.mark.xfail(
-    reason="reading jitters by a tenth of a millisecond: 1.4 % are superseded in their frame", strict=True
-)
 def test_no_conversion_of_a_sensor_slower_than_the_frames_is_lost() -> None:
     stream = started(chip_ppm=(10_000, 15_000, 20_000, 30_000))
     samples = stream.samples(1.0)
@@ -96,7 +93,6 @@ def test_simultaneous_conversions_start_together_on_every_sensor() -> None:
     assert stream.is_clean()
 
 
-@pytest.mark.xfail(reason="the core waits 6.25 ms, then reads one sensor after another: 120 frames/s", strict=True)
 def test_simultaneous_reaches_150_frames_a_second() -> None:
     stream = simultaneous()
     assert len(stream.samples(1.0)) >= 150

@@ -131,7 +131,7 @@ TEST(simultaneous_reaches_the_limit_that_it_promises)
     static const struct {
         uint8_t pads;
         uint16_t rate_hz;
-    } limits[] = {{1, 129}, {2, 109}, {3, 109}}; // the third pad is on the other port
+    } limits[] = {{1, 152}, {2, 152}, {3, 152}};
     for (int i = 0; i < 3; i++) {
         rig_begin(limits[i].pads);
         rig_run_ms(300);
@@ -146,6 +146,72 @@ TEST(simultaneous_reaches_the_limit_that_it_promises)
         CHECK_BETWEEN(rig_count(WIRE_SAMPLE), 0.97 * 5 * limits[i].rate_hz * limits[i].pads,
                       1.001 * 5 * limits[i].rate_hz * limits[i].pads + 3);
     }
+}
+
+// A field that grows by 1 µT a millisecond tells when it was measured. Returns how far a sample is from its own time, in ms.
+static double field_clock_error_ms(const struct sample_view *view, int sensor)
+{
+    double field_ut = view->counts[sensor][0] * 100.0 / 660;
+    double measured_ms = (double)(view->time_us - view->age_us[sensor]) / 1e3, expected_ut = fmod(measured_ms, 200);
+    double error = field_ut - expected_ut;
+    return error > 100 ? error - 200 : error < -100 ? error + 200 : error;
+}
+
+static void run_with_a_field_that_tells_the_time(int milliseconds, bool firmware_runs)
+{
+    for (int i = 0; i < milliseconds; i++) {
+        emulation_settle(&rig.emulation); // what ended until now saw the old field
+        for (int sensor = 0; sensor < 4; sensor++)
+            rig.emulation.chips[0][sensor].field_ut[0] = fmod((double)rig.emulation.bench.now_ns / 1e6, 200);
+        if (firmware_runs)
+            rig_run_ms(1);
+        else
+            bench_pass_time(&rig.emulation.bench, 1000000);
+    }
+}
+
+TEST(samples_that_are_read_during_the_next_conversions_are_those_of_their_own_trigger)
+{
+    rig_begin(1);
+    rig_run_ms(300);
+    CHECK_EQUAL(rig_ask(WIRE_REQUEST_TRIGGER, 1, 255, 1), RESULT_DONE);
+    run_with_a_field_that_tells_the_time(100, true);
+    for (int trial = 0; trial < 60; trial++) {
+        rig_forget();
+        run_with_a_field_that_tells_the_time(50 + trial % 7, true);
+        // The processor is late by about a conversion: what it reads then may be the next trigger's.
+        run_with_a_field_that_tells_the_time(5 + trial % 3, false);
+        run_with_a_field_that_tells_the_time(20, true);
+        for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;) {
+            struct sample_view view = rig_sample(packet);
+            for (int i = 0; i < 4; i++) {
+                if (!(view.valid >> i & 1))
+                    continue;
+                // The field moves in steps of a millisecond and more, and the chips' clocks differ by 0.1 ms.
+                CHECK_BETWEEN(field_clock_error_ms(&view, i), -1.8, 0.3);
+            }
+        }
+    }
+}
+
+TEST(no_conversion_of_a_chip_slower_than_the_frames_is_lost)
+{
+    static const double slow_ppm[4] = {-5000, -12000, -20000, -29000};
+    rig_begin(1);
+    for (int i = 0; i < 4; i++)
+        rig.emulation.chips[0][i].ppm = slow_ppm[i];
+    rig_run_ms(1000);
+    rig_forget();
+    uint64_t before[4];
+    int fresh[4] = {0};
+    for (int i = 0; i < 4; i++)
+        before[i] = rig.emulation.chips[0][i].conversions;
+    rig_run_ms(10000);
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;)
+        for (int i = 0; i < 4; i++)
+            fresh[i] += rig_sample(packet).fresh >> i & 1;
+    for (int i = 0; i < 4; i++) // one may be on its way at either end
+        CHECK_BETWEEN(fresh[i] - (double)(rig.emulation.chips[0][i].conversions - before[i]), -1, 1);
 }
 
 TEST(temperature_is_the_mean_of_the_valid_sensors)

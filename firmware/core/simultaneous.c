@@ -1,0 +1,113 @@
+#include "simultaneous.h"
+
+static bool is_awaiting(const struct sampler_pad *pad)
+{
+    for (int i = 0; i < pad->wiring.sensor_count; i++)
+        if (pad->sensors[i].awaiting)
+            return true;
+    return false;
+}
+
+// A trigger clears READY, but what was converted stays in the output registers until the next conversion ends. So a
+// sensor need not be read before the next trigger, if only its conversion did end. There is no time to ask every sensor,
+// but for one each time, by turns; the others were started by the same write. One that was found late is always asked, and
+// one whose sample did not change comes first.
+static int to_confirm(const struct sampler_pad *pad)
+{
+    int count = pad->wiring.sensor_count, chosen = -1;
+    bool confirmed = false;
+    for (int n = count; n > 0; n--) {
+        int i = (pad->confirm_next + n) % count;
+        const struct sensor *sensor = &pad->sensors[i];
+        if (!sensor->awaiting)
+            continue;
+        if (sensor->suspect && !sensor->confirmed)
+            return i;
+        confirmed |= sensor->confirmed;
+        if (chosen < 0 || !pad->sensors[chosen].unaltered || sensor->unaltered)
+            chosen = i;
+    }
+    return confirmed ? -1 : chosen;
+}
+
+static void confirm(struct sampler *sampler, struct sampler_pad *pad, int i)
+{
+    const struct sensor_link link = sampler_link(sampler, pad);
+    if (sampler_reach_for(sampler, pad, i))
+        sampler_account(sampler, pad, &pad->sensors[i], sensor_confirm(&pad->sensors[i], &link));
+    pad->confirm_next = (uint8_t)i;
+}
+
+// A switch passes a write to several channels at once, so all sensors of the pad start within one bit time.
+static void trigger(struct sampler *sampler, struct sampler_pad *pad)
+{
+    uint8_t channels = 0;
+    pad->triggered = 0;
+    for (int i = 0; i < pad->wiring.sensor_count; i++) {
+        if (!sensor_is_running(&pad->sensors[i]))
+            continue;
+        channels |= (uint8_t)(1 << pad->wiring.channels[i]);
+        pad->triggered |= (uint8_t)(1 << i);
+    }
+    pad->trigger_due = false;
+    pad->ahead = true;
+    if (!channels)
+        return;
+    enum bus_result result = sampler_reach(sampler, pad, channels);
+    if (result == BUS_OK)
+        result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
+    sampler_account(sampler, pad, NULL, result);
+    pad->triggered_us = clock_now(sampler->clock);
+    if (result != BUS_OK)
+        pad->triggered = 0;
+    for (int i = 0; i < pad->wiring.sensor_count; i++)
+        sensor_overtake(&pad->sensors[i], pad->triggered_us);
+}
+
+static void expect_samples(struct sampler_pad *pad)
+{
+    pad->ahead = false;
+    pad->converting = true;
+    for (int i = 0; i < pad->wiring.sensor_count; i++)
+        if ((pad->triggered >> i & 1) && sensor_is_running(&pad->sensors[i]))
+            sensor_await(&pad->sensors[i], pad->triggered_us);
+}
+
+static bool poll_pad(struct sampler *sampler, struct sampler_pad *pad, uint64_t now_us)
+{
+    if (pad->converting && !is_awaiting(pad)) {
+        pad->converting = false;
+        pad->frame_due = true;
+        return true;
+    }
+    if (pad->ahead) {
+        if (!pad->converting && !pad->frame_due)
+            expect_samples(pad);
+        return false;
+    }
+    if (!pad->trigger_due || pad->frame_due || sampler->buses[pad->wiring.bus].retry_us > now_us)
+        return false;
+    if (pad->converting && now_us < pad->triggered_us + SINGLE_WAIT_US)
+        return false;
+    int unconfirmed = pad->converting ? to_confirm(pad) : -1;
+    if (unconfirmed < 0)
+        trigger(sampler, pad);
+    else if (pad->sensors[unconfirmed].due_us <= now_us)
+        confirm(sampler, pad, unconfirmed);
+    else
+        return false;
+    return true;
+}
+
+bool simultaneous_poll(struct sampler *sampler, uint64_t now_us)
+{
+    for (int p = 0; p < sampler->pad_count; p++)
+        if (!sampler->pads[p].borrowed && poll_pad(sampler, &sampler->pads[p], now_us))
+            return true;
+    return false;
+}
+
+void simultaneous_forget(struct sampler_pad *pad)
+{
+    pad->frame_due = pad->trigger_due = pad->converting = pad->ahead = false;
+}
