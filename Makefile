@@ -15,7 +15,7 @@ FIRMWARE ?=
 BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 # The kernel's I2C interface, emulated, is served by the system's own Python.
-TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
+TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 
 .PHONY: demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
 
