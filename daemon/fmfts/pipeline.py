@@ -19,9 +19,10 @@ from fmfts.pose import (
     TrackingModel,
     as_drawn,
     displacement,
+    repeats_allowed,
     widened,
 )
-from fmfts.sensor import Frame
+from fmfts.sensor import Frame, step_t
 
 Array = NDArray[np.float64]
 
@@ -97,6 +98,9 @@ class Estimator:
         self._tracker = Tracker(
             self.mounting.mounted(drawing), self.mounting.rest, model_of_scene, temperature_c, noise_t
         )
+        recorded = baseline.rest or baseline.bare
+        assert recorded is not None  # or there would be no mounting
+        self._repeats_allowed = repeats_allowed(self.mounting.noise_t, step_t(recorded.gain_code))
         self._change_error = self.mounting.change_error(self._tracker.estimated)
         self._touch = TouchDetector(rate_hz)
         self._last_us: int | None = None
@@ -106,7 +110,8 @@ class Estimator:
         """Field → pose → contact, as far as each can be believed."""
         elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
         self._last_us = aligned.time_us
-        field = self.mounting.magnet_field(aligned.field_t)
+        lively = aligned.repeats <= self._repeats_allowed
+        field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
         lasting = np.hypot(self.mounting.deviation_t(field, NO_NOISE), aligned.bend_t)
         deviation = np.hypot(lasting, self.mounting.noise_t * aligned.noise_share)
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, lasting)

@@ -1,7 +1,7 @@
 """Field → pose: where the magnet is, how it points, how strong it is, and how sure that is."""
 
 from fmfts.pose.acquisition import Acquired, acquire
-from fmfts.pose.alignment import Aligned, Alignment
+from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
 from fmfts.pose.change import as_drawn, displacement, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.kernel import SOLVER, Batch, solve_problem
@@ -45,6 +45,7 @@ __all__ = [
     "dipole_field",
     "displacement",
     "parts_of",
+    "repeats_allowed",
     "solve",
     "solve_batch",
     "solve_problem",

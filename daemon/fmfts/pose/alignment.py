@@ -8,6 +8,7 @@ each: interpolating to it adds no noise and leaves out only the motion's curvatu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, erf, log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ Times = NDArray[np.int64]
 
 # A chip that is this many periods behind the others has stopped: it must not hold them back.
 STOPPED_PERIODS = 2.5
+# Runs of one value that a healthy axis's noise makes: once in ten hours on a pad of twelve axes at 220 Hz.
+FALSE_STANDSTILL = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +27,14 @@ class Aligned:
     """field_t (N, 3) at `time_us`, NaN where a sensor has nothing to say.
 
     noise_share (N, 1): its noise over that of one sample (a mean has less). bend_t (N, 3): what curvature may add.
+    repeats (N, 3): how many new samples in a row had the value of the one before.
     """
 
     field_t: Array
     noise_share: Array
     bend_t: Array
     time_us: int
+    repeats: NDArray[np.int64]
 
 
 class Alignment:
@@ -38,6 +43,7 @@ class Alignment:
     def __init__(self, count: int, period_us: float) -> None:
         self._field = np.full((3, count, 3), np.nan)  # newest first
         self._time = np.zeros((3, count), dtype=np.int64)
+        self._repeats = np.zeros((count, 3), dtype=np.int64)
         self._stopped_us = STOPPED_PERIODS * period_us
 
     def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
@@ -49,13 +55,15 @@ class Alignment:
             self._field[1:, fresh] = self._field[:-1, fresh]
             self._time[1:, fresh] = self._time[:-1, fresh]
             self._field[0, fresh] = field_t[fresh]
+            same = self._field[0, fresh] == self._field[1, fresh]
+            self._repeats[fresh] = np.where(same, self._repeats[fresh] + 1, 0)
             self._time[0, fresh] = time_us[fresh]
         newest, previous, oldest = self._field
         time, before = self._time[0], self._time[1]
         running = (time.max() - time <= self._stopped_us) & np.isfinite(field_t).any(axis=1)
         if not running.any():
             nothing = np.full_like(newest, np.nan)
-            return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()))
+            return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), self._repeats.copy())
         instant = int(time[running].min())
         # Share of the previous sample: 0 for the chip whose newest sample is the instant, never an extrapolation.
         share = np.clip((time - instant) / np.maximum(time - before, 1), 0.0, 1.0)[:, None]
@@ -67,4 +75,21 @@ class Alignment:
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
-        return Aligned(field, np.hypot(share, 1.0 - share), bend, instant)
+        return Aligned(field, np.hypot(share, 1.0 - share), bend, instant, self._repeats.copy())
+
+
+def repeats_allowed(noise_t: Array, step_t: float) -> Array:
+    """(N, 3) how often in a row an axis that lives may say the same; noise_t (N, 3), rounded to steps of step_t.
+
+    An axis that repeats itself more often is stuck. Infinite where rounding hides the noise: a quiet axis is no fault.
+    """
+    before_rounding = np.sqrt(np.maximum(noise_t**2 - step_t**2 / 12.0, 0.0))
+    return np.array([[_longest_run(deviation / step_t) for deviation in axes] for axes in before_rounding.tolist()])
+
+
+def _longest_run(deviation_steps: float) -> float:
+    # Below 0.4 steps, the most frequent value takes four fifths and the estimate of the noise is itself a guess.
+    if deviation_steps < 0.4:
+        return float("inf")
+    most_frequent = erf(0.5 / (np.sqrt(2.0) * deviation_steps))
+    return ceil(log(FALSE_STANDSTILL) / log(most_frequent))

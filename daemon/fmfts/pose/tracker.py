@@ -134,7 +134,7 @@ class Tracker:
         used = np.isfinite(field_t)
         whole: NDArray[np.bool_] = np.asarray(used.all(axis=1), dtype=np.bool_)
         if whole.sum() < FEWEST_SENSORS:
-            return Track(None, used, "lost", f"{_listed(~whole)} silent or saturated: fewer than three are left")
+            return Track(None, used, "lost", f"{_listed(~whole)} silent, saturated or stuck: fewer than three are left")
         prior = self._predicted(temperature_c)
         estimate = self._solve(field_t, deviation_t, prior)
         if not self._fits(estimate):
@@ -142,7 +142,7 @@ class Tracker:
         self._accept(estimate)
         if whole.all():
             return Track(estimate, used, "ok", "")
-        return Track(estimate, used, "degraded", f"{_listed(~whole)} silent or saturated: left out")
+        return Track(estimate, used, "degraded", f"{_listed(~whole)} silent, saturated or stuck: left out")
 
     def _predicted(self, temperature_c: float | None) -> Prior:
         """The last good state, as uncertain as time and warmth have made it since."""

@@ -13,6 +13,11 @@ TESLA_PER_GAUSS = 1e-4
 AGE_UNKNOWN_US = 65535
 
 
+def step_t(gain_code: int) -> float:
+    """The field of one count, in tesla."""
+    return TESLA_PER_GAUSS / LSB_PER_GAUSS[gain_code]
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """Raw counts of N sensors with all that is needed to read them.
@@ -51,6 +56,6 @@ class Frame:
     @property
     def field_t(self) -> NDArray[np.float64]:
         """(N, 3) field in tesla, in each sensor's own axes, NaN where an axis holds no measurement."""
-        field: NDArray[np.float64] = self.counts.astype(np.float64) * (TESLA_PER_GAUSS / LSB_PER_GAUSS[self.gain_code])
+        field: NDArray[np.float64] = self.counts.astype(np.float64) * step_t(self.gain_code)
         field[~self.usable] = np.nan
         return field
