@@ -20,6 +20,8 @@ from fmfts.tasks import PATIENCE_S
 
 # The mean over 3 s at 220 Hz is 25 times quieter than one sample; more would mostly collect drift.
 DURATION_S = 3.0
+# A turn that spans space, and thirty presses, take a person so long.
+TURN_S, REFINE_S = 20.0, 40.0
 SHORTEST_S, LONGEST_S = 0.5, 60.0
 # The device's clock says when a recording is complete, this computer's when that takes too long.
 OVERTIME_S = 5.0
@@ -32,37 +34,53 @@ class Recorded:
     baseline: Baseline
     mounting: Mounting
     path: Path
+    gained: dict[str, float]
 
     def facts(self, pad: Pad) -> dict[str, Any]:
         """What a person wants to know of it."""
-        return _report(self.baseline, self.mounting, pad) | {"stored": str(self.path)}
+        return _report(self.baseline, self.mounting, pad) | self.gained | {"stored": str(self.path)}
 
 
 @dataclass(frozen=True, slots=True)
 class BaselineRequest:
     """bare: the pad is not mounted; else it is, and unloaded. replaced: another pad than the last time.
 
-    BaselineError where the duration makes no sense.
+    turn, refine: better what was recorded at rest, by turning the robot, or by presses anywhere. duration_s: what such
+    a recording takes if None. BaselineError where the duration, or the choice, makes no sense.
     """
 
     pad: Pad
     tolerance: Tolerance
     bare: bool
     replaced: bool
-    duration_s: float = DURATION_S
+    duration_s: float | None = None
+    turn: bool = False
+    refine: bool = False
 
     def __post_init__(self) -> None:
-        if not SHORTEST_S <= self.duration_s <= LONGEST_S:
+        if self.bare + self.turn + self.refine > 1:
+            raise BaselineError(f"pad '{self.pad.name}': one of bare, turn and refine at a time")
+        if not SHORTEST_S <= self.seconds <= LONGEST_S:
             raise BaselineError(
-                f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.duration_s:g} s"
+                f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.seconds:g} s"
             )
+
+    @property
+    def seconds(self) -> float:
+        if self.duration_s is not None:
+            return self.duration_s
+        return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         """BaselineError, naming the pad, where the frames do not make one; nothing is changed then."""
         try:
+            if self.turn:
+                return ambient.make_turn(self.pad, ambient.means(frames), before)
+            if self.refine:
+                return ambient.make_refined(self.pad, ambient.means(frames), before)
             recording = ambient.summarise(frames)
             if self.bare:
-                baseline = ambient.make_bare(self.pad, self.tolerance, recording)
+                baseline = ambient.make_bare(self.pad, self.tolerance, recording, before)
                 return baseline, baseline.mounting(self.pad)
             return ambient.make_rest(self.pad, self.tolerance, recording, before, self.replaced)
         except BaselineError as error:
@@ -71,7 +89,11 @@ class BaselineRequest:
     def record(self, frames: Sequence[Frame], before: Baseline | None) -> Recorded:
         """Make and store one. BaselineError as from `make`, StateError where it cannot be stored."""
         baseline, mounting = self.make(frames, before)
-        return Recorded(baseline, mounting, store(baseline, self.pad))
+        gained: dict[str, float] = {}
+        if before is not None and (self.turn or self.refine):
+            was, now = (ambient.accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
+            gained = {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
+        return Recorded(baseline, mounting, store(baseline, self.pad), gained)
 
 
 def restore(pad: Pad) -> Recorded:
@@ -80,7 +102,7 @@ def restore(pad: Pad) -> Recorded:
     BaselineError where there is none, StateError where it cannot be stored.
     """
     baseline = previous(pad)
-    return Recorded(baseline, baseline.mounting(pad), store(baseline, pad))
+    return Recorded(baseline, baseline.mounting(pad), store(baseline, pad), {})
 
 
 class Collection:
@@ -129,7 +151,7 @@ class BaselineJob:
         self._request = request
         self._before = before
         self._executor = executor
-        self._collection = Collection(source, request.duration_s)
+        self._collection = Collection(source, request.seconds)
         self._result: Future[Recorded] | None = None
 
     def take(self, frame: Frame) -> None:

@@ -69,9 +69,11 @@ def _parser() -> argparse.ArgumentParser:
     kind = baseline.add_mutually_exclusive_group(required=True)
     kind.add_argument("--bare", action="store_true", help="the pad is not mounted: the ambient field alone")
     kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
+    kind.add_argument("--turn", action="store_true", help="turn the unloaded robot: learn the sensors' gains")
+    kind.add_argument("--refine", action="store_true", help="press some 30 times anywhere: learn places and gains")
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
     baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
-    baseline.add_argument("--duration-s", type=float, default=3.0, help="of the recording: 0.5 to 60 (3)")
+    baseline.add_argument("--duration-s", type=float, help="of the recording: 0.5 to 60 (3; --turn 20; --refine 40)")
     selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
     for added in (baseline, selftest):
         added.add_argument("--pad", metavar="NAME", help="needed where there are several")
@@ -158,7 +160,8 @@ def _baseline(options: argparse.Namespace) -> int:
 
     if options.restore:
         return _through_daemon(options, "baseline", {"restore": True}, lambda pad, restore: restore_baseline(pad))
-    arguments = {"bare": options.bare, "replaced": options.replaced, "duration_s": options.duration_s}
+    names = ("bare", "replaced", "turn", "refine", "duration_s")
+    arguments = {name: getattr(options, name) for name in names}
     return _through_daemon(options, "baseline", arguments, record_baseline)
 
 

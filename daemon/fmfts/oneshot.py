@@ -17,6 +17,7 @@ from fmfts.probing import probe_facts
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.factory import open_sources
 from fmfts.sensor.simulated import Simulated
+from fmfts.simulate.finger import ScriptedFinger
 from fmfts.simulated_baseline import hold_still
 from fmfts.tasks import PATIENCE_S, Selftest, Task
 from fmfts.view.progress import progress_bar
@@ -49,18 +50,25 @@ def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | 
         raise AbsentError(str(error)) from error
 
 
-def record_baseline(pad: PadConfig, *, bare: bool, replaced: bool, duration_s: float) -> dict[str, Any]:
+def record_baseline(
+    pad: PadConfig, *, bare: bool, replaced: bool, turn: bool, refine: bool, duration_s: float | None
+) -> dict[str, Any]:
     """Record on the device itself, judge, store."""
     with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
-        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s)
+        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
         try:
             before = stored(work.pad)
         except BaselineError:
+            if turn or refine:
+                raise
             # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
             before = None
         with _opened(pad) as (source, pad_index), progress_bar("baseline") as told:
             if isinstance(source, Simulated):
                 hold_still(source, mounted=not bare)
+                source.tumbling = turn
+                if refine:
+                    source.finger = ScriptedFinger(seed=0)
             job = BaselineJob(work, before, source, executor)
             return _finished(pad.name, job, _turns(source, pad_index, job.take), told)
 

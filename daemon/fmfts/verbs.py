@@ -11,7 +11,7 @@ import msgspec
 
 from fmfts.ambient import BaselineError
 from fmfts.baseline_files import StateError
-from fmfts.baselines import DURATION_S, BaselineJob, BaselineRequest, Recorded, Restoration
+from fmfts.baselines import BaselineJob, BaselineRequest, Recorded, Restoration
 from fmfts.bus.control import BadRequestError, Request
 from fmfts.bus.messages import StatusMessage
 from fmfts.channel import Channel
@@ -36,7 +36,9 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
     bare: bool = False
     replaced: bool = False
     restore: bool = False
-    duration_s: float = DURATION_S
+    turn: bool = False
+    refine: bool = False
+    duration_s: float | None = None
 
 
 class Verbs:
@@ -117,7 +119,15 @@ class Verbs:
             self._await_baseline(request, channel, restoration)
             return
         tolerance = self._configs[channel.name].tolerance.si()
-        work = BaselineRequest(pad, tolerance, arguments.bare, arguments.replaced, arguments.duration_s)
+        work = BaselineRequest(
+            pad,
+            tolerance,
+            arguments.bare,
+            arguments.replaced,
+            arguments.duration_s,
+            arguments.turn,
+            arguments.refine,
+        )
         if not channel.source.state.connected:
             raise BadRequestError(f"pad '{channel.name}': {channel.source.state.reason}: nothing to record")
         channel.job = BaselineJob(work, channel.pipeline.baseline, channel.source, self._executor)

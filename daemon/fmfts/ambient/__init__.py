@@ -2,6 +2,7 @@
 
 from fmfts.ambient.aligned import Means, means
 from fmfts.ambient.baseline import Baseline, encode, load, make_bare, make_refined, make_rest, make_turn
+from fmfts.ambient.gained import accuracy
 from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.recording import BaselineError, Recording, summarise
 
@@ -11,6 +12,7 @@ __all__ = [
     "Means",
     "Mounting",
     "Recording",
+    "accuracy",
     "encode",
     "estimate_mounting",
     "load",

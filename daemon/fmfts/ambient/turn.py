@@ -144,18 +144,18 @@ def _judged(turn: Turn, gain: Array, offset: Array, seen: Array) -> float:
     chi2 = ((misfit / deviation) ** 2).sum(axis=(1, 2))
     freedom = misfit[0].size - 3
     inflation = max(1.0, float(np.sqrt(np.median(chi2) / freedom)))
+    worst = int(np.argmax(chi2))
     if inflation > LARGEST_MISFIT:
         raise BaselineError(
             f"the sensors do not see one field turn: they disagree by {np.sqrt(np.mean(misfit**2)) * 1e7:.1f} mG, "
-            f"where {np.sqrt(np.mean(deviation**2)) * 1e7:.1f} mG is noise: leave the pad untouched and steel away, "
-            "and turn again"
+            f"where {np.sqrt(np.mean(deviation**2)) * 1e7:.1f} mG is noise, most {turn.time_s[worst]:.1f} s after the "
+            "start: leave the pad untouched, keep steel away, and turn again"
         )
     touched = chi2 > quantile(FALSE_TOUCH / len(chi2), freedom) * inflation**2
     if touched.any():
-        worst = int(np.argmax(chi2))
         raise BaselineError(
             f"the pad was touched, or passed steel, {turn.time_s[worst]:.1f} s after the start: the sensors disagree "
             f"by {np.abs(misfit[worst]).max() * 1e7:.0f} mG there ({touched.sum()} of {len(chi2)} orientations): "
-            "turn again, and hold the robot, not the pad"
+            "leave it untouched: turn again, and hold the robot, not the pad"
         )
     return inflation

@@ -28,6 +28,7 @@ from fmfts.simulate.mounted import MountedPad
 CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
 TURNING_AXIS = np.array([0.48, 0.6, 0.64])
+ACROSS_TURNING_AXIS, TUMBLE_S = np.array([0.8, 0.0, -0.6]), 20.0
 ROOM_C = 25.0
 WARMEST_K = 15.0  # a warming board comes to rest somewhere
 
@@ -35,9 +36,9 @@ WARMEST_K = 15.0  # a warming board comes to rest somewhere
 class Simulated:
     """A Source of one simulated pad, the same frames for the same seed and start.
 
-    `mounted = False` takes the magnet away (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `finger`
-    may be replaced at any time. The clock is whatever `poll` is given: a test or a baseline may run it faster than
-    real time. It starts at the first poll.
+    `mounted = False` takes the magnet away (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `tumbling`
+    turns it through all directions in twenty seconds, `finger` may be replaced at any time. The clock is whatever
+    `poll` is given: a test or a baseline may run it faster than real time. It starts at the first poll.
     """
 
     def __init__(self, config: PadConfig, *, noise_t: float = NOISE_T, perfect: bool = False) -> None:
@@ -49,6 +50,7 @@ class Simulated:
         self.state = SourceState(description=f"simulated pad, seed {source.seed}")
         self.finger: Finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
         self.mounted = True
+        self.tumbling = False
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
         self._built = MountedPad.exact(drawing) if perfect else MountedPad.built(drawing, _random(source, "pad"))
         self._chips = ChipArray(
@@ -145,6 +147,8 @@ class Simulated:
 
     def _ambient(self, sampled_s: Array) -> Array:
         """(N, 3) the Earth's field as the pad sees it while the robot turns about an axis askew to everything."""
+        if self.tumbling:
+            return np.array([_tumbled(moment) @ self._built.ambient_t for moment in sampled_s])
         angles = self.turning_rad_per_s * sampled_s
         return np.array([rotation_from_vector(TURNING_AXIS * angle) @ self._built.ambient_t for angle in angles])
 
@@ -157,6 +161,13 @@ class Simulated:
     def _due_ns(self, sequence: int) -> int:
         # Rounded up, so that a caller who wakes at the deadline finds the frame due.
         return (self._start_ns or 0) - (-sequence * SECOND_NS // self._rate_hz)
+
+
+def _tumbled(moment_s: float) -> Array:
+    """About one axis, while that one is tilted about another: the Earth's field points everywhere."""
+    angle = 2.0 * np.pi * moment_s / TUMBLE_S
+    tilt = 1.2 * np.sin(2.0 * angle) * ACROSS_TURNING_AXIS
+    return rotation_from_vector(tilt) @ rotation_from_vector(TURNING_AXIS * 2.0 * angle)
 
 
 def _random(source: SimulatedSource, what: str) -> np.random.Generator:
