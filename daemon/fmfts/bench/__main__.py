@@ -1,18 +1,20 @@
-"""python -m fmfts.bench speed | accuracy | convergence | faults | turning"""
+"""python -m fmfts.bench speed | accuracy | convergence | faults | turning | baselines"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from fmfts.bench import accuracy, convergence, faults, speed, turning
+from fmfts.bench import accuracy, baselines, convergence, faults, speed, turning
 from fmfts.pose import SOLVER
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m fmfts.bench", description="measure the pose solver")
     parser.add_argument("--seed", type=int, default=1)
-    verbs = parser.add_subparsers(required=True, metavar="speed | accuracy | convergence | faults | turning")
+    verbs = parser.add_subparsers(
+        required=True, metavar="speed | accuracy | convergence | faults | turning | baselines"
+    )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
     verb = verbs.add_parser("accuracy", help="errors over the Cramér–Rao bound, and whether the covariance is honest")
@@ -30,6 +32,9 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=60.0, help="of turning, for each row")
     verb.add_argument("--warm-minutes", type=float, default=10.0, help="in which the pad warms by 20 K")
     verb.set_defaults(run=turning.run)
+    verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
+    verb.add_argument("--pads", type=int, default=20, help="how many pads are built, for each row")
+    verb.set_defaults(run=baselines.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")
