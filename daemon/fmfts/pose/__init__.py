@@ -8,7 +8,9 @@ from fmfts.pose.kernel import SOLVER, Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
 from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
-from fmfts.pose.tracker import PAPER, Track, Tracker, TrackHealth, TrackingModel
+from fmfts.pose.tracker import Track, Tracker
+from fmfts.pose.tracking_model import PAPER, TrackingModel
+from fmfts.pose.watch import TrackHealth
 
 __all__ = [
     "AMBIENT",

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.chi2 import quantile, survival
 from fmfts.pad import Pad
-from fmfts.pose.problem import Part, Parts, Prior, Status, parts_of
-from fmfts.pose.solver import FREE_PAPER, PoseEstimate, solve
-from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, SIZE, State
+from fmfts.pose.problem import Part, Prior, Status
+from fmfts.pose.solver import PoseEstimate, solve
+from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, State
+from fmfts.pose.tracking_model import TrackingModel
 from fmfts.pose.watch import (
     FEWEST_SENSORS,
     GRADIENT_DEVIATION_T_PER_M,
     UNEVEN_FIELD_DEVIATION_T,
+    TrackHealth,
     Watch,
     without,
 )
-from fmfts.pose.watch import TrackHealth as TrackHealth
 
 Array = NDArray[np.float64]
 
@@ -33,29 +34,6 @@ SEARCH_EVERY = 8
 # A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
 REACH_M = 8e-3
 MOMENT_FACTOR = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class TrackingModel:
-    """Which parts of the state are unknown, and how: see fmfts.pose.problem.Part.
-
-    parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline; walk_per_s (SIZE,):
-    what is added to it per second. moment_per_k, moment_per_k_deviation: change of the log moment with temperature.
-    """
-
-    parts: Parts
-    initial: Array = field(default_factory=lambda: np.zeros(SIZE))
-    walk_per_s: Array = field(default_factory=lambda: np.zeros(SIZE))
-    moment_per_k: float = 0.0
-    moment_per_k_deviation: float = 0.0
-
-    @property
-    def has_prior(self) -> bool:
-        return bool(np.isin(self.parts, (Part.PRIOR, Part.CONSIDERED)).any())
-
-
-# The paper's six unknowns: all that a constant ambient field leaves.
-PAPER = TrackingModel(parts_of(free=FREE_PAPER))
 
 
 @dataclass(frozen=True, slots=True)

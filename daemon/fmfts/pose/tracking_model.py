@@ -1,0 +1,37 @@
+"""What a scene leaves unknown, and how it changes with time and warmth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pose.problem import Part, Parts, parts_of
+from fmfts.pose.solver import FREE_PAPER
+from fmfts.pose.state import SIZE
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingModel:
+    """Which parts of the state are unknown, and how: see fmfts.pose.problem.Part.
+
+    parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline; walk_per_s (SIZE,):
+    what is added to it per second. moment_per_k, moment_per_k_deviation: change of the log moment with temperature.
+    """
+
+    parts: Parts
+    initial: Array = field(default_factory=lambda: np.zeros(SIZE))
+    walk_per_s: Array = field(default_factory=lambda: np.zeros(SIZE))
+    moment_per_k: float = 0.0
+    moment_per_k_deviation: float = 0.0
+
+    @property
+    def has_prior(self) -> bool:
+        return bool(np.isin(self.parts, (Part.PRIOR, Part.CONSIDERED)).any())
+
+
+# The paper's six unknowns: all that a constant ambient field leaves.
+PAPER = TrackingModel(parts_of(free=FREE_PAPER))
