@@ -15,9 +15,12 @@ from fmfts.ambient import BaselineError, make_bare, make_rest, make_turn, means
 from fmfts.ambient.baseline import StoredTurn
 from fmfts.ambient.gains import relative_deviation
 from fmfts.ambient.turn import Turn, gains_from_turn
+from fmfts.baselines import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, displacement, solve
+from fmfts.sensor.simulated import Simulated
+from fmfts.simulated_baseline import simulated_baseline
 
 UNTESTED = replace(TOLERANCE, gain=0.05)
 
@@ -133,3 +136,20 @@ def test_file_without_a_turn_is_as_older_versions_wrote_it(pad: Pad) -> None:
     text = ambient.encode(_world(pad, 6).baseline(UNTESTED))
     assert b'"turn"' not in text
     assert b'"refine"' not in text
+
+
+def test_simulated_pad_tumbles_for_its_turn() -> None:
+    """As `fmfts-daemon baseline --turn` does without a daemon, in the source's own fast time."""
+    config = PadConfig(name="demo", source=SimulatedSource(finger="none"))
+    source = Simulated(config)
+    source.tumbling = True
+    frames = [frame for step in range(20 * 220) for frame in source.poll(round(step * 1e9 / 220))]
+    request = BaselineRequest(config.pad(), UNTESTED, bare=False, replaced=False, turn=True)
+    assert request.seconds == 20.0
+    _, mounting = request.make(frames, simulated_baseline(config))
+    assert ambient.accuracy(mounting, config.pad())["gain_sd"] < 0.01
+
+
+def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:
+    with pytest.raises(BaselineError, match="one of bare, turn and refine"):
+        BaselineRequest(pad, UNTESTED, bare=False, replaced=False, turn=True, refine=True)

@@ -92,7 +92,7 @@ def _pressed(built: MountedPad, random: np.random.Generator) -> Means:
 
 def _means(fields: Array, random: np.random.Generator) -> Means:
     noisy: Array = fields + random.normal(0.0, NOISE_T, fields.shape) / np.sqrt(MEAN_OF)
-    times: Array = np.arange(len(fields)) * 0.2
+    times = np.linspace(0.0, 20.0, len(fields))
     return Means(noisy, np.zeros(len(fields)), times, np.full(fields.shape[1:], NOISE_T))
 
 
