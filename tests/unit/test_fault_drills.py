@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from fmfts.bench.drills import Ambient, field_faults, sensor_faults
-from fmfts.bench.faults import drilled, tapped
+from fmfts.bench.faults import Outcome, Well, as_json, drilled, tapped
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
@@ -36,3 +38,12 @@ def test_foreign_field_is_never_believed_for_longer_than_half_a_second() -> None
 def test_taps_on_chips_that_run_free_are_no_alarm() -> None:
     well = tapped("drifting", (1,), 5.0)
     assert (well.alarms, well.wrong) == (0, 0), well.line
+
+
+def test_facts_of_the_drills_are_json() -> None:
+    outcome = Outcome("offset 30 mG", "drifting", "rest", worst=float("inf"))
+    outcome.health["ok"] += 3
+    facts = json.loads(as_json([outcome], [Well("constant", frames=10)]))
+    assert facts["faults"][0]["health"] == {"ok": 3}
+    assert facts["faults"][0]["worst"] is None
+    assert facts["healthy"][0]["frames"] == 10
