@@ -17,7 +17,7 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 
-.PHONY: demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
+.PHONY: fuzz demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -51,6 +51,11 @@ bench: $(VENV)/.installed
 
 cold-starts: $(VENV)/.installed
 	@$(BIN)/python -m fmfts.bench convergence --draws 250000
+
+# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's.
+fuzz: test-packages $(VENV)/.installed-test
+	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
+	$(MAKE) -C firmware fuzz
 
 firmware:
 	@$(MAKE) --no-print-directory -C firmware host
