@@ -70,8 +70,13 @@ class Alignment:
         linear = np.isfinite(previous) & (before > 0)[:, None]
         field = np.where(linear, (1.0 - share) * newest + share * previous, newest)
         field[~running] = np.nan
-        # Error of linear interpolation: half the second derivative times the distances to both ends.
-        bend = np.abs(0.5 * share * (1.0 - share) * (newest - 2.0 * previous + oldest))
+        # Error of linear interpolation: half the second derivative times the distances to both ends. Twice that, for
+        # where a tap begins or ends, the divided difference has seen only half of the acceleration yet. A chip that is
+        # faster than the frames now and then leaves a gap of two periods, over which four times as much may bend.
+        behind, gap, gap_before = time - instant, np.maximum(time - before, 1), np.maximum(before - self._time[2], 1)
+        slopes = (newest - previous) / gap[:, None] - (previous - oldest) / gap_before[:, None]
+        reach = 2.0 * behind * np.maximum(gap - behind, 0) / (gap + gap_before)
+        bend = np.abs(reach[:, None] * slopes)
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
