@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -63,3 +64,37 @@ def test_the_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: 
             statuses = [messages.receive(10.0) for _ in range(4)]
         last = Status.from_message(statuses[-1].body)
         assert last.crc_errors == last.gaps == last.reconnects == 0
+
+
+@pytest.mark.parametrize(
+    ("order", "told", "mend"),
+    [
+        ("fault 0 2 unplugged", r"sensor 3 .*does not answer at 0x1E", "fault 0 2 none"),
+        ("fault 0 1 wrong-id", r"sensor 2 ", "fault 0 1 none"),
+        ("mux 0 unplugged", r"the mux does not answer", "mux 0 none"),
+    ],
+)
+def test_status_tells_what_happened_on_the_board_and_that_it_is_over(
+    tmp_path: Path, board: EmulatedBoard, order: str, told: str, mend: str
+) -> None:
+    with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=board.port)) as daemon:
+        daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+        board.tell(order)
+        daemon.wait_for(lambda contact: contact.sensors_ok != 0b1111)
+        assert any(re.search(told, fault) for fault in _faults(daemon, present=True))
+        board.tell(mend)
+        daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+        assert not _faults(daemon, present=False)
+
+
+def _faults(daemon: RunningDaemon, present: bool) -> Sequence[str]:
+    """The status topic's sentences as soon as there are some (or none any more), at the latest after ten seconds."""
+    faults: Sequence[str] = ()
+    with daemon.subscribe("status") as messages:
+        for _ in range(10):
+            message = messages.receive(5.0)
+            assert message is not None
+            faults = Status.from_message(message.body).sensor_faults
+            if bool(faults) is present:
+                break
+    return faults
