@@ -66,6 +66,7 @@ class Tracker:
         self._nearest: PoseEstimate | None = None  # to the truth, as far as this frame tells
         self._rest = rest
         self._model = model
+        self._has_prior = model.has_prior
         self._rest_temperature_c = rest_temperature_c
         self._last = rest
         self._covariance = np.diag(model.initial)
@@ -171,7 +172,7 @@ class Tracker:
             start,
             deviation_t=deviation_t,
             parts=parts,
-            prior=prior if gradient or self._model.has_prior else None,
+            prior=prior if gradient or self._has_prior else None,
             stop_chi2=STOP_TRACKING,
         )
 
