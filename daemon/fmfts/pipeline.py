@@ -18,6 +18,7 @@ from fmfts.pose import (
     Tracker,
     TrackingModel,
     as_drawn,
+    change_from,
     displacement,
     repeats_allowed,
     widened,
@@ -101,7 +102,7 @@ class Estimator:
         recorded = baseline.rest or baseline.bare
         assert recorded is not None  # or there would be no mounting
         self._repeats_allowed = repeats_allowed(self.mounting.noise_t, step_t(recorded.gain_code))
-        self._change_error = self.mounting.change_error(self._tracker.estimated)
+        self._change_error_rows = self.mounting.change_error(self._tracker.estimated).reshape(5, -1)
         self._touch = TouchDetector(rate_hz)
         self._last_us: int | None = None
         self._lifted_s = 0.0
@@ -131,8 +132,8 @@ class Estimator:
 
     def _honest(self, estimate: PoseEstimate) -> PoseEstimate:
         """As uncertain as what mounting leaves open makes the pose's change from rest."""
-        change, _ = displacement(estimate, self.mounting.rest)
-        error = np.tensordot(change, self._change_error, axes=1)
+        change = change_from(self.mounting.rest, estimate)
+        error = (change @ self._change_error_rows).reshape(len(change), -1)
         return widened(estimate, self.mounting.rest, error @ error.T)
 
     def _refuted(self) -> str:

@@ -57,5 +57,4 @@ def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad:
     assert abs(rate_hz / 220.0 - 1.0) < 0.01
     # 13,200 messages: 1 MB would be 80 bytes kept of each.
     assert grown_kb < 1024
-    # A busy-wait takes a whole core. How much less it is differs from machine to machine: it is printed (pytest -s).
-    assert share < 0.5
+    assert share < 0.25

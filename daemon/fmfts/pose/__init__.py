@@ -2,7 +2,7 @@
 
 from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
-from fmfts.pose.change import as_drawn, displacement, widened
+from fmfts.pose.change import as_drawn, change_from, displacement, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.kernel import SOLVER, Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
@@ -43,6 +43,7 @@ __all__ = [
     "TrackingModel",
     "acquire",
     "as_drawn",
+    "change_from",
     "dipole_derivatives",
     "dipole_field",
     "displacement",

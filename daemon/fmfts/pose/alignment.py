@@ -51,7 +51,11 @@ class Alignment:
         if time_us.max() < self._time[0].max() - self._stopped_us:
             # The board was reset, and its time with it.
             self._field[:], self._time[:] = np.nan, 0
-        if fresh.any():
+        if fresh.all():
+            self._field[2], self._field[1], self._field[0] = self._field[1], self._field[0], field_t
+            self._time[2], self._time[1], self._time[0] = self._time[1], self._time[0], time_us
+            self._repeats = np.where(self._field[0] == self._field[1], self._repeats + 1, 0)
+        elif fresh.any():
             self._field[1:, fresh] = self._field[:-1, fresh]
             self._time[1:, fresh] = self._time[:-1, fresh]
             self._field[0, fresh] = field_t[fresh]

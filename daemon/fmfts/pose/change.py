@@ -14,10 +14,14 @@ from fmfts.pose.state import State, tangent_basis
 Array = NDArray[np.float64]
 
 
+def change_from(rest: State, estimate: PoseEstimate) -> Array:
+    """(5,) change of position (m) and of the axis in the rest axis's tangent plane (rad)."""
+    return np.concatenate([estimate.position_m - rest.position_m, tangent_basis(rest.axis).T @ estimate.axis])
+
+
 def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
-    """(5,) change of position (m) and of the axis in the rest axis's tangent plane (rad), and its covariance (5, 5)."""
-    basis = tangent_basis(rest.axis)
-    change = np.concatenate([estimate.position_m - rest.position_m, basis.T @ estimate.axis])
+    """The change (5,) as `change_from` gives it, and its covariance (5, 5)."""
+    basis, change = tangent_basis(rest.axis), change_from(rest, estimate)
     project = np.zeros((5, 6))
     project[:3, :3] = np.eye(3)
     project[3:, 3:] = basis.T

@@ -61,8 +61,8 @@ class Innovations:
         seen = np.isfinite(residual)
         self._frames = np.where(seen, np.minimum(self._frames + 1.0, MEMORY_FRAMES), 0.0)
         share = 1.0 / np.maximum(self._frames, 1.0)
-        self._mean += np.where(seen, share * (np.nan_to_num(residual) - self._mean), -self._mean)
-        self._lasting += np.where(seen, share * (np.nan_to_num(lasting) - self._lasting), -self._lasting)
+        self._mean += np.where(seen, share * (residual - self._mean), -self._mean)
+        self._lasting += np.where(seen, share * (lasting - self._lasting), -self._lasting)
         self._since += 1
         return self._since % JUDGED_EVERY == 0
 
