@@ -108,7 +108,7 @@ class _Version(argparse.Action):
 
 
 def _config(options: argparse.Namespace) -> Config:
-    from fmfts.config_file import ConfigError, load
+    from fmfts.config.file import ConfigError, load
 
     try:
         config, path = load(options.config)
@@ -137,10 +137,10 @@ def _one_pad(config: Config, name: str | None) -> PadConfig:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from fmfts.baseline_files import StateError
     from fmfts.bus.lock import BusError
     from fmfts.contact import ModelError
-    from fmfts.daemon import Daemon
+    from fmfts.jobs.baseline_files import StateError
+    from fmfts.running.daemon import Daemon
     from fmfts.sensor import SourceError
     from fmfts_client.endpoints import EndpointError
 
@@ -156,7 +156,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _baseline(options: argparse.Namespace) -> int:
-    from fmfts.oneshot import record_baseline, restore_baseline
+    from fmfts.jobs.oneshot import record_baseline, restore_baseline
 
     if options.restore:
         return _through_daemon(options, "baseline", {"restore": True}, lambda pad, restore: restore_baseline(pad))
@@ -166,14 +166,14 @@ def _baseline(options: argparse.Namespace) -> int:
 
 
 def _selftest(options: argparse.Namespace) -> int:
-    from fmfts.oneshot import run_selftest
+    from fmfts.jobs.oneshot import run_selftest
 
     return _through_daemon(options, "selftest", {}, run_selftest)
 
 
 def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
     """A verb on one pad's device: the running daemon does it, for it owns the device; without one, we do."""
-    from fmfts import oneshot
+    from fmfts.jobs import oneshot
     from fmfts.view.facts import print_facts
 
     config = _config(options)
@@ -191,7 +191,7 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
 
 
 def _probe(options: argparse.Namespace) -> int:
-    from fmfts import oneshot
+    from fmfts.jobs import oneshot
     from fmfts.view.facts import print_facts
 
     config = _config(options)
@@ -229,8 +229,8 @@ def _listen(options: argparse.Namespace) -> int:
 
 
 def _pose(options: argparse.Namespace) -> int:
-    from fmfts import field_table
-    from fmfts.offline_pose import PoseOptions, solve_table
+    from fmfts.offline import field_table
+    from fmfts.offline.pose import PoseOptions, solve_table
 
     pad = _one_pad(_config(options), options.pad).pad()
     if not options.noise_ut > 0.0:

@@ -17,7 +17,7 @@ def main() -> int:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from end_to_end.firmware_in_the_loop import EmulatedBoard, PressedPad
     from end_to_end.processes import BRIDGE_CONFIG, RunningDaemon
-    from fmfts.config_file import load
+    from fmfts.config.file import load
     from fmfts.simulate.finger import ScriptedFinger
     from fmfts.view.listen import listen
 

@@ -15,12 +15,12 @@ from fmfts.ambient import BaselineError, make_bare, make_rest, make_turn, means
 from fmfts.ambient.baseline import StoredTurn
 from fmfts.ambient.gains import relative_deviation
 from fmfts.ambient.turn import Turn, gains_from_turn
-from fmfts.baselines import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.jobs.baselines import BaselineRequest
+from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, displacement, solve
 from fmfts.sensor.simulated import Simulated
-from fmfts.simulated_baseline import simulated_baseline
 
 UNTESTED = replace(TOLERANCE, gain=0.05)
 

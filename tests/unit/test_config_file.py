@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmfts import config_file
 from fmfts.config import BridgeSource, Config, I2cSource, SimulatedSource
-from fmfts.config_file import ConfigError, load
+from fmfts.config import file as config_file
+from fmfts.config.file import ConfigError, load
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
 PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'

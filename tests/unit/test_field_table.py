@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.field_table import DataError, field_columns, read
+from fmfts.offline.field_table import DataError, field_columns, read
 
 HEADER = ",".join([*field_columns(1), "note"])
 

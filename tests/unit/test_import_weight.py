@@ -9,7 +9,7 @@ HEAVY = ("scipy", "rich", "sklearn", "onnx", "matplotlib", "magpylib", "hypothes
 
 
 @pytest.mark.parametrize(
-    "module", ["fmfts.daemon", "fmfts.sensor.bridge", "fmfts.sensor.i2c", "fmfts.sensor.i2c_reader"]
+    "module", ["fmfts.running.daemon", "fmfts.sensor.bridge", "fmfts.sensor.i2c", "fmfts.sensor.i2c_reader"]
 )
 def test_running_daemon_imports_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"

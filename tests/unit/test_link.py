@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from wire_packets import make_sample, packets, samples, selftests
 
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
-from fmfts.probing import faults_of
+from fmfts.jobs.probing import faults_of
 from fmfts.sensor import Source
 from fmfts.sensor.clock import DeviceClock
 from fmfts.sensor.framing import Decoder, encode

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 from fmfts.ambient import Baseline
-from fmfts.baselines import BaselineRequest
 from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
-from fmfts.channel import Channel
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
+from fmfts.jobs.baselines import BaselineRequest
+from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
+from fmfts.running.channel import Channel
 from fmfts.scene import choose
 from fmfts.sensor import Frame
 from fmfts.sensor.simulated import Simulated
 from fmfts.simulate.finger import Finger, no_finger, steady_finger
-from fmfts.simulated_baseline import simulated_baseline
 from fmfts_client import Endpoints
 
 PERIOD_NS = round(1e9 / 220)

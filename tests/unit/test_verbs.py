@@ -14,19 +14,19 @@ import msgpack
 import pytest
 import zmq
 
-from fmfts.baseline_files import path_of, previous_of, stored
 from fmfts.bus.control import ControlServer
 from fmfts.bus.publisher import Publisher
-from fmfts.channel import Channel
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
-from fmfts.pending import PROGRESS_S
+from fmfts.jobs.baseline_files import path_of, previous_of, stored
+from fmfts.jobs.tasks import PATIENCE_S
 from fmfts.pipeline import PadPipeline
+from fmfts.running.channel import Channel
+from fmfts.running.pending import PROGRESS_S
+from fmfts.running.verbs import Verbs
 from fmfts.scene import choose
 from fmfts.sensor import Frame
 from fmfts.sensor.simulated import Simulated
-from fmfts.tasks import PATIENCE_S
-from fmfts.verbs import Verbs
 from fmfts_client import Endpoints
 
 CONFIG = PadConfig(

@@ -28,11 +28,11 @@ from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
+from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
 from fmfts.scene import choose
 from fmfts.sensor import Frame
 from fmfts.simulate.finger import Touch
-from fmfts.simulated_baseline import simulated_baseline
 
 WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 0.3
 GRACE_S = 0.5

@@ -13,10 +13,10 @@ import numpy as np
 
 from fmfts import ambient
 from fmfts.ambient import Baseline, BaselineError, Mounting
-from fmfts.baseline_files import previous, store
+from fmfts.jobs.baseline_files import previous, store
+from fmfts.jobs.tasks import PATIENCE_S
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame, Source
-from fmfts.tasks import PATIENCE_S
 
 # The mean over 3 s at 220 Hz is 25 times quieter than one sample; more would mostly collect drift.
 DURATION_S = 3.0

@@ -15,7 +15,7 @@ import msgspec
 from msgspec import inspect
 
 from fmfts.config import BoardUid, Config, PadName
-from fmfts.config_checks import problem_in
+from fmfts.config.checks import problem_in
 
 ENVIRONMENT = "FMFTS_CONFIG"
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"))

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts import ambient
 from fmfts.ambient import BaselineError, Mounting
-from fmfts.field_table import DataError, FieldTable
+from fmfts.offline.field_table import DataError, FieldTable
 from fmfts.pad import Pad
 from fmfts.pose import PoseEstimate, State, Status, solve
 

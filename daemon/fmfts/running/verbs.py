@@ -10,16 +10,16 @@ from concurrent.futures import Executor
 import msgspec
 
 from fmfts.ambient import BaselineError
-from fmfts.baseline_files import StateError
-from fmfts.baselines import BaselineJob, BaselineRequest, Recorded, Restoration
 from fmfts.bus.control import BadRequestError, Request
 from fmfts.bus.messages import StatusMessage
-from fmfts.channel import Channel
 from fmfts.config import PadConfig
-from fmfts.pending import Pending, fail_internally
-from fmfts.probing import probe_facts
+from fmfts.jobs.baseline_files import StateError
+from fmfts.jobs.baselines import BaselineJob, BaselineRequest, Recorded, Restoration
+from fmfts.jobs.probing import probe_facts
+from fmfts.jobs.tasks import Selftest
+from fmfts.running.channel import Channel
+from fmfts.running.pending import Pending, fail_internally
 from fmfts.sensor import SourceError
-from fmfts.tasks import Selftest
 
 log = logging.getLogger(__name__)
 

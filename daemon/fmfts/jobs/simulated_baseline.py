@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from fmfts.ambient import Baseline
-from fmfts.baselines import DURATION_S, BaselineRequest
 from fmfts.config import PadConfig
+from fmfts.jobs.baselines import DURATION_S, BaselineRequest
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.simulated import Simulated
 from fmfts.simulate.finger import no_finger

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 from fmfts.ambient import BaselineError
-from fmfts.baseline_files import StateError
 from fmfts.bus.control import Request
+from fmfts.jobs.baseline_files import StateError
+from fmfts.jobs.tasks import Task
 from fmfts.sensor import SourceError
-from fmfts.tasks import Task
 
 # A client takes 5 s of silence for a dead daemon.
 PROGRESS_S = 0.5

@@ -9,17 +9,17 @@ from contextlib import contextmanager
 from typing import Any
 
 from fmfts.ambient import BaselineError
-from fmfts.baseline_files import StateError, stored
-from fmfts.baselines import BaselineJob, BaselineRequest, Collection, restore
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, PadConfig
-from fmfts.probing import probe_facts
+from fmfts.jobs.baseline_files import StateError, stored
+from fmfts.jobs.baselines import BaselineJob, BaselineRequest, Collection, restore
+from fmfts.jobs.probing import probe_facts
+from fmfts.jobs.simulated_baseline import hold_still
+from fmfts.jobs.tasks import PATIENCE_S, Selftest, Task
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.factory import open_sources
 from fmfts.sensor.simulated import Simulated
 from fmfts.simulate.finger import ScriptedFinger
-from fmfts.simulated_baseline import hold_still
-from fmfts.tasks import PATIENCE_S, Selftest, Task
 from fmfts.view.progress import progress_bar
 from fmfts_client import ControlError, EndpointError, request
 from fmfts_client import RefusedError as RefusedByDaemon

@@ -13,19 +13,19 @@ from types import FrameType
 from typing import Self
 
 from fmfts.ambient import BaselineError
-from fmfts.baseline_files import stored
 from fmfts.bus.control import ControlServer
 from fmfts.bus.publisher import Publisher
-from fmfts.channel import Channel
 from fmfts.config import Config, PadConfig, SimulatedSource
 from fmfts.contact import ContactModel
+from fmfts.jobs.baseline_files import stored
+from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
+from fmfts.running.channel import Channel
+from fmfts.running.verbs import Verbs
 from fmfts.scene import choose, unmodelled
 from fmfts.sensor import Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
-from fmfts.simulated_baseline import simulated_baseline
-from fmfts.verbs import Verbs
 from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)

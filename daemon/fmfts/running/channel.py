@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import time
 
-from fmfts.baselines import BaselineJob
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, FrameMessage, Health, StatusMessage
 from fmfts.bus.publisher import Publisher
+from fmfts.jobs.baselines import BaselineJob
+from fmfts.jobs.probing import faults_of
 from fmfts.pipeline import PadPipeline
-from fmfts.probing import faults_of
+from fmfts.running.statistics import PadStatistics
 from fmfts.sensor import Frame, Source
-from fmfts.statistics import PadStatistics
 
 log = logging.getLogger(__name__)
 
