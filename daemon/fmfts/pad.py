@@ -97,6 +97,28 @@ class Pad:
 
 
 @dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a pad's axes lie in another frame: `position_m` (3,) of its origin, `rotation` (3, 3) frame ← pad axes.
+
+    tolerance_m: standard deviation of the position, along each axis.
+    """
+
+    position_m: Array
+    rotation: Array
+    tolerance_m: float
+
+    def seen_from(self, other: Self) -> Self:
+        """The same in the axes of another pad, both being placed in one frame."""
+        away = other.rotation.T @ (self.position_m - other.position_m)
+        return type(self)(away, other.rotation.T @ self.rotation, float(np.hypot(self.tolerance_m, other.tolerance_m)))
+
+    def point(self, place_m: Array) -> Array:
+        """A point (3,) in pad axes, in the frame."""
+        point: Array = self.position_m + self.rotation @ place_m
+        return point
+
+
+@dataclass(frozen=True, slots=True)
 class Tolerance:
     """One standard deviation of each way in which a pad differs from its drawing (gain, remanence: relative)."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,12 +11,13 @@ from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact_message import Reading, Sender
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Placement
 from fmfts.pose import (
     PAPER,
     Aligned,
     Alignment,
     PoseEstimate,
+    State,
     Tracker,
     TrackingModel,
     as_drawn,
@@ -23,6 +26,7 @@ from fmfts.pose import (
     repeats_allowed,
     widened,
 )
+from fmfts.pose.neighbour import NeighbourView, Seen, Sighting, placement_deviation, with_rest
 from fmfts.sensor import Frame, step_t
 
 Array = NDArray[np.float64]
@@ -46,6 +50,8 @@ class PadPipeline:
         self._estimator: Estimator | None = None
         self._why_none = NO_BASELINE
         self._sender = Sender(pad.name, boot, model.hash)
+        self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
+        self._neighbours: list[NeighbourView] = []
 
     @property
     def baseline(self) -> Baseline | None:
@@ -58,7 +64,12 @@ class PadPipeline:
     def use(self, baseline: Baseline) -> Mounting:
         """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad."""
         self._estimator = Estimator(self.pad, self._model, baseline, self._tracking, self._rate_hz)
+        self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
+
+    def feel(self, neighbour: PadPipeline, placement: Placement) -> None:
+        """From the next frame on, count with the magnet of another pad; `placement`: of that pad in this one's axes."""
+        self._neighbours.append(NeighbourView(neighbour._sighting, placement))
 
     def refuse(self, reason: str) -> None:
         """There is a baseline, and it cannot be used: say why in every message."""
@@ -72,7 +83,10 @@ class PadPipeline:
         if self._estimator is None:
             reading = Reading("no_baseline", self._why_none, frame.usable)
         else:
-            reading = self._estimator.read(aligned, frame.temperature_c)
+            seen = [view.at(sampled_ns) for view in self._neighbours]
+            reading = self._estimator.read(aligned, frame.temperature_c, seen)
+            if reading.estimate is not None and reading.contact is not None:
+                self._sighting.saw(reading.estimate, sampled_ns)
         return self._sender.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
@@ -96,9 +110,9 @@ class Estimator:
         # Before rest is recorded, nothing is known of moment or drift: the paper's own method serves.
         model_of_scene = PAPER if baseline.rest is None else tracking
         noise_t = None if baseline.rest is None else self.mounting.noise_t
-        self._tracker = Tracker(
-            self.mounting.mounted(drawing), self.mounting.rest, model_of_scene, temperature_c, noise_t
-        )
+        mounted = self.mounting.mounted(drawing)
+        self._sensors = mounted.sensors
+        self._tracker = Tracker(mounted, self.mounting.rest, model_of_scene, temperature_c, noise_t)
         recorded = baseline.rest or baseline.bare
         assert recorded is not None  # or there would be no mounting
         self._repeats_allowed = repeats_allowed(self.mounting.noise_t, step_t(recorded.gain_code))
@@ -107,15 +121,18 @@ class Estimator:
         self._last_us: int | None = None
         self._lifted_s = 0.0
 
-    def read(self, aligned: Aligned, temperature_c: float | None) -> Reading:
+    def read(self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[Seen] = ()) -> Reading:
         """Field → pose → contact, as far as each can be believed."""
         elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
         self._last_us = aligned.time_us
         lively = aligned.repeats <= self._repeats_allowed
         field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
         lasting = np.hypot(self.mounting.deviation_t(field, NO_NOISE), aligned.bend_t)
+        if neighbours:
+            field = with_rest(field, self._sensors, neighbours)
+            lasting = np.hypot(lasting, placement_deviation(self._sensors, neighbours))
         deviation = np.hypot(lasting, self.mounting.noise_t * aligned.noise_share)
-        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, lasting)
+        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, lasting, neighbours)
         if self.baseline.rest is None:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.config import MagnetConfig, SceneConfig
+from fmfts.config import MagnetConfig, PadConfig, SceneConfig, neighbours_of
+from fmfts.pad import Placement
 from fmfts.pose import AMBIENT, AXIS, LOG_MOMENT, PAPER, POSITION, SIZE, TrackingModel, parts_of
+from fmfts.pose.neighbour import REACH_M, REACH_RAD
 
 # A hand that turns at 1 rad/s in the Earth's half gauss changes the field by 2 mG from frame to frame; twice that.
 AMBIENT_WALK_T2_PER_S = (5e-7) ** 2 * 220.0
@@ -20,6 +23,8 @@ MOMENT_WALK_PER_S = 1e-3**2 / 3600.0
 UNSEEN_WARMING_K, UNSEEN_WARMING_S = 3.0, 600.0
 # The temperature coefficient of a grade of magnet is known to about a fifth.
 COEFFICIENT_SHARE = 0.2
+# A chip's noise in one sample. Measured (docs/pose.md): a neighbour that can change the field by less leaves no trace.
+NOISE_T = 2e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +68,38 @@ def unmodelled(scene: SceneConfig) -> list[str]:
         )
     if scene.remanence == "nominal":
         sentences.append("scene.remanence = 'nominal' is not modelled yet: the baseline's estimate is used")
-    if scene.neighbours:
-        sentences.append(
-            f"scene.neighbours ({', '.join(scene.neighbours)}) are not modelled yet: a magnet nearer than 80 mm "
-            "moves the pose unseen"
-        )
     return sentences
+
+
+@dataclass(frozen=True, slots=True)
+class SceneNeighbour:
+    """A neighbour, its pad's place in this one's axes, and how much its hardest press can change the field here."""
+
+    name: str
+    placement: Placement
+    distance_m: float
+    change_t: float
+
+    @property
+    def is_felt(self) -> bool:
+        return self.change_t > NOISE_T
+
+    @property
+    def why(self) -> str:
+        far = (
+            f"pad '{self.name}' is {self.distance_m * 1e3:.0f} mm away, and pressing it changes the field here by up to"
+        )
+        chosen = "its magnet is part of the state, where its own pad saw it last" if self.is_felt else "left out"
+        return f"{far} {self.change_t * 1e6:.2g} µT (a sample's noise is {NOISE_T * 1e6:g} µT): {chosen}"
+
+
+def around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[SceneNeighbour]:
+    """The neighbours that `pad` names."""
+    sensors = pad.pad().sensors.position_m
+    for other in neighbours_of(pad, pads):
+        placement, magnet = other.placement.si().seen_from(pad.placement.si()), other.pad().magnet
+        place = placement.point(other.pad().rest_position_m)
+        distance = float(np.linalg.norm(sensors - place, axis=1).min())
+        # Of a dipole's field B at a distance r, a step s changes 3s/r, and a turn as much as its angle.
+        change = magnet.strength_t_m3 / distance**3 * (3.0 * REACH_M / distance + REACH_RAD)
+        yield SceneNeighbour(other.name, placement, float(np.linalg.norm(place - pad.pad().rest_position_m)), change)

@@ -104,7 +104,6 @@ def test_scene_decides_the_unknowns() -> None:
 
 def test_what_is_not_acted_on_is_said() -> None:
     assert unmodelled(SceneConfig()) == []
-    assert "neighbours" in unmodelled(replace_scene(neighbours=("other",)))[0]
     assert "nominal" in unmodelled(replace_scene(remanence="nominal"))[0]
     assert "cannot be told" in unmodelled(replace_scene(remanence="drifting", ambient="drifting"))[0]
 

@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from fmfts.pad import Magnet, Pad, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pad import Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
 
 Vector = tuple[float, float, float]
 PositiveFloat = Annotated[float, Meta(gt=0)]
@@ -100,6 +101,19 @@ class SceneConfig(_Section, frozen=True):
     steel_nearby: bool = False
 
 
+class PlacementConfig(_Section, frozen=True):
+    """Where the pad's axes lie in a frame that all pads share; needed where pads are neighbours."""
+
+    position_mm: Vector = (0, 0, 0)
+    rotation_deg: Vector = (0, 0, 0)
+    tolerance_mm: NonNegativeFloat = 0.3
+
+    def si(self) -> Placement:
+        """The same facts in SI."""
+        turn = rotation_from_vector(np.deg2rad(np.array(self.rotation_deg, dtype=float)))
+        return Placement(np.array(self.position_mm, dtype=float) * 1e-3, turn, self.tolerance_mm * 1e-3)
+
+
 class ContactConfig(_Section, frozen=True):
     model: str = "default"
 
@@ -111,6 +125,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     magnet: MagnetConfig = field(default_factory=MagnetConfig)
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
+    placement: PlacementConfig = field(default_factory=PlacementConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
 
     def pad(self) -> Pad:
@@ -133,3 +148,8 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 class Config(_Section, frozen=True):
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)
+
+
+def neighbours_of(pad: PadConfig, pads: Sequence[PadConfig]) -> list[PadConfig]:
+    """The pads of a file that `pad` names as its neighbours."""
+    return [other for other in pads if other.name in pad.scene.neighbours]

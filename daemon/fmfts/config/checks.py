@@ -19,6 +19,8 @@ FEWEST_SENSORS, MOST_SENSORS = 3, 8
 CLOSEST_MM = 2.0  # a magnet this near has touched the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
 SENSOR_SPACING_MM = 1.0
+MOST_NEIGHBOURS = 3  # four magnets are what the solver's state holds
+MAGNETS_APART_MM = 5.0  # nearer, they would be in each other's rubber
 
 
 def problem_in(config: Config) -> Problem | None:
@@ -118,10 +120,23 @@ def _neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     for number, pad in enumerate(pads):
         for index, neighbour in enumerate(pad.scene.neighbours):
             keys = ("pad", number, "scene", "neighbours", index)
-            if neighbour not in names:
+            if index >= MOST_NEIGHBOURS:
+                yield keys, f"at most {MOST_NEIGHBOURS} neighbours: name the nearest"
+            elif neighbour not in names:
                 yield keys, f"there is no such pad: the pads are {', '.join(names)}"
             elif neighbour == pad.name:
                 yield keys, "a pad is not its own neighbour"
+            elif _magnets_apart_mm(pad, pads[names.index(neighbour)]) < MAGNETS_APART_MM:
+                yield (
+                    ("pad", number, "placement", "position_mm"),
+                    f"its magnet is where that of its neighbour {neighbour!r} is: say in [pad.placement] of both where "
+                    "they sit in a frame that they share; a pad that moves against this one cannot be a neighbour",
+                )
+
+
+def _magnets_apart_mm(one: PadConfig, other: PadConfig) -> float:
+    first, second = (pad.placement.si().point(pad.pad().rest_position_m) * 1e3 for pad in (one, other))
+    return math.dist(first, second)
 
 
 def _sensor_addresses(source: SourceConfig) -> set[tuple[Key, ...]]:

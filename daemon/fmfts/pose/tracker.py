@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,10 @@ from numpy.typing import NDArray
 
 from fmfts.chi2 import quantile, survival
 from fmfts.pad import Pad
+from fmfts.pose.neighbour import Seen, joined, without_neighbours
 from fmfts.pose.problem import Part, Prior, Status
 from fmfts.pose.solver import PoseEstimate, solve
-from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, State
+from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, SIZE, State
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.pose.watch import (
     FEWEST_SENSORS,
@@ -74,6 +76,7 @@ class Tracker:
         self._warmth_variance = 0.0
         self._disturbed_frames = 0
         self._verdict: tuple[TrackHealth, str] = ("lost", "")
+        self._neighbours: Sequence[Seen] = ()
 
     @property
     def _moment_deviation(self) -> float:
@@ -91,10 +94,12 @@ class Tracker:
         elapsed_s: float = 0.0,
         temperature_c: float | None = None,
         lasting_t: Array | None = None,
+        neighbours: Sequence[Seen] = (),
     ) -> Track:
         """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3), of which
         lasting_t is the part that no averaging takes away; elapsed_s since the last frame; temperature_c of the pad,
-        None where unknown."""
+        None where unknown. neighbours: other magnets that the field holds as well."""
+        self._neighbours = neighbours
         self._since_good_s += max(elapsed_s, 0.0)
         self._nearest = None
         if self._watch is None or lasting_t is None:
@@ -102,7 +107,8 @@ class Tracker:
         blamed = self._watch.blamed
         track = self._follow(without(field_t, blamed), deviation_t, temperature_c)
         told = self._watch.told(track.health, track.reason)
-        self._watch.look(field_t, lasting_t, self._nearest, self._moment_deviation)
+        alone_t, nearest = without_neighbours(field_t, self._nearest, neighbours, self._pad.sensors)
+        self._watch.look(alone_t, lasting_t, nearest, self._moment_deviation)
         if told is None:
             return track
         health, reason = told
@@ -138,8 +144,8 @@ class Tracker:
         return Prior(replace(self._last, log_moment=moment), covariance)
 
     def _accept(self, estimate: PoseEstimate) -> None:
-        self._last, self._nearest = estimate.state, estimate
-        self._covariance = estimate.covariance
+        self._last, self._nearest = replace(estimate.state, neighbours=()), estimate
+        self._covariance = estimate.covariance[:SIZE, :SIZE]
         self._since_good_s = 0.0
         self._disturbed_frames = 0
 
@@ -166,13 +172,16 @@ class Tracker:
                 parts[AMBIENT] = Part.PRIOR
                 covariance[AMBIENT, AMBIENT] = np.eye(3) * UNEVEN_FIELD_DEVIATION_T**2
             prior = replace(prior, covariance=covariance)
+        if self._neighbours:
+            start, parts, prior = joined(start, parts, prior, self._neighbours)
         return solve(
             field_t,
             self._pad,
             start,
             deviation_t=deviation_t,
             parts=parts,
-            prior=prior if gradient or self._has_prior else None,
+            prior=prior if gradient or self._has_prior or self._neighbours else None,
+            neighbours=[other.magnet for other in self._neighbours],
             stop_chi2=STOP_TRACKING,
         )
 

@@ -15,14 +15,14 @@ from typing import Self
 from fmfts.ambient import BaselineError
 from fmfts.bus.control import ControlServer
 from fmfts.bus.publisher import Publisher
-from fmfts.config import Config, PadConfig, SimulatedSource
+from fmfts.config import Config, PadConfig, SimulatedSource, neighbours_of
 from fmfts.contact import ContactModel
 from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
 from fmfts.running.verbs import Verbs
-from fmfts.scene import choose, unmodelled
+from fmfts.scene import around, choose, unmodelled
 from fmfts.sensor import Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
@@ -49,11 +49,13 @@ class Daemon:
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
+        self._pads = config.pad
         by_name = {pad.name: pad for pad in config.pad}
         for source, names in open_sources(config.pad):
             self._sources.append(source)
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
+        self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
         self._stopping = False
@@ -145,7 +147,7 @@ class Daemon:
         try:
             baseline = stored(pad)
             if baseline is None and isinstance(config.source, SimulatedSource):
-                baseline = simulated_baseline(config)
+                baseline = simulated_baseline(config, neighbours_of(config, self._pads))
                 log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
             if baseline is None:
                 log.warning("pad '%s': no baseline yet: fmfts-daemon baseline", pad.name)
@@ -155,6 +157,13 @@ class Daemon:
             log.error("%s", error)
             pipeline.refuse(str(error))
         return channel
+
+    def _introduce_neighbours(self, pipelines: dict[str, PadPipeline]) -> None:
+        for pad in self._pads:
+            for neighbour in around(pad, self._pads):
+                log.info("pad '%s': %s", pad.name, neighbour.why)
+                if neighbour.is_felt:
+                    pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
 
     def _report(self, now_ns: int) -> None:
         words = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fmfts.config import BridgeSource, I2cSource, PadConfig, SimulatedSource
+from fmfts.config import BridgeSource, I2cSource, PadConfig, SimulatedSource, neighbours_of
 from fmfts.sensor.source import Source, SourceError
 
 # What pads of one device may differ in; all else is the device's and has to be equal.
@@ -21,7 +21,7 @@ def open_sources(pads: Sequence[PadConfig]) -> list[tuple[Source, dict[int, str]
     devices: dict[tuple[str, object], list[PadConfig]] = {}
     for pad in pads:
         devices.setdefault(_device(pad), []).append(pad)
-    return [_open(members) for members in devices.values()]
+    return [_open(members, pads) for members in devices.values()]
 
 
 def _device(pad: PadConfig) -> tuple[str, object]:
@@ -35,14 +35,14 @@ def _device(pad: PadConfig) -> tuple[str, object]:
     raise SourceError(f"pad {pad.name!r}: a source of type {type(pad.source).__name__} cannot be opened live")
 
 
-def _open(members: list[PadConfig]) -> tuple[Source, dict[int, str]]:
+def _open(members: list[PadConfig], pads: Sequence[PadConfig]) -> tuple[Source, dict[int, str]]:
     _require_equal_settings(members)
     by_index = _by_index(members)
     names = {index: pad.name for index, pad in by_index.items()}
-    return _driver(by_index), names
+    return _driver(by_index, pads), names
 
 
-def _driver(by_index: Mapping[int, PadConfig]) -> Source:
+def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Source:
     first = next(iter(by_index.values()))
     match first.source:
         case BridgeSource():
@@ -56,7 +56,7 @@ def _driver(by_index: Mapping[int, PadConfig]) -> Source:
         case _:
             from fmfts.sensor.simulated import Simulated
 
-            return Simulated(first)
+            return Simulated(first, neighbours_of(first, pads))
 
 
 def _by_index(members: list[PadConfig]) -> dict[int, PadConfig]:

@@ -24,6 +24,7 @@ from fmfts.sensor.source import SourceState
 from fmfts.simulate.chip import NOISE_T, ChipArray
 from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
 from fmfts.simulate.mounted import MountedPad
+from fmfts.simulate.neighbour import NeighbourMagnet, seeded
 
 CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
@@ -41,20 +42,28 @@ class Simulated:
     `poll` is given: a test or a baseline may run it faster than real time. It starts at the first poll.
     """
 
-    def __init__(self, config: PadConfig, *, noise_t: float = NOISE_T, perfect: bool = False) -> None:
-        """`perfect`: exactly as drawn, far from the Earth's field. ValueError unless the source is a simulated one."""
+    def __init__(
+        self, config: PadConfig, beside: Sequence[PadConfig] = (), *, noise_t: float = NOISE_T, perfect: bool = False
+    ) -> None:
+        """`beside`: pads whose magnets are felt, if they are simulated too. `perfect`: exactly as drawn, far from the
+        Earth's field. ValueError unless the source is a simulated one."""
         source = config.source
         if not isinstance(source, SimulatedSource):
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
         drawing = config.pad()
         self.state = SourceState(description=f"simulated pad, seed {source.seed}")
         self.finger: Finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
+        self.neighbours = [
+            NeighbourMagnet.beside(config, other, other.source)
+            for other in beside
+            if isinstance(other.source, SimulatedSource)
+        ]
         self.mounted = True
         self.tumbling = False
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
-        self._built = MountedPad.exact(drawing) if perfect else MountedPad.built(drawing, _random(source, "pad"))
+        self._built = MountedPad.exact(drawing) if perfect else MountedPad.built(drawing, seeded(source, "pad"))
         self._chips = ChipArray(
-            len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, _random(source, "chips")
+            len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, seeded(source, "chips")
         )
         self._gain_code = gain_code_for_range(source.range_gauss)
         self._rate_hz = source.rate_hz
@@ -138,6 +147,8 @@ class Simulated:
     def _field(self, sampled_s: Array, warming_k: float) -> Array:
         """(N, 3) what each sensor's own axes and gain make of the field at its own time."""
         ambient = self._ambient(sampled_s)
+        for other in self.neighbours:
+            ambient = ambient + other.field(self._built.pad.sensors.position_m, sampled_s, warming_k)
         if not self.mounted:
             return self._built.sensed(ambient)
         x_m, y_m, force_n = np.array([self.finger(moment) for moment in sampled_s.tolist()]).T
@@ -168,11 +179,6 @@ def _tumbled(moment_s: float) -> Array:
     angle = 2.0 * np.pi * moment_s / TUMBLE_S
     tilt = 1.2 * np.sin(2.0 * angle) * ACROSS_TURNING_AXIS
     return rotation_from_vector(tilt) @ rotation_from_vector(TURNING_AXIS * 2.0 * angle)
-
-
-def _random(source: SimulatedSource, what: str) -> np.random.Generator:
-    """Independent streams, so that a change of the chips leaves the pad as it was built."""
-    return np.random.default_rng([source.seed, *what.encode()])
 
 
 def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16]) -> list[Axes]:

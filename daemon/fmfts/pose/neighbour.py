@@ -1,0 +1,138 @@
+"""A neighbour's magnet as one more unknown of a pad's state, under a prior: where its own pad saw it last.
+
+A baseline holds what the neighbour at rest adds to the field, so only the change matters: the neighbour's rest field is
+put back, as the model has it, and the model with the neighbour where it is now takes it away again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmfts.pad import Array, Magnet, Placement, SensorArray
+from fmfts.pose.dipole import dipole_field
+from fmfts.pose.problem import Part, Parts, Prior
+from fmfts.pose.solver import PoseEstimate
+from fmfts.pose.state import AXIS, NEIGHBOUR_SIZE, POSITION, SIZE, Neighbour, State, tangent_basis
+
+# What a tap of 1 N in 50 ms does to a magnet at its fastest: so far it may have come since it was seen.
+SPEED_M_PER_S, TURN_RAD_PER_S = 0.02, 2.0
+# A magnet that has not been seen for long is still somewhere in its pad: the paper's hardest press is 1.2 mm, 0.2 rad.
+REACH_M, REACH_RAD = 1.2e-3, 0.2
+# A moment is never known better: what warming does between two readings of a thermometer, and a dipole for a cylinder.
+MOMENT_DEVIATION = 1e-3
+COLUMNS = NEIGHBOUR_SIZE
+
+
+@dataclass(slots=True)
+class Sighting:
+    """Where a pad's magnet was last seen, in the pad's own axes; covariance (6, 6) of a step from there.
+
+    time_ns: when, on the host's clock; None: never, it is thought to be at rest.
+    """
+
+    magnet: Magnet
+    rest: State
+    last: State
+    covariance: Array
+    time_ns: int | None = None
+
+    @classmethod
+    def unseen(cls, magnet: Magnet, rest: State) -> Sighting:
+        return cls(magnet, rest, rest, np.zeros((COLUMNS, COLUMNS)))
+
+    def rests(self, rest: State) -> None:
+        """What a baseline tells of it."""
+        self.rest = self.last = rest
+        self.covariance, self.time_ns = np.zeros((COLUMNS, COLUMNS)), None
+
+    def saw(self, estimate: PoseEstimate, time_ns: int) -> None:
+        self.last, self.covariance, self.time_ns = estimate.state, estimate.covariance[:COLUMNS, :COLUMNS], time_ns
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A neighbour at one instant, in this pad's axes. change_share: error of its field's change for its placement."""
+
+    magnet: Magnet
+    rest: Neighbour
+    now: Neighbour
+    covariance: Array
+    placement_m: float
+
+    def field(self, sensors: SensorArray, where: Neighbour) -> Array:
+        """(N, 3) tesla in sensor axes."""
+        strength = self.magnet.strength_t_m3 * float(np.exp(where.log_moment))
+        return sensors.to_sensor(dipole_field(sensors.position_m, where.position_m, where.axis, strength))
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourView:
+    """What one pad knows of another's magnet; placement: the other pad's, in this one's axes."""
+
+    sighting: Sighting
+    placement: Placement
+
+    def at(self, time_ns: int) -> Seen:
+        """As uncertain as the time since it was seen has made it."""
+        sighting = self.sighting
+        reach_m, reach_rad = REACH_M, REACH_RAD
+        if sighting.time_ns is not None:
+            age_s = abs(time_ns - sighting.time_ns) * 1e-9
+            reach_m, reach_rad = min(SPEED_M_PER_S * age_s, REACH_M), min(TURN_RAD_PER_S * age_s, REACH_RAD)
+        moved = np.array([reach_m] * 3 + [reach_rad] * 2 + [MOMENT_DEVIATION]) ** 2
+        turn = np.eye(COLUMNS)
+        rest, now = self._placed(sighting.rest), self._placed(sighting.last)
+        turn[POSITION, POSITION] = self.placement.rotation
+        turn[AXIS, AXIS] = tangent_basis(now.axis).T @ self.placement.rotation @ tangent_basis(sighting.last.axis)
+        covariance = turn @ sighting.covariance @ turn.T + np.diag(moved)
+        return Seen(sighting.magnet, rest, now, covariance, self.placement.tolerance_m)
+
+    def _placed(self, state: State) -> Neighbour:
+        place, turn = self.placement, self.placement.rotation
+        return Neighbour(place.point(state.position_m), turn @ state.axis, state.log_moment)
+
+
+def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[Seen]) -> Array:
+    """The field (N, 3), from which a baseline took the neighbours at rest away, with them put back."""
+    return field_t + sum(other.field(sensors, other.rest) for other in seen)
+
+
+def placement_deviation(sensors: SensorArray, seen: Sequence[Seen]) -> Array:
+    """(N, 1) T: a dipole's gradient goes with 1/r⁴, so that its change of field is off by 4/r for where its pad is."""
+    variance = np.zeros(len(sensors))
+    for other in seen:
+        change = other.field(sensors, other.now) - other.field(sensors, other.rest)
+        distance = np.linalg.norm(sensors.position_m - other.now.position_m, axis=1)
+        variance += (change**2).sum(axis=1) * (4.0 * other.placement_m / distance) ** 2 / 3.0
+    return np.sqrt(variance)[:, None]
+
+
+def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[Seen]) -> tuple[State, Parts, Prior]:
+    """The same problem with the neighbours in its state."""
+    columns = SIZE + COLUMNS * len(seen)
+    covariance = np.zeros((columns, columns))
+    covariance[:SIZE, :SIZE] = prior.covariance
+    for index, other in enumerate(seen):
+        own = slice(SIZE + COLUMNS * index, SIZE + COLUMNS * (index + 1))
+        covariance[own, own] = other.covariance
+    now = tuple(other.now for other in seen)
+    others = np.full(COLUMNS * len(seen), Part.PRIOR, dtype=parts.dtype)
+    return (
+        replace(start, neighbours=now),
+        np.concatenate([parts, others]),
+        Prior(replace(prior.mean, neighbours=now), covariance),
+    )
+
+
+def without_neighbours(
+    field_t: Array, estimate: PoseEstimate | None, seen: Sequence[Seen], sensors: SensorArray
+) -> tuple[Array, PoseEstimate | None]:
+    """The field (N, 3) and the estimate without the neighbours, which are taken away where the estimate has them."""
+    if estimate is None or not seen:
+        return field_t, estimate
+    pairs = zip(seen, estimate.state.neighbours, strict=True)
+    alone = replace(estimate.state, neighbours=())
+    return field_t - sum(other.field(sensors, where) for other, where in pairs), replace(estimate, state=alone)
