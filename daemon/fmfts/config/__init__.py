@@ -10,19 +10,16 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from msgspec import Meta, Struct, field
+from msgspec import Meta, field
 
+from fmfts.config.collect import CollectConfig
+from fmfts.config.section import NonNegativeFloat, PositiveFloat
+from fmfts.config.section import Section as _Section
 from fmfts.pad import Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
 
 Vector = tuple[float, float, float]
-PositiveFloat = Annotated[float, Meta(gt=0)]
-NonNegativeFloat = Annotated[float, Meta(ge=0)]
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
 PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
-
-
-class _Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the file: unknown keys are errors."""
 
 
 class BusConfig(_Section, frozen=True):
@@ -96,7 +93,7 @@ class ToleranceConfig(_Section, frozen=True):
 
 class SceneConfig(_Section, frozen=True):
     ambient: Literal["constant", "drifting"] = "drifting"
-    remanence: Literal["measured", "nominal", "drifting"] = "measured"
+    remanence: Literal["measured", "drifting"] = "measured"
     neighbours: tuple[PadName, ...] = ()
     steel_nearby: bool = False
 
@@ -148,6 +145,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 class Config(_Section, frozen=True):
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)
+    collect: CollectConfig = field(default_factory=CollectConfig)
 
 
 def neighbours_of(pad: PadConfig, pads: Sequence[PadConfig]) -> list[PadConfig]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 
-from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, SourceConfig
+from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, SourceConfig, collect
 from fmfts.sensor.hmc5983 import gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
@@ -41,6 +41,8 @@ def _problems(config: Config) -> Iterator[Problem]:
         for check in checks:
             for keys, text in check(pad):
                 yield ("pad", number, *keys), text
+    for keys, text in collect.problems(config.collect):
+        yield ("collect", *keys), text
     yield from _names(config.pad)
     yield from _neighbours(config.pad)
     yield from _shared_sensors(config.pad)

@@ -1,0 +1,97 @@
+"""`[collect]`: what presses the pad and what measures the force while calibration data are collected."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from fmfts.config.section import NonNegativeFloat, PositiveFloat, Section
+
+Span = tuple[float, float]
+Port = Annotated[int, Meta(ge=1, le=65535)]
+Problem = tuple[tuple[str | int, ...], str]
+DECIMAL = r"([-+]?\d+(?:\.\d+)?)"
+
+
+class _Gauge(Section, frozen=True):
+    delay_ms: NonNegativeFloat = 0.0  # how old a reading is when it arrives
+    silence_ms: Annotated[float, Meta(gt=0, le=1000)] = 100.0  # the rod is lifted after so long without a reading
+
+
+class _AsciiGauge(_Gauge, frozen=True):
+    pattern: str = DECIMAL  # a regular expression for one line; its first group is the number
+    newton_per_unit: float = 1.0  # negative where pressing counts down
+
+
+class SerialGauge(_AsciiGauge, frozen=True, kw_only=True, tag="serial", tag_field="type"):
+    port: str
+    baud: Annotated[int, Meta(ge=300)] = 9600
+    ask: str = ""  # sent whenever a reading is wanted, for gauges that do not stream
+
+
+class UdpGauge(_AsciiGauge, frozen=True, kw_only=True, tag="udp", tag_field="type"):
+    port: Port
+    address: str = "127.0.0.1"
+
+
+class LoadCellGauge(_Gauge, frozen=True, kw_only=True, tag="hx711", tag_field="type"):
+    newton_per_count: float  # `fmfts-daemon collect --weigh` finds it with two known weights
+
+
+GaugeConfig = SerialGauge | UdpGauge | LoadCellGauge
+
+
+class StageConfig(Section, frozen=True):
+    """A G-code machine. Places are the machine's own coordinates after homing; its z grows away from the pad."""
+
+    port: str
+    dialect: Literal["marlin", "grbl"]
+    travel_mm: tuple[Span, Span, Span]  # x, y, z: the rod is never sent beyond; no default, nobody else can know
+    force_limit_n: PositiveFloat  # beyond it the rod is lifted and the work ends; no default either
+    origin_mm: Span  # machine x, y at which the rod stands above the pad's origin
+    clear_z_mm: float  # here the rod touches nothing wherever it travels
+    baud: Annotated[int, Meta(ge=1200)] = 115200
+    turn_deg: float = 0.0  # of the pad's x axis against the machine's
+    travel_mm_per_s: PositiveFloat = 20.0  # clear of the pad, and lifting
+    press_mm_per_s: PositiveFloat = 2.0
+    step_mm: PositiveFloat = 0.1  # the longest step towards a force
+    overshoot_mm: NonNegativeFloat = 0.2  # each place is reached from its lower side: takes up backlash of so much
+
+
+class CollectConfig(Section, frozen=True):
+    gauge: GaugeConfig | None = None
+    stage: StageConfig | None = None
+    average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # of frames and forces behind each row
+    settle_s: NonNegativeFloat = 0.3  # after the force is reached: silicone creeps
+    force_tolerance: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # of a reached force, relative to the plan's
+    moved_limit_mm: PositiveFloat = 0.05  # of the unloaded magnet since the baseline
+    ambient_limit_ut: PositiveFloat = 2.0  # of the field of the unloaded pad since the baseline, µT
+
+
+def problems(collect: CollectConfig) -> Iterator[Problem]:
+    """What the types cannot tell."""
+    gauge, stage = collect.gauge, collect.stage
+    if isinstance(gauge, SerialGauge | UdpGauge):
+        try:
+            groups = re.compile(gauge.pattern).groups
+        except re.error as error:
+            yield ("gauge", "pattern"), f"is no regular expression: {error}"
+        else:
+            if groups < 1:
+                yield ("gauge", "pattern"), "the number needs (brackets) around it"
+    if stage is None:
+        return
+    if gauge is None:
+        yield ("stage",), "a stage needs a [collect.gauge]: without one it cannot know when to stop pressing"
+    for axis, (low, high) in zip("xyz", stage.travel_mm, strict=True):
+        if not low < high:
+            yield ("stage", "travel_mm"), f"{axis} goes from {low:g} to {high:g}: the lower end comes first"
+    low, high = stage.travel_mm[2]
+    if not low < stage.clear_z_mm <= high:
+        yield ("stage", "clear_z_mm"), f"must lie within travel_mm's z, above {low:g} and at most {high:g}"
+    for axis, place, (low, high) in zip("xy", stage.origin_mm, stage.travel_mm[:2], strict=True):
+        if not low <= place <= high:
+            yield ("stage", "origin_mm"), f"{axis} = {place:g} is outside travel_mm ({low:g} to {high:g})"
