@@ -69,7 +69,7 @@ def test_every_key_is_explained_in_the_shipped_file() -> None:
     keys = all_keys(Config)
     assert {"clock_hz", "uid", "endpoint", "steel_nearby", "sensors_mm"} <= keys, "the walk finds the keys"
     for key in keys:
-        assert re.search(rf"^(# )?(\[+(pad\.)?{key}\]|{key} = )", text, flags=re.MULTILINE), key
+        assert re.search(rf"^(#+ )?(\[+((pad|collect)\.)?{key}\]|{key} = )", text, flags=re.MULTILINE), key
 
 
 SIMULATED = "pad 'a' (first [[pad]]): "
