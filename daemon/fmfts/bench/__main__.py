@@ -1,11 +1,11 @@
-"""python -m fmfts.bench speed | accuracy | convergence | faults | turning | baselines"""
+"""python -m fmfts.bench speed | accuracy | convergence | faults | turning | baselines | neighbours"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from fmfts.bench import accuracy, baselines, convergence, faults, speed, turning
+from fmfts.bench import accuracy, baselines, convergence, faults, neighbours, speed, turning
 from fmfts.pose import SOLVER
 
 
@@ -13,7 +13,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m fmfts.bench", description="measure the pose solver")
     parser.add_argument("--seed", type=int, default=1)
     verbs = parser.add_subparsers(
-        required=True, metavar="speed | accuracy | convergence | faults | turning | baselines"
+        required=True, metavar="speed | accuracy | convergence | faults | turning | baselines | neighbours"
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
@@ -35,6 +35,9 @@ def main() -> None:
     verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
     verb.add_argument("--pads", type=int, default=20, help="how many pads are built, for each row")
     verb.set_defaults(run=baselines.run)
+    verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
+    verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
+    verb.set_defaults(run=neighbours.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")

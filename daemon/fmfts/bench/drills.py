@@ -78,10 +78,6 @@ class DrillSource(Simulated):
         self._foreign = field
         self._begin_s = begin_s
 
-    @property
-    def built(self) -> MountedPad:
-        return self._built
-
     def _field(self, sampled_s: Array, warming_k: float) -> Array:
         own = super()._field(sampled_s, warming_k)
         if self._foreign is None or sampled_s.max() < self._begin_s:

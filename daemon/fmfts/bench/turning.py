@@ -17,7 +17,6 @@ from fmfts.pose import FREE_FIELD, State, Tracker, dipole_field, solve
 from fmfts.scene import choose
 from fmfts.sensor.simulated import Simulated
 from fmfts.simulate.finger import Touch
-from fmfts.simulate.mounted import MountedPad
 
 NOISE_T = 2e-7
 EARTH_T = 0.5e-4
@@ -106,10 +105,6 @@ class Warming(Simulated):
     """A pad that warms evenly by 20 K, with the magnet inside."""
 
     minutes: float = 10.0
-
-    @property
-    def built(self) -> MountedPad:
-        return self._built
 
     def _warming_k(self, now_s: float) -> float:
         return 20.0 * min(now_s / (60.0 * self.minutes), 1.0)

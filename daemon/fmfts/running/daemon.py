@@ -22,7 +22,7 @@ from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
 from fmfts.running.verbs import Verbs
-from fmfts.scene import around, choose, unmodelled
+from fmfts.scene import around, blind, choose
 from fmfts.sensor import Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
@@ -141,7 +141,7 @@ class Daemon:
         scene = choose(config.scene, config.magnet, thermometer=config.source.chip == "hmc5983")
         pipeline = PadPipeline(pad, model, self._boot, rate_hz, scene.tracking)
         log.info("pad '%s': %s", pad.name, scene.why)
-        for text in unmodelled(config.scene):
+        for text in blind(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
         try:

@@ -76,6 +76,11 @@ class Simulated:
         self._counts = np.zeros((len(drawing.sensors), 3), dtype=np.int16)
         self._selftest: dict[str, object] | None = None
 
+    @property
+    def built(self) -> MountedPad:
+        """The pad as it really is, which a test knows and a daemon does not."""
+        return self._built
+
     def fileno(self) -> None:
         return None
 
