@@ -44,13 +44,13 @@ def as_drawn(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, 
     the drawing's; for the degree or so that mounting leaves open, that is the load's own tilt to second order.
     """
     position = drawing.rest_position_m + (estimate.position_m - rest.position_m)
-    turn = _shortest_rotation(rest.axis, drawing.rest_axis)
+    turn = shortest_rotation(rest.axis, drawing.rest_axis)
     spread = np.eye(6)
     spread[3:, 3:] = turn
     return position, turn @ estimate.axis, spread @ estimate.pose_covariance @ spread.T
 
 
-def _shortest_rotation(start: Array, end: Array) -> Array:
+def shortest_rotation(start: Array, end: Array) -> Array:
     """Matrix (3, 3) that takes unit vector `start` to `end`; they are less than 180° apart."""
     x, y, z = np.array(
         [
