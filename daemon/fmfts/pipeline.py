@@ -13,9 +13,11 @@ from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact_message import Reading, Sender
 from fmfts.pad import Pad, Placement
 from fmfts.pose import (
+    AMBIENT,
     PAPER,
     Aligned,
     Alignment,
+    Part,
     PoseEstimate,
     State,
     Tracker,
@@ -26,6 +28,7 @@ from fmfts.pose import (
     repeats_allowed,
     widened,
 )
+from fmfts.pose.constancy import Constancy
 from fmfts.pose.neighbour import NeighbourView, Seen, Sighting, placement_deviation, with_rest
 from fmfts.sensor import Frame, step_t
 
@@ -113,6 +116,8 @@ class Estimator:
         mounted = self.mounting.mounted(drawing)
         self._sensors = mounted.sensors
         self._tracker = Tracker(mounted, self.mounting.rest, model_of_scene, temperature_c, noise_t)
+        is_constant = baseline.rest is not None and tracking.parts[AMBIENT.start] == Part.FIXED
+        self._constancy = Constancy(mounted, self.mounting.rest) if is_constant else None
         recorded = baseline.rest or baseline.bare
         assert recorded is not None  # or there would be no mounting
         self._repeats_allowed = repeats_allowed(self.mounting.noise_t, step_t(recorded.gain_code))
@@ -133,6 +138,8 @@ class Estimator:
             lasting = np.hypot(lasting, placement_deviation(self._sensors, neighbours))
         deviation = np.hypot(lasting, self.mounting.noise_t * aligned.noise_share)
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, lasting, neighbours)
+        if self._constancy is not None:
+            track = self._constancy.judge(track, field, deviation)
         if self.baseline.rest is None:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":

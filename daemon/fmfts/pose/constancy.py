@@ -1,0 +1,84 @@
+"""Whether an ambient field that a scene calls constant is: a robot that turns must not be taken for a broken sensor."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.chi2 import quantile
+from fmfts.pad import Array, Pad
+from fmfts.pose.problem import Status
+from fmfts.pose.solver import FREE_FIELD, solve
+from fmfts.pose.state import AMBIENT, State
+from fmfts.pose.tracker import Track
+
+log = logging.getLogger(__name__)
+
+# While frames are not well, one in so many is looked at: 0.4 s at 220 Hz tell.
+EVERY, LOOKS = 8, 12
+# Of the frames that a moving field explains, so many misfit by chance.
+MISFIT = 1e-4
+# A sensor's offset stays; a field that moves by more than this many deviations, and this far (5 mG), is the robot's.
+MOVED_DEVIATIONS, MOVED_T = 6.0, 5e-7
+# A pad that turns passes through the orientation of its baseline: it is well again when it has been so for a second.
+WELL_FRAMES = 220
+
+
+class Constancy:
+    """Of one pad whose model holds the ambient field fixed."""
+
+    def __init__(self, pad: Pad, rest: State) -> None:
+        self._pad = pad
+        self._rest = rest
+        self._frames = 0
+        self._well_frames = 0
+        self._logged = False
+        self._forget()
+
+    def _forget(self) -> None:
+        self._explained: deque[bool] = deque(maxlen=LOOKS)
+        self._lowest_t, self._highest_t = np.full(3, np.inf), np.full(3, -np.inf)
+        self._moved_t = 0.0
+
+    def judge(self, track: Track, field_t: Array, deviation_t: Array) -> Track:
+        """The frame's track, or what it says of the field; field_t, deviation_t (N, 3): what the tracker was given."""
+        self._frames += 1
+        if track.health == "ok":
+            self._well_frames += 1
+            if self._well_frames >= WELL_FRAMES:
+                self._forget()
+        else:
+            self._well_frames = 0
+            if self._frames % EVERY == 0:
+                self._look(field_t, deviation_t)
+        if self._moved_t == 0.0:
+            return track
+        used: NDArray[np.bool_] = np.isfinite(field_t)
+        return Track(None, used, "disturbed", self._reason())
+
+    def _reason(self) -> str:
+        return (
+            f'the ambient field moves, by {self._moved_t * 1e7:.0f} mG, and scene.ambient = "constant" says that '
+            'it does not: where the pad turns, or a magnet moves far off, set ambient = "drifting" in [pad.scene]'
+        )
+
+    def _look(self, field_t: Array, deviation_t: Array) -> None:
+        if not np.isfinite(field_t).all():
+            return
+        estimate = solve(field_t, self._pad, self._rest, deviation_t=deviation_t, free=FREE_FIELD)
+        fits = estimate.status is Status.CONVERGED and estimate.chi2 < quantile(MISFIT, estimate.degrees_of_freedom)
+        self._explained.append(fits)
+        if not fits:
+            return
+        ambient = estimate.state.ambient_t
+        self._lowest_t, self._highest_t = np.minimum(self._lowest_t, ambient), np.maximum(self._highest_t, ambient)
+        moved = float(np.linalg.norm(self._highest_t - self._lowest_t))
+        deviation = float(np.sqrt(np.trace(estimate.covariance[AMBIENT, AMBIENT])))
+        if sum(self._explained) >= LOOKS - 1 and moved > max(MOVED_T, MOVED_DEVIATIONS * deviation):
+            self._moved_t = max(self._moved_t, moved)
+            if not self._logged:
+                self._logged = True
+                log.warning("pad '%s': %s", self._pad.name, self._reason())

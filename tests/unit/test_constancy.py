@@ -1,0 +1,61 @@
+"""A scene that calls the ambient field constant, on a robot that turns: one clear message, and no sensor blamed."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmfts.bench.drills import FRAME_NS, live_finger, pad_config
+from fmfts.bench.faults import pipeline_of
+from fmfts.bus.messages import ContactMessage
+from fmfts.contact import ContactModel
+from fmfts.sensor import Frame
+from fmfts.sensor.simulated import Simulated
+
+
+def published(turning_deg_per_s: float, seconds: float, offset_counts: int = 0) -> list[ContactMessage]:
+    """A pressed pad whose scene is constant; from the first second on, it turns, or an axis of sensor 2 is off."""
+    config = pad_config("constant", seed=1)
+    pipeline = pipeline_of(config, ContactModel.load("default", config.pad()))
+    source, messages = Simulated(config), []
+    source.finger, source.turning_rad_per_s = live_finger, float(np.deg2rad(turning_deg_per_s))
+    for step in range(round(seconds * 220)):
+        for frame in source.poll(step * FRAME_NS):
+            messages.append(pipeline.process(shifted(frame, offset_counts if step > 220 else 0)))
+    return messages
+
+
+def shifted(frame: Frame, counts: int) -> Frame:
+    changed = frame.counts.copy()
+    changed[1, 0] += counts
+    return replace(frame, counts=changed)
+
+
+@pytest.mark.parametrize(("turning_deg_per_s", "within_s"), [(20.0, 1.0), (5.0, 2.0)])
+def test_turning_pad_is_told_once_to_say_drifting(
+    turning_deg_per_s: float, within_s: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In that time the half gauss of the Earth moves by 170 mG, and at 5° a second by 87."""
+    with caplog.at_level(logging.WARNING, logger="fmfts.pose.constancy"):
+        messages = published(turning_deg_per_s, within_s + 0.5)
+    assert [message.health for message in messages].count("degraded") == 0, "no sensor is at fault"
+    for message in messages[round(within_s * 220) :]:
+        assert message.health == "disturbed"
+        assert 'set ambient = "drifting"' in message.reason
+        assert message.contact is None
+    (record,) = caplog.records
+    assert record.getMessage().startswith("pad 'drill': the ambient field moves, by ")
+
+
+def test_pad_that_stays_is_not_accused() -> None:
+    assert {message.health for message in published(0.0, 2.0)} == {"ok"}
+
+
+def test_sensor_that_is_off_stays_the_sensors_fault() -> None:
+    """66 counts are 100 mG: what a moving field would need, its start apart, is that it moves."""
+    last = published(0.0, 3.0, offset_counts=66)[-220:]
+    assert {message.health for message in last} == {"degraded"}
+    assert all(message.reason.startswith("sensor 2 ") for message in last)
