@@ -19,6 +19,7 @@ from fmfts.pose import (
     Alignment,
     Part,
     PoseEstimate,
+    SensorErrors,
     State,
     Tracker,
     TrackingModel,
@@ -36,7 +37,6 @@ Array = NDArray[np.float64]
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
-NO_NOISE = np.zeros(1)
 # A finger never lifts the magnet. One that stays lifted for this long was pressed when its baseline was recorded.
 LIFTED_S = 0.2
 
@@ -112,10 +112,10 @@ class Estimator:
         temperature_c = None if baseline.rest is None else baseline.rest.temperature_c
         # Before rest is recorded, nothing is known of moment or drift: the paper's own method serves.
         model_of_scene = PAPER if baseline.rest is None else tracking
-        noise_t = None if baseline.rest is None else self.mounting.noise_t
+        errors = None if baseline.rest is None else SensorErrors(self.mounting.noise_t, self.mounting.field_errors())
         mounted = self.mounting.mounted(drawing)
         self._sensors = mounted.sensors
-        self._tracker = Tracker(mounted, self.mounting.rest, model_of_scene, temperature_c, noise_t)
+        self._tracker = Tracker(mounted, self.mounting.rest, model_of_scene, temperature_c, errors)
         is_constant = baseline.rest is not None and tracking.parts[AMBIENT.start] == Part.FIXED
         self._constancy = Constancy(mounted, self.mounting.rest) if is_constant else None
         recorded = baseline.rest or baseline.bare
@@ -132,12 +132,13 @@ class Estimator:
         self._last_us = aligned.time_us
         lively = aligned.repeats <= self._repeats_allowed
         field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
-        lasting = np.hypot(self.mounting.deviation_t(field, NO_NOISE), aligned.bend_t)
+        lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
         if neighbours:
             field = with_rest(field, self._sensors, neighbours)
-            lasting = np.hypot(lasting, placement_deviation(self._sensors, neighbours))
-        deviation = np.hypot(lasting, self.mounting.noise_t * aligned.noise_share)
-        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, lasting, neighbours)
+            elsewhere = np.hypot(elsewhere, placement_deviation(self._sensors, neighbours))
+        noise = self.mounting.noise_t * aligned.noise_share
+        deviation = np.sqrt(lasting**2 + elsewhere**2 + noise**2)
+        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours)
         if self._constancy is not None:
             track = self._constancy.judge(track, field, deviation)
         if self.baseline.rest is None:

@@ -53,6 +53,22 @@ def test_bend_bounds_the_error_of_a_tap() -> None:
     assert worst_excess < 4.0
 
 
+def test_bend_bounds_the_error_of_a_jump() -> None:
+    """A magnet that is put back is there from one sample to the next; chips interpolate across the moment."""
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+    jump_us, jump_t = 6 * PERIOD_US + 100, 1e-4
+    jumped = False
+    for step in range(1, 12):
+        time_us = step * PERIOD_US + offsets
+        aligned = alignment.push(_rows(*(jump_t * (time_us > jump_us))), time_us, FRESH)
+        error = np.abs(aligned.field_t - jump_t * (aligned.time_us > jump_us))
+        jumped |= bool(error.max() > 0.5 * jump_t)
+        if step > 3:
+            assert (error <= aligned.bend_t + 1e-12).all()
+    assert jumped
+
+
 def test_stopped_chip_does_not_hold_the_others_back() -> None:
     alignment = Alignment(4, PERIOD_US)
     fresh = np.array([True, True, True, False])

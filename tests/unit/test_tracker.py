@@ -103,3 +103,29 @@ def test_jump_across_the_pad_is_followed_within_one_frame(pad: Pad, tracker: Tra
     assert track.health == "ok"
     assert track.estimate is not None
     assert track.estimate.position_m == pytest.approx(far.position_m, abs=1e-6)
+
+
+def test_misfit_that_no_gate_stops_makes_the_answer_less_certain(pad: Pad, rest: State) -> None:
+    """Noise twice as large as its deviations say: χ² is four times its degrees of freedom, deviations are to double."""
+    field, random = field_at(pad, rest), np.random.default_rng(4)
+    deviations = {}
+    for share in (1.0, 2.0):
+        tracker, seen = Tracker(pad, rest, CONSTANT), []
+        for _ in range(400):
+            track = tracker.update(field + random.normal(0.0, share * NOISE_T, (4, 3)), DEVIATION)
+            if track.health == "ok":
+                assert track.estimate is not None
+                seen.append(np.sqrt(track.estimate.covariance[2, 2]))
+        deviations[share] = float(np.mean(seen))
+    exact = 6.1e-6  # of z with six unknowns at rest: docs/pose.md's bound
+    assert 1.0 < deviations[1.0] / exact < 1.1
+    # Frames above the gate are not published, which takes away the largest misfits.
+    assert 1.6 < deviations[2.0] / exact < 2.1
+
+
+def test_place_known_no_better_than_a_millimetre_is_lost(pad: Pad, tracker: Tracker, pressed: State) -> None:
+    field = field_at(pad, pressed)
+    assert tracker.update(field, np.full((4, 3), 2e-6)).health == "ok"
+    track = tracker.update(field, np.full((4, 3), 2.5e-5))
+    assert track.health == "lost"
+    assert track.estimate is None

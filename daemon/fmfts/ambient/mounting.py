@@ -16,7 +16,7 @@ from fmfts.ambient.presses import PressBundle, Presses
 from fmfts.ambient.recording import Recording
 from fmfts.ambient.unknowns import Leftover, Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
-from fmfts.pose import State, dipole_field
+from fmfts.pose import FieldErrors, State, dipole_field
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,8 @@ class Mounting:
     gain: (N, 3) measured = gain·true, per axis. sensor_position_m: (N, 3).
     offset_t: (N, 3) in sensor axes, what remains of the field when the magnet's is taken away: the ambient field, with
     what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
-    noise_t: (N, 3) of one sample. proportional: (N, 3) error of a change of field, relative to it.
+    noise_t: (N, 3) of one sample. gain_deviation: (N, 3) of a change of field, relative to it; place_deviation: (N, 1)
+    of a change of the magnet's own field, which is not everywhere the same.
     systematic_t: what every value may be off besides, always by the same.
     leftover: what the rest field could not tell, None where rest was not recorded.
     chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
@@ -50,7 +51,8 @@ class Mounting:
     offset_t: Array
     rest_field_t: Array
     noise_t: Array
-    proportional: Array
+    gain_deviation: Array
+    place_deviation: Array
     systematic_t: float
     leftover: Leftover | None
     chi2: float
@@ -78,14 +80,21 @@ class Mounting:
         """Measured field (N, 3), sensor axes → the magnet's share of it, gains and ambient field removed."""
         return measured_t / self.gain - self.offset_t
 
-    def deviation_t(self, magnet_field_t: Array, noise_share: Array) -> Array:
-        """(N, 3) standard deviation of the magnet's field; `noise_share` (N, 1): of the noise of one sample.
+    def lasting_deviation_t(self, magnet_field_t: Array, ambient_t: Array) -> Array:
+        """(N, 3) standard deviation of the magnet's field, noise aside; ambient_t (N, 3): what of it, in sensor axes,
+        is a change of the ambient field since the baseline.
 
-        Real errors are proportional (gain, placement). Those at rest are in the estimate, so only the change counts.
+        Real errors are proportional. Those at rest are in the estimate, so only the change counts; where a sensor sits
+        matters to the magnet's field alone.
         """
-        change = self.proportional * (magnet_field_t - self.rest_field_t)
-        deviation: Array = np.sqrt((self.noise_t * noise_share) ** 2 + change**2 + self.systematic_t**2)
+        change = magnet_field_t - self.rest_field_t
+        gain, place = self.gain_deviation * change, self.place_deviation * (change - ambient_t)
+        deviation: Array = np.sqrt(gain * gain + place * place + self.systematic_t**2)
         return deviation
+
+    def field_errors(self) -> FieldErrors | None:
+        """What the baseline left open, as it shows in the field; None before rest was recorded."""
+        return None if self.leftover is None else self.leftover.field_errors()
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
         """(5, 5, M) error of a unit change of pose, see `Leftover.change_error`."""
@@ -151,7 +160,8 @@ def estimate_mounting(
         offset_t=rest.mean_t / gain - magnet_alone,
         rest_field_t=magnet_alone,
         noise_t=rest.noise_t,
-        proportional=_proportional(place_deviation, gain_deviation, distance),
+        gain_deviation=gain_deviation,
+        place_deviation=_by_place(place_deviation, distance),
         systematic_t=0.0,
         leftover=Leftover(unknowns, scaled, scaled_covariance, weight),
         chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ unknowns.precision @ scaled),
@@ -173,8 +183,8 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
     at_rest_t = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
     typical_t = np.sqrt(np.mean(at_rest_t**2))
     distance = np.linalg.norm(pad.sensors.position_m - pad.rest_position_m, axis=1)
-    place, gain = np.full(shape, tolerance.sensor_position_m), np.full(shape, tolerance.gain)
-    proportional = np.sqrt(np.mean(_proportional(place, gain, distance) ** 2))
+    place = _by_place(np.full(shape, tolerance.sensor_position_m), distance)
+    proportional = np.sqrt(tolerance.gain**2 + np.mean(place**2))
     ambient, ambient_deviation = _ambient(pad, bare)
     return Mounting(
         rest=State.at_rest(pad),
@@ -184,7 +194,8 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
         offset_t=bare.mean_t,
         rest_field_t=pad.sensors.to_sensor(at_rest_t),
         noise_t=bare.noise_t,
-        proportional=np.zeros(shape),
+        gain_deviation=np.zeros(shape),
+        place_deviation=np.zeros((shape[0], 1)),
         systematic_t=float(proportional * typical_t),
         leftover=None,
         chi2=0.0,
@@ -202,8 +213,7 @@ def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
     return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
 
 
-def _proportional(place_deviation_m: Array, gain_deviation: Array, distance_m: Array) -> Array:
-    """(N, 3) relative error of a change of field: a gradient of a dipole's field goes with 1/r⁴."""
-    place = np.linalg.norm(place_deviation_m, axis=1) / np.sqrt(3.0)
-    relative: Array = np.hypot(gain_deviation, (4.0 * place / distance_m)[:, None])
-    return relative
+def _by_place(place_deviation_m: Array, distance_m: Array) -> Array:
+    """(N, 1) relative error of a change of the magnet's field: a gradient of a dipole's field goes with 1/r⁴."""
+    relative: Array = 4.0 / np.sqrt(3.0) * np.linalg.norm(place_deviation_m, axis=1) / distance_m
+    return relative[:, None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fmfts.ambient.gains import Gains
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import State, dipole_derivatives, tangent_basis
+from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2, tangent_basis
 
 Array = NDArray[np.float64]
 
@@ -102,6 +102,37 @@ class Leftover:
     covariance: Array
     weight: Array
 
+    @property
+    def _root(self) -> Array:
+        return np.asarray(self.unknowns.deviation[:, None] * np.linalg.cholesky(self.covariance), dtype=np.float64)
+
+    def field_errors(self) -> FieldErrors:
+        """What the same leftover does to the field of a changed pose, and of an ambient field that has changed.
+
+        Besides the M unknowns' deviations there is one column for the dipole that stands in for the cylinder.
+        """
+        state, places, gain = self.unknowns.unpack(self.scaled)
+        state = replace(state, ambient_t=np.zeros(3))
+        relative, root, kappa = gain.reshape(-1, 1), self._root, octupole_m2(self.unknowns.pad.magnet)
+        _, at_rest = self.unknowns.predict(state, places, gain)
+        cylinder_at_rest = self._cylinder(state, places, gain, kappa)
+        by_pose = np.empty((5, gain.size, len(self.scaled) + 1))
+        for direction, size in enumerate(TYPICAL_CHANGE):
+            step = np.zeros(9)
+            step[direction] = size
+            pressed = state.stepped(step)
+            _, there = self.unknowns.predict(pressed, places, gain)
+            cylinder = self._cylinder(pressed, places, gain, kappa) - cylinder_at_rest
+            by_pose[direction] = np.hstack([(there - at_rest) @ root, cylinder.reshape(-1, 1)]) / relative / size
+        by_field = np.hstack([root[-gain.size :], np.zeros((gain.size, 1))]) / relative
+        return FieldErrors(by_pose, by_field, self.unknowns.pad.sensors.rotation)
+
+    def _cylinder(self, state: State, places: Array, gain: Array, octupole_m2: float) -> Array:
+        """(N, 3) the cylinder's field less the dipole's."""
+        whole, _ = self.unknowns.predict(state, places, gain, octupole_m2=octupole_m2)
+        dipole, _ = self.unknowns.predict(state, places, gain)
+        return whole - dipole
+
     def change_error(self, solved: NDArray[np.intp]) -> Array:
         """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that
         follows from each of M independent deviations of the unknowns.
@@ -112,7 +143,7 @@ class Leftover:
         """
         state, places, gain = self.unknowns.unpack(self.scaled)
         _, at_rest = self.unknowns.predict(state, places, gain)
-        root = self.unknowns.deviation[:, None] * np.linalg.cholesky(self.covariance)
+        root = self._root
         errors = np.empty((5, 5, len(self.scaled)))
         for direction, size in enumerate(TYPICAL_CHANGE):
             step = np.zeros(9)

@@ -3,7 +3,8 @@
 from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
 from fmfts.pose.change import as_drawn, change_from, displacement, widened
-from fmfts.pose.dipole import dipole_derivatives, dipole_field
+from fmfts.pose.dipole import dipole_derivatives, dipole_field, octupole_m2
+from fmfts.pose.field_errors import FieldErrors, SensorErrors
 from fmfts.pose.kernel import SOLVER, Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
@@ -29,11 +30,13 @@ __all__ = [
     "Aligned",
     "Alignment",
     "Batch",
+    "FieldErrors",
     "Motion",
     "Part",
     "PoseEstimate",
     "Prior",
     "Problem",
+    "SensorErrors",
     "Solution",
     "State",
     "Status",
@@ -47,6 +50,7 @@ __all__ = [
     "dipole_derivatives",
     "dipole_field",
     "displacement",
+    "octupole_m2",
     "parts_of",
     "repeats_allowed",
     "solve",

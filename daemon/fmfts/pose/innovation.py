@@ -48,16 +48,21 @@ class Innovations:
         self._mean = np.zeros(self._noise.shape)
         self._lasting = np.zeros(self._noise.shape)  # variance that no averaging takes away
         self._frames = np.zeros(self._noise.shape)  # seen of each axis, up to the memory
+        self.change = np.zeros(8)  # the mean
+        self._pushed = 0
         self._since = 0
         self.sound = True  # at the last judgement
 
     def forget(self) -> None:
-        self._mean[:], self._frames[:] = 0.0, 0.0
+        self._mean[:], self._frames[:], self._pushed = 0.0, 0.0, 0
 
-    def push(self, residual_t: Array, lasting_t: Array) -> bool:
+    def push(self, residual_t: Array, lasting_t: Array, change: Array) -> bool:
         """One frame's residual (N, 3), NaN where an axis is silent; lasting_t (N, 3): deviation of the part of its
-        error that stays from frame to frame. True when it is time to judge."""
+        error that stays from frame to frame, whatever the cause; change (8,): what errors are proportional to.
+        True when it is time to judge."""
         residual, lasting = residual_t.ravel(), lasting_t.ravel() ** 2
+        self._pushed = min(self._pushed + 1, MEMORY_FRAMES)
+        self.change += (change - self.change) / self._pushed
         seen = np.isfinite(residual)
         self._frames = np.where(seen, np.minimum(self._frames + 1.0, MEMORY_FRAMES), 0.0)
         share = 1.0 / np.maximum(self._frames, 1.0)

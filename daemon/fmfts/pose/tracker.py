@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from fmfts.chi2 import quantile, survival
 from fmfts.pad import Pad
+from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.neighbour import Seen, joined, without_neighbours
 from fmfts.pose.problem import Part, Prior, Status
 from fmfts.pose.solver import PoseEstimate, solve
-from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, SIZE, State
+from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, POSITION, SIZE, State
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.pose.watch import (
     FEWEST_SENSORS,
@@ -33,9 +34,14 @@ STOP_TRACKING = 1e-6
 # While a disturbance lasts, the search for a single sensor at fault is repeated once in so many frames: it costs
 # solves that take their time, because none of them fits.
 SEARCH_EVERY = 8
+# Misfit is averaged over so many frames: a fault that is not found yet shows within 40 ms, and healthy frames are
+# published 3 % more uncertain than they are.
+MISFIT_FRAMES = 8
 # A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
 REACH_M = 8e-3
 MOMENT_FACTOR = 3.0
+# A place that is known no better than this is none: contact is not linear over it.
+VAGUE_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +66,11 @@ class Tracker:
         rest: State,
         model: TrackingModel,
         rest_temperature_c: float | None = None,
-        noise_t: Array | None = None,
+        errors: SensorErrors | None = None,
     ) -> None:
-        """noise_t (N, 3): white noise of one sample; without it, faults that are small and last are not looked for."""
+        """errors: of sensors that are well; without it, faults that are small and last are not looked for."""
         self._pad = pad
-        self._watch = None if noise_t is None else Watch(pad, model.parts, noise_t)
+        self._watch = None if errors is None else Watch(pad, rest, model.parts, errors)
         self._nearest: PoseEstimate | None = None  # to the truth, as far as this frame tells
         self._rest = rest
         self._model = model
@@ -75,12 +81,19 @@ class Tracker:
         self._since_good_s = 0.0
         self._warmth_variance = 0.0
         self._disturbed_frames = 0
+        self._misfit = 1.0  # χ² over its degrees of freedom, of late
         self._verdict: tuple[TrackHealth, str] = ("lost", "")
         self._neighbours: Sequence[Seen] = ()
 
     @property
     def _moment_deviation(self) -> float:
         return float(np.sqrt(self._covariance[LOG_MOMENT, LOG_MOMENT]))
+
+    @property
+    def ambient_t(self) -> Array:
+        """(N, 3) in sensor axes, of the last good frame: what of the field is not the magnet's."""
+        ambient_t: Array = self._last.ambient_t @ self._pad.sensors.rotation
+        return ambient_t
 
     @property
     def estimated(self) -> NDArray[np.intp]:
@@ -97,8 +110,8 @@ class Tracker:
         neighbours: Sequence[Seen] = (),
     ) -> Track:
         """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3), of which
-        lasting_t is the part that no averaging takes away; elapsed_s since the last frame; temperature_c of the pad,
-        None where unknown. neighbours: other magnets that the field holds as well."""
+        lasting_t is what no averaging takes away and `errors` do not say; elapsed_s since the last frame;
+        temperature_c of the pad, None where unknown. neighbours: other magnets that the field holds as well."""
         self._neighbours = neighbours
         self._since_good_s += max(elapsed_s, 0.0)
         self._nearest = None
@@ -124,10 +137,10 @@ class Tracker:
         estimate = self._solve(field_t, deviation_t, prior)
         if not self._fits(estimate):
             return self._explain(field_t, deviation_t, prior, estimate)
-        self._accept(estimate)
+        published = self._accept(estimate)
         if whole.all():
-            return Track(estimate, used, "ok", "")
-        return Track(estimate, used, "degraded", f"{_listed(~whole)} silent, saturated or stuck: left out")
+            return Track(published, used, "ok", "")
+        return Track(published, used, "degraded", f"{_listed(~whole)} silent, saturated or stuck: left out")
 
     def _predicted(self, temperature_c: float | None) -> Prior:
         """The last good state, as uncertain as time and warmth have made it since."""
@@ -143,11 +156,19 @@ class Tracker:
             moment = self._rest.log_moment + self._model.moment_per_k * warmer_k
         return Prior(replace(self._last, log_moment=moment), covariance)
 
-    def _accept(self, estimate: PoseEstimate) -> None:
+    def _accept(self, estimate: PoseEstimate) -> PoseEstimate:
+        """Go on from this estimate, and publish it as uncertain as frames of late misfit.
+
+        Where residuals are larger than their deviations say, something is off that is not found yet, and errors are
+        larger by as much. R. T. Birge, "The calculation of errors by the method of least squares", Phys. Rev. 40
+        (1932) 207.
+        """
+        self._misfit += (estimate.chi2 / estimate.degrees_of_freedom - self._misfit) / MISFIT_FRAMES
         self._last, self._nearest = replace(estimate.state, neighbours=()), estimate
         self._covariance = estimate.covariance[:SIZE, :SIZE]
         self._since_good_s = 0.0
         self._disturbed_frames = 0
+        return replace(estimate, covariance=max(self._misfit, 1.0) * estimate.covariance)
 
     def _solve(self, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool = False) -> PoseEstimate:
         """From the last pose; if that does not fit, from rest as well."""
@@ -198,10 +219,9 @@ class Tracker:
                 ((sensor, estimate),) = fitting.items()
                 if self._watch is not None and not self._watch.confirms(sensor):
                     return Track(None, used, "lost", f"sensor {sensor + 1} may be at fault, or the field has turned")
-                self._accept(estimate)
                 used[sensor] = False
                 reason = f"sensor {sensor + 1} contradicts the others (χ² {whole.chi2:.0f} with it): left out"
-                return Track(estimate, used, "degraded", reason)
+                return Track(self._accept(estimate), used, "degraded", reason)
             self._verdict = self._judge(whole, list(fitting), outside > FALSE_ALARM)
         self._disturbed_frames += 1
         health, reason = self._verdict
@@ -232,6 +252,7 @@ class Tracker:
         return (
             estimate.status is Status.CONVERGED
             and bool(np.linalg.norm(estimate.position_m - self._rest.position_m) < REACH_M)
+            and float(np.trace(estimate.covariance[POSITION, POSITION])) < VAGUE_M**2
             and abs(estimate.state.log_moment - self._rest.log_moment) < np.log(MOMENT_FACTOR)
         )
 

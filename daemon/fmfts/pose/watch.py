@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
+from fmfts.pose.field_errors import SensorErrors, change_since
 from fmfts.pose.innovation import Finding, Innovations
 from fmfts.pose.model import predict
 from fmfts.pose.problem import Part, Parts, magnet_rows, measurement_rows
@@ -31,15 +32,17 @@ FOREIGN_DEVIATION[AMBIENT], FOREIGN_DEVIATION[GRADIENT] = UNEVEN_FIELD_DEVIATION
 class Watch:
     """One pad's mean residuals. blamed: the sensor that is to be left out, None where there is none."""
 
-    def __init__(self, pad: Pad, parts: Parts, noise_t: Array) -> None:
-        """parts: of the scene's model. noise_t (N, 3): white noise of one sample."""
+    def __init__(self, pad: Pad, rest: State, parts: Parts, errors: SensorErrors) -> None:
+        """parts: of the scene's model."""
+        self._rest = rest
+        self._errors = errors.lasting
         self._pad = pad
         self._rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, 1.0)
         self._magnets = magnet_rows(pad.magnet)
         self._unknown = np.isin(parts, (Part.FREE, Part.PRIOR))
         # The parts that no unknown of the scene follows, and a field from elsewhere has.
         self._foreign = np.flatnonzero((parts == Part.FIXED) & (FOREIGN_DEVIATION > 0.0))
-        self._innovations = Innovations(noise_t)
+        self._innovations = Innovations(errors.noise_t)
         self._finding: Finding | None = None
         self._heard: set[int] = set()
         self._ambient_is_known = bool(parts[AMBIENT.start] == Part.FIXED)
@@ -72,12 +75,17 @@ class Watch:
         if nearest is None:
             self._innovations.forget()
             return
-        if not self._innovations.push(field_t - self._predicted(nearest.state), lasting_t):
+        change = change_since(self._rest, nearest.state)
+        if not self._innovations.push(field_t - self._predicted(nearest.state), lasting_t, change):
             return
         _, jacobian = predict(self._rows, self._magnets, nearest.state)
+        tolerated = jacobian[:, [LOG_MOMENT]] * moment_deviation
+        if self._errors is not None:
+            mean = self._innovations.change
+            tolerated = np.hstack([tolerated, self._errors.at(mean[:5], mean[5:])])
         found = self._innovations.judge(
             jacobian[:, self._unknown],
-            jacobian[:, [LOG_MOMENT]] * moment_deviation,
+            tolerated,
             jacobian[:, self._foreign] * FOREIGN_DEVIATION[self._foreign],
             forgiving=self._finding is not None,
         )
