@@ -1,0 +1,121 @@
+"""The magnets of other pads: where they are seen, what they do to a pose, and two pressed pads side by side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmfts.bench.neighbours import pair, pressed_pair
+from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
+from fmfts.pad import Pad, Placement, rotation_from_vector
+from fmfts.pose import PAPER, State, Tracker, dipole_field
+from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, Sighting, with_rest
+from fmfts.scene import around
+
+NOISE_T = 2e-7
+STEP_SD = np.array([3e-5, 3e-5, 3e-5, 5e-3, 5e-3, MOMENT_DEVIATION])
+vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
+
+
+def placement(position: np.ndarray, turn: np.ndarray) -> Placement:
+    return Placement(0.03 * position, rotation_from_vector(3.0 * turn), 0.0)
+
+
+def view(pad: Pad, *, position_m: tuple[float, float, float] = (0.025, 0.0, 0.0)) -> NeighbourView:
+    turn = rotation_from_vector(np.array([0.3, -0.2, 0.5]))
+    return NeighbourView(Sighting.unseen(pad.magnet, State.at_rest(pad)), Placement(np.array(position_m), turn, 0.0))
+
+
+@given(vectors, vectors, vectors, vectors, vectors)
+def test_neighbour_has_the_field_that_the_common_frame_gives_it(
+    here: np.ndarray, here_turn: np.ndarray, there: np.ndarray, there_turn: np.ndarray, step: np.ndarray
+) -> None:
+    pad = PadConfig(name="one", source=SimulatedSource()).pad()
+    own, others = placement(here, here_turn), placement(there + np.array([0.0, 0.0, 3.0]), there_turn)
+    moved = State.at_rest(pad).stepped(np.append(1e-3 * step, [0.1 * step[0], 0.1 * step[1]]))
+    sighting = Sighting(pad.magnet, State.at_rest(pad), moved, np.diag(STEP_SD**2), 0)
+    seen = NeighbourView(sighting, others.seen_from(own)).at(0)
+    places = np.array([own.point(place) for place in pad.sensors.position_m])
+    common = dipole_field(
+        places, others.point(moved.position_m), others.rotation @ moved.axis, pad.magnet.strength_t_m3
+    )
+    np.testing.assert_allclose(seen.field(pad.sensors, seen.now), common @ own.rotation, rtol=1e-9, atol=1e-15)
+
+
+def test_covariance_of_a_neighbour_turns_with_its_axes(pad: Pad) -> None:
+    neighbour = view(pad)
+    step = 1e-3 * np.array([0.3, -0.7, 0.2, 2.0, -1.0, 0.0])
+    sighting = neighbour.sighting
+    sighting.covariance, sighting.time_ns = np.outer(step, step), 0
+    seen = neighbour.at(0)
+    there = neighbour._placed(sighting.last.stepped(step))
+    arrived = there.step_from(seen.now)
+    arrived_square = np.outer(arrived, arrived) + np.diag([0.0] * 5 + [MOMENT_DEVIATION**2])
+    # A step on the sphere is its tangent to second order: 2e-3 of a radian.
+    np.testing.assert_allclose(seen.covariance, arrived_square, rtol=1e-4, atol=1e-11)
+
+
+def test_neighbour_is_less_certain_the_longer_it_was_not_seen(pad: Pad) -> None:
+    neighbour = view(pad)
+    deviation = {}
+    for age_ns in (0, 5_000_000, 10_000_000, 10_000_000_000):
+        neighbour.sighting.time_ns = 0
+        deviation[age_ns] = np.sqrt(np.diagonal(neighbour.at(age_ns).covariance))
+    assert (np.diff(list(deviation.values()), axis=0)[:, :5] > 0.0).all()
+    np.testing.assert_allclose(deviation[10_000_000_000][:5], [REACH_M] * 3 + [REACH_RAD] * 2)
+    neighbour.sighting.time_ns = None
+    np.testing.assert_allclose(np.sqrt(np.diagonal(neighbour.at(0).covariance)), deviation[10_000_000_000])
+
+
+def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says(pad: Pad) -> None:
+    """NEES of five unknowns over 300 frames: 5 ± 4·√(10/300)."""
+    neighbour, random, nees = view(pad, position_m=(0.02, 0.0, 0.0)), np.random.default_rng(1), []
+    rest = State.at_rest(pad)
+    own = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
+    sighting = neighbour.sighting
+    sighting.last = rest.stepped(np.array([1e-4, 0.0, -3e-4, 0.05, 0.0]))
+    sighting.covariance, sighting.time_ns = np.diag(STEP_SD**2 - np.eye(6)[5] * MOMENT_DEVIATION**2), 0
+    seen = neighbour.at(0)
+    for _ in range(300):
+        truth = neighbour._placed(sighting.last.stepped(STEP_SD * random.standard_normal(6)))
+        # What a baseline leaves: this magnet, and what the neighbour has changed since.
+        change = seen.field(pad.sensors, truth) - seen.field(pad.sensors, seen.rest)
+        field = with_rest(own + change + random.normal(0.0, NOISE_T, (4, 3)), pad.sensors, [seen])
+        track = Tracker(pad, rest, PAPER).update(field, np.full((4, 3), NOISE_T), neighbours=[seen])
+        assert track.estimate is not None, track.reason
+        error = replace(track.estimate.state, neighbours=()).step_from(rest)[:5]
+        nees.append(float(error @ np.linalg.solve(track.estimate.covariance[:5, :5], error)))
+    assert abs(np.mean(nees) - 5.0) < 4.0 * np.sqrt(10.0 / 300.0)
+
+
+def test_two_pressed_pads_30_mm_apart_stay_right_when_told_of_each_other() -> None:
+    """The worst of 4,000 errors of healthy pads is below four deviations; five is wrong."""
+    pads = pair(30.0, "drifting", seed=1)
+    told, untold = pressed_pair(pads, told=True, seconds=5.0), pressed_pair(pads, told=False, seconds=5.0)
+    assert told.health == {"ok": told.frames}
+    assert told.wrong == told.false_contacts == 0
+    assert len(told.errors) > 500
+    assert untold.wrong > 100
+
+
+def test_a_neighbour_far_away_is_left_out() -> None:
+    for distance_mm, felt in ((60.0, True), (120.0, False)):
+        first, second = pair(distance_mm, "drifting", seed=1)
+        (neighbour,) = around(first, (first, second))
+        assert neighbour.is_felt is felt
+        assert neighbour.name == "second"
+        assert neighbour.distance_m == pytest.approx(distance_mm * 1e-3, rel=0.01)
+        assert ("left out" in neighbour.why) is not felt
+
+
+def test_placement_is_in_si_and_relative() -> None:
+    one = PlacementConfig(position_mm=(10, 0, 0), rotation_deg=(0, 0, 90), tolerance_mm=0.3).si()
+    other = PlacementConfig(position_mm=(10, 25, 0), tolerance_mm=0.4).si()
+    seen = other.seen_from(one)
+    np.testing.assert_allclose(seen.position_m, [0.025, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(seen.rotation @ [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], atol=1e-15)
+    assert seen.tolerance_m == pytest.approx(0.5e-3)
