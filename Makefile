@@ -2,6 +2,7 @@
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
 # make test    set up what the tests need, then run them all
 # make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
+# make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make bench   what a solve costs, how accurate and how sure it is    (cold-starts: a million of them, half an hour)
 
 PYTHON ?= python3
@@ -14,8 +15,9 @@ FIRMWARE ?=
 # What a bare Debian lacks: python3-venv, and Python.h for compiled parts.
 BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
+missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 # The kernel's I2C interface, emulated, is served by the system's own Python.
-TEST_PACKAGES := $(foreach package,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd,$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
+TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd)
 
 .PHONY: fuzz demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
 
@@ -93,6 +95,8 @@ define need
 		fi; \
 	fi
 endef
+
+include systemd/install.mk
 
 clean:
 	rm -rf $(VENV) build *.egg-info firmware/build

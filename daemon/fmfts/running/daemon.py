@@ -21,6 +21,7 @@ from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
+from fmfts.running.summary import one_line
 from fmfts.running.verbs import Verbs
 from fmfts.scene import around, blind, choose
 from fmfts.sensor import Source
@@ -166,13 +167,11 @@ class Daemon:
                     pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
 
     def _report(self, now_ns: int) -> None:
-        words = []
         for channel in self._channels.values():
             status = channel.status(now_ns)
             self._verbs.last_status[channel.name] = status
             self._publisher.send_status(channel.name, status)
-            words.append(f"{channel.name}: {status.health} {status.rate_hz:.0f} Hz")
-        self._notifier.status("; ".join(words))
+        self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)

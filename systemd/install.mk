@@ -1,0 +1,65 @@
+# Installing for good: into a prefix, or as a Debian package. Included by the Makefile above.
+
+PREFIX ?= /usr/local
+DESTDIR ?=
+SYSTEM_PYTHON ?= /usr/bin/python3
+# What pip puts beside the package: all dependencies, or with WITHOUT_DEPENDENCIES=1 only the pinned ones of Debian's.
+WITHOUT_DEPENDENCIES ?=
+
+INSTALL_LIB := $(PREFIX)/lib/fmfts
+# All of these are searched by systemd and udev below /usr/local/lib as well as /usr/lib.
+INSTALL_FILES := $(PREFIX)/bin/fmfts-daemon $(PREFIX)/lib/systemd/system/fmfts.service \
+	$(PREFIX)/lib/sysusers.d/fmfts.conf $(PREFIX)/lib/udev/rules.d/60-fmfts.rules
+PIP_TARGET = $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
+	--root-user-action=ignore --no-compile --target "$(DESTDIR)$(INSTALL_LIB)"
+IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e 's|/usr/bin/fmfts-daemon|$(PREFIX)/bin/fmfts-daemon|'
+
+INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
+DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
+
+.PHONY: install uninstall deb drill-service
+
+install:
+	@$(call need,$(INSTALL_PACKAGES),exit 1)
+	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
+	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) .
+	rm -rf "$(DESTDIR)$(INSTALL_LIB)/bin"
+	install -d $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(dir $(file))") "$(DESTDIR)/etc/fmfts"
+	$(IN_PLACE) systemd/fmfts-daemon.sh > "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
+	chmod 755 "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
+	$(IN_PLACE) systemd/fmfts.service > "$(DESTDIR)$(PREFIX)/lib/systemd/system/fmfts.service"
+	install -m 644 systemd/fmfts.sysusers "$(DESTDIR)$(PREFIX)/lib/sysusers.d/fmfts.conf"
+	install -m 644 systemd/60-fmfts.rules "$(DESTDIR)$(PREFIX)/lib/udev/rules.d/60-fmfts.rules"
+	test -e "$(DESTDIR)/etc/fmfts/config.toml" || install -m 644 config.toml "$(DESTDIR)/etc/fmfts/config.toml"
+	@$(if $(DESTDIR),:,systemd-sysusers $(PREFIX)/lib/sysusers.d/fmfts.conf && { test ! -d /run/systemd/system || { systemctl daemon-reload && udevadm control --reload; }; })
+	@$(if $(DESTDIR),:,echo "describe your pads in /etc/fmfts/config.toml$(,) then: systemctl enable --now fmfts")
+
+# Configuration and baselines are the user's and stay.
+uninstall:
+	@$(if $(DESTDIR),:,test ! -d /run/systemd/system || systemctl disable --now fmfts)
+	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
+	rm -f $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(file)")
+	@echo "left in place: $(DESTDIR)/etc/fmfts (configuration), $(DESTDIR)/var/lib/fmfts (baselines), user and group fmfts"
+
+, := ,
+
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+DEB_BUILD := build/deb
+DEB_SOURCES := Makefile pyproject.toml README.md CHANGELOG.md LICENSE config.toml daemon clients/python systemd
+
+# A package for Debian 12, in build/. It fetches what Debian lacks from PyPI, by hash (systemd/debian/vendored.txt).
+deb:
+	@$(call need,$(DEB_PACKAGES),exit 1)
+	rm -rf $(DEB_BUILD) && mkdir -p $(DEB_BUILD)/fmfts
+	tar -c --exclude=__pycache__ --exclude='*.so' --exclude='*.egg-info' $(DEB_SOURCES) | tar -x -C $(DEB_BUILD)/fmfts
+	cp -r systemd/debian $(DEB_BUILD)/fmfts/debian
+	printf 'fmfts (%s) bookworm; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- The fmfts authors <fmfts@example.invalid>  %s\n' \
+		$(VERSION) "$$(date -R)" > $(DEB_BUILD)/fmfts/debian/changelog
+	cd $(DEB_BUILD)/fmfts && dpkg-buildpackage --no-sign --build=binary
+	mv $(DEB_BUILD)/fmfts_$(VERSION)_*.deb build/
+	@ls -l build/fmfts_$(VERSION)_*.deb
+
+# The package on a plain Debian 12 under real systemd (root; ten minutes the first time, then five).
+drill-service: deb firmware $(VENV)/.installed
+	@$(call need,$(call missing_packages,debootstrap systemd-container),exit 1)
+	$(BIN)/python tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb

@@ -1,0 +1,104 @@
+"""A plain Debian 12 with its own systemd: debootstrap makes the tree, systemd-nspawn boots a copy of it."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shlex
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Self
+
+PACKAGES = "systemd,systemd-sysv,dbus,udev"  # what a minimal installation has beyond the base
+
+
+def debian_tree(cache: Path) -> Path:
+    """The tree, made by debootstrap when it is not there yet (two minutes; 300 MB)."""
+    tree = cache / "debian-12"
+    if not tree.exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        making = Path(tempfile.mkdtemp(dir=cache, prefix="debian-12."))
+        command = ["debootstrap", "--variant=minbase", f"--include={PACKAGES}", "bookworm", str(making)]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        making.chmod(0o755)
+        making.rename(tree)
+    return tree
+
+
+class Container:
+    """Booted from a copy of `tree`; what is in it goes when it is closed."""
+
+    def __init__(self, tree: Path) -> None:
+        self.name = f"fmfts-drill-{secrets.token_hex(4)}"
+        self.root = Path(tempfile.mkdtemp(prefix="fmfts-container."))
+        subprocess.run(["cp", "-a", "--reflink=auto", f"{tree}/.", self.root], check=True)
+        (self.root / "etc/hostname").write_text("robot\n")
+        self._process: subprocess.Popen[bytes] | None = None
+        self._leader = 0
+
+    def unbooted(self, *command: str) -> str:
+        """Run in the tree as it lies there, as an installer does; with the host's network."""
+        words = ["systemd-nspawn", "--quiet", *self._options(), "--resolv-conf=replace-host", *command]
+        return subprocess.run(words, check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL).stdout
+
+    def boot(self) -> None:
+        words = ["systemd-nspawn", "--quiet", *self._options(), "--resolv-conf=off", "--private-network", "--boot"]
+        words.append("--console=pipe")
+        self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        children = Path(f"/proc/{self._process.pid}/task/{self._process.pid}/children")
+        wait_for(lambda: children.read_text().split(), "the container's init")
+        self._leader = int(children.read_text().split()[0])
+        wait_for(lambda: self.run("systemctl is-system-running", check=False) in ("running", "degraded"), "its boot")
+
+    def run(self, command: str, user: str = "root", check: bool = True, timeout_s: float = 120.0) -> str:
+        """A shell command in the booted container; its output, both streams. With `check`, it must succeed."""
+        words = ["nsenter", "--all", "--target", str(self._leader), "runuser", "-u", user, "--", "sh", "-c", command]
+        environment = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8", "TERM": "dumb"}
+        ended = subprocess.run(
+            words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout_s, env=environment,
+            check=False, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+        if check and ended.returncode:
+            raise AssertionError(f"{command}: exit {ended.returncode}: {ended.stdout}")
+        return ended.stdout.strip()
+
+    def python(self, program: str, user: str = "root") -> str:
+        return self.run(f"cd / && /usr/bin/python3 -c {shlex.quote(program)}", user)
+
+    def property(self, name: str, unit: str = "fmfts") -> str:
+        return self.run(f"systemctl show --value -p {name} {unit}")
+
+    def shut_down(self) -> None:
+        if self._process is not None:
+            os.kill(self._leader, signal.SIGRTMIN + 4)  # systemd(1): poweroff.target
+            try:
+                self._process.wait(30)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+
+    def _options(self) -> list[str]:
+        return [f"--directory={self.root}", f"--machine={self.name}", "--register=no", "--keep-unit"]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shut_down()
+        shutil.rmtree(self.root)
+
+
+def wait_for(condition: Callable[[], object], what: str, patience_s: float = 60.0) -> float:
+    """Wait until `condition` holds; how many seconds that took."""
+    start = time.monotonic()
+    while not condition():
+        if time.monotonic() - start > patience_s:
+            raise AssertionError(f"{what}: nothing of the kind within {patience_s:g} s")
+        time.sleep(0.05)
+    return time.monotonic() - start

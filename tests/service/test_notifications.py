@@ -1,0 +1,90 @@
+"""What the real daemon tells systemd, and when."""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from end_to_end.processes import BRIDGE_CONFIG, RunningDaemon
+from fmfts_client import UnreachableError
+
+SIMULATED = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+"""
+WATCHDOG_S = 5.0  # of the unit
+
+
+@pytest.fixture
+def systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """systemd's end of $NOTIFY_SOCKET, for daemons that are started from now on."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        listening.settimeout(20.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        yield listening
+
+
+def next_with(systemd: socket.socket, start: str) -> str:
+    while not (text := systemd.recv(4096).decode()).startswith(start):
+        pass
+    return text
+
+
+def longest_pause_s(systemd: socket.socket, seconds: float) -> float:
+    """Between signs of life for the watchdog."""
+    longest, last, end = 0.0, time.monotonic(), time.monotonic() + seconds
+    while last < end:
+        next_with(systemd, "WATCHDOG=1")
+        now = time.monotonic()
+        longest, last = max(longest, now - last), now
+    return longest
+
+
+def test_ready_is_said_when_the_sockets_are_bound(tmp_path: Path, systemd: socket.socket) -> None:
+    with RunningDaemon(tmp_path, SIMULATED, wait=False) as daemon:
+        next_with(systemd, "READY=1")
+        assert daemon.request("pads", timeout_s=5.0)["pads"]
+
+
+def test_status_tells_the_true_rate(tmp_path: Path, systemd: socket.socket) -> None:
+    with RunningDaemon(tmp_path, SIMULATED):
+        while (told := next_with(systemd, "STATUS=")) == "STATUS=1 of 1 pads ok at 0 Hz":
+            pass  # the first is sent before there is an interval to count in
+        assert told.startswith("STATUS=1 of 1 pads ok at ")
+        assert 100 < float(told.split()[-2]) < 230
+
+
+def test_absent_hardware_does_not_starve_the_watchdog_and_is_told(tmp_path: Path, systemd: socket.socket) -> None:
+    with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=tmp_path / "nothing")):
+        assert longest_pause_s(systemd, 2.0) < WATCHDOG_S / 2
+        told = next_with(systemd, "STATUS=")
+    assert told.startswith("STATUS=0 of 1 pads ok; left: disconnected for ")
+    assert "does not exist: is the board plugged in?" in told
+
+
+def test_a_daemon_that_hangs_feeds_no_watchdog(tmp_path: Path, systemd: socket.socket) -> None:
+    with RunningDaemon(tmp_path, SIMULATED) as daemon:
+        daemon.process.send_signal(signal.SIGSTOP)
+        time.sleep(0.2)
+        while select.select([systemd], [], [], 0.0)[0]:
+            systemd.recv(4096)
+        assert not select.select([systemd], [], [], 1.0)[0]
+        daemon.process.send_signal(signal.SIGCONT)
+        next_with(systemd, "WATCHDOG=1")
+
+
+def test_stopping_is_said_and_nothing_answers_afterwards(tmp_path: Path, systemd: socket.socket) -> None:
+    with RunningDaemon(tmp_path, SIMULATED) as daemon:
+        assert daemon.stop() == 0
+        next_with(systemd, "STOPPING=1")
+        with pytest.raises(UnreachableError):
+            daemon.request("pads", timeout_s=0.5)
