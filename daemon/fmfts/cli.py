@@ -91,6 +91,21 @@ def _parser() -> argparse.ArgumentParser:
     pose.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
     pose.add_argument("--baseline", type=Path, metavar="FILE", help="fields are raw: subtract this baseline")
     pose.add_argument("--sequence", action="store_true", help="start each row from the one before, not from rest")
+    pose.add_argument(
+        "--unknowns",
+        type=int,
+        choices=(5, 6, 8, 9),
+        default=6,
+        help="5: the pose; 6: and the moment; 8: pose and ambient field; 9: all (6)",
+    )
+    pose.add_argument("--octupole", action="store_true", help="the magnet is a cylinder, not a dipole")
+    pose.add_argument(
+        "--gradient-ut-per-mm",
+        type=float,
+        default=0.0,
+        help="the ambient field has a gradient: its standard deviation (0.3: steel, or a magnet 60 mm away)",
+    )
+    pose.add_argument("--neighbours", action="store_true", help="the magnets of the pad's scene.neighbours may move")
     pose.add_argument("--noise-ut", type=float, default=0.2, help="standard deviation of a field value (0.2)")
     return parser
 
@@ -231,13 +246,24 @@ def _listen(options: argparse.Namespace) -> int:
 def _pose(options: argparse.Namespace) -> int:
     from fmfts.offline import field_table
     from fmfts.offline.pose import PoseOptions, solve_table
+    from fmfts.scene import unseen
 
-    pad = _one_pad(_config(options), options.pad).pad()
+    config = _config(options)
+    of_file = _one_pad(config, options.pad)
+    pad = of_file.pad()
     if not options.noise_ut > 0.0:
         raise VerbError(exit_codes.USAGE, f"--noise-ut is {options.noise_ut}: it must be greater than zero")
     try:
         table = field_table.read(options.fields, len(pad.sensors))
-        solving = PoseOptions(options.baseline, options.sequence, options.noise_ut * 1e-6)
+        solving = PoseOptions(
+            options.baseline,
+            options.sequence,
+            options.noise_ut * 1e-6,
+            options.unknowns,
+            options.octupole,
+            options.gradient_ut_per_mm * 1e-3,
+            unseen(of_file, config.pad) if options.neighbours else (),
+        )
         columns = solve_table(table, pad, solving)
         if options.output is None:
             field_table.write(columns, sys.stdout)

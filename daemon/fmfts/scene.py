@@ -25,7 +25,7 @@ from fmfts.pose import (
     parts_of,
     solve,
 )
-from fmfts.pose.neighbour import REACH_M, REACH_RAD
+from fmfts.pose.neighbour import REACH_M, REACH_RAD, NeighbourView, Seen, Sighting
 
 # A hand that turns at 1 rad/s in the Earth's half gauss changes the field by 2 mG from frame to frame; twice that.
 AMBIENT_WALK_T2_PER_S = (5e-7) ** 2 * 220.0
@@ -138,3 +138,14 @@ def around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[SceneNeighbour
         # Of a dipole's field B at a distance r, a step s changes 3s/r, and a turn as much as its angle.
         change = magnet.strength_t_m3 / distance**3 * (3.0 * REACH_M / distance + REACH_RAD)
         yield SceneNeighbour(other.name, placement, float(np.linalg.norm(place - pad.pad().rest_position_m)), change)
+
+
+def unseen(pad: PadConfig, pads: Sequence[PadConfig]) -> list[Seen]:
+    """The neighbours that `pad` names, at rest as far as anybody knows."""
+    seen = []
+    for other in neighbours_of(pad, pads):
+        magnet, rest = other.pad().magnet, State.at_rest(other.pad())
+        seen.append(
+            NeighbourView(Sighting.unseen(magnet, rest), other.placement.si().seen_from(pad.placement.si())).at(0)
+        )
+    return seen

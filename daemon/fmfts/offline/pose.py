@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,37 +11,85 @@ import numpy as np
 from fmfts import ambient
 from fmfts.ambient import BaselineError, Mounting
 from fmfts.offline.field_table import DataError, FieldTable
-from fmfts.pad import Pad
-from fmfts.pose import PoseEstimate, State, Status, solve
+from fmfts.pad import Array, Pad
+from fmfts.pose import (
+    AMBIENT,
+    FREE_FIELD,
+    FREE_PAPER,
+    FREE_POSE,
+    LOG_MOMENT,
+    SIZE,
+    PoseEstimate,
+    Prior,
+    State,
+    Status,
+    parts_of,
+    solve,
+)
+from fmfts.pose.neighbour import Seen, joined, with_rest
+from fmfts.pose.state import GRADIENT
 
 # The data sheet's noise of one sample at ±0.88 G: 2 mG.
 NOISE_T = 2e-7
 
 
+POSE_NAMES = ("a_mm", "b_mm", "c_mm", "m", "n", "p", "remanence_t")
+AMBIENT_NAMES = ("ambient_x_ut", "ambient_y_ut", "ambient_z_ut")
+UNKNOWNS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD, 9: np.union1d(FREE_PAPER, FREE_FIELD)}
+
+
 @dataclass(frozen=True, slots=True)
 class PoseOptions:
     """baseline: a file whose ambient field and gains apply, None where the table has neither. sequence: each row is
-    started from the one before, not from rest. noise_t: standard deviation of a field value."""
+    started from the one before, not from rest. noise_t: standard deviation of a field value.
+
+    unknowns: the pose alone (5), with the moment (6, the paper's), with the ambient field (8), with both (9). octupole:
+    the magnet is a cylinder. gradient_t_per_m: standard deviation of the ambient field's gradient, about zero.
+    neighbours: magnets of other pads, whose rest field was subtracted as the ambient field was.
+    """
 
     baseline: Path | None = None
     sequence: bool = False
     noise_t: float = NOISE_T
+    unknowns: int = 6
+    octupole: bool = False
+    gradient_t_per_m: float = 0.0
+    neighbours: Sequence[Seen] = ()
 
 
 def solve_table(table: FieldTable, pad: Pad, options: PoseOptions) -> dict[str, list[str]]:
-    """The table's other columns, then pose, remanence, residual and status, with a standard deviation for each."""
+    """The table's other columns, then pose, remanence, residual and status, with a standard deviation for each; and the
+    ambient field where it is unknown."""
     mounting = None if options.baseline is None else _mounting(options.baseline, pad)
     geometry = pad if mounting is None else mounting.mounted(pad)
-    start = State.at_rest(geometry) if mounting is None else mounting.rest
-    rest = start
-    estimates = []
+    rest = State.at_rest(geometry) if mounting is None else mounting.rest
+    start, estimates = rest, []
     for measured in table.field_t:
         field = measured if mounting is None else mounting.magnet_field(measured)
-        estimate = solve(field, geometry, start, deviation_t=options.noise_t)
+        estimate = _solve(with_rest(field, geometry.sensors, options.neighbours), geometry, start, options)
         if options.sequence:
-            start = estimate.state if estimate.status is Status.CONVERGED else rest
+            converged = estimate.status is Status.CONVERGED
+            start = replace(estimate.state, neighbours=()) if converged else rest
         estimates.append(estimate)
-    return table.others | _columns(estimates)
+    with_ambient = AMBIENT.start in UNKNOWNS[options.unknowns]
+    return table.others | _columns(estimates, POSE_NAMES + AMBIENT_NAMES if with_ambient else POSE_NAMES)
+
+
+def _solve(field_t: Array, pad: Pad, start: State, options: PoseOptions) -> PoseEstimate:
+    spread = np.zeros(SIZE)
+    spread[GRADIENT] = options.gradient_t_per_m
+    parts = parts_of(free=UNKNOWNS[options.unknowns], prior=np.flatnonzero(spread))
+    start, parts, prior = joined(start, parts, Prior(start, np.diag(spread**2)), options.neighbours)
+    return solve(
+        field_t,
+        pad,
+        start,
+        deviation_t=options.noise_t,
+        parts=parts,
+        prior=prior,
+        octupole=options.octupole,
+        neighbours=[other.magnet for other in options.neighbours],
+    )
 
 
 def _mounting(path: Path, pad: Pad) -> Mounting:
@@ -53,16 +102,15 @@ def _mounting(path: Path, pad: Pad) -> Mounting:
         raise DataError(str(error)) from error
 
 
-def _columns(estimates: list[PoseEstimate]) -> dict[str, list[str]]:
-    names = ("a_mm", "b_mm", "c_mm", "m", "n", "p", "remanence_t")
+def _columns(estimates: list[PoseEstimate], names: Sequence[str]) -> dict[str, list[str]]:
     columns: dict[str, list[str]] = {
         name: [] for name in (*names, "residual_ut", "status", *(f"{name}_sd" for name in names))
     }
     for estimate in estimates:
         solved = estimate.status is Status.CONVERGED
-        values = (*(estimate.position_m * 1e3), *estimate.axis, estimate.remanence_t)
-        deviations = _deviations(estimate)
-        for name, value, deviation in zip(names, values, deviations, strict=True):
+        state = estimate.state
+        values = (*(state.position_m * 1e3), *state.axis, estimate.remanence_t, *(state.ambient_t * 1e6))
+        for name, value, deviation in zip(names, values, _deviations(estimate), strict=False):
             columns[name].append(f"{value:.6f}" if solved else "")
             columns[f"{name}_sd"].append(f"{deviation:.6f}" if solved else "")
         columns["residual_ut"].append(f"{estimate.residual_t * 1e6:.6f}" if solved else "")
@@ -71,9 +119,10 @@ def _columns(estimates: list[PoseEstimate]) -> dict[str, list[str]]:
 
 
 def _deviations(estimate: PoseEstimate) -> list[float]:
-    """Of a_mm … remanence_t. Where the residuals are larger than the noise, they tell the errors better than it."""
+    """Of a_mm … ambient_z_ut. Where the residuals are larger than the noise, they tell the errors better than it."""
     freedom = max(estimate.degrees_of_freedom, 1)
     scale = np.sqrt(max(1.0, estimate.chi2 / freedom))
-    deviation = np.sqrt(np.diagonal(estimate.pose_covariance)) * scale
-    remanence = np.sqrt(estimate.covariance[5, 5]) * estimate.remanence_t * scale
-    return [*(deviation[:3] * 1e3), *deviation[3:], float(remanence)]
+    pose = np.sqrt(np.diagonal(estimate.pose_covariance)) * scale
+    remanence = np.sqrt(estimate.covariance[LOG_MOMENT, LOG_MOMENT]) * estimate.remanence_t * scale
+    ambient = np.sqrt(np.diagonal(estimate.covariance)[AMBIENT]) * scale
+    return [*(pose[:3] * 1e3), *pose[3:], float(remanence), *(ambient * 1e6)]
