@@ -152,7 +152,7 @@ def field_faults() -> list[Fault]:
     """What is wrong with the place, not with a sensor."""
     faults = [
         Fault(f"neighbour {distance_mm} mm, {how}", field=_neighbour(distance_mm * 1e-3, how == "moving"))
-        for distance_mm in (30, 60, 100)
+        for distance_mm in (30, 45, 60, 80, 100)
         for how in ("fixed", "moving")
     ]
     faults.append(Fault("steel approaching", field=_steel))

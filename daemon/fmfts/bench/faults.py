@@ -212,12 +212,13 @@ def run(options: Namespace) -> None:
     quick = options.quick
     faults = sensor_faults((0,), (0, 2)) if quick else sensor_faults(range(4), range(3))
     foreign = field_faults()
-    outcomes = drilled(faults, (options.seed,))
-    outcomes += drilled(foreign, (options.seed,), touches=("pressed",) if quick else tuple(FINGERS))
+    drilled_pads = range(options.seed, options.seed + (1 if quick else options.drilled))
+    outcomes = drilled(faults, drilled_pads)
+    outcomes += drilled(foreign, drilled_pads, touches=("pressed",) if quick else tuple(FINGERS))
     print(HEADER)
     for outcome in sorted(outcomes, key=lambda one: (one.ambient, one.touch)):
         print(outcome.line)
-    seeds, seconds = (range(1, 2), 10.0) if quick else (range(1, 1 + options.pads), 60.0)
+    seeds, seconds = (range(1, 2), 5.0) if quick else (range(1, 1 + options.pads), options.seconds)
     wells = [tapped(ambient, seeds, seconds) for ambient in AMBIENTS]
     for well in wells:
         print(well.line)

@@ -166,6 +166,7 @@ class Tracker:
         self._misfit += (estimate.chi2 / estimate.degrees_of_freedom - self._misfit) / MISFIT_FRAMES
         self._last, self._nearest = replace(estimate.state, neighbours=()), estimate
         self._covariance = estimate.covariance[:SIZE, :SIZE]
+        self._warmth_variance = self._new_warmth
         self._since_good_s = 0.0
         self._disturbed_frames = 0
         return replace(estimate, covariance=max(self._misfit, 1.0) * estimate.covariance)
