@@ -205,6 +205,40 @@ def test_backoff_never_exceeds_a_second(tmp_path: Path) -> None:
     assert deadline_ns - now_ns == 0
 
 
+def test_what_is_plugged_in_is_opened_at_once_however_long_it_was_away(tmp_path: Path) -> None:
+    bridge = Bridge({0: pad(tmp_path / "port")})
+    now_ns = 0
+    while now_ns < 10_000_000_000:
+        bridge.poll(now_ns)
+        now_ns = bridge.deadline_ns() or 0
+    with plugged(tmp_path / "port"):
+        bridge.poll(now_ns)
+        assert bridge.fileno() is not None
+        bridge.close()
+
+
+def test_a_port_that_stays_closed_to_us_is_tried_at_most_once_a_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts = []
+    (tmp_path / "port").touch(mode=0)
+
+    def refused(*_: object, **__: object) -> None:
+        attempts.append(now_ns)
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("fmfts.sensor.serial_port.serial.Serial", refused)
+    bridge = Bridge({0: pad(tmp_path / "port")})
+    now_ns = 0
+    while now_ns < 20_000_000_000:
+        bridge.poll(now_ns)
+        now_ns = bridge.deadline_ns() or 0
+    assert 20 <= len(attempts) <= 26
+    (tmp_path / "port").chmod(0o600)
+    bridge.poll(now_ns)
+    assert attempts[-1] == now_ns, "udev has set the group: no reason to wait"
+
+
 def test_a_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)

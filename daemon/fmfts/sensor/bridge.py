@@ -21,6 +21,7 @@ from fmfts.sensor.source import SourceError, SourceState
 READ_BYTES = 65536
 FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
+LOOK_NS = 50_000_000  # has anything been plugged in? No port is opened for that
 SILENCE_NS = 1_500_000_000  # a board says its status every second, whatever else it does
 REOPEN_NS = 5_000_000_000  # some adapters recover only so
 IDENTIFY_NS = 1_500_000_000  # what a port gets to show that it holds the right board
@@ -48,6 +49,8 @@ class Bridge:
         self._opened_ns = 0
         self._attempt_ns = 0
         self._backoff_ns = FIRST_BACKOFF_NS
+        self._look_ns = 0
+        self._there: frozenset[object] = frozenset()
         self._outbox = b""
 
     def fileno(self) -> int | None:
@@ -55,7 +58,7 @@ class Bridge:
 
     def deadline_ns(self) -> int | None:
         if self._serial is None:
-            return self._attempt_ns
+            return min(self._attempt_ns, self._look_ns)
         patience_ns = SILENCE_NS if self.state.connected else REOPEN_NS
         times = [self._quiet_since_ns + patience_ns, self._link.due_ns]
         if not self._link.is_right_board:
@@ -63,6 +66,8 @@ class Bridge:
         return min(when for when in times if when is not None)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
+        if self._serial is None and now_ns >= self._look_ns:
+            self._look(now_ns)
         if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
             return ()
         frames = self._receive(now_ns)
@@ -84,7 +89,7 @@ class Bridge:
 
     def close(self) -> None:
         self._release()
-        self._attempt_ns = 1 << 62
+        self._attempt_ns = self._look_ns = 1 << 62
         self.state.disconnect("closed", time.monotonic_ns())
 
     @property
@@ -95,6 +100,15 @@ class Bridge:
     def _is_configured_port(self) -> bool:
         """No byte goes to another port before it has spoken the wire: it may be anything."""
         return self._port == self._configured_port
+
+    def _look(self, now_ns: int) -> None:
+        """What was plugged in just now is not kept waiting."""
+        self._look_ns = now_ns + LOOK_NS
+        before, self._there = self._there, serial_port.presence(self._ports_to_try())
+        if self._there - before:
+            self._candidates.clear()
+            self._attempt_ns = now_ns
+            self._backoff_ns = FIRST_BACKOFF_NS
 
     def _open(self, now_ns: int) -> bool:
         if not self._candidates:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import termios
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -36,6 +37,16 @@ def open_raw(port: str, baud: int) -> serial.Serial:
         device.close()
         raise OSError(*error.args) from error
     return device
+
+
+def presence(paths: Iterable[Path | str]) -> frozenset[tuple[str, int, int, int]]:
+    """What is there of `paths`; another value when a device is plugged in or its mode or group is set."""
+    there = set()
+    for path in paths:
+        with suppress(OSError):
+            node = os.stat(path)
+            there.add((str(path), node.st_rdev, node.st_ino, node.st_ctime_ns))
+    return frozenset(there)
 
 
 def close(device: serial.Serial) -> None:

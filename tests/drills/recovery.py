@@ -1,0 +1,124 @@
+"""What robots do to a service, over and over, with the time to recovery: `make drills`, and smaller in `make test`.
+
+Every drill returns its facts and asserts that no wrong number was published meanwhile.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
+
+Facts = dict[str, Any]
+RECOVERED_S = 1.0  # after the device is there again
+BURST_BYTES = 1000
+
+
+def replug(folder: Path, cycles: int) -> Facts:
+    """The plug is pulled for between 0 and 1.2 s, and each time the board comes back as another pty."""
+    chance = random.Random(1)
+    with calibrated(folder) as (daemon, host, ear):
+        before, memory_kb = descriptors(daemon.process.pid), resident_kb(daemon.process.pid)
+        recoveries = []
+        for _ in range(cycles):
+            host.kill()
+            ear.until(is_not_ok)
+            ear.listen(chance.uniform(0.0, 1.2))
+            host = plugged_in(folder)
+            recoveries.append(ear.until(is_ok))
+        grown_kb = resident_kb(daemon.process.pid) - memory_kb
+        leaked = descriptors(daemon.process.pid) - before
+        host.kill()
+    facts = {"cycles": cycles, **summary(recoveries), "descriptors_leaked": leaked, "memory_grown_kb": grown_kb}
+    assert leaked == 0, facts
+    assert not ear.wrong_numbers, ear.wrong_numbers[:3]
+    return facts
+
+
+def reset_in_a_frame(folder: Path, cycles: int) -> Facts:
+    """The firmware starts anew in the middle of a packet."""
+    with calibrated(folder) as (_, host, ear):
+        recoveries = []
+        for _ in range(cycles):
+            host.tell("truncate")
+            host.tell("reset")
+            heard = [contact for contact in ear.listen(1.0) if is_ok(contact)]
+            assert is_ok(ear.next()), "not ok a second after a reset"
+            times_ns = [contact.t_publish_ns for contact in heard]
+            recoveries.append(max(b - a for a, b in pairwise(times_ns)) * 1e-9)
+    assert not ear.wrong_numbers, ear.wrong_numbers[:3]
+    return {"cycles": cycles, **summary(recoveries)}
+
+
+def garbage(folder: Path, size: int) -> Facts:
+    """Random bytes between frames, in bursts."""
+    with calibrated(folder) as (daemon, host, ear):
+        before = daemon.request("status")["pads"][0]
+        for seed in range(size // BURST_BYTES):
+            host.tell(f"garbage {BURST_BYTES} {seed + 1}")
+            ear.listen(0.02)
+        recovered_s = ear.until(is_ok)
+        ear.listen(1.2)
+        after = daemon.request("status")["pads"][0]
+    taken = after["garbage_bytes"] - before["garbage_bytes"]
+    facts = {"bytes": size, "recovered_s": round(recovered_s, 3), "counted_as_garbage": taken,
+             "frames_lost": after["gaps"] - before["gaps"], "crc_errors": after["crc_errors"]}  # fmt: skip
+    # A burst takes along the packet that it runs into, and the one whose end it swallows.
+    assert facts["frames_lost"] <= 2 * size // BURST_BYTES, facts
+    assert not ear.wrong_numbers, ear.wrong_numbers[:3]
+    return facts
+
+
+def nack_storm(folder: Path, seconds: float) -> Facts:
+    """Sensors and the mux stop answering and answer again, at random, fifty times a second."""
+    chance = random.Random(2)
+    healths: dict[str, int] = {}
+    with calibrated(folder) as (_, host, ear):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            state = chance.choice(("unplugged", "none"))
+            sensor = chance.randrange(5)
+            host.tell(f"mux 0 {state}" if sensor == 4 else f"fault 0 {sensor} {state}")
+            for contact in ear.listen(0.02):
+                healths[contact.health] = healths.get(contact.health, 0) + 1
+        for sensor in range(4):
+            host.tell(f"fault 0 {sensor} none")
+        host.tell("mux 0 none")
+        recovered_s = ear.until(lambda contact: is_ok(contact) and contact.sensors_ok == 0b1111)
+    assert not ear.wrong_numbers, ear.wrong_numbers[:3]
+    return {"seconds": seconds, "recovered_s": round(recovered_s, 3), "messages": healths}
+
+
+DRILLS: dict[str, tuple[Callable[[Path, Any], Facts], float]] = {
+    "replug": (replug, 1000),
+    "reset": (reset_in_a_frame, 100),
+    "garbage": (garbage, 1_000_000),
+    "nack": (nack_storm, 60.0),
+}
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("drills", nargs="*", default=list(DRILLS), metavar="DRILL", help=", ".join(DRILLS))
+    options.add_argument("--share", type=float, default=1.0, help="of the full number of cycles, bytes or seconds")
+    arguments = options.parse_args()
+    for name in arguments.drills:
+        drill, full = DRILLS[name]
+        with tempfile.TemporaryDirectory(prefix="fmfts-") as folder:
+            amount = type(full)(full * arguments.share)
+            print(json.dumps({name: drill(Path(folder), amount)}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
