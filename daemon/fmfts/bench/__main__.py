@@ -1,11 +1,11 @@
-"""python -m fmfts.bench speed | accuracy | convergence | faults | turning | baselines | neighbours"""
+"""python -m fmfts.bench speed | accuracy | convergence | faults | moment | turning | baselines | neighbours"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from fmfts.bench import accuracy, baselines, convergence, faults, neighbours, speed, turning
+from fmfts.bench import accuracy, baselines, convergence, faults, moment, neighbours, speed, turning
 from fmfts.pose import SOLVER
 
 
@@ -13,7 +13,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m fmfts.bench", description="measure the pose solver")
     parser.add_argument("--seed", type=int, default=1)
     verbs = parser.add_subparsers(
-        required=True, metavar="speed | accuracy | convergence | faults | turning | baselines | neighbours"
+        required=True, metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours"
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
@@ -34,6 +34,8 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=60.0, help="of turning, for each row")
     verb.add_argument("--warm-minutes", type=float, default=10.0, help="in which the pad warms by 20 K")
     verb.set_defaults(run=turning.run)
+    verb = verbs.add_parser("moment", help="what following the moment at rest would bring, and what it would hide")
+    verb.set_defaults(run=moment.run)
     verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
     verb.add_argument("--pads", type=int, default=20, help="how many pads are built, for each row")
     verb.set_defaults(run=baselines.run)
