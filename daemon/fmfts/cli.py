@@ -174,7 +174,7 @@ def _baseline(options: argparse.Namespace) -> int:
     from fmfts.jobs.oneshot import record_baseline, restore_baseline
 
     if options.restore:
-        return _through_daemon(options, "baseline", {"restore": True}, lambda pad, restore: restore_baseline(pad))
+        return _through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
     names = ("bare", "replaced", "turn", "refine", "duration_s")
     arguments = {name: getattr(options, name) for name in names}
     return _through_daemon(options, "baseline", arguments, record_baseline)
@@ -196,7 +196,7 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     try:
         facts = oneshot.ask_daemon(verb, config, pad=pad.name, **arguments)
         if facts is None:
-            facts = directly(pad, **arguments)
+            facts = directly(pad, config.pad, **arguments)
     except oneshot.RefusedError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except oneshot.AbsentError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
@@ -51,9 +51,9 @@ def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | 
 
 
 def record_baseline(
-    pad: PadConfig, *, bare: bool, replaced: bool, turn: bool, refine: bool, duration_s: float | None
+    pad: PadConfig, pads: Sequence[PadConfig], *, bare: bool, replaced: bool, turn: bool, refine: bool, duration_s: float | None
 ) -> dict[str, Any]:
-    """Record on the device itself, judge, store."""
+    """Record on the device itself, judge, store. `pads`: all of the file."""
     with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
         work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
         try:
@@ -63,7 +63,7 @@ def record_baseline(
                 raise
             # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
             before = None
-        with _opened(pad) as (source, pad_index), progress_bar("baseline") as told:
+        with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as told:
             if isinstance(source, Simulated):
                 hold_still(source, mounted=not bare)
                 source.tumbling = turn
@@ -80,9 +80,9 @@ def restore_baseline(pad: PadConfig) -> dict[str, Any]:
         return restore(drawing).facts(drawing)
 
 
-def run_selftest(pad: PadConfig) -> dict[str, Any]:
+def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
     """The self-test on the device itself."""
-    with _errors_named(), _opened(pad) as (source, pad_index), progress_bar("selftest") as told:
+    with _errors_named(), _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as told:
         there = Collection(source, duration_s=0.0)
         for _ in _turns(source, pad_index, there.take):
             if there.complete:
@@ -147,9 +147,9 @@ def _turns(source: Source, pad_index: int, take: Callable[[Frame], None]) -> Ite
 
 
 @contextmanager
-def _opened(pad: PadConfig) -> Iterator[tuple[Source, int]]:
+def _opened(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[tuple[Source, int]]:
     try:
-        ((source, names),) = open_sources([pad])
+        ((source, names),) = open_sources([pad], pads)
     except SourceError as error:
         raise AbsentError(str(error)) from error
     try:

@@ -33,6 +33,10 @@ log = logging.getLogger(__name__)
 
 TICK_NS = 50_000_000
 STATUS_NS = 1_000_000_000
+NEIGHBOURS_WITHOUT_BARE = (
+    "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
+    "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
+)
 
 
 class Daemon:
@@ -165,6 +169,9 @@ class Daemon:
                 log.info("pad '%s': %s", pad.name, neighbour.why)
                 if neighbour.is_felt:
                     pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
+            baseline = pipelines[pad.name].baseline
+            if pad.scene.neighbours and baseline is not None and baseline.bare is None:
+                log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
 
     def _report(self, now_ns: int) -> None:
         for channel in self._channels.values():

@@ -11,17 +11,20 @@ from fmfts.sensor.source import Source, SourceError
 _OF_THE_PAD = {BridgeSource: {"pad_index"}, I2cSource: {"mux_address", "channels"}}
 
 
-def open_sources(pads: Sequence[PadConfig]) -> list[tuple[Source, dict[int, str]]]:
+def open_sources(
+    pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()
+) -> list[tuple[Source, dict[int, str]]]:
     """Each device once, with the names of its pads by their index on it.
 
     Pads with one serial port share a Bridge, pads with one bus number share an I2C source, a simulated pad has its
-    own. Nothing is opened yet that could fail or wait: that is `poll`'s. SourceError names the pads that cannot share.
+    own, which feels its neighbours among them and `around`. Nothing is opened yet that could fail or wait: that is
+    `poll`'s. SourceError names the pads that cannot share.
     """
     _require_one_port_a_board(pads)
     devices: dict[tuple[str, object], list[PadConfig]] = {}
     for pad in pads:
         devices.setdefault(_device(pad), []).append(pad)
-    return [_open(members, pads) for members in devices.values()]
+    return [_open(members, around or pads) for members in devices.values()]
 
 
 def _device(pad: PadConfig) -> tuple[str, object]:
