@@ -5,9 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
-from fmfts.config import BridgeSource, I2cSource, PadConfig, SimulatedSource
+from fmfts.config import BridgeSource, I2cSource, PadConfig, PlacementConfig, SceneConfig, SimulatedSource
 from fmfts.sensor import SourceError
 from fmfts.sensor.factory import open_sources
 
@@ -80,3 +81,17 @@ def test_drivers_are_imported_only_where_a_pad_needs_them() -> None:
         "print(sorted({'serial', 'smbus2'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_simulated_pad_feels_the_neighbours_that_its_scene_names() -> None:
+    """Also where it is opened alone, for a baseline."""
+    scene, beside = SceneConfig(neighbours=("b",)), PlacementConfig(position_mm=(30.0, 0.0, 0.0))
+    first = PadConfig(name="a", source=SimulatedSource(), scene=scene)
+    pads = [first, PadConfig(name="b", source=SimulatedSource(seed=2), placement=beside)]
+    fields = []
+    for opened in (open_sources(pads), open_sources([first], pads), open_sources([first])):
+        (frame,) = opened[0][0].poll(0)
+        fields.append(frame.field_t)
+    np.testing.assert_array_equal(fields[0], fields[1])
+    # 30 mm away and at rest, 23 µT across the axis: less and more at the sensors 22 and 38 mm away.
+    assert 5e-6 < np.abs(fields[0] - fields[2]).max() < 60e-6

@@ -51,7 +51,14 @@ def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | 
 
 
 def record_baseline(
-    pad: PadConfig, pads: Sequence[PadConfig], *, bare: bool, replaced: bool, turn: bool, refine: bool, duration_s: float | None
+    pad: PadConfig,
+    pads: Sequence[PadConfig],
+    *,
+    bare: bool,
+    replaced: bool,
+    turn: bool,
+    refine: bool,
+    duration_s: float | None,
 ) -> dict[str, Any]:
     """Record on the device itself, judge, store. `pads`: all of the file."""
     with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:

@@ -11,9 +11,7 @@ from fmfts.sensor.source import Source, SourceError
 _OF_THE_PAD = {BridgeSource: {"pad_index"}, I2cSource: {"mux_address", "channels"}}
 
 
-def open_sources(
-    pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()
-) -> list[tuple[Source, dict[int, str]]]:
+def open_sources(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[tuple[Source, dict[int, str]]]:
     """Each device once, with the names of its pads by their index on it.
 
     Pads with one serial port share a Bridge, pads with one bus number share an I2C source, a simulated pad has its
