@@ -81,6 +81,10 @@ def _parser() -> argparse.ArgumentParser:
     facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
     facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
     facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
+    keys = verb("keys", _keys, "make and list the keys that let clients in over the network")
+    keys.add_argument("action", choices=("new", "forget", "list"))
+    keys.add_argument("name", nargs="?", metavar="NAME", help="of the client")
+    keys.add_argument("-o", "--output", type=Path, metavar="FILE", help="of the client's key (NAME.key)")
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=float, help="end after this time, with a summary")
@@ -234,6 +238,30 @@ def _check_config(options: argparse.Namespace) -> int:
         print(json.dumps(msgspec.to_builtins(config), indent=1))
     else:
         print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
+    return 0
+
+
+def _keys(options: argparse.Namespace) -> int:
+    from fmfts.bus.keys import KeyFolder
+    from fmfts.bus.lock import BusError
+
+    folder = _config(options).bus.keys
+    if folder is None:
+        raise VerbError(exit_codes.CONFIG, '[bus] keys names no folder for them (keys = "/etc/fmfts/keys")')
+    if (options.name is None) != (options.action == "list"):
+        raise VerbError(exit_codes.USAGE, f"keys {options.action}: {'no' if options.name else 'a'} NAME is needed")
+    store = KeyFolder(Path(folder))
+    try:
+        if options.action == "new":
+            output = options.output or Path(f"{options.name}.key")
+            store.add(options.name, output)
+            print(f"{output}: carry it to the client by a safe way, and name it there in FMFTS_KEY")
+        elif options.action == "forget":
+            store.forget(options.name)
+        else:
+            print("\n".join(store.clients()))
+    except BusError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     return 0
 
 

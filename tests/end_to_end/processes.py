@@ -64,9 +64,11 @@ class FirmwareHost:
 
 
 class RunningDaemon:
-    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint: where it serves, by its config alone."""
+    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint, keys: by its config alone."""
 
-    def __init__(self, folder: Path, config: str, *, wait: bool = True, endpoint: str | None = None) -> None:
+    def __init__(
+        self, folder: Path, config: str, *, wait: bool = True, endpoint: str | None = None, keys: Path | None = None
+    ) -> None:
         self.folder = folder
         self.config = folder / "config.toml"
         self.base = endpoint or f"ipc://{folder}"
@@ -74,6 +76,8 @@ class RunningDaemon:
         if endpoint is not None:
             del self.environment["FMFTS_BUS"]
             config += f'[bus]\nendpoint = "{endpoint}"\n'
+            if keys is not None:
+                config += f'keys = "{keys}"\n'
         self.config.write_text(config)
         self.log = folder / "daemon.log"
         self.start()

@@ -18,6 +18,7 @@ from end_to_end.processes import (
     resting_field,
     run_command,
 )
+from fmfts.bus.keys import KeyFolder
 from fmfts.pad import Pad
 
 # Neither pressed nor turned: a baseline may be recorded at any time.
@@ -46,10 +47,16 @@ def free_ports() -> int:
 
 
 @pytest.fixture(params=["ipc", "tcp"])
-def daemon(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[RunningDaemon]:
-    """Found by nothing but its configuration."""
-    endpoint = f"ipc://{tmp_path}" if request.param == "ipc" else f"tcp://127.0.0.1:{free_ports()}"
-    with RunningDaemon(tmp_path, STILL_CONFIG, endpoint=endpoint) as daemon:
+def daemon(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[RunningDaemon]:
+    """Found by nothing but its configuration, and over tcp a key."""
+    endpoint, keys = f"ipc://{tmp_path}", None
+    if request.param == "tcp":
+        endpoint, keys = f"tcp://127.0.0.1:{free_ports()}", tmp_path / "keys"
+        KeyFolder(keys).add("test", tmp_path / "test.key")
+        monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "test.key"))
+    with RunningDaemon(tmp_path, STILL_CONFIG, endpoint=endpoint, keys=keys) as daemon:
         yield daemon
 
 

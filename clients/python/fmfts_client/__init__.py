@@ -5,11 +5,14 @@ from fmfts_client.contact import Contact, Event, Pose, Status
 from fmfts_client.control import ControlError, RefusedError, UnreachableError, request
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.fields import SCHEMA_VERSION, MessageError, SchemaError
+from fmfts_client.keys import KEY_VARIABLE, BadKeyError
 from fmfts_client.subscription import Message, Subscription
 
 __all__ = [
     "ALIVE_S",
+    "KEY_VARIABLE",
     "SCHEMA_VERSION",
+    "BadKeyError",
     "Client",
     "Contact",
     "ControlError",

@@ -10,6 +10,7 @@ import msgpack  # type: ignore[import-untyped]
 import zmq
 
 from fmfts_client.endpoints import Endpoints, for_client
+from fmfts_client.keys import show_key
 
 
 class ControlError(Exception):
@@ -42,6 +43,7 @@ def request(
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
     with socket:
         socket.setsockopt(zmq.LINGER, 0)
+        show_key(socket, address)
         socket.connect(address)
         socket.send(msgpack.packb({**arguments, "id": number, "verb": verb}))
         deadline = time.monotonic() + timeout_s

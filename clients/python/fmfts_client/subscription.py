@@ -11,8 +11,9 @@ from typing import Any, Optional, Union
 import msgpack  # type: ignore[import-untyped]
 import zmq
 
-from fmfts_client.endpoints import Endpoints, for_client
+from fmfts_client.endpoints import EndpointError, Endpoints, for_client
 from fmfts_client.fields import MessageError, SchemaError, check_version
+from fmfts_client.keys import show_key
 
 LARGEST_MESSAGE = 1 << 20
 
@@ -53,7 +54,13 @@ class Subscription:
             self._socket.setsockopt(zmq.RCVHWM, 100_000)  # a recording wants every frame: 7 min of one pad at 220 Hz
         for kind in self._kinds:
             self._socket.subscribe(f"{kind}/{pad or ''}")
-        self._socket.connect(self.endpoints.frames if "frame" in kinds else self.endpoints.bus)
+        endpoint = self.endpoints.frames if "frame" in kinds else self.endpoints.bus
+        try:
+            show_key(self._socket, endpoint)
+        except EndpointError:
+            self._socket.close()
+            raise
+        self._socket.connect(endpoint)
 
     def receive(self, timeout_s: Optional[float] = None) -> Optional[Message]:
         """The next message, or None after `timeout_s` seconds (None: wait for ever; 0: only what is here)."""

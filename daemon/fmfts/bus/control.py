@@ -9,10 +9,13 @@ from typing import Any, TypeVar
 import msgspec
 import zmq
 
+from fmfts.bus.keys import ServerKey
 from fmfts.bus.messages import NotFiniteError, encode_facts, not_finite_field
 from fmfts.bus.server import BoundSocket
 
-VERBS = frozenset({"status", "baseline", "selftest", "probe", "pads"})
+READING = frozenset({"status", "probe", "pads"})
+CHANGING = frozenset({"baseline", "selftest"})
+VERBS = READING | CHANGING
 LARGEST_REQUEST = 16 * 1024
 LARGEST_RECEIVED = 1 << 20  # beyond this ZeroMQ hangs up instead of answering
 LARGEST_BATCH = 256  # a flood of requests must not keep the pipeline from its frames
@@ -71,10 +74,10 @@ class Request:
 
 
 class ControlServer:
-    """Serves `endpoint`. Raises BusError where it cannot be had."""
+    """Serves `endpoint`, over tcp with `key`. Raises BusError where it cannot be had."""
 
-    def __init__(self, endpoint: str) -> None:
-        self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED)
+    def __init__(self, endpoint: str, key: ServerKey | None = None) -> None:
+        self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED, key)
         self._early: deque[list[bytes]] = deque()
 
     def fileno(self) -> int:
@@ -107,10 +110,18 @@ class ControlServer:
             content = _decode(parts[len(route) :])
             identity = _identity(content)
             _check(content)
+            self._require_trust(content["verb"])
             return Request(self, route, identity, content)
         except BadRequestError as error:
             self._send(route, encode_facts({"id": identity, "error": str(error)}))
             return None
+
+    def _require_trust(self, verb: str) -> None:
+        if verb in CHANGING and not self._socket.trusted:
+            raise BadRequestError(
+                f"{verb} changes something, and over tcp without keys anybody on this machine may ask for it: use "
+                "ipc://…, or give the daemon keys ([bus] keys)"
+            )
 
     def _send(self, route: list[bytes], payload: bytes) -> None:
         # A peer that has gone is no error: ROUTER drops what it cannot route.

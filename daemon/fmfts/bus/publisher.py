@@ -7,6 +7,7 @@ import logging
 import msgspec
 import zmq
 
+from fmfts.bus.keys import ServerKey
 from fmfts.bus.messages import (
     NO_ESTIMATE,
     AnyMessage,
@@ -31,20 +32,20 @@ log = logging.getLogger(__name__)
 
 
 class Publisher:
-    """Serves `endpoints.bus` and `endpoints.frames`; `boot` is this run's random word.
+    """Serves `endpoints.bus` and `endpoints.frames`; `boot` is this run's random word; over tcp with `key`.
 
     `refused` counts the messages that held a number that is none (an error of this program): such a contact goes out
     as "lost" without any estimate, so that listeners learn of it at once; anything else is withheld. Both are logged.
     Raises BusError when the endpoints cannot be had.
     """
 
-    def __init__(self, endpoints: Endpoints, boot: str) -> None:
+    def __init__(self, endpoints: Endpoints, boot: str, key: ServerKey | None = None) -> None:
         self.boot = boot
         self.refused = 0
         self._subscriptions: set[bytes] = set()
-        self._bus = BoundSocket(zmq.XPUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION)
+        self._bus = BoundSocket(zmq.XPUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         try:
-            self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION)
+            self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         except Exception:
             self._bus.close()
             raise

@@ -4,34 +4,49 @@ from __future__ import annotations
 
 import errno
 import grp
-import ipaddress
 import logging
 import os
 from pathlib import Path
 
 import zmq
 
+from fmfts.bus.keys import ServerKey
 from fmfts.bus.lock import BusError, EndpointLock, socket_path
+from fmfts_client.keys import is_loopback
 
 GROUP = "fmfts"
 log = logging.getLogger(__name__)
 
 
 class BoundSocket:
-    """A bound ZeroMQ socket and the lock of its endpoint."""
+    """A bound ZeroMQ socket and the lock of its endpoint.
 
-    def __init__(self, kind: int, endpoint: str, send_high_mark: int, largest_received: int) -> None:
-        """Raises BusError: another daemon serves there, the place is not accessible, or it is open to the network."""
+    `trusted`: only those come in who may change things, by the permissions of an ipc socket or by their keys.
+    """
+
+    def __init__(
+        self, kind: int, endpoint: str, send_high_mark: int, largest_received: int, key: ServerKey | None = None
+    ) -> None:
+        """Raises BusError: another daemon serves there, the place is not accessible, or it is open to the network.
+
+        key: what tcp is served with; without one, it is served on this machine alone.
+        """
         path = socket_path(endpoint)
         if path is not None:
             _prepare_directory(path.parent, endpoint)
-        else:
+        elif key is None:
             _require_loopback(endpoint)
+        self.trusted = path is not None or key is not None
         self._lock = EndpointLock(endpoint)
         self.zmq: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
         self.zmq.setsockopt(zmq.LINGER, 0)
         self.zmq.setsockopt(zmq.SNDHWM, send_high_mark)
         self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
+        if path is None and key is not None:
+            self.zmq.setsockopt(zmq.CURVE_SERVER, 1)
+            self.zmq.setsockopt(zmq.CURVE_SECRETKEY, key.secret)
+            self.zmq.setsockopt(zmq.ZAP_DOMAIN, b"fmfts")
+            self.zmq.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # whoever the Gate does not answer for stays outside
         try:
             _bind(self.zmq, endpoint, path)
         except (zmq.ZMQError, OSError) as error:
@@ -82,13 +97,8 @@ def _prepare_directory(directory: Path, endpoint: str) -> None:
 
 def _require_loopback(endpoint: str) -> None:
     """Off this machine anybody could listen and, over the control socket, re-record a baseline."""
-    host = endpoint[len("tcp://") :].rpartition(":")[0].strip("[]")
-    try:
-        local = host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        local = False
-    if not endpoint.startswith("tcp://") or not local:
+    if not endpoint.startswith("tcp://") or not is_loopback(endpoint):
         raise BusError(
-            f"{endpoint} would be open to the network without a key: serve ipc://… or tcp://127.0.0.1:port, "
-            "and tunnel (ssh -L) where another machine must listen"
+            f"{endpoint} would be open to the network without a key: serve ipc://… or tcp://127.0.0.1:port; or make "
+            "keys: `[bus] keys` names their folder, `fmfts-daemon keys new NAME` makes one for each client"
         )

@@ -24,6 +24,7 @@ PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
 class BusConfig(_Section, frozen=True):
     endpoint: str | None = None  # a base as in FMFTS_BUS (fmfts_client.endpoints); None: the default
+    keys: str | None = None  # folder of the keys that tcp is served with
 
 
 class _HardwareSource(_Section, frozen=True):

@@ -44,7 +44,7 @@ class ConfigError(Exception):
 def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> tuple[Config, Path]:
     """The configuration and the file that it came from: `path`, else $FMFTS_CONFIG, else DEFAULT_PATHS in order.
 
-    A relative path of a contact model is taken from the file's own folder, and comes back absolute.
+    A relative path of a contact model, or of the keys, is taken from the file's own folder, and comes back absolute.
     Raises ConfigError.
     """
     file = _find(path, environ)
@@ -56,7 +56,7 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
         config = msgspec.convert(data, Config)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{file}: {_explain(data, str(error))}") from error
-    config = _with_absolute_models(config, file.absolute().parent)
+    config = _with_absolute_paths(config, file.absolute().parent)
     problem = problem_in(config)
     if problem is not None:
         keys, text = problem
@@ -96,14 +96,17 @@ def _line_shown(text: str, error: str) -> str:
     return f": {text.splitlines()[int(number[1]) - 1].strip()}" if number else ""
 
 
-def _with_absolute_models(config: Config, folder: Path) -> Config:
+def _with_absolute_paths(config: Config, folder: Path) -> Config:
     pads = []
     for pad in config.pad:
         if pad.contact.model != "default":
             contact = msgspec.structs.replace(pad.contact, model=str(folder / pad.contact.model))
             pad = msgspec.structs.replace(pad, contact=contact)
         pads.append(pad)
-    return msgspec.structs.replace(config, pad=tuple(pads))
+    bus = config.bus
+    if bus.keys is not None:
+        bus = msgspec.structs.replace(bus, keys=str(folder / bus.keys))
+    return msgspec.structs.replace(config, pad=tuple(pads), bus=bus)
 
 
 def _explain(data: dict[str, Any], error: str) -> str:

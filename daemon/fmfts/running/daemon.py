@@ -9,11 +9,14 @@ import signal
 import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import FrameType
 from typing import Self
 
 from fmfts.ambient import BaselineError
 from fmfts.bus.control import ControlServer
+from fmfts.bus.gate import Gate
+from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, SimulatedSource, neighbours_of
 from fmfts.contact import ContactModel
@@ -49,8 +52,13 @@ class Daemon:
         self._selector = selectors.DefaultSelector()
         self._registered: dict[int, tuple[Source, int]] = {}
         models = {pad.name: ContactModel.load(pad.contact.model, pad.pad()) for pad in config.pad}
-        self._publisher = Publisher(endpoints, self._boot)
-        self._control = ControlServer(endpoints.control)
+        for pad in config.pad:
+            log.info("pad '%s': contact model %s, SHA-256 %s…", pad.name, pad.contact.model, models[pad.name].hash)
+        keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
+        key = None if keys is None else keys.server()
+        self._gate = None if keys is None else Gate(keys)
+        self._publisher = Publisher(endpoints, self._boot, key)
+        self._control = ControlServer(endpoints.control, key)
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
@@ -76,6 +84,8 @@ class Daemon:
         self._executor.shutdown(wait=False, cancel_futures=True)
         self._control.close()
         self._publisher.close()
+        if self._gate is not None:
+            self._gate.close()
         self._selector.close()
         self._wake_read.close()
         self._wake_write.close()
@@ -88,6 +98,8 @@ class Daemon:
             signal.signal(number, self._stop)
         self._selector.register(self._wake_read, selectors.EVENT_READ, None)
         self._selector.register(self._control.fileno(), selectors.EVENT_READ, None)
+        if self._gate is not None:
+            self._selector.register(self._gate.fileno(), selectors.EVENT_READ, None)
         self._notifier.ready()
         next_tick_ns = next_status_ns = time.monotonic_ns()
         while not self._stopping:
@@ -97,6 +109,8 @@ class Daemon:
                 deadline_ns = source.deadline_ns()
                 if source in ready or (deadline_ns is not None and deadline_ns <= now_ns):
                     self._serve(source, now_ns)
+            if self._gate is not None:
+                self._gate.answer()
             for request in self._control.poll():
                 self._verbs.handle(request)
             if now_ns >= next_tick_ns:

@@ -1,0 +1,86 @@
+"""The key that a client shows over a network (CURVE, RFC 26), made by `fmfts-daemon keys new`: one file a client."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import re
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Optional
+
+import zmq
+
+from fmfts_client.endpoints import EndpointError
+
+KEY_VARIABLE = "FMFTS_KEY"
+LARGEST_KEY_FILE = 4096
+KEY_CHARACTERS = 40  # 32 bytes in Z85 (RFC 32)
+# The owner may read and write it, a service's group may read it.
+FORBIDDEN_MODE = 0o037
+
+_LINE = re.compile(r'^(\w+) = "([^"]*)"$', re.MULTILINE)
+
+
+class BadKeyError(EndpointError):
+    """A key cannot be used; the text names the file and what to do."""
+
+
+@dataclass(frozen=True)
+class ClientKey:
+    """`server`: the public key of the daemon that is expected; `public`, `secret`: the client's own pair. All Z85."""
+
+    server: bytes
+    public: bytes
+    secret: bytes = field(repr=False)
+
+
+def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
+    """The keys of these names in a key file. BadKeyError where it is open to others, or they are not in it."""
+    try:
+        with path.open("rb") as file:
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            content = file.read(LARGEST_KEY_FILE + 1)
+    except OSError as error:
+        raise BadKeyError(f"key {path} cannot be read: {error.strerror}") from error
+    if mode & FORBIDDEN_MODE:
+        raise BadKeyError(f"key {path} is open to others (mode {mode:04o}): chmod 600 {path}")
+    found = dict(_LINE.findall(content.decode(errors="replace"))) if len(content) <= LARGEST_KEY_FILE else {}
+    missing = [name for name in names if len(found.get(name, "")) != KEY_CHARACTERS]
+    if missing:
+        raise BadKeyError(f"key {path} has no {', '.join(missing)}: make another with `fmfts-daemon keys new`")
+    return [found[name].encode("ascii", errors="replace") for name in names]
+
+
+def client_key(path: Optional[Path] = None, environ: Mapping[str, str] = os.environ) -> Optional[ClientKey]:
+    """The key in `path`, else in the file that FMFTS_KEY names; None where there is neither."""
+    chosen = path or (Path(environ[KEY_VARIABLE]) if environ.get(KEY_VARIABLE) else None)
+    return None if chosen is None else ClientKey(*read_fields(chosen, ("server", "public", "secret")))
+
+
+def show_key(socket: zmq.Socket[Any], endpoint: str) -> None:
+    """Have the socket show its key to `endpoint`, before it connects; BadKeyError where it needs one and there is none.
+
+    A daemon on this machine that is reached over ipc asks for none: the socket's permissions say who may.
+    """
+    if not endpoint.startswith("tcp://"):
+        return
+    key = client_key()
+    if key is not None:
+        socket.curve_serverkey, socket.curve_publickey, socket.curve_secretkey = key.server, key.public, key.secret
+    elif not is_loopback(endpoint):
+        raise BadKeyError(
+            f"{endpoint} is on the network, where fmfts-daemon speaks to keys that it knows only: "
+            f"`fmfts-daemon keys new NAME` on its machine makes one, and {KEY_VARIABLE} names the file here"
+        )
+
+
+def is_loopback(endpoint: str) -> bool:
+    """Does a tcp endpoint name this machine alone? Names other than localhost may be anything."""
+    host = endpoint[len("tcp://") :].rpartition(":")[0].strip("[]")
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,120 @@
+"""The daemon's key and the clients that it lets in over a network: a folder with `server.key` and `clients`."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import zmq
+from zmq.utils import z85
+
+from fmfts.bus.lock import BusError
+from fmfts.service.state import write_atomically
+from fmfts_client.keys import KEY_CHARACTERS, BadKeyError, read_fields
+
+CLIENT_NAME = re.compile(r"^[A-Za-z0-9._-]{1,64}$")
+LARGEST_LIST = 1 << 20
+PRIVATE, READABLE = 0o600, 0o640
+ADVICE = "`fmfts-daemon keys new NAME` makes what is missing"
+
+
+@dataclass(frozen=True)
+class ServerKey:
+    """Both Z85."""
+
+    public: bytes
+    secret: bytes = field(repr=False)
+
+
+class KeyFolder:
+    """`[bus] keys`. BusError where it cannot be used, with what to do."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._server = folder / "server.key"
+        self._clients = folder / "clients"
+        self._read_at: tuple[int, int] | None = None
+        self._allowed: frozenset[bytes] = frozenset()
+
+    def server(self) -> ServerKey:
+        try:
+            return ServerKey(*read_fields(self._server, ("public", "secret")))
+        except BadKeyError as error:
+            raise BusError(f"{error}; {ADVICE}") from error
+
+    def clients(self) -> dict[str, bytes]:
+        """Name → public key (32 bytes) of every client that may come in."""
+        try:
+            with self._clients.open("rb") as file:
+                content = file.read(LARGEST_LIST + 1)
+        except OSError as error:
+            raise BusError(f"{self._clients}: {error.strerror}; {ADVICE}") from error
+        if len(content) > LARGEST_LIST:
+            raise BusError(f"{self._clients} is larger than {LARGEST_LIST} bytes: that is no list of keys")
+        return dict(self._parsed(content.decode(errors="replace")))
+
+    def allows(self, public: bytes) -> bool:
+        """May the client with this public key (32 bytes) come in? The list is read again when it has changed."""
+        found = self._clients.stat()
+        if (found.st_mtime_ns, found.st_ino) != self._read_at:
+            self._allowed = frozenset(self.clients().values())
+            self._read_at = (found.st_mtime_ns, found.st_ino)
+        return public in self._allowed
+
+    def add(self, name: str, output: Path) -> None:
+        """A key for a new client: its file at `output`, its public half on the list. Makes the daemon's at first."""
+        if not CLIENT_NAME.match(name):
+            raise BusError(f"{name!r} is no name of a client: 1 to 64 letters, digits, dots, - or _")
+        try:
+            self.folder.mkdir(mode=0o750, parents=True, exist_ok=True)
+            if not self._server.exists():
+                public, secret = zmq.curve_keypair()
+                _create(self._server, f"{_line('public', public)}{_line('secret', secret)}")
+                self._clients.touch(READABLE)
+            known = self.clients()
+            if name in known:
+                raise BusError(f"there is a client {name!r} already: `fmfts-daemon keys forget {name}` first")
+            public, secret = zmq.curve_keypair()
+            head = f"# The key of fmfts client {name}: whoever has it is let in. FMFTS_KEY names this file.\n"
+            lines = _line("server", self.server().public) + _line("public", public) + _line("secret", secret)
+            _create(output, head + lines)
+            self._write(known | {name: z85.decode(public)})
+        except OSError as error:
+            raise BusError(f"{error.filename}: {error.strerror}") from error
+
+    def forget(self, name: str) -> None:
+        """Let a client in no more. What is connected already stays until the daemon is restarted."""
+        known = self.clients()
+        if known.pop(name, None) is None:
+            raise BusError(f"there is no client {name!r} in {self._clients}: {', '.join(known) or 'nobody'}")
+        self._write(known)
+
+    def _write(self, clients: dict[str, bytes]) -> None:
+        text = "".join(f"{z85.encode(key).decode()} {name}\n" for name, key in clients.items())
+        write_atomically(self._clients, text.encode())
+        self._clients.chmod(READABLE)
+
+    def _parsed(self, text: str) -> Iterator[tuple[str, bytes]]:
+        for number, line in enumerate(text.splitlines(), 1):
+            key, _, name = line.partition(" ")
+            try:
+                public = z85.decode(key) if len(key) == KEY_CHARACTERS else b""
+            except (KeyError, ValueError):
+                public = b""
+            if len(public) != 32 or not CLIENT_NAME.match(name):
+                raise BusError(f"{self._clients}, line {number}: not `key name`; remove it")
+            yield name, public
+
+
+def _line(name: str, key: bytes) -> str:
+    return f'{name} = "{key.decode()}"\n'
+
+
+def _create(path: Path, text: str) -> None:
+    """Readable by its owner alone from its first moment, and never in place of another."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, PRIVATE)
+    with os.fdopen(descriptor, "w") as file:
+        file.write(text)

@@ -1,0 +1,262 @@
+"""Who is let in over tcp: real sockets, real handshakes, and those that must get nothing."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zmq
+from bus_messages import BOOT, contact_message
+
+from fmfts.bus.control import CHANGING, ControlServer
+from fmfts.bus.gate import Gate
+from fmfts.bus.keys import KeyFolder
+from fmfts.bus.lock import BusError
+from fmfts.bus.publisher import Publisher
+from fmfts_client import KEY_VARIABLE, BadKeyError, Endpoints, RefusedError, Subscription, UnreachableError, request
+
+# A handshake on one machine takes milliseconds; a peer that is shut out shows it by silence.
+HANDSHAKE_S, SILENCE_S = 5.0, 0.7
+
+
+def three_free_ports() -> str:
+    for port in range(20_000, 30_000, 7):
+        held = []
+        try:
+            for offset in range(3):
+                held.append(socket.socket())
+                held[-1].bind(("127.0.0.1", port + offset))
+        except OSError:
+            continue
+        finally:
+            for each in held:
+                each.close()
+        return f"tcp://127.0.0.1:{port}"
+    raise AssertionError("no ports are free")
+
+
+class Service:
+    """What a daemon with keys serves, turning as its loop does."""
+
+    def __init__(self, folder: Path) -> None:
+        self.keys = KeyFolder(folder / "keys")
+        self.friend = folder / "friend.key"
+        self.keys.add("friend", self.friend)
+        self.base = three_free_ports()
+        self.gate = Gate(self.keys)
+        key, endpoints = self.keys.server(), Endpoints.from_base(self.base)
+        self._publisher = Publisher(endpoints, BOOT, key)
+        self._control = ControlServer(endpoints.control, key)
+        self.carried_out: list[str] = []
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._turn)
+        self._thread.start()
+
+    def _turn(self) -> None:
+        while not self._done.wait(0.005):
+            self.gate.answer()
+            self._publisher.send_contact("demo", contact_message())
+            for each in self._control.poll():
+                self.carried_out.append(each.verb)
+                each.reply()
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+        self._control.close()
+        self._publisher.close()
+        self.gate.close()
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Iterator[Service]:
+    service = Service(tmp_path)
+    yield service
+    service.close()
+
+
+def hears(base: str, patience_s: float) -> bool:
+    with Subscription(("contact",), "demo", base) as messages:
+        return messages.receive(patience_s) is not None
+
+
+def obeyed(base: str, patience_s: float) -> bool:
+    try:
+        request("selftest", endpoint=base, timeout_s=patience_s)
+    except UnreachableError:
+        return False
+    return True
+
+
+def test_client_with_a_key_hears_and_is_obeyed(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(KEY_VARIABLE, str(service.friend))
+    assert hears(service.base, HANDSHAKE_S)
+    assert obeyed(service.base, HANDSHAKE_S)
+
+
+def test_plain_client_gets_nothing(service: Service) -> None:
+    assert not hears(service.base, SILENCE_S)
+    assert not obeyed(service.base, SILENCE_S)
+    assert service.carried_out == []
+
+
+def test_unknown_key_gets_nothing(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It knows the daemon's public key, and holds a pair that nobody entered."""
+    service.keys.add("stranger", tmp_path / "stranger.key")
+    service.keys.forget("stranger")
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "stranger.key"))
+    assert not hears(service.base, SILENCE_S)
+    assert not obeyed(service.base, SILENCE_S)
+    assert service.carried_out == []
+    assert service.gate.refused > 0
+
+
+def test_key_that_is_entered_while_the_daemon_runs_is_let_in(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service.keys.add("late", tmp_path / "late.key")
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "late.key"))
+    assert hears(service.base, HANDSHAKE_S)
+
+
+def test_list_that_cannot_be_read_lets_nobody_in(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "keys" / "clients").write_text("not a key\n")
+    monkeypatch.setenv(KEY_VARIABLE, str(service.friend))
+    assert not hears(service.base, SILENCE_S)
+
+
+class Tap:
+    """Stands between a client and the daemon, and keeps what the client said."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.said = bytearray()
+        self.answered = 0
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    @property
+    def address(self) -> str:
+        return f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def _serve(self) -> None:
+        client, _ = self._listener.accept()
+        with client, socket.create_connection(("127.0.0.1", self._port)) as server:
+            back = threading.Thread(target=self._carry_back, args=(server, client))
+            back.start()
+            while data := client.recv(65536):
+                self.said += data
+                server.sendall(data)
+            server.shutdown(socket.SHUT_RDWR)
+            back.join()
+
+    def _carry_back(self, server: socket.socket, client: socket.socket) -> None:
+        while data := server.recv(65536):
+            self.answered += len(data)
+            client.sendall(data)
+
+    def close(self) -> None:
+        """After the client has gone."""
+        self._thread.join()
+        self._listener.close()
+
+
+def test_replayed_handshake_gets_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that a good client ever said, said again word for word: its request is not carried out a second time."""
+    monkeypatch.setenv(KEY_VARIABLE, str(service.friend))
+    good = Endpoints.from_base(service.base)
+    port = int(good.control.rpartition(":")[2])
+    tap = Tap(port)
+    request("selftest", endpoint=Endpoints(good.bus, tap.address, good.frames), timeout_s=HANDSHAKE_S)
+    assert service.carried_out == ["selftest"]
+    assert b"selftest" not in tap.said, "what passes over the network is encrypted"
+    heard = 0
+    with socket.create_connection(("127.0.0.1", port)) as thief:
+        thief.settimeout(SILENCE_S)
+        thief.sendall(bytes(tap.said))
+        try:
+            while data := thief.recv(65536):
+                heard += len(data)
+        except (TimeoutError, ConnectionError):
+            pass
+    assert service.carried_out == ["selftest"]
+    assert heard < tap.answered, "no more than the daemon's half of a handshake"
+    tap.close()
+
+
+def test_changing_verbs_need_a_key_over_tcp_on_this_machine_too() -> None:
+    base = three_free_ports()
+    server = ControlServer(Endpoints.from_base(base).control)
+    done = threading.Event()
+
+    def loop() -> None:
+        while not done.wait(0.005):
+            for each in server.poll():
+                each.reply()
+
+    thread = threading.Thread(target=loop)
+    thread.start()
+    try:
+        for verb in sorted(CHANGING):
+            with pytest.raises(RefusedError, match="over tcp without keys"):
+                request(verb, endpoint=base)
+        assert request("pads", endpoint=base) == {}
+    finally:
+        done.set()
+        thread.join()
+        server.close()
+
+
+def test_client_on_a_network_says_that_it_needs_a_key() -> None:
+    with pytest.raises(BadKeyError, match="keys new NAME"):
+        Subscription(("contact",), "demo", "tcp://192.0.2.1:5570")
+    with pytest.raises(BadKeyError, match=KEY_VARIABLE):
+        request("pads", endpoint="tcp://192.0.2.1:5570")
+
+
+def test_secrets_are_their_owners_alone_and_never_shown(tmp_path: Path) -> None:
+    folder = KeyFolder(tmp_path / "keys")
+    folder.add("friend", tmp_path / "friend.key")
+    for path in (tmp_path / "friend.key", tmp_path / "keys" / "server.key"):
+        assert path.stat().st_mode & 0o777 == 0o600
+    assert folder.server().secret.decode() not in repr(folder.server())
+    (tmp_path / "keys" / "server.key").chmod(0o644)
+    with pytest.raises(BusError, match=r"open to others .mode 0644.: chmod 600"):
+        folder.server()
+
+
+def test_key_is_never_written_over(tmp_path: Path) -> None:
+    folder = KeyFolder(tmp_path / "keys")
+    folder.add("one", tmp_path / "one.key")
+    server, written = folder.server(), (tmp_path / "one.key").read_bytes()
+    with pytest.raises(BusError, match="File exists"):
+        folder.add("two", tmp_path / "one.key")
+    with pytest.raises(BusError, match="already"):
+        folder.add("one", tmp_path / "other.key")
+    assert (folder.server(), (tmp_path / "one.key").read_bytes()) == (server, written)
+    assert list(folder.clients()) == ["one"]
+
+
+@pytest.mark.parametrize("line", ["x friend", "0" * 40, "0" * 39 + "~ friend", "\x00" * 40 + " friend"])
+def test_damaged_list_is_named_with_its_line(tmp_path: Path, line: str) -> None:
+    folder = KeyFolder(tmp_path / "keys")
+    folder.add("friend", tmp_path / "friend.key")
+    with (tmp_path / "keys" / "clients").open("a") as file:
+        file.write(line + "\n")
+    with pytest.raises(BusError, match="line 2"):
+        folder.clients()
+
+
+def test_daemon_without_keys_is_told_how_to_make_them(tmp_path: Path) -> None:
+    with pytest.raises(BusError, match="keys new NAME"):
+        KeyFolder(tmp_path / "keys").server()
+
+
+def test_curve_is_compiled_in() -> None:
+    assert zmq.has("curve")
