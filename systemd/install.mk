@@ -17,7 +17,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb drill-service
+.PHONY: install uninstall deb drill-service drills
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -63,3 +63,7 @@ deb:
 drill-service: deb firmware $(VENV)/.installed
 	@$(call need,$(call missing_packages,debootstrap systemd-container),exit 1)
 	$(BIN)/python tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
+
+# What robots do to a service, in full (an hour and a half): replugging a thousand times, a million bytes of garbage, ...
+drills: test-packages $(VENV)/.installed-test
+	$(BIN)/python tests/drills/recovery.py

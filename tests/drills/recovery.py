@@ -18,7 +18,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
+from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_write, wedged_bus
+from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary, unplugged
 
 Facts = dict[str, Any]
 RECOVERED_S = 1.0  # after the device is there again
@@ -32,14 +33,14 @@ def replug(folder: Path, cycles: int) -> Facts:
         before, memory_kb = descriptors(daemon.process.pid), resident_kb(daemon.process.pid)
         recoveries = []
         for _ in range(cycles):
-            host.kill()
+            unplugged(host)
             ear.until(is_not_ok)
             ear.listen(chance.uniform(0.0, 1.2))
             host = plugged_in(folder)
             recoveries.append(ear.until(is_ok))
         grown_kb = resident_kb(daemon.process.pid) - memory_kb
         leaked = descriptors(daemon.process.pid) - before
-        host.kill()
+        unplugged(host)
     facts = {"cycles": cycles, **summary(recoveries), "descriptors_leaked": leaked, "memory_grown_kb": grown_kb}
     assert leaked == 0, facts
     assert not ear.wrong_numbers, ear.wrong_numbers[:3]
@@ -105,6 +106,10 @@ DRILLS: dict[str, tuple[Callable[[Path, Any], Facts], float]] = {
     "reset": (reset_in_a_frame, 100),
     "garbage": (garbage, 1_000_000),
     "nack": (nack_storm, 60.0),
+    "wedge": (wedged_bus, 10.0),
+    "write": (killed_in_a_write, 100),
+    "deaf": (deaf_subscriber, 60.0),
+    "clock": (clock_set_back, 10.0),
 }
 
 

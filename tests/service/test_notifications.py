@@ -20,7 +20,7 @@ name = "left"
 [pad.source]
 type = "simulated"
 """
-WATCHDOG_S = 5.0  # of the unit
+WATCHDOG_S = 3.0  # of the unit
 
 
 @pytest.fixture

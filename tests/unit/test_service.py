@@ -97,6 +97,16 @@ def test_failed_write_keeps_the_old_file_and_leaves_nothing(tmp_path: Path, monk
     assert os.listdir(tmp_path) == ["baseline.json"]
 
 
+def test_what_a_killed_writer_left_goes_with_the_next_write_and_a_young_file_stays(tmp_path: Path) -> None:
+    old, young, foreign = (tmp_path / name for name in (".b.json.0000.tmp", ".b.json.1111.tmp", ".c.json.0000.tmp"))
+    for path in (old, young, foreign):
+        path.touch()
+    for path in (old, foreign):
+        os.utime(path, (0, 0))
+    write_atomically(tmp_path / "b.json", b"new")
+    assert sorted(os.listdir(tmp_path)) == [young.name, foreign.name, "b.json"]
+
+
 def test_content_is_on_the_disk_before_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[str] = []
     real_fsync, real_replace = os.fsync, Path.replace

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import os
 import secrets
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+
+UNFINISHED_S = 60.0
 
 
 def state_directory(environ: Mapping[str, str] = os.environ) -> Path:
@@ -42,6 +46,15 @@ def write_atomically(path: Path, content: bytes) -> None:
         temporary.unlink(missing_ok=True)
         raise
     _sync_directory(path.parent)
+    _remove_unfinished(path)
+
+
+def _remove_unfinished(path: Path) -> None:
+    """What writers left that were killed; a young one may still be at work."""
+    for temporary in path.parent.glob(f".{path.name}.*.tmp"):
+        with suppress(FileNotFoundError):
+            if time.time() - temporary.stat().st_mtime > UNFINISHED_S:
+                temporary.unlink()
 
 
 def _sync_directory(directory: Path) -> None:

@@ -1,0 +1,190 @@
+"""Drills on the computer's side: a wedged bus, a write that is cut off, a deaf subscriber, a clock that is set back."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+
+from drills.rig import PATIENCE_S, Ear, resident_kb
+from end_to_end.processes import RunningDaemon
+from end_to_end.test_i2c_bus import KernelBus
+from fmfts_client import Contact, Subscription
+
+Facts = dict[str, Any]
+# A stopped process is as cut off as a dead one, and an interpreter need not be started for each cut.
+LOOKS = 20
+SIMULATED = """
+[[pad]]
+name = "{name}"
+[pad.source]
+type = "simulated"
+finger = "none"
+"""
+I2C = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "i2c"
+bus = 7
+rate_hz = 75
+"""
+STORE_FOR_EVER = """
+import hashlib
+from fmfts import ambient
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.jobs.baseline_files import store
+from fmfts.jobs.simulated_baseline import simulated_baseline
+config = PadConfig(name="left", source=SimulatedSource(rate_hz=75))
+pad, baseline = config.pad(), simulated_baseline(config)
+store(baseline, pad)
+print(hashlib.sha256(ambient.encode(baseline)).hexdigest(), flush=True)
+while True:
+    store(baseline, pad)
+"""
+
+
+def touched(contact: Contact) -> str:
+    """A simulated pad is mounted with errors that only its baseline knows: from outside, its touch can be judged."""
+    return f"touched, and nothing touches it: {contact}" if contact.contact else ""
+
+
+def listening(daemon: RunningDaemon, pad: str) -> Subscription:
+    return Subscription(("contact",), pad, daemon.base)
+
+
+def wedged_bus(folder: Path, seconds: float) -> Facts:
+    """One pad's bus hangs in a system call; the other pad must not notice. Needs umockdev."""
+    bus = KernelBus()
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")
+            patch.setenv("UMOCKDEV_DIR", bus.root)
+            with RunningDaemon(folder, I2C + SIMULATED.format(name="right")) as daemon:
+                return _wedge(daemon, bus, seconds)
+    finally:
+        bus.order(block_s=0)
+        bus.stop()
+
+
+def _wedge(daemon: RunningDaemon, bus: KernelBus, seconds: float) -> Facts:
+    with listening(daemon, "left") as messages, listening(daemon, "right") as others:
+        left, right = Ear(messages, touched), Ear(others, touched)
+        left.until(lambda contact: contact.sensors_ok == 0b1111)
+        before = right.listen(2.0)
+        bus.order(block_s=3600)
+        during = right.listen(seconds)
+        bus.order(block_s=0)
+        start = time.monotonic()
+        said = set()
+        while (contact := left.next()).sensors_ok != 0b1111 or contact.t_publish_ns < start * 1e9:
+            said.add(contact.health)
+            assert time.monotonic() - start < PATIENCE_S, contact
+        recovered_s = time.monotonic() - start
+    gaps_s = [(b.t_publish_ns - a.t_publish_ns) * 1e-9 for a, b in pairwise(during)]
+    facts = {
+        "seconds": seconds,
+        "recovered_s": round(recovered_s, 3),
+        "said_of_the_wedged": sorted(said),
+        "other_pad_hz": round(len(during) / seconds, 1),
+        "other_pad_hz_before": round(len(before) / 2.0, 1),
+        "other_pads_longest_gap_s": round(max(gaps_s), 3),
+        "other_pad_not_ok": sum(contact.health != "ok" for contact in during),
+    }
+    assert facts["other_pad_not_ok"] == 0, facts
+    assert "stale" in said or "disconnected" in said, facts
+    return facts
+
+
+def killed_in_a_write(folder: Path, times: int) -> Facts:
+    """SIGKILL while a baseline is being stored, again and again: the file is the old one or the new one, never half."""
+    chance = random.Random(3)
+    environment = os.environ | {"STATE_DIRECTORY": str(folder)}
+    file = folder / "baseline" / "left.json"
+    stored, seen = set(), set()
+    for _ in range(times):
+        process = subprocess.Popen([sys.executable, "-c", STORE_FOR_EVER], stdout=subprocess.PIPE, env=environment)
+        assert process.stdout is not None
+        stored.add(process.stdout.readline().decode().strip())
+        for _ in range(LOOKS):
+            time.sleep(chance.uniform(0.0, 0.01))
+            process.send_signal(signal.SIGSTOP)
+            seen.add(hashlib.sha256(file.read_bytes()).hexdigest())
+            process.send_signal(signal.SIGCONT)
+        time.sleep(chance.uniform(0.0, 0.01))
+        process.kill()
+        process.communicate()
+        seen.add(hashlib.sha256(file.read_bytes()).hexdigest())
+    unfinished = len(list(file.parent.glob(".*.tmp")))
+    facts = {"kills": times, "looks": (LOOKS + 1) * times, "half_files": len(seen - stored), "left_over": unfinished}
+    assert seen == stored, facts
+    return facts
+
+
+def deaf_subscriber(folder: Path, seconds: float) -> Facts:
+    """One that subscribes to everything and never reads, beside one that does."""
+    pads = "".join(SIMULATED.format(name=f"p{i}") for i in range(2))
+    with RunningDaemon(folder, pads) as daemon, listening(daemon, "p0") as messages:
+        ear = Ear(messages, touched)
+        ear.listen(1.0)
+        before = resident_kb(daemon.process.pid)
+        with zmq.Context() as context, context.socket(zmq.SUB) as deaf:
+            deaf.setsockopt(zmq.LINGER, 0)
+            deaf.setsockopt(zmq.RCVHWM, 1)
+            deaf.setsockopt(zmq.RCVBUF, 4096)
+            deaf.setsockopt(zmq.SUBSCRIBE, b"")
+            deaf.connect(f"{daemon.base}/bus")
+            heard = ear.listen(seconds)
+            grown = resident_kb(daemon.process.pid) - before
+    missing = heard[-1].seq - heard[0].seq + 1 - len(heard)
+    facts = {"seconds": seconds, "memory_grown_kb": grown, "lost_by_the_other": missing}
+    assert missing == 0, facts
+    assert grown < 20_000, facts  # 256 messages of 600 bytes for each subscriber, and what the kernel holds
+    return facts
+
+
+@contextmanager
+def settable_clock(folder: Path) -> Iterator[Path]:
+    """A wall clock for child processes that is as far off as the file says. Needs libfaketime."""
+    (library,) = Path("/usr/lib").glob("*/faketime/libfaketime.so.1")
+    file = folder / "clock"
+    file.write_text("+0")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LD_PRELOAD", str(library))
+        patch.setenv("FAKETIME_TIMESTAMP_FILE", str(file))
+        patch.setenv("FAKETIME_NO_CACHE", "1")
+        patch.setenv("FAKETIME_DONT_FAKE_MONOTONIC", "1")
+        yield file
+
+
+def clock_set_back(folder: Path, seconds: float) -> Facts:
+    """The wall clock jumps back an hour under the running daemon, and then forward by two."""
+    config = SIMULATED.format(name="left")
+    with settable_clock(folder) as clock, RunningDaemon(folder, config) as daemon, daemon.subscribe() as messages:
+        ear = Ear(messages, touched)
+        heard = ear.listen(seconds)
+        clock.write_text("-3600")
+        heard += ear.listen(seconds)
+        clock.write_text("+3600")
+        heard += ear.listen(seconds)
+    offsets = [contact.utc_ns - contact.t_publish_ns for contact in heard]
+    jumps = sorted(round((b - a) * 1e-9) for a, b in pairwise(offsets) if abs(b - a) > 1e9)
+    gaps_s = [(b.t_publish_ns - a.t_publish_ns) * 1e-9 for a, b in pairwise(heard)]
+    facts = {"jumps_of_utc_s": jumps, "messages": len(heard), "longest_gap_s": round(max(gaps_s), 3),
+             "not_ok": sum(contact.health != "ok" for contact in heard)}  # fmt: skip
+    assert jumps == [-3600, 7200], facts  # or the clock was never set
+    assert all(b.seq == a.seq + 1 and b.t_sample_ns > a.t_sample_ns for a, b in pairwise(heard))
+    assert facts["not_ok"] == 0, facts
+    return facts

@@ -1,0 +1,45 @@
+"""The drills of `make drills`, small enough for every test run. Each asserts what must hold at any size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from conftest import missing
+from drills import daemon_drills, recovery
+from end_to_end import test_i2c_bus
+
+
+def test_replugged_boards_come_back_and_leave_no_descriptor(tmp_path: Path) -> None:
+    recovery.replug(tmp_path, 10)
+
+
+def test_a_reset_amid_a_packet_is_survived(tmp_path: Path) -> None:
+    recovery.reset_in_a_frame(tmp_path, 3)
+
+
+def test_random_bytes_between_frames_bring_no_wrong_number(tmp_path: Path) -> None:
+    recovery.garbage(tmp_path, 50_000)
+
+
+def test_a_storm_of_nacks_brings_no_wrong_number_and_passes(tmp_path: Path) -> None:
+    recovery.nack_storm(tmp_path, 2.0)
+
+
+def test_a_wedged_bus_is_said_and_the_other_pad_goes_on(tmp_path: Path) -> None:
+    if test_i2c_bus.missing():
+        missing(test_i2c_bus.PACKAGES)
+    daemon_drills.wedged_bus(tmp_path, 2.0)
+
+
+def test_a_killed_write_leaves_the_old_baseline_or_the_new(tmp_path: Path) -> None:
+    daemon_drills.killed_in_a_write(tmp_path, 3)
+
+
+def test_a_subscriber_that_never_reads_harms_nobody(tmp_path: Path) -> None:
+    daemon_drills.deaf_subscriber(tmp_path, 2.0)
+
+
+def test_a_wall_clock_that_jumps_disturbs_nothing(tmp_path: Path) -> None:
+    if not list(Path("/usr/lib").glob("*/faketime/libfaketime.so.1")):
+        missing("libfaketime (Debian package faketime)")
+    daemon_drills.clock_set_back(tmp_path, 1.0)
