@@ -34,8 +34,8 @@ STOP_TRACKING = 1e-6
 # While a disturbance lasts, the search for a single sensor at fault is repeated once in so many frames: it costs
 # solves that take their time, because none of them fits.
 SEARCH_EVERY = 8
-# Misfit is averaged over so many frames: a fault that is not found yet shows within 40 ms, and healthy frames are
-# published 3 % more uncertain than they are.
+# Misfit is averaged over so many frames: a fault that is not found yet shows within 40 ms, and what healthy frames
+# publish is half a per cent wider for it.
 MISFIT_FRAMES = 8
 # A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
 REACH_M = 8e-3
