@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmfts import __version__, exit_codes
+from fmfts.offline import calibration_verbs
 
 if TYPE_CHECKING:
     from fmfts.config import Config, PadConfig
@@ -111,6 +112,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     pose.add_argument("--neighbours", action="store_true", help="the magnets of the pad's scene.neighbours may move")
     pose.add_argument("--noise-ut", type=float, default=0.2, help="standard deviation of a field value (0.2)")
+    calibration_verbs.add_to(verb)
     return parser
 
 
@@ -153,6 +155,11 @@ def _one_pad(config: Config, name: str | None) -> PadConfig:
             exit_codes.USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}"
         )
     return known[name]
+
+
+def configured_pad(options: argparse.Namespace) -> PadConfig:
+    """The pad that `--config` and `--pad` name; VerbError where they do not."""
+    return _one_pad(_config(options), options.pad)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,110 +11,203 @@ import onnxruntime
 import pytest
 
 from fmfts.calibrate.dataset import read_calibration_set
-from fmfts.calibrate.evaluation import own_error
+from fmfts.calibrate.evaluation import error_tables, own_error, rows
 from fmfts.calibrate.export import export
-from fmfts.calibrate.network import DIRECTION_GAIN, Layers, Problem, features
-from fmfts.calibrate.samples import Samples
+from fmfts.calibrate.levenberg import Layers, train
+from fmfts.calibrate.network import DIRECTION_GAIN, ContactNetwork, features, train_network
+from fmfts.calibrate.samples import Samples, presses_within
+from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
+from fmfts.calibrate.simulated import pressed_fields, rest_field_of
+from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import ContactModel
+from fmfts.contact.contract import parse_response
+from fmfts.contact.model import DEFAULT_PATH
+from fmfts.contact.response import Response
 from fmfts.pad import Pad
 from fmfts.simulate.chip import NOISE_T
 
 REST = np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0])
-HEADER = "x_mm,y_mm,force_n," + ",".join(f"b{sensor}{axis}_ut" for sensor in range(1, 5) for axis in "xyz")
+SCALE = np.array([0.2, 0.2, 0.6, 0.05, 0.05])
+CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 
 
-def random_layers(inputs: int, outputs: int, seed: int) -> Layers:
-    random = np.random.default_rng(seed)
-    sizes = (inputs, 32, 32, outputs)
-    weight = [random.standard_normal((m, n)) / np.sqrt(m) for m, n in pairwise(sizes)]
-    bias = [random.standard_normal(n) / 10 for n in sizes[1:]]
-    return Layers((weight[0], weight[1], weight[2]), (bias[0], bias[1], bias[2]))
+@pytest.fixture
+def solver(pad: Pad) -> FrameSolver:
+    return FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
 
 
-def test_poses_are_relative_to_rest(pad: Pad) -> None:
+@pytest.fixture(scope="module")
+def response() -> Response:
+    """The shipped model's."""
+    session = onnxruntime.InferenceSession(DEFAULT_PATH, providers=["CPUExecutionProvider"])
+    found = parse_response(session.get_modelmeta().custom_metadata_map)
+    assert found is not None
+    return found
+
+
+def random_network(hidden: int, outputs: int, seed: int) -> ContactNetwork:
+    layers = Layers.drawn((10, hidden, hidden, outputs), np.random.default_rng(seed))
+    return ContactNetwork(REST, SCALE, layers)
+
+
+# --- poses as a tracker finds them ---
+
+
+@pytest.mark.parametrize("scene", ["drifting", "constant"])
+def test_poses_are_relative_to_rest(pad: Pad, scene: str) -> None:
     """The dipole's bias at rest (13.5 µm) is taken out, so an unpressed exact cylinder stands at nominal rest."""
-    nothing = np.zeros(1)
-    samples = Samples.pressed(pad, (nothing, nothing, nothing), np.random.default_rng(0), 0.0, pad.magnet)
-    np.testing.assert_allclose(samples.pose[0], REST, atol=1e-3)  # mm; the frame's stop rule leaves some 0.1 µm
+    tracked = FrameSolver(pad, rest_field_of(pad), scene, NOISE_T).solved(rest_field_of(pad)[None])  # type: ignore[arg-type]
+    np.testing.assert_allclose(tracked.pose[0], REST, atol=1e-5)  # mm: 10 nm is what the stop rule leaves
 
 
-def test_noise_drawn_from_the_covariance_is_that_of_solved_noisy_fields(pad: Pad) -> None:
-    """400 draws of each: deviations agree to 3.5 % (1 σ of each), so within 15 %."""
-    press = tuple(np.full(400, value) for value in (4e-3, -2e-3, 0.8))
-    random = np.random.default_rng(3)
-    solved = Samples.pressed(pad, press, random, NOISE_T, pad.magnet)
-    once = tuple(values[:1] for values in press)
-    drawn = Samples.pressed(pad, once, random, 0.0, pad.magnet).repeated(400, random)
-    np.testing.assert_allclose(solved.pose[:, :5].std(axis=0), drawn.pose[:, :5].std(axis=0), rtol=0.15)
+def test_noise_of_solved_frames_is_the_covariance_that_is_drawn_from(pad: Pad, solver: FrameSolver) -> None:
+    """400 frames: deviations are known to 3.5 % (1 σ), so they agree within 12 %."""
+    press = np.tile([4.0, -2.0, 0.8], (400, 1))
+    noise = np.random.default_rng(3).normal(0.0, NOISE_T, (400, 4, 3))
+    noisy = solver.solved(pressed_fields(pad, press) + noise)
+    clean = solver.solved(pressed_fields(pad, press[:1]))
+    np.testing.assert_allclose(noisy.pose[:, :5].std(axis=0), clean.deviation[0], rtol=0.12)
+    np.testing.assert_allclose(solver.at(clean.pose).covariance, clean.covariance, rtol=1e-6)
 
 
-def test_bound_grows_as_the_force_falls_and_towards_the_corner(pad: Pad) -> None:
-    place, force_n = np.array([2e-3, 2e-3, 12e-3]), np.array([1.6, 0.2, 1.6])
-    bound = Samples.pressed(pad, (place, place, force_n), np.random.default_rng(0), 0.0, pad.magnet).bound()
+def test_pose_is_the_same_for_any_remanence_that_the_rest_field_shows(pad: Pad) -> None:
+    press = np.array([[4.0, -3.0, 1.0], [-10.0, 6.0, 0.5]])
+    poses = []
+    for remanence_t in (0.6, 1.23, 1.5):
+        magnet = pad.magnet.with_remanence(remanence_t)
+        solver = FrameSolver(pad, rest_field_of(pad, magnet), "drifting", NOISE_T)
+        assert solver.remanence_t == pytest.approx(remanence_t, rel=0.005)  # the dipole's bias is 0.13 %
+        poses.append(solver.solved(pressed_fields(pad, press, magnet)).pose)
+    for one, other in pairwise(poses):
+        np.testing.assert_allclose(one, other, atol=1e-4)  # mm: 0.1 µm
+
+
+def test_bound_grows_as_the_force_falls_and_towards_the_corner(response: Response, solver: FrameSolver) -> None:
+    press = np.array([[2.0, 2.0, 1.6], [2.0, 2.0, 0.2], [12.0, 12.0, 1.6]])
+    bound = Samples.expected(response, solver, press).bound
     assert bound[1, 0] / bound[0, 0] == pytest.approx(8.0, rel=0.25)  # in proportion to 1 / force
     assert bound[2, 0] > 4 * bound[0, 0]
     assert bound[0, 2] == pytest.approx(bound[1, 2], rel=0.3)  # the force's hardly changes
 
 
+def test_samples_hold_rest_and_what_is_a_little_beyond_the_calibrated_force(response: Response) -> None:
+    press = presses_within(response, 1000, np.random.default_rng(0))
+    assert (press[:, 2] == 0.0).sum() == 50
+    assert 1.25 * response.scale_n < press[:, 2].max() < 1.31 * response.scale_n
+    assert (np.abs(press[:, :2]).max(axis=0) > 13.5).all()
+
+
+# --- networks ---
+
+
+def test_derivatives_of_the_layers_are_those_of_differences() -> None:
+    layers = Layers.drawn((3, 5, 4, 2), np.random.default_rng(1))
+    inputs, vector = np.random.default_rng(2).normal(size=(6, 3)), layers.vector()
+    slopes = np.stack([slope for _, slope in layers.slopes(inputs)], axis=1)
+    for column in range(len(vector)):
+        step = np.zeros(len(vector))
+        step[column] = 1e-6
+        ahead, behind = (layers.with_vector(vector + sign * step)(inputs) for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, :, column], (ahead - behind) / 2e-6, atol=1e-8)
+
+
 def test_two_networks_side_by_side_answer_as_each_alone() -> None:
-    place, force = random_layers(10, 2, 1), random_layers(10, 1, 2)
+    place, force = random_network(8, 2, 1).layers, random_network(8, 1, 2).layers
     inputs = np.random.default_rng(3).standard_normal((20, 10))
-    together = place.beside(force)(inputs)
-    np.testing.assert_allclose(together, np.concatenate([place(inputs), force(inputs)], axis=1), rtol=1e-12)
+    together = place.beside(force)
+    np.testing.assert_allclose(together(inputs), np.concatenate([place(inputs), force(inputs)], axis=1), rtol=1e-12)
+    assert together.parameters > place.parameters + force.parameters  # the zeros between them count
 
 
-def test_exported_graph_is_the_trained_network_and_its_exact_derivative(pad: Pad, tmp_path: Path) -> None:
-    """Weights at random, many poses in one batch, derivatives against double-precision differences."""
-    layers = random_layers(10, 2, 5).beside(random_layers(10, 1, 6))
-    facts = ContactModel.load("default", pad).facts
-    session = onnxruntime.InferenceSession(export(layers, facts), providers=["CPUExecutionProvider"])
-    pose = Samples.drawn(pad, 50, 2.0, seed=8).pose
-    contact, jacobian = session.run(None, {"pose": pose.astype(np.float32)})
-    np.testing.assert_allclose(contact, layers(features(pose, REST)), atol=2e-3)  # float32 poses: 1 nm in 0.01 mm
-    for column, step in enumerate(np.eye(6) * 1e-6):
-        slope = (layers(features(pose + step, REST)) - layers(features(pose - step, REST))) / 2e-6
-        np.testing.assert_allclose(jacobian[:, :, column], slope, rtol=5e-3, atol=5e-3 * np.abs(slope).max() + 1e-9)
+def test_training_follows_the_weights_and_gives_the_same_network_twice() -> None:
+    """Contradictory targets: the network answers with the weighted mean, 3 to 1."""
+    inputs = np.repeat(np.linspace(-1.0, 1.0, 40)[:, None], 2, axis=0)
+    target = np.sin(3.0 * inputs) + np.tile([[0.4], [-0.4]], (40, 1))
+    weight = np.tile([[3.0], [1.0]], (40, 1))
+    start = Layers.drawn((1, 8, 1), np.random.default_rng(0))
+    first, second = (train(start, inputs, target, weight, 100, settled=0.0) for _ in range(2))
+    np.testing.assert_allclose(first(inputs), np.sin(3.0 * inputs) + 0.2, atol=0.01)
+    np.testing.assert_array_equal(first.vector(), second.vector())
 
 
-def test_direction_of_a_press_hardly_depends_on_its_force(pad: Pad) -> None:
-    place, force_n = np.full(2, 5e-3), np.array([0.5, 1.9])
-    poses = Samples.pressed(pad, (place, place, force_n), np.random.default_rng(0), 0.0, pad.magnet).pose
-    light, firm = features(poses, REST)[:, 5:] / DIRECTION_GAIN
+def test_direction_of_a_press_hardly_depends_on_its_force(response: Response) -> None:
+    change = response.change(np.array([[5.0, 5.0, 0.5], [5.0, 5.0, 1.9]]))
+    poses = REST + np.column_stack([change, np.zeros(2)])
+    light, firm = features(poses, REST, SCALE)[:, 5:] / DIRECTION_GAIN
     assert np.linalg.norm(light - firm) < 0.05
-    assert np.linalg.norm(features(REST[None], REST)) == 0.0
+    assert np.linalg.norm(features(REST[None], REST, SCALE)) == 0.0
 
 
-def test_training_learns_and_gives_the_same_weights_twice() -> None:
-    random = np.random.default_rng(9)
-    inputs, judged = random.uniform(-1, 1, (2, 400, 10))
-
-    def target(values: np.ndarray) -> np.ndarray:
-        return np.stack([np.sin(2 * values[:, 0]), values[:, 1] * values[:, 2]], axis=1)
-
-    even = np.ones(400)
-    problem = Problem(inputs, target(inputs), even, judged, target(judged), even)
-    first, errors = problem.train()
-    second, _ = problem.train()
-    assert errors[-1] < 0.15 * target(judged).std() * np.sqrt(2)
-    for one, other in zip(first.weight + first.bias, second.weight + second.bias, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_own_error_of_a_biased_model_is_its_bias(pad: Pad) -> None:
-    samples = Samples.drawn(pad, 1500, 1.98, seed=10)
-
-    def biased(pose: np.ndarray) -> np.ndarray:
-        truth = np.stack([samples.x_m * 1e3, samples.y_m * 1e3, samples.force_n], axis=1)
-        return truth + np.array([0.3, -0.2, 0.05])
-
-    facts = own_error(biased, samples)
-    np.testing.assert_allclose(facts.x_mm, 0.3, atol=1e-6)
-    np.testing.assert_allclose(facts.y_mm, 0.2, atol=1e-6)
-    np.testing.assert_allclose(facts.force_error_n, 0.05, atol=1e-6)
+@pytest.mark.parametrize("outputs", [3, 5])
+def test_exported_graph_is_the_network_and_its_exact_derivative(pad: Pad, response: Response, outputs: int) -> None:
+    """Weights at random, many poses in one batch, derivatives against double-precision differences."""
+    network = random_network(8, outputs, 5)
+    facts = ContactModel.load("default", pad).facts
+    content = export(network, facts, response)
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+    pose = REST + np.random.default_rng(6).normal(size=(50, 6)) * [0.05, 0.05, 1.0, 0.05, 0.05, 0.0]
+    contact, jacobian = session.run(None, {"pose": pose.astype(np.float32)})
+    np.testing.assert_allclose(contact, network(pose), atol=2e-3)  # float32 poses: 1 nm in 0.01 mm
+    for column, step in enumerate(np.eye(6) * 1e-6):
+        slope = (network(pose + step) - network(pose - step)) / 2e-6
+        np.testing.assert_allclose(jacobian[:, :, column], slope, rtol=5e-3, atol=5e-3 * np.abs(slope).max() + 1e-9)
+    packed = parse_response(session.get_modelmeta().custom_metadata_map)
+    assert packed is not None
+    np.testing.assert_array_equal(packed.coefficient, response.coefficient)
 
 
-def test_calibration_set_without_a_column_is_refused_by_its_name(tmp_path: Path) -> None:
-    path = tmp_path / "set.csv"
-    path.write_text(HEADER.replace("b3y_ut,", "") + "\n" + ",".join(["1"] * 14) + "\n")
-    with pytest.raises(ValueError, match="no column b3y_ut"):
-        read_calibration_set(path)
+# --- selection and reports ---
+
+
+def test_larger_networks_that_gain_nothing_are_not_chosen() -> None:
+    def candidate(hidden: int, *score: float) -> Candidate:
+        return Candidate(str(hidden), hidden, hidden**2, np.array(score))
+
+    ladder = [candidate(6, 1.5, 1.6, 1.55), candidate(12, 1.011, 1.009, 1.01), candidate(24, 1.0, 1.0, 1.0)]
+    assert smallest_within_noise(ladder).hidden == 12
+    ladder[1] = replace(ladder[1], score=np.array([1.1, 1.1, 1.1]))
+    assert smallest_within_noise(ladder).hidden == 24
+    ladder[2] = replace(ladder[2], score=np.array([0.8, 1.0, 1.2]))  # the folds differ by more than is gained
+    assert smallest_within_noise(ladder).hidden == 12
+
+
+def test_left_out_presses_tell_a_useful_network_from_one_that_is_too_small(pad: Pad) -> None:
+    """Half of the calibration set, two sizes: a frame's noise allows 1, so a score of 1 is as good as can be."""
+    calibration = read_calibration_set(CALIBRATION)
+    solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
+    some = np.arange(0, 675, 2)
+    tracked = solver.solved(calibration.field_t[some])
+    found = {one.name: one for one in compare(solver, calibration.press[some], tracked, 1e-3, (2, 8), presses=600)}
+    assert 0.9 < found["table inversion"].mean < 1.3
+    assert found["table inversion"].mean < found["two layers of 8"].mean < found["two layers of 2"].mean
+    assert found["RBF network"].mean > found["two layers of 8"].mean
+    assert smallest_within_noise(list(found.values())).hidden == 8
+
+
+def test_own_error_of_a_biased_model_is_its_bias(response: Response, solver: FrameSolver) -> None:
+    press = presses_within(response, 3000, np.random.default_rng(10), beyond=1.0)
+    samples = Samples.expected(response, solver, press)
+    facts = own_error(lambda pose: press + np.array([0.3, -0.2, 0.05]), samples)
+    np.testing.assert_allclose(facts.x_mm, 0.3, atol=1e-5)
+    np.testing.assert_allclose(facts.y_mm, 0.2, atol=1e-5)
+    np.testing.assert_allclose(facts.force_error_n, 0.05, atol=1e-5)
+    with pytest.raises(ValueError, match="draw more"):
+        error_tables(press[:20], press[:20])
+
+
+def test_rows_of_an_evaluation_are_the_errors_of_their_regions() -> None:
+    press = np.array([[0.0, 0.0, 1.0], [12.0, 5.0, 0.3], [0.0, 9.0, 1.5]])
+    found = press + np.array([[0.1, 0.0, 0.0], [-0.4, 0.2, 0.1], [0.1, 0.1, -0.2]])
+    table = {row["region"]: row for row in rows(press, found, np.full((3, 3), 0.1))}
+    assert table["all"]["mae_x_mm"] == pytest.approx(0.2)
+    assert table["all"]["rmse_force_n"] == pytest.approx(np.sqrt(0.05 / 3.0), abs=1e-5)
+    assert table["beyond 11 mm"]["mae_y_mm"] == pytest.approx(0.2)
+    assert table["8 to 11 mm"]["in_sd_force_n"] == pytest.approx(2.0)
+    assert table["within 8 mm"]["presses"] == 1
+
+
+def test_training_a_small_model_gives_the_same_weights_twice(response: Response, solver: FrameSolver) -> None:
+    random = np.random.default_rng(4)
+    samples = Samples.expected(response, solver, presses_within(response, 400, random)).noisy(1, random)
+    first, second = (train_network(samples, REST, 4, steps=5) for _ in range(2))
+    np.testing.assert_array_equal(first.layers.vector(), second.layers.vector())

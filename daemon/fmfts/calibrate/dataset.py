@@ -1,14 +1,28 @@
-"""Calibration sets: labelled fields of one pad, in SI."""
+"""Calibration sets: a CSV of labelled fields of one pad, checked before anything is learnt from it."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
+from fmfts.offline.field_table import DataError, FieldTable, field_columns, read
 from fmfts.pad import Array, Pad
+from fmfts.pose import solve
+from fmfts.simulate.cylinder import cylinder_field
+
+PAD_SIZE_MM = 40.0
+LARGEST_FORCE_N = 50.0
+FEWEST_PRESSES, FEWEST_PLACES = 40, 4
+# Fields of a pad differ from its drawing's by its magnet's remanence and place: by less than this.
+LARGEST_RATIO = 3.0
+UNITS = {1e-2: "gauss", 1e1: "milligauss", 1e-3: "millitesla", 1e-6: "tesla", 1e3: "nanotesla"}
+# Two presses with the same labels differ by noise and by how well a stage comes back, not by more than this.
+REPEATABLE_UT, REPEATABLE_SHARE = 5.0, 0.05
 
 
 def standard_pad(remanence_t: float = 1.23) -> Pad:
@@ -19,30 +33,153 @@ def standard_pad(remanence_t: float = 1.23) -> Pad:
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSet:
-    """Presses (K,) with their labels, and the field (K, n, 3) at the pad's sensors, ambient subtracted, in pad axes."""
+    """press (K, 3 or 5): x and y in mm, force in N, and shear x and y in N where known. field_t (K, N, 3): at the
+    pad's sensors, in their axes. line (K,): where each stands in the file. digest: SHA-256 of the file. rest_field_t
+    (N, 3): mean of the file's unloaded rows, None where it has none."""
 
     pad: Pad
-    x_m: Array
-    y_m: Array
-    force_n: Array
+    press: Array
     field_t: Array
+    line: tuple[int, ...]
+    digest: str
+    rest_field_t: Array | None
+
+    @property
+    def x_m(self) -> Array:
+        return self.press[:, 0] * 1e-3
+
+    @property
+    def y_m(self) -> Array:
+        return self.press[:, 1] * 1e-3
+
+    @property
+    def force_n(self) -> Array:
+        return self.press[:, 2]
 
 
-def read_calibration_set(path: Path) -> CalibrationSet:
-    """A CSV with x_mm, y_mm, force_n and b1x_ut … b4z_ut of the standard pad, as the README describes it."""
-    with path.open() as lines:
-        header = lines.readline().strip().split(",")
-        table = np.loadtxt(lines, delimiter=",", ndmin=2)
-    pad = standard_pad()
-    wanted = [f"b{sensor}{axis}_ut" for sensor in range(1, len(pad.sensors) + 1) for axis in "xyz"]
-    missing = [name for name in ["x_mm", "y_mm", "force_n", *wanted] if name not in header]
-    if missing:
-        raise ValueError(f"{path}: no column {', '.join(missing)} in the header")
-    column = {name: table[:, position] for position, name in enumerate(header)}
+def read_calibration_set(path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM) -> CalibrationSet:
+    """Columns x_mm, y_mm, force_n (shear_x_n, shear_y_n) and b1x_ut … of `pad`, the standard one if None.
+
+    DataError names file, row and column of what cannot be right: see docs/calibration.md.
+    """
+    calibration = read_labelled(path, pad, pad_size_mm)
+    _require_enough(path, calibration.press)
+    return calibration
+
+
+def read_labelled(path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM) -> CalibrationSet:
+    """The same for a test set, which may be as small as one press."""
+    pad = pad or standard_pad()
+    table = read(path, len(pad.sensors))
+    press = _labels(path, table, pad_size_mm)
+    _require_fields(path, table, pad)
+    unloaded = press[:, 2] == 0.0
+    _require_consistent(path, table, press)
+    loaded = np.flatnonzero(~unloaded)
+    if not len(loaded):
+        raise DataError(f"{path}: column force_n is zero in every row: there is no press to learn from")
     return CalibrationSet(
         pad=pad,
-        x_m=column["x_mm"] * 1e-3,
-        y_m=column["y_mm"] * 1e-3,
-        force_n=column["force_n"],
-        field_t=np.stack([column[name] for name in wanted], axis=1).reshape(-1, len(pad.sensors), 3) * 1e-6,
+        press=press[loaded],
+        field_t=table.field_t[loaded],
+        line=tuple(table.line[row] for row in loaded),
+        digest=hashlib.sha256(path.read_bytes()).hexdigest(),
+        rest_field_t=table.field_t[unloaded].mean(axis=0) if unloaded.any() else None,
     )
+
+
+def rest_field(calibration: CalibrationSet) -> Array:
+    """(N, 3) field of the unloaded pad: as measured, else its drawing's with the remanence that the presses show."""
+    if calibration.rest_field_t is not None:
+        return calibration.rest_field_t
+    pad = calibration.pad
+    drawn = pad.sensors.to_sensor(
+        cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet)
+    )
+    estimates = [solve(field, pad).remanence_t for field in calibration.field_t[::8]]
+    measured: Array = drawn * float(np.nanmedian(estimates) / solve(drawn, pad).remanence_t)
+    return measured
+
+
+def _labels(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
+    shear = [name for name in SHEAR_OUTPUT_ORDER[3:] if name in table.others]
+    wanted = SHEAR_OUTPUT_ORDER if shear else OUTPUT_ORDER
+    missing = [name for name in wanted if name not in table.others]
+    if missing:
+        raise DataError(f"{path}: row 1 has no column {', '.join(missing)}: what each row was pressed with")
+    columns = [
+        [_label(path, line, name, cell, pad_size_mm) for line, cell in zip(table.line, table.others[name], strict=True)]
+        for name in wanted
+    ]
+    return np.array(columns).T
+
+
+def _label(path: Path, line: int, name: str, cell: str, pad_size_mm: float) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = float("nan")
+    where = f"{path}: row {line}, column {name}: "
+    if not np.isfinite(value):
+        raise DataError(f"{where}{cell!r} is not a number")
+    if name.endswith("_mm") and abs(value) > pad_size_mm / 2.0:
+        raise DataError(
+            f"{where}{cell} mm is outside the pad, which ends at ±{pad_size_mm / 2.0:g} mm: is the origin at its "
+            "centre, are these millimetres? (--pad-size-mm for another pad)"
+        )
+    if name.endswith("_n") and abs(value) > LARGEST_FORCE_N:
+        raise DataError(f"{where}{cell} N is more than a soft pad bears: is it in grams or millinewtons?")
+    if name == "force_n" and value < 0.0:
+        raise DataError(f"{where}{cell} N: a press is positive; is the gauge's sign turned, or its zero off?")
+    return value
+
+
+def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
+    names = field_columns(len(pad.sensors))
+    absent = np.argwhere(~np.isfinite(table.field_t.reshape(len(table.field_t), -1)))
+    if len(absent):
+        row, column = absent[0]
+        raise DataError(f"{path}: row {table.line[row]}, column {names[column]}: no number; leave the row out")
+    drawn = cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet)
+    ratios = np.linalg.norm(table.field_t, axis=(1, 2)) / np.linalg.norm(drawn)
+    wrong = np.flatnonzero((ratios > LARGEST_RATIO) | (ratios < 1.0 / LARGEST_RATIO))
+    if len(wrong):
+        row, ratio = wrong[0], float(ratios[wrong[0]])
+        unit = min(UNITS, key=lambda factor: abs(np.log(ratio / factor)))
+        raise DataError(
+            f"{path}: row {table.line[row]}, columns {names[0]} … {names[-1]}: the field is {ratio:.3g} times that of "
+            f"this pad's magnet at rest, in {len(wrong)} of {len(ratios)} rows; these columns are in µT (1 G = 100 µT)"
+            + (f": were they in {UNITS[unit]}?" if 0.5 < ratio / unit < 2.0 else ": is the magnet the config's?")
+        )
+
+
+def _require_consistent(path: Path, table: FieldTable, press: Array) -> None:
+    """The same field cannot belong to two presses, nor the same press to two fields."""
+    by_field: dict[bytes, int] = {}
+    by_press: dict[bytes, int] = {}
+    for row in np.flatnonzero(press[:, 2] > 0.0).tolist():
+        lines = f"row {table.line[row]}"
+        earlier = by_field.setdefault(table.field_t[row].tobytes(), row)
+        if not np.array_equal(press[earlier], press[row]):
+            raise DataError(
+                f"{path}: {lines}, columns x_mm, y_mm, force_n: the same field as in row {table.line[earlier]} under "
+                "another press: one of them is a copy with a wrong label"
+            )
+        earlier = by_press.setdefault(press[row].tobytes(), row)
+        gap_ut = np.abs(table.field_t[earlier] - table.field_t[row]) * 1e6
+        sensor, axis = np.unravel_index(np.argmax(gap_ut), gap_ut.shape)
+        allowed_ut = REPEATABLE_UT + REPEATABLE_SHARE * abs(table.field_t[row, sensor, axis]) * 1e6
+        if gap_ut[sensor, axis] > allowed_ut:
+            raise DataError(
+                f"{path}: {lines}, column b{sensor + 1}{'xyz'[axis]}_ut: {gap_ut[sensor, axis]:.0f} µT from row "
+                f"{table.line[earlier]}, which has the same x_mm, y_mm and force_n: one of the labels is wrong"
+            )
+
+
+def _require_enough(path: Path, press: Array) -> None:
+    if len(press) < FEWEST_PRESSES:
+        raise DataError(f"{path}: {len(press)} presses; a calibration needs {FEWEST_PRESSES}, the paper's had 675")
+    for column, name, fewest in ((0, "x_mm", FEWEST_PLACES), (1, "y_mm", FEWEST_PLACES), (2, "force_n", 2)):
+        values = len(np.unique(press[:, column]))
+        if values < fewest:
+            raise DataError(f"{path}: column {name} has {values} different values; at least {fewest} are needed")

@@ -1,83 +1,104 @@
-"""How good a contact model is, on presses that it has not seen, beside what physics allows."""
+"""How good a contact model is: errors by region, as a table and as facts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmfts.calibrate.samples import Samples
-from fmfts.contact.contract import OwnError
-from fmfts.pad import Array, Pad
-from fmfts.simulate.chip import NOISE_T
+from fmfts.contact.contract import ErrorTables
+from fmfts.pad import Array
 
 Predict = Callable[[Array], Array]
 Row = dict[str, float | str]
+Mask = NDArray[np.bool_]
 
-FORCES_N = (0.2827, 1.131, 1.9792)  # the paper's
-REMANENCES_T = (1.23, 1.28)
-CENTRE_M = 8e-3
+UNITS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n")
+CENTRE_MM, RELIABLE_MM = 8.0, 11.0
+LIGHT_N, FIRM_N = 0.5, 1.2
 FORCE_BINS_N = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0)
 RADIUS_BINS_MM = (4.0, 8.0, 12.0, 20.0)
 
 
-def evaluate(pad: Pad, predict: Predict, count: int = 600) -> Iterator[Row]:
-    """One row per magnet, noise, force and area: mean absolute and rms errors at `count` places off the grid.
-
-    `bound_…`: the mean absolute error of an unbiased estimate that reaches the Cramér–Rao bound of one frame.
-    """
-    random = np.random.default_rng(11)
-    for remanence_t in REMANENCES_T:
-        for noise_t in (0.0, NOISE_T):
-            for force_n in FORCES_N:
-                x_m, y_m = random.uniform(-14e-3, 14e-3, (2, count))
-                press = (x_m, y_m, np.full(count, force_n))
-                samples = Samples.pressed(pad, press, random, noise_t, pad.magnet.with_remanence(remanence_t))
-                head: Row = {"magnet_t": remanence_t, "noise_mg": noise_t * 1e7, "force_n": force_n}
-                bound = samples.bound() * (noise_t > 0.0)
-                error = predict(samples.pose) - labels(samples)
-                for area, inside in (("whole pad", x_m < np.inf), ("within 8 mm", np.hypot(x_m, y_m) <= CENTRE_M)):
-                    yield {**head, "area": area, **_figures(error[inside], bound[inside])}
+def regions(press: Array) -> Iterator[tuple[str, Mask]]:
+    """Name and members (K,) of each region that holds a press."""
+    radius, force = np.hypot(press[:, 0], press[:, 1]), press[:, 2]
+    named = (
+        ("all", radius >= 0.0),
+        (f"within {CENTRE_MM:g} mm", radius <= CENTRE_MM),
+        (f"{CENTRE_MM:g} to {RELIABLE_MM:g} mm", (radius > CENTRE_MM) & (radius <= RELIABLE_MM)),
+        (f"beyond {RELIABLE_MM:g} mm", radius > RELIABLE_MM),
+        (f"below {LIGHT_N:g} N", force < LIGHT_N),
+        (f"{LIGHT_N:g} to {FIRM_N:g} N", (force >= LIGHT_N) & (force < FIRM_N)),
+        (f"from {FIRM_N:g} N", force >= FIRM_N),
+    )
+    return ((name, members) for name, members in named if members.any())
 
 
-def summary(predict: Predict, samples: Samples) -> dict[str, float]:
-    """Mean absolute and rms errors over all of `samples`."""
-    error = predict(samples.pose) - labels(samples)
-    return {name: value for name, value in _figures(error, 0.0 * error).items() if not name.startswith("bound")}
+def rows(press: Array, found: Array, deviation: Array | None = None) -> list[Row]:
+    """MAE and RMSE of `found` (K, m) against `press` (K, m) for each region; with deviations (K, m) also the rms of
+    errors in deviations, which is 1 where these are honest."""
+    error = found - press
+    out: list[Row] = []
+    for name, members in regions(press):
+        row: Row = {"region": name, "presses": int(members.sum())}
+        for column in range(error.shape[1]):
+            row[f"mae_{UNITS[column]}"] = rounded(np.abs(error[members, column]).mean())
+        for column in range(error.shape[1]):
+            row[f"rmse_{UNITS[column]}"] = rms(error[members, column])
+        if deviation is not None:
+            for column in range(error.shape[1]):
+                row[f"in_sd_{UNITS[column]}"] = rms(error[members, column] / deviation[members, column])
+        out.append(row)
+    return out
 
 
-def labels(samples: Samples) -> Array:
-    """(K, 3) x (mm), y (mm), force (N)."""
-    return np.stack([samples.x_m * 1e3, samples.y_m * 1e3, samples.force_n], axis=1)
+def printed(table: list[Row]) -> str:
+    """The rows as aligned text, a header first."""
+    columns = list(table[0])
+    cells = [columns, *([str(row.get(column, "")) for column in columns] for row in table)]
+    widths = [max(len(line[index]) for line in cells) for index in range(len(columns))]
+    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in cells)
 
 
-def own_error(predict: Predict, samples: Samples) -> OwnError:
-    """The model's rms error on noise-free `samples`, by force and by distance from the centre."""
-    error = predict(samples.pose) - labels(samples)
-    radius_mm = np.hypot(samples.x_m, samples.y_m) * 1e3
-    row = np.minimum(np.searchsorted(FORCE_BINS_N, samples.force_n), len(FORCE_BINS_N) - 1)
+def metrics(press: Array, found: Array) -> dict[str, float]:
+    """The numbers of the first row: over all presses."""
+    return {name: float(value) for name, value in rows(press, found)[0].items() if name not in ("region", "presses")}
+
+
+def own_error(predict: Predict, samples: Samples) -> ErrorTables:
+    """What remains of noise-free `samples`, by force and by distance from the centre."""
+    return error_tables(samples.press, predict(samples.pose) - samples.press)
+
+
+def error_tables(press: Array, error: Array) -> ErrorTables:
+    """Rms of errors (K, m) in the bins of presses (K, m). ValueError where a bin is empty."""
+    radius_mm = np.hypot(press[:, 0], press[:, 1])
+    row = np.minimum(np.searchsorted(FORCE_BINS_N, press[:, 2]), len(FORCE_BINS_N) - 1)
     column = np.minimum(np.searchsorted(RADIUS_BINS_MM, radius_mm), len(RADIUS_BINS_MM) - 1)
 
-    def table(component: int) -> tuple[tuple[float, ...], ...]:
+    def table(values: Array) -> tuple[tuple[float, ...], ...]:
         return tuple(
-            tuple(_rms(error[(row == i) & (column == j), component]) for j in range(len(RADIUS_BINS_MM)))
+            tuple(_rms_of_bin(values[(row == i) & (column == j)]) for j in range(len(RADIUS_BINS_MM)))
             for i in range(len(FORCE_BINS_N))
         )
 
-    return OwnError(FORCE_BINS_N, RADIUS_BINS_MM, x_mm=table(0), y_mm=table(1), force_error_n=table(2))
+    shear = table(np.sqrt(np.mean(error[:, 3:] ** 2, axis=1))) if error.shape[1] > 3 else None
+    x_mm, y_mm, force_n = (table(error[:, column]) for column in range(3))
+    return ErrorTables(FORCE_BINS_N, RADIUS_BINS_MM, x_mm, y_mm, force_n, shear)
 
 
-def _figures(error: Array, bound: Array) -> dict[str, float]:
-    names = ("x_mm", "y_mm", "force_n")
-    mean = np.abs(error).mean(axis=0)
-    reachable = np.sqrt(2.0 / np.pi) * bound.mean(axis=0)
-    figures = {f"mae_{name}": mean[i] for i, name in enumerate(names)}
-    figures |= {f"rmse_{name}": _rms(error[:, i]) for i, name in enumerate(names)}
-    figures |= {f"bound_{name}": reachable[i] for i, name in enumerate(names)}
-    return {name: round(float(value), 5) for name, value in figures.items()}
+def rms(values: Array) -> float:
+    return rounded(np.sqrt(np.mean(values**2)))
 
 
-def _rms(values: Array) -> float:
+def rounded(value: float) -> float:
+    return round(float(value), 5)
+
+
+def _rms_of_bin(values: Array) -> float:
     if len(values) == 0:
         raise ValueError("no samples in a bin of the model's own error: draw more")
-    return round(float(np.sqrt(np.mean(values**2))), 6)
+    return max(rms(values), 1e-5)

@@ -10,11 +10,12 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from fmfts.calibrate.network import DIRECTION_GAIN, SCALE, SOFTENING, Layers
-from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, Facts
+from fmfts.calibrate.network import DIRECTION_GAIN, SOFTENING, ContactNetwork
+from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, RESPONSE_KEY, Facts, pack_response
+from fmfts.contact.response import Response
 from fmfts.pad import Array
 
-# name = operation(inputs). Shapes: s, u (N, 5); h1, h2 (N, 64); …3 (N, 1, …) or (N, 3, …) for the chain rule.
+# name = operation(inputs). Shapes: s, u (N, 5); h1, h2 (N, hidden); …3 (N, 1, …) or (N, outputs, …) for the chain rule.
 FORWARD = """
 centred = Sub(pose, rest)
 s = MatMul(centred, by_scale)
@@ -57,19 +58,12 @@ jacobian = MatMul(by_s, by_scale_t)
 """
 
 
-def export(layers: Layers, facts: Facts) -> bytes:
-    """The serialised model; raises onnx.checker.ValidationError if it is not a valid one."""
-    by_scale = np.zeros((6, 5))  # the axis's last component follows from the others
-    by_scale[:5] = np.diag(1.0 / SCALE)
-    w1, w2, w3 = layers.weight
-    w1 = w1 * np.repeat([1.0, DIRECTION_GAIN], 5)[:, None]
-    constants = {
-        "rest": np.array([facts.rest_pose]), "by_scale": by_scale, "by_scale_t": by_scale.T,
-        "softening": np.array(SOFTENING**2), "one": np.array(1.0),
-        "w1": w1, "w2": w2, "w3": w3, "b1": layers.bias[0], "b2": layers.bias[1], "b3": layers.bias[2],
-        "w1_t_of_s": w1.T[:, :5], "w1_t_of_u": w1.T[:, 5:], "w2_t": w2.T, "w3_t": w3.T[None],
-    }  # fmt: skip
-    outputs = w3.shape[1]
+def export(network: ContactNetwork, facts: Facts, response: Response | None) -> bytes:
+    """The serialised model; raises onnx.checker.ValidationError if it is not a valid one.
+
+    response: what the model was trained on, so that `refine` can use it; None leaves it out.
+    """
+    outputs = len(network.layers.bias[-1])
     graph = helper.make_graph(
         _nodes(FORWARD + BACKWARD),
         "contact",
@@ -78,7 +72,7 @@ def export(layers: Layers, facts: Facts) -> bytes:
             helper.make_tensor_value_info("contact", TensorProto.FLOAT, ["N", outputs]),
             helper.make_tensor_value_info("jacobian", TensorProto.FLOAT, ["N", outputs, 6]),
         ],
-        [_tensor(name, value) for name, value in constants.items()]
+        [_tensor(name, value) for name, value in _constants(network).items()]
         + [
             numpy_helper.from_array(np.array([axis], dtype=np.int64), name)
             for name, axis in {"last": 1, "middle": 1, "last3": 2}.items()
@@ -87,10 +81,27 @@ def export(layers: Layers, facts: Facts) -> bytes:
     model = helper.make_model(
         graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION, producer_name="fmfts"
     )
-    helper.set_model_props(model, {METADATA_KEY: msgspec.json.encode(facts).decode()})
+    properties = {METADATA_KEY: msgspec.json.encode(facts).decode()}
+    if response is not None:
+        properties[RESPONSE_KEY] = pack_response(response)
+    helper.set_model_props(model, properties)
     onnx.checker.check_model(model, full_check=True)
     serialised: bytes = model.SerializeToString(deterministic=True)
     return serialised
+
+
+def _constants(network: ContactNetwork) -> dict[str, Array]:
+    by_scale = np.zeros((6, 5))  # the axis's last component follows from the others
+    by_scale[:5] = np.diag(1.0 / network.scale)
+    w1, w2, w3 = network.layers.weight
+    b1, b2, b3 = network.layers.bias
+    w1 = w1 * np.repeat([1.0, DIRECTION_GAIN], 5)[:, None]
+    return {
+        "rest": network.rest_pose[None], "by_scale": by_scale, "by_scale_t": by_scale.T,
+        "softening": np.array(SOFTENING**2), "one": np.array(1.0),
+        "w1": w1, "w2": w2, "w3": w3, "b1": b1, "b2": b2, "b3": b3,
+        "w1_t_of_s": w1.T[:, :5], "w1_t_of_u": w1.T[:, 5:], "w2_t": w2.T, "w3_t": w3.T[None],
+    }  # fmt: skip
 
 
 def _nodes(program: str) -> list[onnx.NodeProto]:

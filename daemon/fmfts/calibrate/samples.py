@@ -1,4 +1,4 @@
-"""Labelled poses to train and to judge on: simulated presses, seen through this project's own solver."""
+"""Labelled poses to train and to judge on, drawn from a pad's response with the noise of single frames."""
 
 from __future__ import annotations
 
@@ -7,94 +7,61 @@ from typing import Self
 
 import numpy as np
 
-from fmfts.pad import Array, Magnet, Pad
-from fmfts.pose import STOP_CONVERGED, PoseEstimate, State, solve
-from fmfts.simulate.chip import NOISE_T
-from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.calibrate.tracked import FrameSolver, upright
+from fmfts.contact.response import Response, bound_of
+from fmfts.pad import Array
+
+# Training goes on beyond the calibrated force, so that the found one keeps rising where "over range" has to be said.
+BEYOND = 1.3
+UNLOADED = 0.05  # share of the presses that press nothing: rest belongs to what a model knows
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """K presses and what the solver makes of each.
+    """press (K, 2 + L) in mm and N. pose (K, 6) as the model gets it, and its covariance (K, 5, 5) for the noise of one
+    frame. bound (K, 2 + L): the least deviation that an unbiased estimate of the press can have (Cramér–Rao)."""
 
-    x_m, y_m, force_n: (K,). pose: (K, 6) position in mm and unit axis, relative to rest as the pipeline hands it to
-    the model: nominal rest + (solved − solved at rest), so that the dipole's bias at rest cancels.
-    covariance: (K, 5, 5) of pose's first five components, for the noise of one frame.
-    """
-
-    x_m: Array
-    y_m: Array
-    force_n: Array
+    press: Array
     pose: Array
     covariance: Array
+    bound: Array
+
+    def __len__(self) -> int:
+        return len(self.press)
 
     @classmethod
-    def solved(cls, pad: Pad, press: tuple[Array, Array, Array], field_t: Array, start: Array | None = None) -> Self:
-        """Of `field_t` (K, n, 3). `start` (K, 6): poses in m to start the search from, rest if None."""
-        rest = _field_at_rest(pad, pad.magnet)
-        rest_shift_m = solve(rest, pad, stop_chi2=STOP_CONVERGED).position_m - pad.rest_position_m
-        pose, covariance = np.empty((len(field_t), 6)), np.empty((len(field_t), 5, 5))
-        for row, field in enumerate(field_t):
-            origin = None if start is None else State(start[row, :3], start[row, 3:], 0.0, np.zeros(3))
-            estimate: PoseEstimate = solve(field, pad, origin, deviation_t=NOISE_T)
-            pose[row] = [*(estimate.position_m - rest_shift_m) * 1e3, *estimate.axis]
-            millimetres = np.array([1e3, 1e3, 1e3, 1.0, 1.0])
-            covariance[row] = estimate.pose_covariance[:5, :5] * millimetres * millimetres[:, None]
-        if not np.isfinite(covariance).all():
-            raise ValueError(f"pad {pad.name!r}: the solver found no pose for a simulated press")
-        return cls(*press, pose, covariance)
+    def expected(cls, response: Response, solver: FrameSolver, press: Array) -> Self:
+        """Without noise."""
+        change, slope = response.change_and_slope(press)
+        pose = np.column_stack([solver.rest_pose[:5] + change, np.zeros(len(press))])
+        tracked = solver.at(upright(pose))
+        return cls(press, tracked.pose, tracked.covariance, bound_of(slope, tracked.covariance))
 
-    @classmethod
-    def drawn(
-        cls,
-        pad: Pad,
-        count: int,
-        largest_force_n: float,
-        seed: int,
-        *,
-        noise_t: float = 0.0,
-        magnet: Magnet | None = None,
-    ) -> Self:
-        """Presses spread evenly over ±14 mm and 0…`largest_force_n`; `magnet` if the pad holds another than nominal."""
-        random = np.random.default_rng(seed)
-        x_m, y_m = random.uniform(-14e-3, 14e-3, (2, count))
-        force_n = random.uniform(0.0, largest_force_n, count)
-        return cls.pressed(pad, (x_m, y_m, force_n), random, noise_t, magnet or pad.magnet)
+    def noisy(self, copies: int, random: np.random.Generator) -> Self:
+        """Each press `copies` times, its pose with noise drawn from the covariance."""
+        press, pose, covariance, bound = (
+            np.repeat(values, copies, axis=0) for values in (self.press, self.pose, self.covariance, self.bound)
+        )
+        pose[:, :5] += np.einsum("kij,kj->ki", np.linalg.cholesky(covariance), random.standard_normal((len(pose), 5)))
+        return type(self)(press, upright(pose), covariance, bound)
 
-    @classmethod
-    def pressed(
-        cls, pad: Pad, press: tuple[Array, Array, Array], random: np.random.Generator, noise_t: float, magnet: Magnet
-    ) -> Self:
-        displacement_m, axis = standard_mechanics().displacement(*press)
-        position_m = pad.rest_position_m + displacement_m
-        field_t = cylinder_field(pad.sensors.position_m, position_m[:, None], axis[:, None], magnet)
-        noisy = field_t + noise_t * random.standard_normal(field_t.shape)
-        return cls.solved(pad, press, noisy, np.concatenate([position_m, axis], axis=1))
-
-    def repeated(self, copies: int, random: np.random.Generator) -> Self:
-        """Each press `copies` times with fresh noise, drawn from the pose's covariance: no solving anew."""
-        root = np.repeat(np.linalg.cholesky(self.covariance), copies, axis=0)
-        pose = np.repeat(self.pose, copies, axis=0)
-        pose[:, :5] += np.einsum("kij,kj->ki", root, random.standard_normal((len(pose), 5)))
-        x_m, y_m, force_n = (np.repeat(values, copies) for values in (self.x_m, self.y_m, self.force_n))
-        return type(self)(x_m, y_m, force_n, pose, np.repeat(self.covariance, copies, axis=0))
-
-    def bound(self) -> Array:
-        """(K, 3) Cramér–Rao bound of x (mm), y (mm) and force (N): standard deviations of one frame's best estimate."""
-        place, push = 1e-5, 1e-3
-        steps = [(place, 0.0, 0.0), (0.0, place, 0.0), (0.0, 0.0, push)]
-        slopes = [self._moved(*step) - self._moved(*(-value for value in step)) for step in steps]
-        slope = np.stack(slopes, axis=-1) / [2e3 * place, 2e3 * place, 2.0 * push]
-        information = np.einsum("kai,kab,kbj->kij", slope, np.linalg.inv(self.covariance), slope)
-        # At rest the place has no effect; an information of one per (1 m)² keeps the inverse finite.
-        deviation: Array = np.sqrt(np.diagonal(np.linalg.inv(information + 1e-6 * np.eye(3)), axis1=1, axis2=2))
-        return deviation
-
-    def _moved(self, x_m: float, y_m: float, force_n: float) -> Array:
-        displacement_m, axis = standard_mechanics().displacement(self.x_m + x_m, self.y_m + y_m, self.force_n + force_n)
-        return np.concatenate([displacement_m * 1e3, axis[:, :2]], axis=1)
+    def joined(self, other: Samples) -> Samples:
+        return Samples(
+            np.concatenate([self.press, other.press]),
+            np.concatenate([self.pose, other.pose]),
+            np.concatenate([self.covariance, other.covariance]),
+            np.concatenate([self.bound, other.bound]),
+        )
 
 
-def _field_at_rest(pad: Pad, magnet: Magnet) -> Array:
-    return cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, magnet)
+def presses_within(response: Response, count: int, random: np.random.Generator, beyond: float = BEYOND) -> Array:
+    """(count, 2 + L) presses spread evenly over the response's table and from no force to `beyond` times its largest;
+    shear spread over what it was calibrated with, in proportion to the force."""
+    place = random.uniform(response.first_mm, response.last_mm, (count, 2))
+    force = random.uniform(0.0, beyond * response.scale_n, count)
+    force[: int(UNLOADED * count)] = 0.0
+    if response.loads == 1:
+        return np.column_stack([place, force])
+    angle, share = random.uniform(0.0, 2.0 * np.pi, count), np.sqrt(random.uniform(0.0, 1.0, count))
+    shear = response.friction * share * force
+    return np.column_stack([place, force, shear * np.cos(angle), shear * np.sin(angle)])

@@ -1,6 +1,7 @@
 """The contract between a calibration and the daemon: what an ONNX contact model must be, and must say of itself.
 
-The facts stand as JSON under METADATA_KEY in the model's metadata; `Facts` is their schema.
+The facts stand as JSON under METADATA_KEY in the model's metadata, and may be followed by the pad's response under
+RESPONSE_KEY; `Facts` and `PackedResponse` are their schemas.
 """
 
 from __future__ import annotations
@@ -9,14 +10,19 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta, Struct
 
-CONTRACT_VERSION: Literal[1] = 1
+from fmfts.contact.response import CHANGE, Response
+
+CONTRACT_VERSION: Literal[2] = 2
 OPSET = 17
 IR_VERSION = 9
 METADATA_KEY = "fmfts.contact"
+RESPONSE_KEY = "fmfts.response"
 INPUT_ORDER = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
 OUTPUT_ORDER = ("x_mm", "y_mm", "force_n")
+SHEAR_OUTPUT_ORDER = (*OUTPUT_ORDER, "shear_x_n", "shear_y_n")
 SIZE_LIMIT_BYTES = 4_000_000
 
 Pose = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]
@@ -38,8 +44,8 @@ class Envelope(Struct, frozen=True, forbid_unknown_fields=True):
     y_mm: tuple[float, float]
 
 
-class OwnError(Struct, frozen=True, forbid_unknown_fields=True):
-    """The model's own error: rms over held-out noise-free poses, in bins of predicted force and radius.
+class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
+    """Rms errors in bins of predicted force and radius.
 
     Row i is for forces up to force_n[i], column j for radii up to radius_mm[j]; the last of each for all beyond.
     """
@@ -49,29 +55,52 @@ class OwnError(Struct, frozen=True, forbid_unknown_fields=True):
     x_mm: Table
     y_mm: Table
     force_error_n: Table
+    shear_error_n: Table | None = None  # of either component
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """One for each output."""
+        shear = () if self.shear_error_n is None else (self.shear_error_n, self.shear_error_n)
+        return (self.x_mm, self.y_mm, self.force_error_n, *shear)
 
     def __post_init__(self) -> None:
-        for table in (self.x_mm, self.y_mm, self.force_error_n):
+        for table in self.tables:
             if len(table) != len(self.force_n) or any(len(row) != len(self.radius_mm) for row in table):
                 raise ValueError("its error tables do not have a row per force and a column per radius")
 
 
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
-    contract: Literal[1]
+    """What a model says of itself.
+
+    own_error: what remains of noise-free poses. friction_error: what a newton of shear, which a model of three outputs
+    does not know, does to them on average over its directions; None where the calibration set had no shear. scene and
+    noise_ut: what it was trained for. data: SHA-256 of the calibration set.
+    """
+
+    contract: Literal[2]
     geometry_hash: Annotated[str, Meta(pattern="^[0-9a-f]{12}$")]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     rest_pose: Pose
     envelope: Envelope
-    own_error: OwnError
+    own_error: ErrorTables
+    friction_error: ErrorTables | None
     metrics: dict[str, float]
+    scene: Literal["drifting", "constant"]
+    noise_ut: Positive
+    data: str
     made_by: str
 
     def __post_init__(self) -> None:
         if self.inputs != INPUT_ORDER:
             raise ValueError(f"its input order is {', '.join(self.inputs)}, not {', '.join(INPUT_ORDER)}")
-        if self.outputs != OUTPUT_ORDER:
-            raise ValueError(f"its output order is {', '.join(self.outputs)}, not {', '.join(OUTPUT_ORDER)}")
+        if self.outputs not in (OUTPUT_ORDER, SHEAR_OUTPUT_ORDER):
+            raise ValueError(
+                f"its output order is {', '.join(self.outputs)}, not {', '.join(OUTPUT_ORDER)}"
+                f"(, {', '.join(SHEAR_OUTPUT_ORDER[3:])})"
+            )
+        if len(self.own_error.tables) != len(self.outputs):
+            raise ValueError("its own error is not told for each of its outputs")
         below = (low > rest + 1e-6 for low, rest in zip(self.envelope.pose_min, self.rest_pose, strict=True))
         above = (rest > high + 1e-6 for rest, high in zip(self.rest_pose, self.envelope.pose_max, strict=True))
         if any(below) or any(above):
@@ -88,6 +117,57 @@ def parse_facts(metadata: dict[str, str]) -> Facts:
         raise ValueError(f"its metadata is wrong: {error}") from error
     except msgspec.DecodeError as error:
         raise ValueError(f"its metadata is not JSON: {error}") from error
+
+
+class PackedResponse(Struct, frozen=True, forbid_unknown_fields=True):
+    """`Response`; coefficient: float32, little-endian, in C order of `shape`."""
+
+    first_mm: tuple[float, float]
+    spacing_mm: tuple[Positive, Positive]
+    scale_n: Positive
+    friction: float
+    exponent: list[list[Annotated[int, Meta(ge=0, le=9)]]]
+    shape: tuple[int, int, int, int]
+    coefficient: bytes
+
+
+def pack_response(response: Response) -> str:
+    """As it stands in a model's metadata."""
+    packed = PackedResponse(
+        tuple(response.first_mm.tolist()),
+        tuple(response.spacing_mm.tolist()),
+        response.scale_n,
+        response.friction,
+        response.exponent.tolist(),
+        response.coefficient.shape,
+        response.coefficient.astype("<f4").tobytes(),
+    )
+    return msgspec.json.encode(packed).decode()
+
+
+def parse_response(metadata: dict[str, str]) -> Response | None:
+    """The pad's response in a model's metadata, None where it has none; ValueError says what is wrong with it."""
+    if RESPONSE_KEY not in metadata:
+        return None
+    try:
+        packed = msgspec.json.decode(metadata[RESPONSE_KEY], type=PackedResponse)
+    except msgspec.DecodeError as error:
+        raise ValueError(f"its response is wrong: {error}") from error
+    exponent = np.array(packed.exponent, dtype=np.intp)
+    coefficient = np.frombuffer(packed.coefficient, dtype="<f4").astype(float)
+    fits = exponent.ndim == 2 and exponent.shape[1] in (1, 3) and packed.shape[2:] == (len(exponent), CHANGE)
+    if not fits or min(packed.shape[:2]) < 4 or coefficient.size != np.prod(packed.shape):
+        raise ValueError("its response has a table of another size than it says")
+    if not np.isfinite(coefficient).all():
+        raise ValueError("its response holds what is no number")
+    return Response(
+        np.array(packed.first_mm),
+        np.array(packed.spacing_mm),
+        packed.scale_n,
+        exponent,
+        coefficient.reshape(packed.shape),
+        packed.friction,
+    )
 
 
 def read_versions(model: bytes) -> tuple[int, int]:

@@ -22,10 +22,12 @@ class DataError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class FieldTable:
-    """field_t (K, N, 3), NaN where a cell is empty; `others`: the columns that are passed through, as they were."""
+    """field_t (K, N, 3), NaN where a cell is empty; `others`: the columns that are passed through, as they were; line:
+    where in the file each row ends."""
 
     field_t: Array
     others: dict[str, list[str]]
+    line: list[int]
 
 
 def field_columns(sensors: int) -> list[str]:
@@ -53,6 +55,7 @@ def read(path: Path, sensors: int) -> FieldTable:
     return FieldTable(
         field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
         others={name: [row[name] for _, row in rows] for name in header if name not in wanted},
+        line=[line for line, _ in rows],
     )
 
 

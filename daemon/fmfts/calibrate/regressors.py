@@ -1,0 +1,190 @@
+"""Regressors with one interface, to compare: fit(inputs, target, weight) → itself, predict(inputs) → target.
+
+Inputs (K, d) may be poses or fields, whatever their units: each column is brought to ±1 as MATLAB's `mapminmax` does.
+The network that ships is another matter (fmfts.calibrate.network): it is trained with the pose's noise.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from sklearn.cluster import KMeans
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from fmfts.calibrate.fitting import fit_response
+from fmfts.calibrate.levenberg import Layers, train
+from fmfts.contact.response import Response, most_likely
+from fmfts.pad import Array
+
+
+class Regressor(Protocol):
+    """fit: inputs (K, d), target (K, m), weight (K,) of each row's squared error, even if None."""
+
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self: ...
+
+    def predict(self, inputs: Array) -> Array: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Maps each column's range to ±1; a column that does not vary to 0."""
+
+    middle: Array
+    half: Array
+
+    @classmethod
+    def of(cls, values: Array) -> Self:
+        low, high = values.min(axis=0), values.max(axis=0)
+        return cls((low + high) / 2.0, np.where(high > low, (high - low) / 2.0, 1.0))
+
+    def shrunk(self, values: Array) -> Array:
+        shrunk: Array = (values - self.middle) / self.half
+        return shrunk
+
+    def restored(self, values: Array) -> Array:
+        restored: Array = values * self.half + self.middle
+        return restored
+
+
+class BackPropagation:
+    """The paper's BP network: tanh layers of `hidden`, trained by Levenberg–Marquardt as in MATLAB's `fitnet`."""
+
+    def __init__(self, hidden: tuple[int, ...] = (10,), steps: int = 200, seed: int = 0) -> None:
+        self.hidden = hidden
+        self.steps = steps
+        self.seed = seed
+
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+        self._inputs, self._target = Span.of(inputs), Span.of(target)
+        start = Layers.drawn((inputs.shape[1], *self.hidden, target.shape[1]), np.random.default_rng(self.seed))
+        even = np.ones(target.shape) if weight is None else np.repeat(weight[:, None], target.shape[1], axis=1)
+        self.layers = train(start, self._inputs.shrunk(inputs), self._target.shrunk(target), even, self.steps)
+        return self
+
+    def predict(self, inputs: Array) -> Array:
+        return self._target.restored(self.layers(self._inputs.shrunk(inputs)))
+
+
+class RadialBasis:
+    """The paper's RBF network: Gaussians around `centres` of the inputs, their weights by ridge regression.
+
+    spread: of the Gaussians, in the inputs' ranges of ±1; None: twice the mean distance of neighbouring centres.
+    """
+
+    def __init__(self, centres: int = 150, spread: float | None = None, ridge: float = 1e-10, seed: int = 0) -> None:
+        self.centres = centres
+        self.spread = spread
+        self.ridge = ridge
+        self.seed = seed
+
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+        self._inputs, self._target = Span.of(inputs), Span.of(target)
+        shrunk = self._inputs.shrunk(inputs)
+        with threadpool_limits(1):
+            means = KMeans(min(self.centres, len(inputs)), n_init=1, random_state=self.seed).fit(shrunk)
+        self._centre = np.asarray(means.cluster_centers_, dtype=float)
+        self._spread = self.spread or 2.0 * float(np.mean(_to_nearest(self._centre)))
+        basis = self._basis(shrunk)
+        weighted = basis.T if weight is None else basis.T * weight
+        normal = weighted @ basis
+        normal += self.ridge * np.trace(normal) / len(normal) * np.eye(len(normal))
+        self._coefficient = np.linalg.solve(normal, weighted @ self._target.shrunk(target))
+        return self
+
+    def predict(self, inputs: Array) -> Array:
+        return self._target.restored(self._basis(self._inputs.shrunk(inputs)) @ self._coefficient)
+
+    def _basis(self, shrunk: Array) -> Array:
+        gaussians = np.exp(-0.5 * _squared_distance(shrunk, self._centre) / self._spread**2)
+        return np.column_stack([gaussians, np.ones(len(shrunk))])
+
+
+class GaussianProcess:
+    """The yardstick: as good as a smooth function of so many presses can be known, at a cost no daemon could bear.
+
+    Of more than `most` rows an even choice is used, for the work grows with their cube. A weight is not taken.
+    """
+
+    def __init__(self, most: int = 600, seed: int = 0) -> None:
+        self.most = most
+        self.seed = seed
+
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+        if weight is not None:
+            raise ValueError("a Gaussian process takes no weights: it estimates the noise itself")
+        rows = np.random.default_rng(self.seed).permutation(len(inputs))[: self.most]
+        self._inputs, self._target = Span.of(inputs), Span.of(target)
+        width = inputs.shape[1]
+        kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(np.ones(width), (1e-2, 1e3)) + WhiteKernel(1e-6, (1e-12, 1e0))
+        self._processes = []
+        # A length that ends at its bound is a component that does not matter, which is no fault.
+        with threadpool_limits(1), warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            for column in self._target.shrunk(target)[rows].T:
+                process = GaussianProcessRegressor(kernel, random_state=self.seed)
+                self._processes.append(process.fit(self._inputs.shrunk(inputs)[rows], column))
+        return self
+
+    def predict(self, inputs: Array) -> Array:
+        shrunk = self._inputs.shrunk(inputs)
+        return self._target.restored(np.stack([process.predict(shrunk) for process in self._processes], axis=1))
+
+
+class TableInversion:
+    """The press whose pose, in a spline table of the pad's response, is most likely the one that was found.
+
+    deviation (d,): of each component of the pose, or a whole covariance (d, d); inputs are poses (K, 5 or 6) as the
+    contact model gets them, rest_pose is the unloaded one's. Target: x_mm, y_mm, force_n, and shear where known.
+    """
+
+    def __init__(self, rest_pose: Array, covariance: Array, starts: int = 5) -> None:
+        self.rest_pose = rest_pose
+        self.covariance = covariance
+        self.starts = starts
+
+    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
+        deviation = np.sqrt(np.diagonal(self.covariance))
+        scale = 1.0 if weight is None else 1.0 / np.sqrt(weight[:, None])
+        change = inputs[:, :5] - self.rest_pose[:5]
+        self.response = fit_response(target, change, np.broadcast_to(deviation, change.shape) * scale)
+        return self
+
+    def predict(self, inputs: Array) -> Array:
+        return invert(self.response, inputs[:, :5] - self.rest_pose[:5], self.covariance, self.starts)
+
+
+def invert(response: Response, change: Array, covariance: Array, across: int = 5, steps: int = 40) -> Array:
+    """(K, 2 + L) the most likely press of each change (K, 5), looked for from `across` × `across` places.
+
+    covariance: (5, 5), or (K, 5, 5). The yardstick for everything else: maximum likelihood.
+    """
+    whole = np.broadcast_to(covariance, (len(change), 5, 5))
+    best = np.empty((len(change), 2 + response.loads))
+    smallest = np.full(len(change), np.inf)
+    places = [np.linspace(*ends, across + 2)[1:-1] for ends in zip(response.first_mm, response.last_mm, strict=True)]
+    for x_mm in places[0]:
+        for y_mm in places[1]:
+            start = np.tile([x_mm, y_mm, response.scale_n / 2.0, *np.zeros(response.loads - 1)], (len(change), 1))
+            press, _, chi2 = most_likely(response, change, whole, start, steps)
+            better = chi2 < smallest
+            best[better], smallest[better] = press[better], chi2[better]
+    return best
+
+
+def _squared_distance(one: Array, other: Array) -> Array:
+    square = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
+    positive: Array = np.maximum(square, 0.0)
+    return positive
+
+
+def _to_nearest(centre: Array) -> Array:
+    distance = np.sqrt(_squared_distance(centre, centre))
+    np.fill_diagonal(distance, np.inf)
+    nearest: Array = distance.min(axis=1)
+    return nearest

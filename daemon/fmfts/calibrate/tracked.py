@@ -1,0 +1,121 @@
+"""Fields → the pose's change from rest, as a running pad's tracker would find it: many frames at once.
+
+Scene "drifting" (the default of a pad): the ambient field is free and the moment is the baseline's: eight unknowns.
+Scene "constant": the paper's six. A running tracker also remembers the ambient field of the frame before; a single
+frame that does not is the harder case, by a few percent at the contact, and needs no history: it is what is trained on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fmfts.pad import Array, Pad
+from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, parts_of, solve, tangent_basis
+from fmfts.pose.change import shortest_rotation
+from fmfts.pose.kernel import RESIDUAL, STATUS
+from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows, measurement_rows
+
+Scene = Literal["drifting", "constant"]
+UNKNOWNS = {"drifting": FREE_FIELD, "constant": FREE_PAPER}
+STOP = 1e-6  # in deviations squared: a thousandth of one, so that noise-free poses are exact to 0.01 µm
+
+
+class UnsolvedError(ValueError):
+    """A field that no pose explains; `row` is the first such."""
+
+    def __init__(self, row: int) -> None:
+        super().__init__(f"the solver finds no pose for frame {row}")
+        self.row = row
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """pose (K, 6): nominal rest + change, mm and unit axis, as the contact model gets it. covariance (K, 5, 5) of its
+    first five components. remanence_t (K,): estimated, or the held one. residual_t (K,): rms of what is unexplained."""
+
+    pose: Array
+    covariance: Array
+    remanence_t: Array
+    residual_t: Array
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def deviation(self) -> Array:
+        """(K, 5) standard deviations."""
+        deviation: Array = np.sqrt(np.einsum("kii->ki", self.covariance))
+        return deviation
+
+
+class FrameSolver:
+    """Solves single frames of one pad at white noise of `noise_t`.
+
+    rest_field_t (N, 3): field of the unloaded pad, ambient subtracted, from which rest pose and moment are taken as a
+    baseline does.
+    """
+
+    def __init__(self, pad: Pad, rest_field_t: Array, scene: Scene, noise_t: float) -> None:
+        self.pad = pad
+        self.scene = scene
+        self.noise_t = noise_t
+        self._rest = solve(rest_field_t, pad, stop_chi2=STOP_CONVERGED).state
+        self._turn = shortest_rotation(self._rest.axis, pad.rest_axis)
+
+    @property
+    def rest_pose(self) -> Array:
+        """(6,) the drawing's, mm and unit axis."""
+        return np.concatenate([self.pad.rest_position_m * 1e3, self.pad.rest_axis])
+
+    @property
+    def remanence_t(self) -> float:
+        """As the unloaded pad's field has it."""
+        return float(self.pad.magnet.remanence_t * np.exp(self._rest.log_moment))
+
+    def solved(self, field_t: Array) -> Tracked:
+        """Of fields (K, N, 3) in sensor axes, ambient subtracted. UnsolvedError names the first that has no pose."""
+        batch = self._batch(field_t, np.tile(self._rest.vector(), (len(field_t), 1)))
+        batch.solve(STOP, MAX_ITERATIONS)
+        unsolved = np.flatnonzero(batch.summary[:, STATUS] != 0)
+        if len(unsolved):
+            raise UnsolvedError(int(unsolved[0]))
+        return self._tracked(batch)
+
+    def at(self, pose: Array) -> Tracked:
+        """What the solver would say of noise-free frames of the poses (K, 6): these, and their covariance."""
+        state = np.tile(self._rest.vector(), (len(pose), 1))
+        state[:, :3] = pose[:, :3] * 1e-3 - self.pad.rest_position_m + self._rest.position_m
+        state[:, 3:6] = pose[:, 3:] @ self._turn
+        batch = self._batch(np.zeros((len(pose), len(self.pad.sensors), 3)), state)
+        batch.solve(STOP, 0)
+        return self._tracked(batch)
+
+    def _batch(self, field_t: Array, start: Array) -> Batch:
+        rows = np.repeat(measurement_rows(np.zeros((len(self.pad.sensors), 3)), self.pad.sensors, self.noise_t)[None],
+                         len(field_t), axis=0)  # fmt: skip
+        rows[:, :, VALUE] = field_t.reshape(len(field_t), -1)
+        return Batch.of(rows, magnet_rows(self.pad.magnet), parts_of(free=UNKNOWNS[self.scene]), start)
+
+    def _tracked(self, batch: Batch) -> Tracked:
+        position_m, axis = batch.state[:, :3], batch.state[:, 3:6]
+        shifted = (self.pad.rest_position_m + position_m - self._rest.position_m) * 1e3
+        spread = np.zeros((len(axis), 5, 5))
+        spread[:, :3, :3] = np.eye(3) * 1e3
+        spread[:, 3:, 3:] = (self._turn @ np.array([tangent_basis(one) for one in axis]))[:, :2]
+        return Tracked(
+            np.concatenate([shifted, axis @ self._turn.T], axis=1),
+            spread @ batch.covariance[:, :5, :5] @ spread.transpose(0, 2, 1),
+            self.pad.magnet.remanence_t * np.exp(batch.state[:, 6]),
+            batch.summary[:, RESIDUAL],
+        )
+
+
+def upright(pose: Array) -> Array:
+    """Poses (K, 6) whose axes are unit vectors again, as m and n have them."""
+    tilt = pose[:, 3:5]
+    shrink = np.maximum(np.linalg.norm(tilt, axis=1, keepdims=True) / 0.999, 1.0)
+    tilt = tilt / shrink
+    return np.concatenate([pose[:, :3], tilt, np.sqrt(1.0 - (tilt**2).sum(axis=1, keepdims=True))], axis=1)

@@ -1,0 +1,169 @@
+"""The pad's response: how a press changes the magnet's pose, as a table; and which press most likely made a change.
+
+Cubic B-splines over the place, times monomials of the load, so that an unloaded pad is exactly at rest:
+
+    change(x, y, load) = Σ_ij B_i(x) B_j(y) Σ_m c_ijm Π_l (load_l / scale)^e_ml
+
+Beyond the largest normal force the change goes on along its tangent; a place beyond the table is one on its edge.
+Here everything is in mm, N and numbers of the axis, as at the contact model. `refine.c` is the same for a running pad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+CHANGE = 5  # a, b, c in mm, and the axis's m and n
+# Levenberg–Marquardt: what a step that raises the misfit multiplies the damping by, and a good one divides it by.
+DAMPING, DAMPING_FACTOR = 1e-3, 10.0
+FARTHEST_LOAD = 3.0  # how many times the calibrated force a press is looked for
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """first_mm (2,) and spacing_mm (2,): the table's knots along x and y, equally spaced. exponent (M, L): powers of
+    the L loads (normal force, then shear) in M monomials. scale_n: largest calibrated normal force. coefficient
+    (X + 2, Y + 2, M, 5) for X × Y knots. friction: largest calibrated shear, as a share of the normal force."""
+
+    first_mm: Array
+    spacing_mm: Array
+    scale_n: float
+    exponent: Indices
+    coefficient: Array
+    friction: float = 0.0
+
+    @property
+    def loads(self) -> int:
+        return int(self.exponent.shape[1])
+
+    @property
+    def last_mm(self) -> Array:
+        """(2,) the last knots."""
+        last: Array = self.first_mm + self.spacing_mm * (np.array(self.coefficient.shape[:2]) - 3)
+        return last
+
+    def change(self, press: Array) -> Array:
+        """(K, 5) change of pose under presses (K, 2 + L): x, y in mm, loads in N."""
+        return self.change_and_slope(press)[0]
+
+    def change_and_slope(self, press: Array) -> tuple[Array, Array]:
+        """The change (K, 5), and its derivative (K, 5, 2 + L) by the press."""
+        (column, along_x, slope_x), (row, along_y, slope_y) = (self._stencil(press[:, axis], axis) for axis in (0, 1))
+        patch = self.coefficient[column[:, :, None], row[:, None, :]]
+        value, by_load = self._monomials(press[:, 2:])
+        of_load = np.einsum("kijmc,kmz->kijcz", patch, np.concatenate([value[:, :, None], by_load], axis=2))
+        across = np.einsum("kj,kijcz->kicz", along_y, of_load)
+        whole = np.einsum("ki,kicz->kcz", along_x, across)
+        by_x = np.einsum("ki,kic->kc", slope_x, across[..., 0])
+        by_y = np.einsum("ki,kj,kijc->kc", along_x, slope_y, of_load[..., 0])
+        return whole[..., 0], np.concatenate([by_x[..., None], by_y[..., None], whole[..., 1:]], axis=2)
+
+    def basis(self, press: Array) -> Array:
+        """(K, X + 2, Y + 2, M): what each coefficient contributes, so that `change` is linear in the coefficients."""
+        size_x, size_y = self.coefficient.shape[:2]
+        rows = np.arange(len(press))[:, None]
+        weights = []
+        for axis, size in enumerate((size_x, size_y)):
+            cell, weight, _ = self._stencil(press[:, axis], axis)
+            dense = np.zeros((len(press), size))
+            dense[rows, cell] = weight
+            weights.append(dense)
+        value, _ = self._monomials(press[:, 2:])
+        basis: Array = np.einsum("ki,kj,km->kijm", *weights, value)
+        return basis
+
+    def _stencil(self, coordinate_mm: Array, axis: int) -> tuple[Indices, Array, Array]:
+        """Indices, values and derivatives (K, 4) of the four cubic B-splines that cover each coordinate."""
+        knots = self.coefficient.shape[axis] - 2
+        place = np.clip((coordinate_mm - self.first_mm[axis]) / self.spacing_mm[axis], 0.0, knots - 1.0)
+        cell = np.minimum(place.astype(np.intp), knots - 2)
+        u = place - cell
+        value = np.stack([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3], axis=1) / 6.0
+        slope = np.stack([-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2], axis=1) / 2.0
+        return cell[:, None] + np.arange(4), value, slope / self.spacing_mm[axis]
+
+    def _monomials(self, load: Array) -> tuple[Array, Array]:
+        """(K, M) monomials and (K, M, L) derivatives; beyond `scale_n` of normal force, their tangents."""
+        beyond = np.maximum(load[:, 0] - self.scale_n, 0.0)
+        inside = load / self.scale_n
+        inside[:, 0] -= beyond / self.scale_n
+        power = inside[:, None, :] ** self.exponent
+        value = power.prod(axis=2)
+        slope = np.empty((*value.shape, self.loads))
+        for load_index in range(self.loads):
+            exponent = self.exponent[:, load_index]
+            lowered = inside[:, load_index, None] ** np.maximum(exponent - 1, 0) * exponent
+            others = np.delete(power, load_index, axis=2).prod(axis=2)
+            slope[:, :, load_index] = lowered * others / self.scale_n
+        return value + slope[:, :, 0] * beyond[:, None], slope
+
+
+def most_likely(
+    response: Response, change: Array, covariance: Array, start: Array, steps: int
+) -> tuple[Array, Array, Array]:
+    """The presses (K, 2 + L) that explain `change` (K, 5) of `covariance` (K, 5, 5) best, near `start` (K, 2 + L).
+
+    Levenberg–Marquardt, `steps` trials; presses stay on the table, pushes between none and FARTHEST_LOAD times the
+    calibrated. Also returns their covariance (K, 2 + L, 2 + L), the inverse of what the change tells of them, and χ²
+    (K,). With steps = 2 from the network's answer this is [pad.contact] refine.
+    """
+    information = inverse_of(covariance)
+    lowest, highest = press_limits(response)
+    press = np.clip(start, lowest, highest)
+    modelled, slope = response.change_and_slope(press)
+    chi2 = _misfit(change - modelled, information)
+    damping = np.full(len(press), DAMPING)
+    for _ in range(steps):
+        normal = np.einsum("kci,kcd,kdj->kij", slope, information, slope)
+        gradient = np.einsum("kci,kcd,kd->ki", slope, information, change - modelled)
+        step = np.linalg.solve(_damped(normal, damping), gradient[..., None])[..., 0]
+        trial = np.clip(press + step, lowest, highest)
+        trial_modelled, trial_slope = response.change_and_slope(trial)
+        trial_chi2 = _misfit(change - trial_modelled, information)
+        better = trial_chi2 <= chi2
+        press[better], chi2[better] = trial[better], trial_chi2[better]
+        modelled[better], slope[better] = trial_modelled[better], trial_slope[better]
+        damping = np.where(better, damping / DAMPING_FACTOR, damping * DAMPING_FACTOR)
+    normal = np.einsum("kci,kcd,kdj->kij", slope, information, slope)
+    spread = inverse_of(_damped(normal, np.zeros(len(press))))
+    return press, spread, chi2
+
+
+def bound_of(slope: Array, covariance: Array) -> Array:
+    """(K, 2 + L) the Cramér–Rao bound: least deviations of a press whose change has `covariance` (K, 5, 5)."""
+    normal = np.einsum("kci,kcd,kdj->kij", slope, inverse_of(covariance), slope)
+    bound: Array = np.sqrt(np.einsum("kii->ki", inverse_of(_damped(normal, np.zeros(len(normal))))))
+    return bound
+
+
+def press_limits(response: Response) -> tuple[Array, Array]:
+    """Smallest and largest press (2 + L,) that is looked for."""
+    farthest = FARTHEST_LOAD * response.scale_n
+    shear = np.full(response.loads - 1, farthest)
+    return (
+        np.concatenate([response.first_mm, [0.0], -shear]),
+        np.concatenate([response.last_mm, [farthest], shear]),
+    )
+
+
+def inverse_of(matrices: Array) -> Array:
+    """(K, n, n) of (K, n, n)."""
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+
+
+def _damped(normal: Array, damping: Array) -> Array:
+    """The normal matrices with their diagonals raised, and what nothing is known of (a place at rest) held down by a
+    deviation of 1 m."""
+    diagonal = np.einsum("kii->ki", normal)
+    damped: Array = normal + np.eye(normal.shape[1]) * (diagonal * damping[:, None] + 1e-6)[:, :, None]
+    return damped
+
+
+def _misfit(residual: Array, information: Array) -> Array:
+    misfit: Array = np.einsum("ki,kij,kj->k", residual, information, residual)
+    return misfit

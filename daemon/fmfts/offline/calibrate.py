@@ -1,0 +1,22 @@
+"""`fmfts-daemon calibrate`: a calibration set → a contact model, and a report beside it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from fmfts.calibrate.dataset import read_calibration_set
+from fmfts.calibrate.evaluation import printed
+from fmfts.calibrate.training import Options, Say, calibrate
+from fmfts.pad import Pad
+
+
+def make_model(source: Path, target: Path, pad: Pad, pad_size_mm: float, options: Options, say: Say) -> dict[str, Any]:
+    """Writes `target` and its report, `target` with .json; the report. DataError for a set that is not right."""
+    made = calibrate(str(source), read_calibration_set(source, pad, pad_size_mm), options, say)
+    target.write_bytes(made.model)
+    target.with_suffix(".json").write_text(json.dumps(made.report, indent=1) + "\n")
+    say("on the calibration set, as it is:\n" + printed(made.report["on_the_calibration_set"]))
+    say("on new presses, with the noise of one frame:\n" + printed(made.report["on_new_presses_with_noise"]))
+    return made.report

@@ -1,0 +1,176 @@
+"""What is wrong with a calibration set is named by file, row and column."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmfts import exit_codes
+from fmfts.calibrate.dataset import read_calibration_set, read_labelled, rest_field, standard_pad
+from fmfts.calibrate.simulated import rest_field_of
+from fmfts.calibrate.tracked import FrameSolver
+from fmfts.calibrate.training import solved
+from fmfts.cli import main
+from fmfts.offline.field_table import DataError
+
+CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
+CONFIG = '[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\n'
+Rows = list[dict[str, str]]
+
+
+def written(tmp_path: Path, edit: Callable[[Rows], Rows | None], count: int = 100) -> Path:
+    """`count` rows of the calibration set, drawn from all of it, edited."""
+    with CALIBRATION.open() as lines:
+        rows = list(csv.DictReader(lines))
+    rows = [rows[row] for row in np.random.default_rng(1).permutation(len(rows))[:count]]
+    rows = edit(rows) or rows
+    path = tmp_path / "presses.csv"
+    with path.open("w", newline="") as out:
+        writer = csv.DictWriter(out, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
+
+
+def without(name: str) -> Callable[[Rows], Rows]:
+    return lambda rows: [{key: cell for key, cell in row.items() if key != name} for row in rows]
+
+
+def at(row: int, name: str, cell: str) -> Callable[[Rows], None]:
+    """`row` as a spreadsheet counts, the header being the first."""
+    return lambda rows: rows[row - 2].update({name: cell})
+
+
+def fields_times(factor: float) -> Callable[[Rows], Rows]:
+    def scaled(row: dict[str, str]) -> dict[str, str]:
+        return {key: f"{float(cell) * factor:.9g}" if key.startswith("b") else cell for key, cell in row.items()}
+
+    return lambda rows: [scaled(row) for row in rows]
+
+
+def copied(source: int, target: int, *names: str) -> Callable[[Rows], None]:
+    """Cells of one row put into another: those that begin with `names`."""
+
+    def edit(rows: Rows) -> None:
+        for key in rows[0]:
+            if key.startswith(names):
+                rows[target - 2][key] = rows[source - 2][key]
+
+    return edit
+
+
+def weakest_labelled_as_strongest(rows: Rows) -> None:
+    light, firm = (pick(rows, key=lambda row: float(row["b1z_ut"])) for pick in (max, min))
+    light.update({name: firm[name] for name in ("x_mm", "y_mm", "force_n")})
+
+
+@pytest.mark.parametrize(
+    ("edit", "complaint"),
+    [
+        (without("b3y_ut"), "row 1 has no column b3y_ut"),
+        (without("force_n"), "row 1 has no column force_n"),
+        (at(7, "b2z_ut", ""), "row 7, column b2z_ut: no number"),
+        (at(7, "b2z_ut", "nan"), "row 7, column b2z_ut"),
+        (at(9, "x_mm", "nan"), "row 9, column x_mm: 'nan' is not a number"),
+        (at(9, "force_n", "much"), "row 9, column force_n: 'much' is not a number"),
+        (at(9, "force_n", "-0.4"), "row 9, column force_n: -0.4 N: a press is positive"),
+        (at(9, "force_n", "113"), "row 9, column force_n: 113 N is more than a soft pad bears"),
+        (at(12, "y_mm", "25"), "row 12, column y_mm: 25 mm is outside the pad, which ends at ±20 mm"),
+        (fields_times(0.01), "were they in gauss?"),
+        (fields_times(1e-6), "were they in tesla?"),
+        (fields_times(4.0), "is the magnet the config's?"),
+        (fields_times(100.0), "row 2, column b1x_ut"),
+        (copied(20, 30, "b"), "row 30, columns x_mm, y_mm, force_n: the same field as in row 20"),
+        (weakest_labelled_as_strongest, "which has the same x_mm, y_mm and force_n"),
+        (lambda rows: rows[:39], "39 presses; a calibration needs 40"),
+        (lambda rows: [row for row in rows if row["force_n"] == rows[1]["force_n"]] * 2, "column force_n has 1 differ"),
+        (lambda rows: [row | {"force_n": "0"} for row in rows], "column force_n is zero in every row"),
+    ],
+)
+def test_bad_row_is_named(tmp_path: Path, edit: Callable[[Rows], Rows | None], complaint: str) -> None:
+    path = written(tmp_path, edit)
+    with pytest.raises(DataError) as refusal:
+        read_calibration_set(path)
+    assert str(refusal.value).startswith(str(path))
+    assert complaint in str(refusal.value)
+
+
+def test_swapped_sensors_are_seen_by_the_field_that_no_magnet_makes(tmp_path: Path) -> None:
+    def swap(rows: Rows) -> Rows:
+        return [row | {f"b1{axis}_ut": row[f"b2{axis}_ut"] for axis in "xyz"} |
+                {f"b2{axis}_ut": row[f"b1{axis}_ut"] for axis in "xyz"} for row in rows]  # fmt: skip
+
+    path = written(tmp_path, swap)
+    calibration = read_calibration_set(path)
+    solver = FrameSolver(calibration.pad, rest_field_of(calibration.pad), "drifting", 2e-7)
+    with pytest.raises(DataError, match=r"presses\.csv: row \d+, .*sensors in the config's order"):
+        solved(str(path), calibration, solver)
+
+
+def test_unloaded_rows_tell_the_rest_field_and_are_no_presses(tmp_path: Path) -> None:
+    pad = standard_pad(1.28)
+    cells = dict(zip((f"b{n}{axis}_ut" for n in range(1, 5) for axis in "xyz"),
+                     (f"{value * 1e6:.6f}" for value in rest_field_of(pad).ravel()), strict=True))  # fmt: skip
+    labels = {"x_mm": "0", "y_mm": "0", "force_n": "0"}
+    calibration = read_calibration_set(written(tmp_path, lambda rows: [labels | cells, *rows, labels | cells]))
+    assert len(calibration.press) == 100
+    assert calibration.rest_field_t is not None
+    np.testing.assert_allclose(calibration.rest_field_t, rest_field_of(pad), atol=1e-11)
+
+
+def test_without_unloaded_rows_the_remanence_is_that_of_the_presses(tmp_path: Path) -> None:
+    """Fields 4 % stronger than the drawing's magnet makes: a pad with another magnet."""
+    calibration = read_labelled(written(tmp_path, fields_times(1.04)))
+    solver = FrameSolver(calibration.pad, rest_field(calibration), "drifting", 2e-7)
+    assert solver.remanence_t == pytest.approx(1.04 * 1.23, rel=0.004)  # over a set, the estimates vary by 0.4 %
+
+
+# --- the verbs ---
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> str:
+    path = tmp_path / "pad.toml"
+    path.write_text(CONFIG)
+    return str(path)
+
+
+def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = str(written(tmp_path, at(7, "b2z_ut", "")))
+    assert main(["calibrate", bad, "-o", str(tmp_path / "m.onnx"), "--config", config]) == exit_codes.DATA
+    assert "row 7, column b2z_ut" in capsys.readouterr().err
+    assert not (tmp_path / "m.onnx").exists()
+    assert main(["evaluate", bad, "--config", config]) == exit_codes.DATA
+    assert "row 7, column b2z_ut" in capsys.readouterr().err
+    assert main(["evaluate", bad, "--config", config, "--model", "absent.onnx"]) == exit_codes.DATA
+    assert "absent.onnx: it cannot be read" in capsys.readouterr().err
+
+
+def test_calibrated_model_serves_and_its_report_stands_beside_it(
+    tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From the verb to the verb, small: layers of 4 know places to a millimetre within 8 mm, and say how well."""
+    data = str(written(tmp_path, lambda rows: None, count=225))
+    target = tmp_path / "small.onnx"
+    arguments = ["calibrate", data, "-o", str(target), "--config", config, "--hidden", "4", "--presses", "1500"]
+    assert main(arguments) == 0
+    report = json.loads(target.with_suffix(".json").read_text())
+    assert report["hidden"] == 4
+    first = target.read_bytes()
+    assert main(arguments) == 0
+    assert target.read_bytes() == first  # the same weights, to the bit
+    capsys.readouterr()
+    plot = tmp_path / "errors.png"
+    again = ["evaluate", data, "--model", str(target), "--config", config, "--json", "--plot", str(plot)]
+    assert main(again) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["model"] == report["model"]
+    centre = next(row for row in facts["regions"] if row["region"] == "within 8 mm")
+    assert centre["mae_x_mm"] < 1.0
+    assert centre["mae_force_n"] < 0.1
+    assert plot.read_bytes().startswith(b"\x89PNG")
