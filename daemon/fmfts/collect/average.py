@@ -1,0 +1,94 @@
+"""Frames and forces of one moment become a row, or are refused: moving, saturated, not touched when they should be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmfts.ambient import BaselineError, Mounting
+from fmfts.ambient.recording import Recording, summarise
+from fmfts.chi2 import quantile
+from fmfts.collect.errors import RefusedError
+from fmfts.collect.gauge import Reading
+from fmfts.pad import Pad
+from fmfts.pose import FREE_FIELD, solve
+from fmfts.sensor import Frame
+
+# An untouched pad passes for a touched one, by noise alone, once in so many rows.
+FALSE_TOUCH = 1e-4
+# A force that swings more than this within a row (standard deviation, relative to it) is not one force.
+STEADY_FORCE = 0.1
+STEADY_FORCE_N = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Averaged:
+    """The mean of some frames, and of the forces meanwhile (None where there is no gauge)."""
+
+    field: Recording
+    force_n: float | None
+    force_sd_n: float
+    frames: Sequence[Frame]
+
+
+class RowError(Exception):
+    """This moment makes no row; the text says why. It may be tried again."""
+
+
+def average(frames: Sequence[Frame], readings: Sequence[Reading], tare_n: float) -> Averaged:
+    """RowError where the field is not steady or not whole, or the force is not one force."""
+    try:
+        field = summarise(frames)
+    except BaselineError as error:
+        raise RowError(str(error)) from error
+    if not readings:
+        return Averaged(field, None, 0.0, frames)
+    forces = np.array([reading.force_n for reading in readings]) - tare_n
+    mean_n, spread_n = float(forces.mean()), float(forces.std())
+    if spread_n > max(STEADY_FORCE * abs(mean_n), STEADY_FORCE_N):
+        raise RowError(f"the force swings by {spread_n:.3f} N about {mean_n:.3f} N: is the pad held still?")
+    return Averaged(field, mean_n, spread_n, frames)
+
+
+def require_touched(loaded: Averaged, unloaded: Averaged) -> None:
+    """RowError where the field is that of the untouched pad: the rod presses on something else."""
+    change = loaded.field.mean_t - unloaded.field.mean_t
+    variance = loaded.field.mean_deviation_t**2 + unloaded.field.mean_deviation_t**2
+    chi2, limit = float(np.sum(change**2 / variance)), quantile(FALSE_TOUCH, change.size)
+    if chi2 < limit:
+        raise RowError(
+            f"the pad is not touched: the field differs from the untouched pad's by χ² = {chi2:.0f}, and noise alone "
+            f"makes up to {limit:.0f}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Unmoved:
+    """How far an untouched pad may be from its baseline."""
+
+    pad: Pad
+    mounting: Mounting
+    baseline_id: str
+    moved_limit_m: float
+    ambient_limit_t: float
+
+    def require(self, unloaded: Averaged) -> None:
+        """RefusedError, with the figure, where the magnet or the ambient field is not where the baseline found it."""
+        mounting, again = self.mounting, "record the baseline again (fmfts-daemon baseline --rest), then go on"
+        field = mounting.magnet_field(unloaded.field.mean_t)
+        deviation = unloaded.field.mean_deviation_t
+        estimate = solve(field, mounting.mounted(self.pad), mounting.rest, deviation_t=deviation, free=FREE_FIELD)
+        x, y, z = moved = (estimate.position_m - mounting.rest.position_m) * 1e3
+        if not np.linalg.norm(moved) <= self.moved_limit_m * 1e3:
+            raise RefusedError(
+                f"the pad has moved, or something touches it: its magnet is ({x:+.3f}, {y:+.3f}, {z:+.3f}) mm away "
+                f"from where baseline {self.baseline_id} found it (limit {self.moved_limit_m * 1e3:g} mm): {again}"
+            )
+        ambient_t = float(np.abs(estimate.state.ambient_t).max())
+        if not ambient_t <= self.ambient_limit_t:
+            raise RefusedError(
+                f"the ambient field has changed by {ambient_t * 1e6:.1f} µT since baseline {self.baseline_id} (limit "
+                f"{self.ambient_limit_t * 1e6:g} µT): was the pad turned, or steel moved? {again[0].upper()}{again[1:]}"
+            )

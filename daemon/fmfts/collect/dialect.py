@@ -1,0 +1,124 @@
+"""The two dialects of G-code that hobby machines speak: what is sent, and what the answers mean.
+
+Marlin: https://marlinfw.org/meta/gcode/ (M112, M114, M211, M400, M410). GRBL 1.1: https://github.com/gnea/grbl/wiki,
+"Grbl v1.1 Interface", "Jogging" (moves are jogs: 0x85 ends them at once, and the position is kept).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Protocol
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What one line says. ok: a command was taken (Marlin: done). place: where the machine says that it stands.
+
+    standing: it does not move, None where the line does not tell. trouble: why it will not go on, in its own words.
+    started: it was reset.
+    """
+
+    ok: bool = False
+    place: Place | None = None
+    standing: bool | None = None
+    trouble: str = ""
+    started: bool = False
+
+
+class Dialect(Protocol):
+    """`settle` is sent once after each move, and `ask` again until an answer is `standing`."""
+
+    set_up: tuple[str, ...]
+    home: str
+    settle: tuple[str, ...]
+    ask: bytes
+    halt: bytes  # ends motion at once and keeps the position
+    emergency: bytes  # stops everything; the machine must be reset by hand
+    unlock: tuple[str, ...]  # after an alarm, before it moves again
+
+    def move(self, place: Place, mm_per_s: float) -> str:
+        """Straight to `place` in the machine's coordinates."""
+
+    def rise(self, mm: float, mm_per_s: float) -> tuple[str, ...]:
+        """Straight up by so much, wherever the machine believes to be."""
+
+    def read(self, line: str) -> Answer:
+        """What a line of the machine says."""
+
+
+GRBL_TROUBLES = {
+    "error:8": "not idle",
+    "error:9": "locked: it has an alarm",
+    "error:15": "the jog goes beyond its own soft limits",
+    "ALARM:1": "a limit switch was hit",
+    "ALARM:2": "a soft limit was reached",
+    "ALARM:3": "it was reset while it moved",
+    "ALARM:8": "homing failed: the switch was not left",
+    "ALARM:9": "homing failed: no switch was found",
+}
+
+
+class Marlin:
+    set_up: tuple[str, ...] = ("G21", "G90", "M211 S1")  # millimetres, absolute, soft limits on
+    home = "G28"
+    settle: tuple[str, ...] = ("M400", "M114")
+    ask = b""
+    halt = b"M410\n"
+    emergency = b"M112\n"
+    unlock: tuple[str, ...] = ()
+
+    _PLACE = re.compile(r"^X:\s*(-?[\d.]+) Y:\s*(-?[\d.]+) Z:\s*(-?[\d.]+)")
+    _TROUBLE = re.compile(r"^(Error:.*|echo:\s*endstops hit:.*|!!.*|.*(?:kill|KILL|halted).*)")
+
+    def move(self, place: Place, mm_per_s: float) -> str:
+        x, y, z = place
+        return f"G1 X{x:.4f} Y{y:.4f} Z{z:.4f} F{mm_per_s * 60:.1f}"
+
+    def rise(self, mm: float, mm_per_s: float) -> tuple[str, ...]:
+        return ("G91", f"G1 Z{mm:.4f} F{mm_per_s * 60:.1f}", "G90")
+
+    def read(self, line: str) -> Answer:
+        if line.startswith("ok"):
+            return Answer(ok=True)
+        if found := self._PLACE.match(line):
+            # M114 comes after M400: nothing moves any more.
+            return Answer(place=(float(found[1]), float(found[2]), float(found[3])), standing=True)
+        if line == "start":
+            return Answer(started=True)
+        return Answer(trouble=line if self._TROUBLE.match(line) else "")
+
+
+class Grbl:
+    set_up: tuple[str, ...] = ("G21", "G90", "$10=1")  # the report tells machine positions
+    home = "$H"
+    settle: tuple[str, ...] = ()
+    ask = b"?"
+    halt = b"\x85"
+    emergency = b"\x18"
+    unlock: tuple[str, ...] = ("$X",)
+
+    _STATE = re.compile(r"^<(\w+)(?::\d)?\|MPos:(-?[\d.]+),(-?[\d.]+),(-?[\d.]+)")
+
+    def move(self, place: Place, mm_per_s: float) -> str:
+        x, y, z = place
+        return f"$J=G53 X{x:.4f} Y{y:.4f} Z{z:.4f} F{mm_per_s * 60:.1f}"
+
+    def rise(self, mm: float, mm_per_s: float) -> tuple[str, ...]:
+        return (f"$J=G91 Z{mm:.4f} F{mm_per_s * 60:.1f}",)
+
+    def read(self, line: str) -> Answer:
+        if line == "ok":
+            return Answer(ok=True)
+        if found := self._STATE.match(line):
+            place = (float(found[2]), float(found[3]), float(found[4]))
+            trouble = "it is in alarm" if found[1] == "Alarm" else ""
+            return Answer(place=place, standing=found[1] not in ("Jog", "Run", "Home"), trouble=trouble)
+        if line.startswith(("error:", "ALARM:")):
+            return Answer(trouble=f"{line} ({GRBL_TROUBLES.get(line, 'see the wiki of GRBL')})")
+        return Answer(started=line.startswith("Grbl "))
+
+
+DIALECTS: dict[str, Dialect] = {"marlin": Marlin(), "grbl": Grbl()}

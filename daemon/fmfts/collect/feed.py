@@ -1,0 +1,127 @@
+"""The pad's frames while data are collected: from a running daemon, or, when none runs, from the device itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import msgspec
+import numpy as np
+
+from fmfts.bus.lock import serving_pid
+from fmfts.bus.messages import FrameMessage
+from fmfts.collect.errors import AbsentError
+from fmfts.collect.gauge import Counts
+from fmfts.config import Config, PadConfig
+from fmfts.sensor import Frame, Source, SourceError
+from fmfts.sensor.factory import open_sources
+from fmfts_client import Subscription, request
+from fmfts_client.endpoints import for_client, named_base
+
+
+class Feed(Protocol):
+    """No call here blocks. `counts` reads the load cell of the pad's board, None where there is no way to it."""
+
+    description: str
+    counts: Counts | None
+
+    def poll(self) -> Sequence[Frame]:
+        """The pad's frames since the last call."""
+
+    def board_uid(self) -> str:
+        """The 24 hex digits of the board, "" where it has none or has not told."""
+
+    def close(self) -> None:
+        """Give back what was opened."""
+
+
+def open_feed(config: Config, pad: PadConfig) -> Feed:
+    """AbsentError where neither a daemon nor the device can be opened."""
+    endpoints = for_client(named_base(config.bus.endpoint))
+    if serving_pid(endpoints.control) is not None:
+        return DaemonFeed(pad.name, endpoints)
+    return DeviceFeed(pad)
+
+
+class DeviceFeed:
+    """The device, opened by this process."""
+
+    def __init__(self, pad: PadConfig) -> None:
+        try:
+            ((self._source, names),) = open_sources([pad])
+        except SourceError as error:
+            raise AbsentError(str(error)) from error
+        self._pad_index = next(iter(names))
+        self.description = self._source.state.description
+        self.counts = _load_cell(self._source)
+
+    def poll(self) -> list[Frame]:
+        return [frame for frame in self._source.poll(time.monotonic_ns()) if frame.pad_index == self._pad_index]
+
+    def board_uid(self) -> str:
+        return str(self._source.state.board.get("uid", ""))
+
+    def close(self) -> None:
+        self._source.close()
+
+
+class DaemonFeed:
+    """The frames that a running daemon publishes while somebody subscribes."""
+
+    counts: Counts | None = None
+
+    def __init__(self, pad: str, endpoints: Any) -> None:
+        self.description = "the running daemon"
+        self._pad = pad
+        self._endpoints = endpoints
+        self._subscription = Subscription(("frame",), pad, endpoints)
+
+    def poll(self) -> list[Frame]:
+        frames = []
+        while (message := self._subscription.receive(0)) is not None:
+            frames.append(frame_of(msgspec.convert(message.body, FrameMessage)))
+        return frames
+
+    def board_uid(self) -> str:
+        pads = request("probe", endpoint=self._endpoints)["pads"]
+        return next((str(pad["board"].get("uid", "")) for pad in pads if pad["pad"] == self._pad), "")
+
+    def close(self) -> None:
+        self._subscription.close()
+
+
+def frame_of(message: FrameMessage) -> Frame:
+    """The frame that a message of the bus, or a line of a recording, tells of."""
+    return Frame(
+        pad_index=0,
+        sequence=message.sequence,
+        device_time_us=message.device_time_us,
+        host_time_ns=message.host_time_ns,
+        gain_code=message.gain_code,
+        counts=np.array(message.counts, dtype=np.int16),
+        age_us=np.array(message.age_us, dtype=np.uint16),
+        fresh=np.array(message.fresh, dtype=np.bool_),
+        valid=np.array(message.valid, dtype=np.bool_),
+        temperature_c=message.temperature_c,
+    )
+
+
+def frame_facts(frame: Frame) -> dict[str, Any]:
+    """A frame as a line of a recording has it: the fields of FrameMessage that are the frame's own."""
+    return {
+        "sequence": frame.sequence,
+        "device_time_us": frame.device_time_us,
+        "host_time_ns": frame.host_time_ns,
+        "gain_code": frame.gain_code,
+        "counts": frame.counts.tolist(),
+        "age_us": frame.age_us.tolist(),
+        "fresh": frame.fresh.tolist(),
+        "valid": frame.valid.tolist(),
+        "temperature_c": frame.temperature_c,
+    }
+
+
+def _load_cell(source: Source) -> Counts | None:
+    counts: Counts | None = getattr(source, "load_counts", None)
+    return counts

@@ -1,0 +1,163 @@
+"""What measures the force: lines from a serial gauge or in datagrams, or a load cell on the pad's own board."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Protocol
+
+from fmfts.collect.errors import AbsentError
+from fmfts.config.collect import GaugeConfig, LoadCellGauge, SerialGauge, UdpGauge
+from fmfts.sensor import serial_port
+
+ASK_NS = 20_000_000  # a gauge that does not stream is asked so often, unless it answers sooner
+LONGEST_LINE = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """time_ns: CLOCK_MONOTONIC when the force was there."""
+
+    time_ns: int
+    force_n: float
+
+
+class Gauge(Protocol):
+    """No call here ever blocks."""
+
+    description: str
+
+    def poll(self, now_ns: int) -> Sequence[Reading]:
+        """The readings that came since the last call. AbsentError where the gauge has gone."""
+
+    def close(self) -> None:
+        """Give the device back."""
+
+
+# A load cell's counts come with the frames of the pad's board.
+Counts = Callable[[], Sequence[tuple[int, int]]]
+
+
+def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:
+    """`counts`: (time_ns, counts) of the board's load cell since the last call, None where it is not at hand."""
+    match config:
+        case SerialGauge():
+            return LineGauge(config, _SerialLine(config))
+        case UdpGauge():
+            return LineGauge(config, _Datagrams(config))
+        case LoadCellGauge():
+            if counts is None:
+                raise AbsentError(
+                    'gauge type = "hx711": the load cell is on the board that carries the pad, and only who has the '
+                    "board reads it: stop fmfts-daemon, and see that the pad's source is a bridge"
+                )
+            return LoadCell(config, counts)
+
+
+class LineGauge:
+    """Lines of text, each with one number where the pattern says. A line without one is counted, and no reading."""
+
+    def __init__(self, config: SerialGauge | UdpGauge, lines: _SerialLine | _Datagrams) -> None:
+        self.description = lines.description
+        self.unread = 0
+        self.last_unread = ""
+        self._lines = lines
+        self._pattern = re.compile(config.pattern)
+        self._newton_per_unit = config.newton_per_unit
+        self._delay_ns = round(config.delay_ms * 1e6)
+
+    def poll(self, now_ns: int) -> list[Reading]:
+        readings = []
+        for line in self._lines.take(now_ns):
+            found = self._pattern.search(line)
+            try:
+                force_n = float(found[1]) * self._newton_per_unit if found else None
+            except (TypeError, ValueError):
+                force_n = None
+            if force_n is None:
+                self.unread += 1
+                self.last_unread = line[:40]
+            else:
+                readings.append(Reading(now_ns - self._delay_ns, force_n))
+        return readings
+
+    def close(self) -> None:
+        self._lines.close()
+
+
+class LoadCell:
+    """An HX711 behind the STM32 bridge: 24-bit counts in the stream of the frames."""
+
+    description = "the load cell on the pad's board"
+
+    def __init__(self, config: LoadCellGauge, counts: Counts) -> None:
+        self._counts = counts
+        self._newton_per_count = config.newton_per_count
+        self._delay_ns = round(config.delay_ms * 1e6)
+
+    def poll(self, now_ns: int) -> list[Reading]:
+        return [
+            Reading(time_ns - self._delay_ns, counts * self._newton_per_count) for time_ns, counts in self._counts()
+        ]
+
+    def close(self) -> None:
+        """The board is its owner's."""
+
+
+class _SerialLine:
+    def __init__(self, config: SerialGauge) -> None:
+        self.description = f"the gauge on {config.port}"
+        self._ask = config.ask.encode()
+        self._asked_ns = 0
+        self._rest = b""
+        try:
+            self._port = serial_port.open_raw(config.port, config.baud)
+        except OSError as error:
+            why = serial_port.why_not_open(config.port, error).replace("board", "gauge")
+            raise AbsentError(f"gauge: {config.port} {why}") from error
+
+    def take(self, now_ns: int) -> list[str]:
+        try:
+            data = os.read(self._port.fileno(), 4096)
+        except BlockingIOError:
+            data = None
+        except OSError as error:
+            raise AbsentError(f"{self.description} is gone ({error.strerror}): plug it in again") from error
+        if data == b"":
+            raise AbsentError(f"{self.description} hung up: plug it in again")
+        *lines, self._rest = re.split(rb"[\r\n]+", self._rest[-LONGEST_LINE:] + (data or b""))
+        if self._ask and (lines or now_ns - self._asked_ns > ASK_NS):
+            self._asked_ns = now_ns
+            with suppress(BlockingIOError):  # asked again soon
+                os.write(self._port.fileno(), self._ask)
+        return [line.decode("ascii", "replace") for line in lines if line]
+
+    def close(self) -> None:
+        serial_port.close(self._port)
+
+
+class _Datagrams:
+    def __init__(self, config: UdpGauge) -> None:
+        self.description = f"the gauge at UDP {config.address}:{config.port}"
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind((config.address, config.port))
+        except OSError as error:
+            self._socket.close()
+            raise AbsentError(f"gauge: UDP {config.address}:{config.port} cannot be listened on: {error}") from error
+
+    def take(self, now_ns: int) -> list[str]:
+        lines: list[str] = []
+        while True:
+            try:
+                lines += self._socket.recv(4096).decode("ascii", "replace").splitlines()
+            except BlockingIOError:
+                return lines
+
+    def close(self) -> None:
+        self._socket.close()

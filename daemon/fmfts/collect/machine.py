@@ -1,0 +1,183 @@
+"""A G-code machine on a serial port: moves within its travel, tells where it stands, and can be halted at any time."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import time
+from collections.abc import Callable
+
+from fmfts.collect.dialect import DIALECTS, Answer, Dialect, Place
+from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
+from fmfts.config.collect import StageConfig
+from fmfts.sensor import serial_port
+
+BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
+GREETING_S = 2.0
+HOMING_S = 120.0
+LATE_S = 2.0  # a move that takes so much longer than its way needs has stalled
+ASK_S = 0.02
+HALTED_S = 0.1
+ARRIVED_MM = 0.02
+TURN_S = 0.001
+
+
+class Machine:
+    """`listen` is called all the time while something is waited for, and may raise: then `halt` and `rise`."""
+
+    def __init__(self, config: StageConfig) -> None:
+        self.place: Place | None = None  # where it last said to stand
+        self.trouble = ""
+        self.listen: Callable[[], None] = lambda: None
+        self._config = config
+        self._dialect: Dialect = DIALECTS[config.dialect]
+        self._answers_due = 0
+        self._standing = False
+        self._started = False
+        self._rest = b""
+        try:
+            self._port = serial_port.open_raw(config.port, config.baud)
+        except OSError as error:
+            why = serial_port.why_not_open(config.port, error).replace("board", "machine")
+            raise AbsentError(f"stage: {config.port} {why}") from error
+
+    def begin(self) -> None:
+        """Set up and home. AbsentError where it does not answer, StoppedError where it does not get home."""
+        self._wait(lambda: self._started, GREETING_S)
+        self.trouble = ""
+        self._send(*self._dialect.unlock, *self._dialect.set_up)
+        if not self._wait(lambda: self._answers_due == 0, BOOT_S):
+            raise AbsentError(
+                f"stage: {self._config.port} does not answer: is it a {self._config.dialect} machine, at "
+                f"{self._config.baud} baud?"
+            )
+        self._carry_out(self._dialect.home, HOMING_S)
+
+    def move(
+        self, x: float | None = None, y: float | None = None, z: float | None = None, mm_per_s: float = 1.0
+    ) -> None:
+        """Straight to that place (mm), and stand there. What is None stays as it is.
+
+        RefusedError for a place outside the travel; StoppedError where it does not arrive.
+        """
+        assert self.place is not None  # homed
+        target = tuple(now if new is None else new for new, now in zip((x, y, z), self.place, strict=True))
+        for axis, value, (low, high) in zip("xyz", (x, y, z), self._config.travel_mm, strict=True):
+            if value is not None and not low <= value <= high:
+                raise RefusedError(f"{axis} = {value:.3f} mm is outside collect.stage.travel_mm ({low:g} to {high:g})")
+        line = self._dialect.move((target[0], target[1], target[2]), mm_per_s)
+        self._carry_out(line, math.dist(target, self.place) / mm_per_s + LATE_S)
+        if math.dist(target, self.place) > ARRIVED_MM:
+            raise StoppedError(f"the stage stands at {_shown(self.place)} instead of {_shown(target)}: did it stall?")
+
+    def rise(self, mm: float, mm_per_s: float) -> bool:
+        """End whatever moves, and go up; whether it says that it did. Listens to nobody, for nothing may prevent it."""
+        self.listen = lambda: None
+        before, locked = self.place, bool(self.trouble)
+        try:
+            self._write(self._dialect.halt)
+            self._halted(locked)
+            self._answers_due = 0
+            self._send(*self._dialect.rise(mm, mm_per_s), *self._dialect.settle)
+            end_s = time.monotonic() + mm / mm_per_s + LATE_S
+            while before is not None and time.monotonic() < end_s:
+                self.trouble = ""  # of before: what counts now is whether it rises
+                if self._wait(lambda: self.place is not None and self.place[2] > before[2] + 0.5 * mm, HALTED_S):
+                    return True
+        except AbsentError:
+            return False
+        return False
+
+    def _halted(self, locked: bool) -> None:
+        """Jogs are taken only by a machine that stands, and none by one that is locked."""
+        self.trouble = ""
+        if locked:
+            self._send(*self._dialect.unlock)
+        elif self._dialect.ask:
+            self._answers_due, self._standing = 0, False
+            self._wait(lambda: self._standing, HALTED_S)
+
+    def emergency_stop(self) -> None:
+        """Cut everything off; it must be reset by hand afterwards."""
+        try:
+            self._write(self._dialect.emergency)
+        except AbsentError:
+            return  # it has gone: there is nobody left to tell
+
+    def close(self) -> None:
+        serial_port.close(self._port)
+
+    def _carry_out(self, line: str, seconds: float) -> None:
+        """Until it stands again. StoppedError where it says that it cannot, or does not within this time."""
+        self._standing = False
+        self._send(line, *self._dialect.settle)
+        arrived = self._wait(lambda: self._answers_due == 0 and self._standing, seconds)
+        if self.trouble:
+            raise StoppedError(f"the stage says: {self.trouble}")
+        if not arrived:
+            where = _shown(self.place)
+            raise StoppedError(f"the stage did not end `{line}` within {seconds:.1f} s, and was at {where}: it stalled")
+
+    def _wait(self, done: Callable[[], bool], seconds: float) -> bool:
+        """Until `done`, trouble, or the time is over."""
+        end_s = time.monotonic() + seconds
+        ask_s = time.monotonic()
+        while True:
+            self._read()
+            if done() or self.trouble:
+                return done()
+            now_s = time.monotonic()
+            if now_s >= end_s:
+                return False
+            if self._dialect.ask and now_s >= ask_s and self._answers_due == 0:
+                ask_s = now_s + ASK_S
+                self._write(self._dialect.ask)
+            self.listen()
+            time.sleep(TURN_S)
+
+    def _send(self, *lines: str) -> None:
+        if lines:
+            self._answers_due += len(lines)
+            self._write("".join(f"{line}\n" for line in lines).encode())
+
+    def _write(self, data: bytes) -> None:
+        while data:
+            try:
+                data = data[os.write(self._port.fileno(), data) :]
+            except BlockingIOError:
+                time.sleep(TURN_S)
+            except OSError as error:
+                raise AbsentError(f"stage: {self._config.port} is gone ({error.strerror})") from error
+
+    def _read(self) -> None:
+        try:
+            data = os.read(self._port.fileno(), 4096)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise AbsentError(f"stage: {self._config.port} is gone ({error.strerror})") from error
+        if not data:
+            raise AbsentError(f"stage: {self._config.port} hung up")
+        *lines, self._rest = re.split(rb"[\r\n]+", self._rest + data)
+        for line in filter(None, lines):
+            self._take(self._dialect.read(line.decode("ascii", "replace").strip()))
+
+    def _take(self, answer: Answer) -> None:
+        if answer.ok:
+            self._answers_due = max(0, self._answers_due - 1)
+        if answer.place is not None:
+            self.place = answer.place
+        # An answer to `ask` that was under way when a command was sent tells of the time before.
+        if answer.standing is not None and (not self._dialect.ask or self._answers_due == 0):
+            self._standing = answer.standing
+        if answer.trouble:
+            self.trouble = self.trouble or answer.trouble
+        if answer.started:
+            if self._started and self.place is not None:
+                self.trouble = self.trouble or "it was reset"
+            self._started = True
+
+
+def _shown(place: tuple[float, ...] | None) -> str:
+    return "an unknown place" if place is None else "(" + ", ".join(f"{value:.3f}" for value in place) + ") mm"

@@ -1,0 +1,124 @@
+"""GRID.toml: which places are pressed, and how hard. The paper's three plans ship as presets."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from fmfts.config.section import PositiveFloat, Section
+
+PRESETS = Path(__file__).with_name("presets")
+Count = Annotated[int, Meta(ge=1, le=1000)]
+Pair = tuple[float, float]
+
+
+class PlanError(Exception):
+    """The plan cannot be used; the text names the file, the key, and what is wrong."""
+
+
+class Lattice(Section, frozen=True):
+    """Places in rows and columns, each pressed with every force."""
+
+    first_mm: Pair
+    spacing_mm: PositiveFloat
+    count: tuple[Count, Count]
+    forces_n: tuple[PositiveFloat, ...]
+
+
+class RandomPresses(Section, frozen=True):
+    """Places and forces drawn evenly; the same seed draws the same."""
+
+    presses: Count
+    half_width_mm: PositiveFloat
+    force_n: tuple[PositiveFloat, PositiveFloat]
+    seed: int = 1
+
+
+class _File(Section, frozen=True):
+    lattice: Lattice | None = None
+    random: RandomPresses | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """One row of the table to come: its number in the plan, its place in pad axes, and its force."""
+
+    number: int
+    x_m: float
+    y_m: float
+    force_n: float
+
+    @property
+    def place_m(self) -> tuple[float, float]:
+        return self.x_m, self.y_m
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Presses in the order in which they are made: place by place, at each the lightest first."""
+
+    name: str
+    presses: tuple[Press, ...]
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Twelve hex digits that change with any place, force or their order: whether a table may be gone on with."""
+        text = ",".join(f"{press.x_m:.6f} {press.y_m:.6f} {press.force_n:.6f}" for press in self.presses)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @property
+    def largest_force_n(self) -> float:
+        return max(press.force_n for press in self.presses)
+
+
+def read_plan(name: str) -> Plan:
+    """The plan in the file `name`, or the preset of that name. PlanError where there is none, or it makes no sense."""
+    path = Path(name)
+    if not path.exists() and (PRESETS / f"{name}.toml").exists():
+        path = PRESETS / f"{name}.toml"
+    try:
+        file = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), _File)
+    except OSError as error:
+        presets = ", ".join(sorted(preset.stem for preset in PRESETS.glob("*.toml")))
+        raise PlanError(f"{name}: {error.strerror}; the presets are {presets}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise PlanError(f"{path}: is not TOML: {error}") from error
+    except msgspec.ValidationError as error:
+        raise PlanError(f"{path}: {error}") from error
+    if (file.lattice is None) == (file.random is None):
+        raise PlanError(f"{path}: one table is needed, [lattice] or [random]")
+    presses = _lattice(file.lattice) if file.lattice else _random(file.random) if file.random else []
+    if not presses:
+        raise PlanError(f"{path}: lattice.forces_n names no force")
+    if file.random and not file.random.force_n[0] < file.random.force_n[1]:
+        raise PlanError(f"{path}: random.force_n: the lighter force comes first")
+    return Plan(path.stem, tuple(Press(number, x, y, force) for number, (x, y, force) in enumerate(presses, start=1)))
+
+
+def _lattice(lattice: Lattice) -> list[tuple[float, float, float]]:
+    """Every second row backwards: the shortest way, and no long one that a loose belt would remember."""
+    columns, rows = lattice.count
+    places = [
+        (column if row % 2 == 0 else columns - 1 - column, row) for row in range(rows) for column in range(columns)
+    ]
+    (x, y), spacing = lattice.first_mm, lattice.spacing_mm
+    return [
+        ((x + column * spacing) * 1e-3, (y + row * spacing) * 1e-3, force)
+        for column, row in places
+        for force in sorted(lattice.forces_n)
+    ]
+
+
+def _random(plan: RandomPresses) -> list[tuple[float, float, float]]:
+    random = np.random.default_rng(plan.seed)
+    places = random.uniform(-plan.half_width_mm, plan.half_width_mm, (plan.presses, 2)) * 1e-3
+    forces = random.uniform(*plan.force_n, plan.presses)
+    return [(float(x), float(y), float(force)) for (x, y), force in zip(places, forces, strict=True)]

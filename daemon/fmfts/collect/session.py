@@ -1,0 +1,151 @@
+"""The work itself: place by place, an untouched moment, then each force; a row for each, on the disk at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import groupby
+
+import numpy as np
+
+from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
+from fmfts.collect.errors import CollectError, RefusedError, StoppedError
+from fmfts.collect.feed import frame_facts
+from fmfts.collect.plan import Plan, Press
+from fmfts.collect.presser import Presser
+from fmfts.collect.table import Row, Table
+from fmfts.collect.watch import Watch
+
+ATTEMPTS = 3  # at one row
+ARRIVAL_S = 0.03  # what a frame or a reading of this moment takes to get here
+UNTOUCHED_N = 0.05  # the tare may have drifted by so much since the last place
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """average_s: of frames and forces behind a row; settle_s: waited before it; delay_s: of the gauge."""
+
+    average_s: float
+    settle_s: float
+    delay_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What every row names."""
+
+    baseline: str
+    pad: str
+    board: str
+
+
+Told = Callable[[Press, bool], None]  # before (False) and after (True) each press
+
+
+class Session:
+    """Presses what of the plan is not done. Whatever goes wrong, the rod is lifted before the error comes out."""
+
+    def __init__(
+        self, watch: Watch, presser: Presser, table: Table, unmoved: Unmoved, timing: Timing, identity: Identity
+    ) -> None:
+        self._watch = watch
+        self._presser = presser
+        self._table = table
+        self._unmoved = unmoved
+        self._timing = timing
+        self._identity = identity
+
+    def run(self, plan: Plan, told: Told) -> None:
+        """Until all is done. CollectError where it cannot go on: the reason, and how the lifting ended."""
+        try:
+            self._presser.begin()
+            for presses in _places(plan, self._table.done):
+                self._work_on(presses, told)
+        except CollectError as error:
+            raise type(error)(f"{error}; {self._presser.release()}") from error
+        except BaseException:  # Ctrl-C among them
+            self._presser.release()
+            raise
+
+    def _work_on(self, presses: Sequence[Press], told: Told) -> None:
+        told(presses[0], False)
+        self._presser.stand_over(presses[0])
+        unloaded = self._untouched()
+        for press in presses:
+            told(press, False)
+            self._presser.press(press)
+            loaded = self._loaded(press, unloaded)
+            self._table.add(self._row(press, loaded), [frame_facts(frame) for frame in loaded.frames])
+            told(press, True)
+        self._presser.lift()
+
+    def _untouched(self) -> Averaged:
+        """The pad with nothing on it: where its baseline found it, and the gauge's zero."""
+
+        def judged(begun_ns: int, ended_ns: int) -> Averaged:
+            frames, readings = self._watch.window(begun_ns, ended_ns)
+            unloaded = average(frames, readings, 0.0)
+            self._unmoved.require(unloaded)
+            return unloaded
+
+        unloaded = self._attempt(judged, "the untouched pad")
+        if unloaded.force_n is not None:
+            self._watch.tare_n = unloaded.force_n
+        return unloaded
+
+    def _loaded(self, press: Press, unloaded: Averaged) -> Averaged:
+        self._watch.wait(self._timing.settle_s)
+
+        def judged(begun_ns: int, ended_ns: int) -> Averaged:
+            loaded = average(*self._watch.window(begun_ns, ended_ns), self._watch.tare_n)
+            require_touched(loaded, unloaded)
+            if loaded.force_n is not None and loaded.force_n < 0.5 * press.force_n:
+                raise RowError(f"the gauge reads {loaded.force_n:.3f} N where {press.force_n:.3f} N should press")
+            return loaded
+
+        return self._attempt(judged, f"press {press.number}")
+
+    def _attempt(self, judged: Callable[[int, int], Averaged], what: str) -> Averaged:
+        """Listen for a row's time, and judge; again where it made none."""
+        why = ""
+        for _ in range(ATTEMPTS):
+            begun_ns = time.monotonic_ns()
+            self._watch.wait(self._timing.average_s + self._timing.delay_s + ARRIVAL_S)
+            try:
+                return judged(begun_ns, begun_ns + round(self._timing.average_s * 1e9))
+            except RowError as error:
+                why = str(error)
+        raise RefusedError(f"{what}: refused {ATTEMPTS} times: {why}")
+
+    def _row(self, press: Press, loaded: Averaged) -> Row:
+        field = self._unmoved.mounting.magnet_field(loaded.field.mean_t)
+        return Row(
+            press=press.number,
+            x_mm=press.x_m * 1e3,
+            y_mm=press.y_m * 1e3,
+            force_n=self._force_n(press, loaded),
+            field_ut=(field * 1e6).ravel().tolist(),
+            force_sd_n=loaded.force_sd_n,
+            frames=len(loaded.frames),
+            temperature_c=loaded.field.temperature_c,
+            utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
+            baseline=self._identity.baseline,
+            pad=self._identity.pad,
+            board=self._identity.board,
+        )
+
+    def _force_n(self, press: Press, loaded: Averaged) -> float:
+        typed_n = getattr(self._presser, "typed_n", None)
+        force_n = loaded.force_n if typed_n is None else typed_n
+        if force_n is None or not np.isfinite(force_n):
+            raise StoppedError(f"press {press.number}: nobody told its force")
+        return float(force_n)
+
+
+def _places(plan: Plan, done: set[int]) -> Iterator[list[Press]]:
+    """What is left of the plan, place by place."""
+    left = (press for press in plan.presses if press.number not in done)
+    for _, presses in groupby(left, key=lambda press: press.place_m):
+        yield list(presses)

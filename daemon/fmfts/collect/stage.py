@@ -1,0 +1,153 @@
+"""A G-code machine as the hand that presses: places taken up without backlash, forces approached in small steps."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+from fmfts.collect.errors import RefusedError, StoppedError
+from fmfts.collect.machine import Machine
+from fmfts.collect.plan import Press
+from fmfts.collect.watch import Watch
+from fmfts.config.collect import StageConfig
+
+TOUCH_N = 0.03  # a gauge of ±5 mN does not read so much by chance
+NEAR_MM = 0.3  # above the surface that the last press found, steps begin
+READINGS = 3  # behind each step's force
+PATIENCE_S = 1.0
+MOST_STEPS = 400
+SMALLEST_FORCE_ERROR_N = 0.01
+LONGER = 4.0  # than step_mm a step may be where the stiffness is known
+CAUTION = 0.8  # of the step that a straight line would need: silicone stiffens
+
+
+class Stage:
+    """A Presser. `tolerance`: of a reached force, relative."""
+
+    def __init__(self, config: StageConfig, watch: Watch, tolerance: float) -> None:
+        self._config = config
+        self._watch = watch
+        self._tolerance = tolerance
+        self._machine = Machine(config)
+        self._surface_mm: float | None = None
+        self._n_per_mm = 0.0
+        self._last: tuple[float, float] | None = None  # z, force of the last step
+
+    @property
+    def description(self) -> str:
+        return f"the {self._config.dialect} stage on {self._config.port}"
+
+    def begin(self) -> None:
+        """Home, and go up where nothing is touched. Frames and forces are not yet guarded."""
+        self._machine.listen = self._watch.turn
+        self._machine.begin()
+        self.lift()
+
+    def lift(self) -> None:
+        self._machine.move(z=self._config.clear_z_mm, mm_per_s=self._config.travel_mm_per_s)
+        self._watch.on_guard = False
+        self._last = None
+
+    def stand_over(self, press: Press) -> None:
+        """Over its place with the rod up, reached from the lower side of both axes."""
+        x, y = machine_place(self._config, press)
+        speed, before = self._config.travel_mm_per_s, self._config.overshoot_mm
+        if before:
+            self._machine.move(x=x - before, y=y - before, mm_per_s=speed)
+        self._machine.move(x=x, y=y, mm_per_s=speed)
+
+    def press(self, press: Press) -> None:
+        """Down until its force is reached. StoppedError where it cannot be."""
+        self._watch.on_guard = True
+        if self._last is None and self._surface_mm is not None:
+            self._machine.move(z=self._above(self._surface_mm), mm_per_s=self._config.travel_mm_per_s)
+        for _ in range(MOST_STEPS):
+            force_n = self._settled_force_n()
+            error_n = press.force_n - force_n
+            if abs(error_n) <= max(self._tolerance * press.force_n, SMALLEST_FORCE_ERROR_N):
+                return
+            self._learn(force_n)
+            assert self._machine.place is not None
+            z_mm = self._machine.place[2] - self._step_mm(force_n, error_n)
+            self._machine.move(z=z_mm, mm_per_s=self._config.press_mm_per_s)
+        raise StoppedError(f"{press.force_n:.3f} N was not reached in {MOST_STEPS} steps: it swings about the force")
+
+    def release(self) -> str:
+        """Lift whatever happens, and say how that ended."""
+        place = self._machine.place
+        self._watch.on_guard = False
+        if place is None:
+            return "the stage was not homed yet"
+        rise_mm = self._config.clear_z_mm - place[2]
+        if rise_mm <= 0.0:
+            return "the rod was up"
+        if self._machine.rise(rise_mm, self._config.travel_mm_per_s):
+            return f"the rod was lifted by {rise_mm:.2f} mm"
+        self._machine.emergency_stop()
+        return "THE ROD MAY STILL PRESS: the stage did not rise, and got the emergency stop; lift it by hand"
+
+    def close(self) -> None:
+        self._machine.close()
+
+    def _above(self, surface_mm: float) -> float:
+        return min(surface_mm + NEAR_MM, self._config.clear_z_mm)
+
+    def _settled_force_n(self) -> float:
+        """The mean of READINGS that are younger than the last move; the first may still have felt its end."""
+        since_ns = time.monotonic_ns()
+        watch = self._watch
+
+        def younger() -> list[float]:
+            return [reading.force_n for reading in watch.readings if reading.time_ns >= since_ns]
+
+        if not watch.until(lambda: len(younger()) > READINGS, PATIENCE_S):
+            raise StoppedError(f"the gauge gave fewer than {READINGS + 1} readings in {PATIENCE_S:g} s")
+        return sum(younger()[-READINGS:]) / READINGS - watch.tare_n
+
+    def _learn(self, force_n: float) -> None:
+        """How stiff it is, and where the surface lies, from this step and the last."""
+        assert self._machine.place is not None
+        z_mm = self._machine.place[2]
+        if self._last is not None:
+            deeper_mm, more_n = self._last[0] - z_mm, force_n - self._last[1]
+            if abs(deeper_mm) > 1e-3 and more_n / deeper_mm > 0.0 and force_n > TOUCH_N:
+                self._n_per_mm = more_n / deeper_mm
+        if force_n < TOUCH_N:
+            self._surface_mm = z_mm  # or deeper: the next step tells
+        self._last = (z_mm, force_n)
+
+    def _step_mm(self, force_n: float, error_n: float) -> float:
+        """How much deeper, at most a step; higher where it is too much."""
+        step_mm = self._config.step_mm
+        if force_n < TOUCH_N or not self._n_per_mm:
+            return math.copysign(step_mm, error_n)
+        wanted_mm = CAUTION * error_n / self._n_per_mm
+        return max(-LONGER * step_mm, min(LONGER * step_mm, wanted_mm))
+
+
+def machine_place(config: StageConfig, press: Press) -> tuple[float, float]:
+    """Machine x, y (mm) of a press."""
+    turn = math.radians(config.turn_deg)
+    x_mm, y_mm = press.x_m * 1e3, press.y_m * 1e3
+    return (
+        config.origin_mm[0] + x_mm * math.cos(turn) - y_mm * math.sin(turn),
+        config.origin_mm[1] + x_mm * math.sin(turn) + y_mm * math.cos(turn),
+    )
+
+
+def require_within_reach(config: StageConfig, presses: Sequence[Press]) -> None:
+    """RefusedError for what would have to be refused while the rod is under way."""
+    for press in presses:
+        for axis, value, (low, high) in zip("xy", machine_place(config, press), config.travel_mm[:2], strict=True):
+            if not low <= value - config.overshoot_mm <= value <= high:
+                raise RefusedError(
+                    f"press {press.number} at ({press.x_m * 1e3:g}, {press.y_m * 1e3:g}) mm needs the stage at "
+                    f"{axis} = {value:.2f} mm, beyond collect.stage.travel_mm ({low:g} to {high:g}): check origin_mm "
+                    "and the plan"
+                )
+        if press.force_n >= config.force_limit_n:
+            raise RefusedError(
+                f"press {press.number} wants {press.force_n:g} N, and collect.stage.force_limit_n is "
+                f"{config.force_limit_n:g} N"
+            )

@@ -1,0 +1,158 @@
+"""What was collected, on the disk: DATA.csv, its raw frames beside it, and what both belong to.
+
+A row is on the disk before the next press begins, its frames before the row: whatever ends the program, a finished row
+is there once, and only once. What a killed program left half written is cut off when the work is gone on with.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+import msgspec
+
+from fmfts.collect.errors import RefusedError
+from fmfts.offline.field_table import field_columns
+from fmfts.service.state import write_atomically
+
+FORMAT = 1
+LABELS = ("press", "x_mm", "y_mm", "force_n")
+FACTS = ("force_sd_n", "frames", "temperature_c", "utc", "baseline", "pad", "board")
+
+
+class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a table belongs to; gone on with only by the same."""
+
+    format: int
+    plan: str
+    fingerprint: str
+    pad: str
+    geometry_hash: str
+
+    def require_same(self, other: Header, path: Path) -> None:
+        """RefusedError, naming what differs."""
+        for name in self.__struct_fields__:
+            ours, theirs = getattr(self, name), getattr(other, name)
+            if ours != theirs and name != "plan":
+                what = "plan" if name == "fingerprint" else name.removesuffix("_hash")
+                named = other.plan if name == "fingerprint" else theirs
+                raise RefusedError(
+                    f"{path} was begun with another {what} ({named}): give another file with -o, or remove that one"
+                )
+
+
+class Row(msgspec.Struct, frozen=True):
+    """One line of DATA.csv; field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes."""
+
+    press: int
+    x_mm: float
+    y_mm: float
+    force_n: float
+    field_ut: Sequence[float]
+    force_sd_n: float
+    frames: int
+    temperature_c: float | None
+    utc: str
+    baseline: str
+    pad: str
+    board: str
+
+    def cells(self) -> list[str]:
+        labels = [str(self.press), f"{self.x_mm:.4f}", f"{self.y_mm:.4f}", f"{self.force_n:.5f}"]
+        fields = [f"{value:.5f}" for value in self.field_ut]
+        temperature = "" if self.temperature_c is None else f"{self.temperature_c:.3f}"
+        facts = [f"{self.force_sd_n:.5f}", str(self.frames), temperature, self.utc, self.baseline, self.pad, self.board]
+        return [*labels, *fields, *facts]
+
+
+class Table:
+    """Use as a context manager. `done`: the numbers of the presses that are finished."""
+
+    def __init__(self, path: Path, sensors: int, header: Header) -> None:
+        """Opens a new one, or goes on with the one that is there. RefusedError where that is another's, or damaged."""
+        self.path = path
+        self.frames_path = path.with_suffix(".frames.jsonl")
+        self.header_path = path.with_suffix(".collection.json")
+        columns = [*LABELS, *field_columns(sensors), *FACTS]
+        try:
+            self._require_own(header)
+            self.done = self._mend(columns)
+            self._rows = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
+            self._frames = os.open(self.frames_path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
+            if os.fstat(self._rows).st_size == 0:
+                self._append(self._rows, _line(columns))
+        except OSError as error:
+            raise RefusedError(f"{error.filename or path}: {error.strerror}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._rows)
+        os.close(self._frames)
+
+    def add(self, row: Row, frames: Sequence[dict[str, object]]) -> None:
+        """On the disk when this returns. RefusedError where the disk does not take it."""
+        assert row.press not in self.done
+        record = msgspec.json.encode({"press": row.press, "frames": frames}) + b"\n"
+        try:
+            self._append(self._frames, record)
+            self._append(self._rows, _line(row.cells()))
+        except OSError as error:
+            raise RefusedError(f"{self.path}: {error.strerror}: make room, then go on with the same command") from error
+        self.done.add(row.press)
+
+    @staticmethod
+    def _append(file: int, data: bytes) -> None:
+        while data:
+            data = data[os.write(file, data) :]
+        os.fsync(file)
+
+    def _require_own(self, header: Header) -> None:
+        if not self.path.exists():
+            write_atomically(self.header_path, msgspec.json.format(msgspec.json.encode(header), indent=1) + b"\n")
+            return
+        try:
+            before = msgspec.json.decode(self.header_path.read_bytes(), type=Header)
+        except (OSError, msgspec.DecodeError) as error:
+            raise RefusedError(
+                f"{self.path} exists, and {self.header_path} does not tell whose it is: {error}"
+            ) from error
+        header.require_same(before, self.path)
+
+    def _mend(self, columns: list[str]) -> set[int]:
+        """Cut off what was not finished; the presses that were."""
+        lines = _whole_lines(self.path)
+        if lines and lines[0] != ",".join(columns):
+            raise RefusedError(f"{self.path}: its first line is not the header that belongs there")
+        done = [int(line.split(",", 1)[0]) for line in lines[1:]]
+        if len(done) != len(set(done)):
+            raise RefusedError(f"{self.path}: a press stands there twice: was it edited?")
+        # Frames are written before their row: only the last line can be of a press that has none.
+        frames = _whole_lines(self.frames_path)
+        if frames and msgspec.json.decode(frames[-1])["press"] not in done:
+            with self.frames_path.open("rb+") as file:
+                file.truncate(sum(len(line.encode()) + 1 for line in frames[:-1]))
+        return set(done)
+
+
+def _whole_lines(path: Path) -> list[str]:
+    """The finished lines of a file, which holds no other afterwards."""
+    if not path.exists():
+        return []
+    data = path.read_bytes()
+    end = data.rfind(b"\n") + 1
+    if end < len(data):
+        with path.open("rb+") as file:
+            file.truncate(end)
+    return data[:end].decode().splitlines()
+
+
+def _line(cells: Sequence[str]) -> bytes:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(cells)
+    return out.getvalue().encode()

@@ -1,0 +1,144 @@
+"""What is heard while the pad is pressed, and what must end the pressing: nothing here may wait for anything."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmfts.collect.errors import AbsentError, CollectError, StoppedError
+from fmfts.collect.feed import Feed
+from fmfts.collect.gauge import Gauge, Reading
+from fmfts.sensor import Frame
+
+TURN_S = 0.001
+KEPT_S = 30.0
+FRAME_SILENCE_S = 0.1
+FIRST_S = 3.0  # a board says hello within a second of being opened
+# Whoever did not run for so long cannot tell silence from its own sleep: what waits is read first.
+SLEPT_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """force_n: more ends the work, None where a person presses. silence_s: of the gauge, None without one."""
+
+    force_n: float | None
+    silence_s: float | None
+
+
+class Watch:
+    """Hears frames and forces at once. On guard, whatever must not happen under a rod raises StoppedError."""
+
+    def __init__(self, feed: Feed, gauge: Gauge | None, limits: Limits) -> None:
+        self.frames: deque[Frame] = deque()
+        self.readings: deque[Reading] = deque()  # as the gauge gives them
+        self.tare_n = 0.0
+        self.on_guard = False
+        self._feed = feed
+        self._gauge = gauge
+        self._limits = limits
+        self._heard_frame_s = self._heard_force_s = self._turned_s = time.monotonic()
+        self._sequence: int | None = None
+
+    def turn(self) -> None:
+        """Take in what has come. StoppedError on guard; AbsentError where a device has gone."""
+        now_s = time.monotonic()
+        slept = now_s - self._turned_s > SLEPT_S
+        self._turned_s = now_s
+        lost = self._take_frames(now_s)
+        self._take_readings(now_s)
+        self._forget(now_s)
+        if self.on_guard:
+            self._judge(lost, now_s, slept)
+
+    def wait(self, seconds: float) -> None:
+        """Listen for so long."""
+        self.until(lambda: False, seconds)
+
+    def until(self, done: Callable[[], bool], seconds: float) -> bool:
+        """Listen until `done`, at most for so long; whether it was done."""
+        end_s = time.monotonic() + seconds
+        while True:
+            self.turn()
+            if done():
+                return True
+            if time.monotonic() >= end_s:
+                return False
+            time.sleep(TURN_S)
+
+    def begin(self) -> None:
+        """Wait until both are there. AbsentError where one does not come."""
+        if not self.until(lambda: bool(self.frames), FIRST_S):
+            raise AbsentError(f"no frame from {self._feed.description} within {FIRST_S:g} s: see fmfts-daemon probe")
+        if self._gauge is not None and not self.until(lambda: bool(self.readings), FIRST_S):
+            raise AbsentError(
+                f"no force from {self._gauge.description} within {FIRST_S:g} s: is it on, are baud and pattern right?"
+            )
+
+    def force_n(self, since_ns: int) -> float | None:
+        """The mean force since then, less the tare; None where there is no reading yet."""
+        forces = [reading.force_n for reading in self.readings if reading.time_ns >= since_ns]
+        return float(np.mean(forces)) - self.tare_n if forces else None
+
+    def newest_force_n(self) -> float | None:
+        return self.readings[-1].force_n - self.tare_n if self.readings else None
+
+    def window(self, begun_ns: int, ended_ns: int) -> tuple[list[Frame], list[Reading]]:
+        """The frames and readings of that time."""
+        return (
+            [frame for frame in self.frames if begun_ns <= frame.host_time_ns < ended_ns],
+            [reading for reading in self.readings if begun_ns <= reading.time_ns < ended_ns],
+        )
+
+    def _take_frames(self, now_s: float) -> str:
+        """What was lost on the way, "" where nothing was."""
+        lost = ""
+        for frame in self._feed.poll():
+            if self._sequence is not None and frame.sequence != self._sequence + 1:
+                missing = frame.sequence - self._sequence - 1
+                lost = f"{missing} frames were lost" if missing > 0 else "the board was reset"
+            self._sequence = frame.sequence
+            self.frames.append(frame)
+            self._heard_frame_s = now_s
+        return lost
+
+    def _take_readings(self, now_s: float) -> None:
+        if self._gauge is None:
+            return
+        try:
+            readings = self._gauge.poll(time.monotonic_ns())
+        except CollectError as error:
+            if self.on_guard:
+                raise StoppedError(str(error)) from error
+            raise
+        if readings:
+            self.readings.extend(readings)
+            self._heard_force_s = now_s
+
+    def _judge(self, lost: str, now_s: float, slept: bool) -> None:
+        if lost:
+            raise StoppedError(f"{lost}: check the line of {self._feed.description}")
+        newest_n, limit_n = self.newest_force_n(), self._limits.force_n
+        if newest_n is not None and limit_n is not None and abs(newest_n) > limit_n:
+            raise StoppedError(f"over-force: {newest_n:.3f} N, and collect.stage.force_limit_n is {limit_n:g} N")
+        if slept:
+            return
+        if now_s - self._heard_frame_s > FRAME_SILENCE_S:
+            raise StoppedError(f"no frame for {(now_s - self._heard_frame_s) * 1e3:.0f} ms: see fmfts-daemon probe")
+        silence_s = self._limits.silence_s
+        if silence_s is not None and now_s - self._heard_force_s > silence_s:
+            silent_ms, limit_ms = (now_s - self._heard_force_s) * 1e3, silence_s * 1e3
+            raise StoppedError(
+                f"the gauge is silent for {silent_ms:.0f} ms (limit {limit_ms:.0f} ms): check its plug and supply"
+            )
+
+    def _forget(self, now_s: float) -> None:
+        oldest_ns = round((now_s - KEPT_S) * 1e9)
+        while self.frames and self.frames[0].host_time_ns < oldest_ns:
+            self.frames.popleft()
+        while self.readings and self.readings[0].time_ns < oldest_ns:
+            self.readings.popleft()

@@ -1,0 +1,129 @@
+"""`fmfts-daemon collect`: everything opened, the plan worked off, everything closed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from fmfts.ambient import Baseline, BaselineError
+from fmfts.collect.average import Unmoved
+from fmfts.collect.errors import RefusedError
+from fmfts.collect.feed import open_feed
+from fmfts.collect.gauge import Gauge, open_gauge
+from fmfts.collect.hand import Hand
+from fmfts.collect.picture import Picture, shown
+from fmfts.collect.plan import Plan, PlanError, Press, read_plan
+from fmfts.collect.presser import Presser
+from fmfts.collect.session import Identity, Session, Timing
+from fmfts.collect.stage import Stage, require_within_reach
+from fmfts.collect.table import FORMAT, Header, Table
+from fmfts.collect.watch import Limits, Watch
+from fmfts.config import Config, PadConfig
+from fmfts.config.collect import CollectConfig
+from fmfts.jobs.baseline_files import StateError, stored
+from fmfts.pad import Pad
+
+FRAMES_A_ROW = 64  # a mean of fewer is refused
+
+
+def collect(config: Config, pad: PadConfig, plan_name: str, output: Path, by_hand: bool) -> dict[str, Any]:
+    """Work off what of the plan is not in `output` yet; facts of what there is then. CollectError ends it early."""
+    try:
+        plan = read_plan(plan_name)
+    except PlanError as error:
+        raise RefusedError(str(error)) from error
+    settings, drawing = config.collect, pad.pad()
+    stage = None if by_hand else settings.stage
+    if stage is None and not by_hand:
+        raise RefusedError("there is no [collect.stage] in the configuration: describe the machine, or say --by-hand")
+    if stage is not None:
+        require_within_reach(stage, plan.presses)
+    baseline = _baseline(drawing)
+    unmoved = Unmoved(
+        drawing,
+        baseline.mounting(drawing),
+        baseline.id,
+        settings.moved_limit_mm * 1e-3,
+        settings.ambient_limit_ut * 1e-6,
+    )
+    header = Header(FORMAT, plan.name, plan.fingerprint, pad.name, drawing.geometry_hash)
+    with Table(output, len(drawing.sensors), header) as table, _heard(config, pad, by_hand) as (watch, board_uid):
+        picture = Picture(plan, table.done)
+        with shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
+            watch.begin()
+            identity = Identity(baseline.id, pad.name, board_uid())
+            session = Session(watch, presser, table, unmoved, _timing(settings, pad), identity)
+            session.run(plan, _telling(picture, draw))
+        return _facts(plan, table)
+
+
+def _baseline(drawing: Pad) -> Baseline:
+    try:
+        baseline = stored(drawing)
+    except (BaselineError, StateError) as error:
+        raise RefusedError(str(error)) from error
+    if baseline is None or baseline.rest is None:
+        raise RefusedError(
+            f"pad '{drawing.name}': its rest is not recorded: fmfts-daemon baseline --rest, while nothing touches it"
+        )
+    return baseline
+
+
+@contextmanager
+def _heard(config: Config, pad: PadConfig, by_hand: bool) -> Iterator[tuple[Watch, Any]]:
+    """Frames and forces; who presses by hand is warned by nothing and needs no limit."""
+    settings = config.collect
+    feed = open_feed(config, pad)
+    gauge: Gauge | None = None
+    try:
+        gauge = None if settings.gauge is None else open_gauge(settings.gauge, feed.counts)
+        silence_s = None if settings.gauge is None else settings.gauge.silence_ms * 1e-3
+        limit_n = None if by_hand or settings.stage is None else settings.stage.force_limit_n
+        yield Watch(feed, gauge, Limits(limit_n, silence_s)), feed.board_uid
+    finally:
+        feed.close()
+        if gauge is not None:
+            gauge.close()
+
+
+@contextmanager
+def _pressing(settings: CollectConfig, watch: Watch, picture: Picture, draw: Any, by_hand: bool) -> Iterator[Presser]:
+    def say(text: str) -> None:
+        picture.said = text
+        draw()
+
+    presser: Presser
+    if by_hand:
+        presser = Hand(watch, settings.force_tolerance, say, gauge=settings.gauge is not None)
+    else:
+        assert settings.stage is not None
+        presser = Stage(settings.stage, watch, settings.force_tolerance)
+    try:
+        yield presser
+    finally:
+        presser.close()
+
+
+def _timing(settings: CollectConfig, pad: PadConfig) -> Timing:
+    delay_s = 0.0 if settings.gauge is None else settings.gauge.delay_ms * 1e-3
+    return Timing(max(settings.average_s, FRAMES_A_ROW / pad.source.rate_hz), settings.settle_s, delay_s)
+
+
+def _telling(picture: Picture, draw: Any) -> Any:
+    def told(press: Press, done: bool) -> None:
+        picture.now = press
+        draw()
+
+    return told
+
+
+def _facts(plan: Plan, table: Table) -> dict[str, Any]:
+    return {
+        "plan": plan.name,
+        "presses": len(plan.presses),
+        "collected": len(table.done),
+        "table": str(table.path),
+        "frames": str(table.frames_path),
+    }

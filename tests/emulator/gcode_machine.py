@@ -1,0 +1,198 @@
+"""A three-axis G-code machine on a pty: Marlin's or GRBL's protocol, finite speed, backlash, limit switches, stalls.
+
+Written from the projects' own documentation, and sharing no code with the driver that it tests. `speed` makes its time
+run faster: feeds are multiplied by it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from emulator.pty_port import PtyPort
+
+TICK_S = 0.001
+HOMING_MM_PER_S = 50.0
+Place = list[float]
+
+
+@dataclass
+class Move:
+    target: Place
+    mm_per_s: float
+
+
+class GcodeMachine:
+    """`switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn and nothing moves on.
+
+    backlash_mm: an axis that comes from above stands so much higher than it was told.
+    """
+
+    def __init__(self, link: Path, dialect: str, *, backlash_mm: float = 0.0, speed: float = 1.0) -> None:
+        self.port = PtyPort(link)
+        self.home: Place = [0.0, 0.0, 40.0]
+        self.backlash_mm = backlash_mm
+        self.switch_mm: float | None = None
+        self.stalled = False
+        self.deaf = False
+        self.killed = False
+        self.received: list[str] = []
+        self.on_moved: Callable[[Place], None] = lambda place: None
+        self._grbl = dialect == "grbl"
+        self._speed = speed
+        self._told = [10.0, 10.0, 20.0]  # where the motors believe to be
+        self._from_above = [False, False, False]
+        self._moves: deque[Move] = deque()
+        self._held: deque[str] = deque()  # Marlin: lines that wait for a move to end
+        self._relative = self._alarm = False
+        self._rest = b""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._say("Grbl 1.1h ['$' for help]" if self._grbl else "start")
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        self.port.unplug()
+
+    @property
+    def place(self) -> Place:
+        """Where the rod really is."""
+        return [told + self.backlash_mm * above for told, above in zip(self._told, self._from_above, strict=True)]
+
+    def _run(self) -> None:
+        before = time.monotonic()
+        while not self._ended.is_set():
+            self._hear(self.port.read(TICK_S))
+            now = time.monotonic()
+            self._advance((now - before) * self._speed)
+            before = now
+            while self._held and not self._moves:
+                self._marlin(self._held.popleft())
+
+    def _hear(self, data: bytes) -> None:
+        for byte in data:
+            if self._grbl and byte in b"?\x85\x18!~":
+                self._realtime(byte)
+            elif byte in b"\r\n":
+                line, self._rest = self._rest.decode(), b""
+                if line and not self.killed and not self.deaf:
+                    self.received.append(line)
+                    self._obey(line)
+            else:
+                self._rest += bytes([byte])
+
+    def _obey(self, line: str) -> None:
+        if self._grbl:
+            self._grbl_line(line)
+        elif line == "M112":
+            self._kill()
+        elif line == "M410":  # the emergency parser takes it out of turn
+            self._moves.clear()
+            self._say("ok")
+        elif self._held or (line in ("M400", "M114", "G28") and self._moves):
+            self._held.append(line)
+        else:
+            self._marlin(line)
+
+    def _marlin(self, line: str) -> None:
+        if line == "M114":
+            x, y, z = self._told
+            self._say(f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f} E:0.00 Count X:{x * 80:.0f} Y:{y * 80:.0f} Z:{z * 400:.0f}")
+        elif line == "G28":
+            self._told, self._from_above = list(self.home), [False] * 3
+        elif line in ("G90", "G91"):
+            self._relative = line == "G91"
+        elif line.startswith("G1 "):
+            self._queue(line, self._relative)
+        elif not re.match(r"(G21|M211 S1|M400)$", line):
+            self._say(f'echo:Unknown command: "{line}"')
+        self._say("ok")
+
+    def _grbl_line(self, line: str) -> None:
+        if line == "$X":
+            self._alarm = False
+            self._say("[MSG:Caution: Unlocked]")
+        elif self._alarm:
+            self._say("error:9")
+            return
+        elif line == "$H":
+            self._told, self._from_above = list(self.home), [False] * 3
+        elif line.startswith("$J="):
+            if self._moves and "G91" in line:
+                self._say("error:8")  # stricter than GRBL, which would take it for a queue
+                return
+            self._queue(line, "G91" in line)
+        elif line not in ("G21", "G90", "$10=1"):
+            self._say("error:20")
+            return
+        self._say("ok")
+
+    def _realtime(self, byte: int) -> None:
+        if self.deaf:
+            return
+        if byte == ord("?"):
+            state = "Alarm" if self._alarm else "Jog" if self._moves else "Idle"
+            x, y, z = self._told
+            self._say(f"<{state}|MPos:{x:.3f},{y:.3f},{z:.3f}|FS:0,0>")
+        elif byte == 0x85:
+            self._moves.clear()
+        elif byte == 0x18:
+            self._kill()
+
+    def _queue(self, line: str, relative: bool) -> None:
+        words = dict(re.findall(r"([XYZF])(-?[\d.]+)", line))
+        start = self._moves[-1].target if self._moves else self._told
+        target = [
+            (start[i] if relative or axis not in words else 0.0) + float(words.get(axis, 0.0))
+            for i, axis in enumerate("XYZ")
+        ]
+        self._moves.append(Move(target, float(words["F"]) / 60.0))
+
+    def _kill(self) -> None:
+        self._moves.clear()
+        self._held.clear()
+        self.killed = True
+        self._say("Error:Printer halted. kill() called!" if not self._grbl else "ALARM:3")
+
+    def _advance(self, seconds: float) -> None:
+        while seconds > 0.0 and self._moves and not self.stalled:
+            move = self._moves[0]
+            way = [target - told for target, told in zip(move.target, self._told, strict=True)]
+            distance = math.hypot(*way)
+            share = min(1.0, move.mm_per_s * seconds / distance) if distance > 0.0 else 1.0
+            seconds = seconds - distance / move.mm_per_s if share == 1.0 else 0.0
+            self._told = [told + share * step for told, step in zip(self._told, way, strict=True)]
+            self._from_above = [
+                step < 0.0 if abs(step) > 1e-9 else above for step, above in zip(way, self._from_above, strict=True)
+            ]
+            if share == 1.0:
+                self._moves.popleft()
+            self._switch(way[2])
+        self.on_moved(self.place)
+
+    def _switch(self, upward: float) -> None:
+        if self.switch_mm is None or upward >= 0.0 or self._told[2] > self.switch_mm:
+            return
+        self._moves.clear()
+        self._held.clear()
+        if self._grbl:
+            self._alarm = True
+            self._say("ALARM:1")
+        else:
+            self._say("echo:endstops hit:  Z:" + f"{self._told[2]:.2f}")
+
+    def _say(self, line: str) -> None:
+        if not self.deaf:
+            self.port.write(line.encode() + b"\r\n")

@@ -1,0 +1,54 @@
+"""`collect` on emulated machines that speak their real protocols on ptys: it fills the table with no hand on it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from end_to_end.collecting_bench import PressedBench
+
+TWO_PLACES = "[lattice]\nfirst_mm = [-4, 2]\nspacing_mm = 6\ncount = [2, 1]\nforces_n = [0.6, 1.2]\n"
+
+
+def plan(folder: Path, text: str = TWO_PLACES) -> Path:
+    path = folder / "grid.toml"
+    path.write_text(text)
+    return path
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open() as lines:
+        return list(csv.DictReader(lines))
+
+
+def record_baseline(bench: PressedBench) -> None:
+    recorded = bench.command("baseline", "--rest", "--duration-s", "1")
+    assert recorded.returncode == 0, recorded.stderr
+
+
+@pytest.mark.parametrize("dialect", ["marlin", "grbl"])
+def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str) -> None:
+    with PressedBench(tmp_path, dialect) as bench:
+        record_baseline(bench)
+        done = bench.command("collect", plan(tmp_path), "-o", tmp_path / "data.csv", "--json")
+        assert done.returncode == 0, done.stderr
+        assert bench.rod_is_up()
+    assert json.loads(done.stdout)["collected"] == 4
+    collected = rows(tmp_path / "data.csv")
+    for row, (x_mm, force_n) in zip(collected, [(-4, 0.6), (-4, 1.2), (2, 0.6), (2, 1.2)], strict=True):
+        assert (float(row["x_mm"]), float(row["y_mm"])) == (x_mm, 2.0)
+        # force_tolerance, and what the gauge's noise of 5 mN leaves of its three readings at the last step
+        assert float(row["force_n"]) == pytest.approx(force_n, abs=0.05 * force_n + 0.02)
+        field_ut = [float(row[f"b{sensor}{axis}_ut"]) for sensor in range(1, 5) for axis in "xyz"]
+        true_ut = bench.magnet_field_t(x_mm * 1e-3, 2e-3, float(row["force_n"])).ravel() * 1e6
+        # 0.2 µT of noise in 66 frames; 5 mN of the gauge are 0.3 µT; a baseline at rest leaves the rest field to 0.1 µT
+        np.testing.assert_allclose(field_ut, true_ut, atol=1.0)
+    frames = [json.loads(line) for line in (tmp_path / "data.frames.jsonl").read_text().splitlines()]
+    assert [record["press"] for record in frames] == [1, 2, 3, 4]
+    assert [len(record["frames"]) for record in frames] == [int(row["frames"]) for row in collected]
