@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
 from fmfts.contact import ContactEstimate
-from fmfts.pose import AMBIENT, SOLVER, PoseEstimate
+from fmfts.healthy import HealthyPath, Judged, Kind, Template
+from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
+from fmfts.pose.state import SIZE
+from fmfts.sensor import Frame
 
 Array = NDArray[np.float64]
 
@@ -29,6 +32,20 @@ class Reading:
     touching: bool | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class PackedMessage:
+    """The message of a healthy frame, as it goes on the bus."""
+
+    payload: bytes
+    kind: Kind
+    t_sample_ns: int
+    t_publish_ns: int
+
+    @property
+    def message(self) -> ContactMessage:
+        return decode_contact(self.payload)
+
+
 class Sender:
     """Numbers the messages of one pad."""
 
@@ -38,6 +55,36 @@ class Sender:
         self._model = model
         self._number = 0
         self._sampled_ns = 0
+        self._templates: dict[tuple[Kind, bool, str], Template] = {}
+
+    def packed(
+        self, path: HealthyPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
+    ) -> PackedMessage:
+        """The message of the frame that `path` has judged."""
+        key = (judged.kind, frame.temperature_c is None, baseline.id)
+        template = self._templates.get(key)
+        if template is None:
+            self._templates = {key: made for key, made in self._templates.items() if key[2] == baseline.id}
+            template = self._templates[key] = self._template(judged.kind, frame, mounting, baseline)
+        self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
+        self._number += 1
+        publish_ns = time.monotonic_ns()
+        payload = path.message(template, self._number, self._sampled_ns, publish_ns, time.time_ns())
+        return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
+
+    def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
+        """What `message` makes of a healthy reading of that kind, whatever its numbers are."""
+        over_range = kind == Kind.OVER_RANGE
+        contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0)
+        state = mounting.rest
+        estimate = PoseEstimate(
+            state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
+        )
+        reading = Reading("ok", "", np.ones((len(frame.valid), 3), np.bool_), estimate, contact, kind != Kind.QUIET)
+        number, sampled_ns = self._number, self._sampled_ns
+        message = self.message(reading, 0, frame.temperature_c, mounting, baseline)
+        self._number, self._sampled_ns = number, sampled_ns
+        return Template.of(message)
 
     def message(
         self,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact import ContactModel, TouchDetector
-from fmfts.contact_message import Reading, Sender
+from fmfts.contact_message import PackedMessage, Reading, Sender
+from fmfts.healthy import HealthyPath
 from fmfts.pad import Pad, Placement
 from fmfts.pose import (
     AMBIENT,
@@ -53,8 +54,10 @@ class PadPipeline:
         self._estimator: Estimator | None = None
         self._why_none = NO_BASELINE
         self._sender = Sender(pad.name, boot, model.hash)
+        self._compiled: HealthyPath | None = None  # while it holds the memory of the frames before
         self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
         self._neighbours: list[NeighbourView] = []
+        self._among_others = False
 
     @property
     def baseline(self) -> Baseline | None:
@@ -66,13 +69,17 @@ class PadPipeline:
 
     def use(self, baseline: Baseline) -> Mounting:
         """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad."""
-        self._estimator = Estimator(self.pad, self._model, baseline, self._tracking, self._rate_hz)
+        self._hand_back()
+        self._estimator = Estimator(
+            self.pad, self._model, baseline, self._tracking, self._rate_hz, self._alignment.stopped_us
+        )
         self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
 
     def feel(self, neighbour: PadPipeline, placement: Placement) -> None:
         """From the next frame on, count with the magnet of another pad; `placement`: of that pad in this one's axes."""
         self._neighbours.append(NeighbourView(neighbour._sighting, placement))
+        self._among_others = neighbour._among_others = True
 
     def refuse(self, reason: str) -> None:
         """There is a baseline, and it cannot be used: say why in every message."""
@@ -80,6 +87,20 @@ class PadPipeline:
 
     def process(self, frame: Frame) -> ContactMessage:
         """One frame in, one message out."""
+        answer = self.answer(frame)
+        return answer.message if isinstance(answer, PackedMessage) else answer
+
+    def answer(self, frame: Frame) -> ContactMessage | PackedMessage:
+        """The same, its message still packed where nothing is wrong: then all of `_judge` was done in C."""
+        if self._compiled is not None and self._estimator is not None:
+            judged = self._compiled.judge(frame.packed, frame.device_time_us, frame.temperature_c)
+            if judged is not None:
+                estimator = self._estimator
+                return self._sender.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
+            self._hand_back()
+        return self._judge(frame)
+
+    def _judge(self, frame: Frame) -> ContactMessage:
         sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)
         aligned = self._alignment.push(frame.field_t, sampled_us, frame.fresh)
         sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
@@ -90,7 +111,14 @@ class PadPipeline:
             reading = self._estimator.read(aligned, frame.temperature_c, seen)
             if reading.estimate is not None and reading.contact is not None:
                 self._sighting.saw(reading.estimate, sampled_ns)
+            if reading.health == "ok" and not self._among_others:
+                self._compiled = self._estimator.hand_over(self._alignment)
         return self._sender.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
+
+    def _hand_back(self) -> None:
+        if self._compiled is not None and self._estimator is not None:
+            self._estimator.take_back(self._compiled, self._alignment)
+        self._compiled = None
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
         """What is published while no frame can be used: silence is not an answer."""
@@ -102,7 +130,13 @@ class Estimator:
     """What a baseline makes of a drawing: a pad that can be read."""
 
     def __init__(
-        self, drawing: Pad, model: ContactModel, baseline: Baseline, tracking: TrackingModel, rate_hz: float
+        self,
+        drawing: Pad,
+        model: ContactModel,
+        baseline: Baseline,
+        tracking: TrackingModel,
+        rate_hz: float,
+        stopped_us: float,
     ) -> None:
         """BaselineError where the baseline does not fit the pad."""
         self.baseline = baseline
@@ -121,10 +155,30 @@ class Estimator:
         recorded = baseline.rest or baseline.bare
         assert recorded is not None  # or there would be no mounting
         self._repeats_allowed = repeats_allowed(self.mounting.noise_t, step_t(recorded.gain_code))
-        self._change_error_rows = self.mounting.change_error(self._tracker.estimated).reshape(5, -1)
+        change_error = self.mounting.change_error(self._tracker.estimated)
+        self._change_error_rows = change_error.reshape(5, -1)
         self._touch = TouchDetector(rate_hz)
         self._last_us: int | None = None
         self._lifted_s = 0.0
+        self._path: HealthyPath | None = None
+        if baseline.rest is not None:
+            self._path = HealthyPath.of(
+                *(drawing, self.mounting, tracking, temperature_c, model, self._touch),
+                *(change_error, self._repeats_allowed, stopped_us),
+            )
+
+    def hand_over(self, alignment: Alignment) -> HealthyPath | None:
+        """The compiled path, with what the next frame needs to know; None where only Python can judge it."""
+        if self._path is None or self._last_us is None or self._lifted_s > 0.0:
+            return None
+        if self._constancy is not None and self._constancy.is_moving:
+            return None
+        return self._path if self._path.take(alignment, self._tracker, self._touch, self._last_us) else None
+
+    def take_back(self, path: HealthyPath, alignment: Alignment) -> None:
+        self._last_us = path.give(alignment, self._tracker, self._touch)
+        if self._constancy is not None:
+            self._constancy.passed(path.passed)
 
     def read(self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[Seen] = ()) -> Reading:
         """Field → pose → contact, as far as each can be believed."""

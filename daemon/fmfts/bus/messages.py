@@ -147,6 +147,7 @@ def _plain(value: Any) -> Any:
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_plain)
+_contact_decoder = msgspec.msgpack.Decoder(ContactMessage)
 
 
 def encode(message: AnyMessage) -> bytes:
@@ -155,6 +156,11 @@ def encode(message: AnyMessage) -> bytes:
         field = not_finite_field(message)
         raise NotFiniteError(f"pad {message.pad!r}: {type(message).__name__}.{field} is not a finite number")
     return _encoder.encode(message)
+
+
+def decode_contact(payload: bytes) -> ContactMessage:
+    """The inverse of `encode`."""
+    return _contact_decoder.decode(payload)
 
 
 def encode_facts(facts: dict[str, Any]) -> bytes:

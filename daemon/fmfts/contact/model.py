@@ -11,6 +11,7 @@ import numpy as np
 import onnxruntime
 
 from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts, ModelError, parse_facts, read_versions
+from fmfts.contact.inference import LAST_DIMENSIONS, OUTPUTS, Inference
 from fmfts.pad import Array, Pad
 
 DEFAULT_PATH = Path(__file__).with_name("default.onnx")
@@ -63,19 +64,19 @@ class ContactModel:
     """A verified model. `hash`: first 12 hex digits of the file's SHA-256."""
 
     def __init__(self, session: onnxruntime.InferenceSession, facts: Facts, digest: str) -> None:
-        self._session = session
+        self.inference = Inference(session)
         self.facts = facts
         self.hash = digest
-        self._rest = np.array(facts.rest_pose)
+        self.rest_pose = np.array(facts.rest_pose)
         # The axis's last component follows from the others, and not in proportion: it takes no part.
-        self._lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
+        self.lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
         # A magnet above its rest height is not a squeeze, however it came there.
-        self._highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
+        self.highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
         own = facts.own_error
-        self._own_deviation = np.stack([own.x_mm, own.y_mm, own.force_error_n], axis=-1) * CONTACT_UNIT
-        self._force_bins, self._radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
+        self.own_deviation = np.stack([own.x_mm, own.y_mm, own.force_error_n], axis=-1) * CONTACT_UNIT
+        self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         width_m = np.diff([facts.envelope.x_mm, facts.envelope.y_mm], axis=1)[:, 0] * 1e-3
-        self._spread_m = width_m * EVEN_SPREAD
+        self.spread_m = width_m * EVEN_SPREAD
 
     @classmethod
     def load(cls, path: str, pad: Pad) -> Self:
@@ -96,7 +97,7 @@ class ContactModel:
                 "this pad and set [pad.contact] model"
             )
         model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12])
-        contact, jacobian = model._infer(model._rest)  # also warms the session up
+        contact, jacobian = model._infer(model.rest_pose)  # also warms the session up
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ModelError(f"contact model {file}: it does not answer with numbers for the rest pose; {REMEDY}")
         return model
@@ -115,7 +116,7 @@ class ContactModel:
         lifted_mm = pose[2] - self.facts.envelope.pose_max[2] - LIFTED_DEVIATIONS * slack[2] / OUTSIDE_DEVIATIONS
         share = self._share_inside(pose, slack)
         if share < 1.0:
-            pose = self._rest + share * (pose - self._rest)
+            pose = self.rest_pose + share * (pose - self.rest_pose)
             # What is uncertain of a displacement grows with it: a bound must not fall because the squeeze rose.
             pose_covariance = pose_covariance * share**2
         contact, spread = self._contact(pose, pose_covariance)
@@ -132,8 +133,8 @@ class ContactModel:
 
         Displacement grows with force at every place, so a share of it belongs to no larger force.
         """
-        displacement = pose - self._rest
-        room = np.where(displacement > 0.0, self._highest + slack, self._lowest - slack) - self._rest
+        displacement = pose - self.rest_pose
+        room = np.where(displacement > 0.0, self.highest + slack, self.lowest - slack) - self.rest_pose
         moved = np.abs(displacement) > 1e-9
         return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
 
@@ -141,20 +142,19 @@ class ContactModel:
         """Contact (3,) and covariance (3, 3) in SI: the pose's, carried over by the Jacobian, and the model's own."""
         contact, jacobian = self._infer(pose)
         contact, jacobian = contact * CONTACT_UNIT, jacobian * CONTACT_UNIT[:, None]
-        force_bin = np.searchsorted(self._force_bins, contact[2])
-        radius_bin = np.searchsorted(self._radius_bins_m, np.hypot(contact[0], contact[1]))
-        spread = jacobian @ pose_covariance @ jacobian.T + np.diag(self._own_deviation[force_bin, radius_bin] ** 2)
-        shrink = np.append(np.minimum(1.0, self._spread_m / np.sqrt(np.diagonal(spread)[:2])), 1.0)
+        force_bin = np.searchsorted(self.force_bins_n, contact[2])
+        radius_bin = np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))
+        spread = jacobian @ pose_covariance @ jacobian.T + np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
+        shrink = np.append(np.minimum(1.0, self.spread_m / np.sqrt(np.diagonal(spread)[:2])), 1.0)
         return contact, spread * shrink * shrink[:, None]
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
-        contact, jacobian = self._session.run(OUTPUTS, {"pose": pose[None].astype(np.float32)})
-        return contact[0].astype(np.float64), jacobian[0].astype(np.float64)
+        self.inference.pose[:] = pose
+        self.inference.run()
+        return self.inference.contact.astype(np.float64), self.inference.jacobian.astype(np.float64)
 
 
-OUTPUTS = ["contact", "jacobian"]
 SIGNATURE = {"pose": 2, "contact": 2, "jacobian": 3}  # tensor → number of dimensions
-LAST_DIMENSIONS = {"pose": [6], "contact": [3], "jacobian": [3, 6]}
 
 
 def _read(file: Path) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmfts.chi2 import quantile
+from fmfts.named import Named
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents
@@ -26,6 +27,15 @@ class TouchDetector:
         self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
         self._touched = False
         self._quiet_frames = 0
+
+    def write(self, memory: Named) -> None:
+        """For the compiled path."""
+        memory.put("touched", self._touched)
+        memory.put("quiet_frames", self._quiet_frames)
+
+    def read(self, memory: Named) -> None:
+        """What `write` wrote, and the compiled path went on with."""
+        self._touched, self._quiet_frames = bool(memory.number("touched")), int(memory.number("quiet_frames"))
 
     def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
         """Contact after this frame; None where it has no usable pose. The state before a gap holds after it.

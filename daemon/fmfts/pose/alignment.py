@@ -13,6 +13,8 @@ from math import ceil, erf, log
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.named import Named
+
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
@@ -46,11 +48,25 @@ class Alignment:
         self._field = np.full((3, count, 3), np.nan)  # newest first
         self._time = np.zeros((3, count), dtype=np.int64)
         self._repeats = np.zeros((count, 3), dtype=np.int64)
-        self._stopped_us = STOPPED_PERIODS * period_us
+        self.stopped_us = STOPPED_PERIODS * period_us
+
+    def write(self, memory: Named) -> None:
+        """For the compiled path, which has room for more sensors."""
+        count = self._time.shape[1]
+        memory["field_t"].reshape(3, -1)[:, : 3 * count] = self._field.reshape(3, -1)
+        memory["time_us"].reshape(3, -1)[:, :count] = self._time
+        memory.put("repeats", self._repeats)
+
+    def read(self, memory: Named) -> None:
+        """What `write` wrote, and the compiled path went on with."""
+        count = self._time.shape[1]
+        self._field[:] = memory["field_t"].reshape(3, -1)[:, : 3 * count].reshape(3, count, 3)
+        self._time[:] = memory["time_us"].reshape(3, -1)[:, :count]
+        self._repeats = memory["repeats"][: 3 * count].reshape(count, 3).astype(np.int64)
 
     def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
         """Take the newest field (N, 3) with the time of each sensor's sample (N,); only `fresh` ones are new."""
-        if time_us.max() < self._time[0].max() - self._stopped_us:
+        if time_us.max() < self._time[0].max() - self.stopped_us:
             # The board was reset, and its time with it.
             self._field[:], self._time[:] = np.nan, 0
         if fresh.all():
@@ -66,7 +82,7 @@ class Alignment:
             self._time[0, fresh] = time_us[fresh]
         newest, previous, oldest = self._field
         time, before = self._time[0], self._time[1]
-        running = (time.max() - time <= self._stopped_us) & np.isfinite(field_t).any(axis=1)
+        running = (time.max() - time <= self.stopped_us) & np.isfinite(field_t).any(axis=1)
         if not running.any():
             nothing = np.full_like(newest, np.nan)
             return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), self._repeats.copy())

@@ -43,6 +43,18 @@ class Constancy:
         self._lowest_t, self._highest_t = np.full(3, np.inf), np.full(3, -np.inf)
         self._moved_t = 0.0
 
+    @property
+    def is_moving(self) -> bool:
+        """Whether the field was found to be no constant one, and a frame's verdict does not stand."""
+        return self._moved_t > 0.0
+
+    def passed(self, frames: int) -> None:
+        """So many frames were well, and judged by the compiled path."""
+        self._frames += frames
+        self._well_frames += frames
+        if self._well_frames >= WELL_FRAMES:
+            self._forget()
+
     def judge(self, track: Track, field_t: Array, deviation_t: Array) -> Track:
         """The frame's track, or what it says of the field; field_t, deviation_t (N, 3): what the tracker was given."""
         self._frames += 1

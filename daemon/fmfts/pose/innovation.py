@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.chi2 import quantile
+from fmfts.named import Named
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,25 @@ class Innovations:
         self._pushed = 0
         self._since = 0
         self.sound = True  # at the last judgement
+
+    def write(self, memory: Named) -> None:
+        """For the compiled path."""
+        memory.put("mean_t", self._mean)
+        memory.put("lasting_t2", self._lasting)
+        memory.put("frames", self._frames)
+        memory.put("change", self.change)
+        memory.put("pushed", self._pushed)
+        memory.put("since", self._since)
+        memory.put("sound", self.sound)
+        memory.put("was_sound", False)
+
+    def read(self, memory: Named) -> None:
+        """What `write` wrote, and the compiled path went on with."""
+        count = len(self._noise)
+        self._mean[:], self._lasting[:] = memory["mean_t"][:count], memory["lasting_t2"][:count]
+        self._frames = memory["frames"][:count].copy()
+        self.change[:], self._pushed = memory["change"], int(memory.number("pushed"))
+        self._since, self.sound = int(memory.number("since")), bool(memory.number("sound"))
 
     def forget(self) -> None:
         self._mean[:], self._frames[:], self._pushed = 0.0, 0.0, 0

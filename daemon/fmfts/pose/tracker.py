@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.chi2 import quantile, survival
+from fmfts.named import Named
 from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.neighbour import Seen, joined, without_neighbours
@@ -99,6 +100,24 @@ class Tracker:
     def estimated(self) -> NDArray[np.intp]:
         """The columns that a frame estimates, up to the ambient field's."""
         return np.flatnonzero(np.isin(self._model.parts[: AMBIENT.stop], (Part.FREE, Part.PRIOR)))
+
+    def write(self, memory: Named) -> bool:
+        """For the compiled path; False where the last frame was not good, or something is found."""
+        memory.put("state", self._last.vector())
+        memory.put("covariance", self._covariance)
+        memory.put("warmth_variance", self._warmth_variance)
+        memory.put("misfit", self._misfit)
+        return self._since_good_s == 0.0 and self._watch is not None and self._watch.write(memory)
+
+    def read(self, memory: Named) -> None:
+        """What `write` wrote, and the compiled path went on with."""
+        self._last = State.from_vector(memory["state"].copy())
+        self._covariance = memory["covariance"].reshape(SIZE, SIZE).copy()
+        self._warmth_variance = memory.number("warmth_variance")
+        self._misfit = memory.number("misfit")
+        self._since_good_s = 0.0
+        if self._watch is not None:
+            self._watch.read(memory)
 
     def update(
         self,

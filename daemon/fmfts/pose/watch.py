@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.named import Named
 from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.field_errors import SensorErrors, change_since
@@ -54,6 +55,17 @@ class Watch:
     @property
     def _clearly_heard(self) -> bool:
         return len(self._heard) == 1
+
+    def write(self, memory: Named) -> bool:
+        """For the compiled path; False while something is found."""
+        self._innovations.write(memory)
+        return self._finding is None
+
+    def read(self, memory: Named) -> None:
+        """What `write` wrote, and the compiled path went on with."""
+        self._innovations.read(memory)
+        if memory.number("was_sound"):
+            self._heard.clear()
 
     def confirms(self, sensor: int) -> bool:
         """Whether a frame that by itself blames this sensor is to be believed.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +13,22 @@ from fmfts.sensor.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
 
 TESLA_PER_GAUSS = 1e-4
 AGE_UNKNOWN_US = 65535
+READING_BYTES = 8
 
 
 def step_t(gain_code: int) -> float:
     """The field of one count, in tesla."""
     return TESLA_PER_GAUSS / LSB_PER_GAUSS[gain_code]
+
+
+class Packed(NamedTuple):
+    """A reading as the wire has it (docs/wire.md): readings holds 8 bytes for each sensor; bit i of valid and fresh is
+    sensor i."""
+
+    gain_code: int
+    valid: int
+    fresh: int
+    readings: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +55,15 @@ class Frame:
     temperature_c: float | None
 
     @property
+    def packed(self) -> Packed:
+        """The same as the compiled path reads it."""
+        readings = np.empty((len(self.counts), 4), "<i2")
+        readings[:, :3] = self.counts
+        readings[:, 3] = self.age_us.view(np.int16)
+        valid, fresh = (int(np.packbits(mask, bitorder="little")[0]) for mask in (self.valid, self.fresh))
+        return Packed(self.gain_code, valid, fresh, readings.tobytes())
+
+    @property
     def overflow(self) -> NDArray[np.bool_]:
         """(N, 3) axes that the chip reports as saturated (data sheet: −4096)."""
         overflow: NDArray[np.bool_] = self.counts == OVERFLOW_COUNT
@@ -59,3 +81,63 @@ class Frame:
         field: NDArray[np.float64] = self.counts.astype(np.float64) * step_t(self.gain_code)
         field[~self.usable] = np.nan
         return field
+
+
+class WireFrame(Frame):
+    """A frame that stays packed until somebody wants its arrays, which the compiled path does not."""
+
+    __slots__ = ("_packed",)
+    _packed: Packed
+
+    def __init__(
+        self,
+        pad_index: int,
+        sequence: int,
+        device_time_us: int,
+        host_time_ns: int,
+        packed: Packed,
+        temperature_c: float | None,
+    ) -> None:
+        put = object.__setattr__  # a frame is frozen
+        put(self, "pad_index", pad_index)
+        put(self, "sequence", sequence)
+        put(self, "device_time_us", device_time_us)
+        put(self, "host_time_ns", host_time_ns)
+        put(self, "temperature_c", temperature_c)
+        put(self, "_packed", packed)
+
+    @property
+    def packed(self) -> Packed:
+        return self._packed
+
+    @property
+    def gain_code(self) -> int:
+        return self._packed.gain_code
+
+    @property
+    def counts(self) -> NDArray[np.int16]:
+        return self._readings[:, :3]
+
+    @property
+    def age_us(self) -> NDArray[np.uint16]:
+        return self._readings[:, 3].view(np.uint16)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        return bits(self._packed.valid, len(self._packed.readings) // READING_BYTES)
+
+    @property
+    def fresh(self) -> NDArray[np.bool_]:
+        return bits(self._packed.fresh, len(self._packed.readings) // READING_BYTES)
+
+    @property
+    def _readings(self) -> NDArray[np.int16]:
+        return np.frombuffer(self._packed.readings, "<i2").reshape(-1, 4)
+
+
+@lru_cache(maxsize=1024)
+def bits(mask: int, count: int) -> NDArray[np.bool_]:
+    """(count,) bit i of `mask`; not to be written to."""
+    spread = (mask >> np.arange(count) & 1).astype(np.bool_)
+    spread.setflags(write=False)
+    return spread

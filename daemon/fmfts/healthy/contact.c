@@ -1,0 +1,71 @@
+/* The contact model's answer with its covariance, and what is said of it: ContactModel._contact, contact_message.py. */
+#include <math.h>
+
+#include "healthy.h"
+
+enum { CONTACT = 3, POSE = 6 };
+static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
+
+/* The first bin whose upper end is not below the value. */
+static int bin_of(double count, const double *upper, double value)
+{
+    int bin = 0;
+    while (bin < (int)count - 1 && upper[bin] < value) {
+        bin++;
+    }
+    return bin;
+}
+
+/* The pose's covariance, carried over by the Jacobian, and the model's own error; a place is on the pad anyway. */
+static void spread_of(const fmfts_facts *facts, const fmfts_question *question, const double *contact,
+                      const float *jacobian, double variance[CONTACT])
+{
+    int force = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
+    int radius = bin_of(facts->radius_bins[0], facts->radius_bin_m, hypot(contact[0], contact[1]));
+    const double *own = facts->own_deviation + CONTACT * (force * (int)facts->radius_bins[0] + radius);
+    for (int i = 0; i < CONTACT; i++) {
+        double row[POSE], sum = own[i] * own[i];
+        for (int k = 0; k < POSE; k++) {
+            row[k] = jacobian[POSE * i + k] * UNIT[i];
+        }
+        for (int k = 0; k < POSE; k++) {
+            for (int l = 0; l < POSE; l++) {
+                sum += row[k] * question->covariance[POSE * k + l] * row[l];
+            }
+        }
+        variance[i] = i < 2 ? fmin(sum, facts->spread_m[i] * facts->spread_m[i]) : sum;
+    }
+}
+
+static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)
+{
+    double sum = with_temperature ? numbers->temperature_c[0] : 0.0;
+    const double *first = numbers->x_m, *ambient = numbers->ambient_t, *last = (const double *)(numbers + 1);
+    for (const double *number = first; number < last; number++) {
+        sum += with_ambient || number < ambient || number >= numbers->residual_t ? *number : 0.0;
+    }
+    return isfinite(sum);
+}
+
+fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const float *contact,
+                           const float *jacobian, fmfts_numbers *numbers)
+{
+    double place[CONTACT], variance[CONTACT], limit = facts->force_max_n[0];
+    for (int i = 0; i < CONTACT; i++) {
+        place[i] = contact[i] * UNIT[i];
+    }
+    spread_of(facts, question, place, jacobian, variance);
+    double force_sd = sqrt(variance[2]);
+    bool over_range = question->share < 1.0 || place[2] - limit > facts->outside_deviations[0] * force_sd;
+    numbers->x_m[0] = place[0];
+    numbers->x_sd_m[0] = sqrt(variance[0]);
+    numbers->y_m[0] = place[1];
+    numbers->y_sd_m[0] = sqrt(variance[1]);
+    numbers->force_n[0] = fmax(place[2], 0.0);
+    numbers->force_sd_n[0] = force_sd;
+    numbers->force_min_n[0] = fmax(fmin(place[2], limit) - facts->certain_deviations[0] * force_sd, 0.0);
+    if (!isfinite(place[2]) || !all_numbers(numbers, !isnan(numbers->temperature_c[0]), !isnan(facts->ambient_t[0]))) {
+        return FMFTS_NO_NUMBER;
+    }
+    return question->touching == 0.0 ? FMFTS_QUIET : over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
+}

@@ -1,0 +1,131 @@
+"""The compiled path of one pad: its facts, the memory between its frames, and handing that memory over."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.ambient import Mounting
+from fmfts.contact import ContactModel, TouchDetector
+from fmfts.healthy.compiled import AVAILABLE, _healthy
+from fmfts.healthy.facts import put_contact, put_message, put_sensors, put_tracking
+from fmfts.healthy.template import Template
+from fmfts.named import Named
+from fmfts.pad import Pad
+from fmfts.pose import Alignment, Tracker
+from fmfts.pose.tracking_model import TrackingModel
+from fmfts.sensor.frame import Packed
+
+Array = NDArray[np.float64]
+
+
+class Kind(IntEnum):
+    """What a healthy frame says of contact, as healthy.h numbers it."""
+
+    QUIET = 0
+    TOUCHED = 1
+    OVER_RANGE = 2
+    NO_NUMBER = 3
+
+
+class Judged(NamedTuple):
+    """instant_us: the device's time of the estimate."""
+
+    instant_us: int
+    kind: Kind
+
+
+KINDS = tuple(Kind)
+
+
+class HealthyPath:
+    """Judges frames as `Estimator.read` does, as long as nothing is wrong. Either of the two holds the pad's memory:
+
+    `take` it after a healthy frame in Python, `give` it back before the next frame that is judged there.
+    """
+
+    def __init__(self, facts: Named, model: ContactModel) -> None:
+        inference = model.inference
+        self._facts = facts
+        self._facts_buffer, self._run = facts.buffer, inference.run
+        self._pose, self._contact, self._jacobian = (
+            array.data.cast("B") for array in (inference.pose, inference.contact, inference.jacobian.ravel())
+        )
+        self._memory = Named(_healthy.MEMORY)
+        self._memory_buffer = self._memory.buffer
+        self._passage = np.zeros(_healthy.PASSAGE_BYTES // 8).data
+
+    @classmethod
+    def of(
+        cls,
+        drawing: Pad,
+        mounting: Mounting,
+        tracking: TrackingModel,
+        rest_temperature_c: float | None,
+        model: ContactModel,
+        touch: TouchDetector,
+        change_error: Array,
+        repeats_allowed: Array,
+        stopped_us: float,
+    ) -> Self | None:
+        """None where nothing compiled is there, or the contact model's error tables are larger than it has room for."""
+        if not AVAILABLE:
+            return None
+        facts = Named(_healthy.FACTS)
+        try:
+            put_sensors(facts, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
+            put_tracking(facts, mounting, tracking, rest_temperature_c)
+            put_contact(facts, mounting, drawing, change_error, touch, model)
+            put_message(facts, mounting, drawing.magnet.remanence_t)
+        except ValueError:
+            return None
+        return cls(facts, model)
+
+    def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
+        """None where the frame is not healthy in every respect: the memory then is as it was."""
+        instant_us = _healthy.judge(
+            self._facts_buffer,
+            self._memory_buffer,
+            self._passage,
+            self._pose,
+            packed.readings,
+            device_time_us,
+            np.nan if temperature_c is None else temperature_c,
+            packed.gain_code,
+            packed.valid,
+            packed.fresh,
+        )
+        if instant_us is None:
+            return None
+        self._run()
+        kind = _healthy.conclude(self._facts_buffer, self._memory_buffer, self._passage, self._contact, self._jacobian)
+        return None if kind == Kind.NO_NUMBER else Judged(instant_us, KINDS[kind])
+
+    def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
+        """The last judged frame's."""
+        return _healthy.message(template.text, template.places, self._passage, seq, t_sample_ns, t_publish_ns, utc_ns)
+
+    def take(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector, last_us: int) -> bool:
+        """Take the memory over, if nothing is pending in it that only Python can judge."""
+        if not tracker.write(self._memory):
+            return False
+        alignment.write(self._memory)
+        touch.write(self._memory)
+        self._memory.put("last_us", last_us)
+        self._memory.put("passed", 0)
+        return True
+
+    @property
+    def passed(self) -> int:
+        """Frames judged here since the memory was taken over."""
+        return int(self._memory.number("passed"))
+
+    def give(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector) -> int:
+        """Give it back; the time of the last frame."""
+        alignment.read(self._memory)
+        tracker.read(self._memory)
+        touch.read(self._memory)
+        return int(self._memory.number("last_us"))

@@ -1,0 +1,26 @@
+/* Sample packets of docs/wire.md, and messages from a template: bytes in, bytes out. */
+#ifndef FMFTS_SAMPLE_H
+#define FMFTS_SAMPLE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { FMFTS_READING_BYTES = 8, FMFTS_LONGEST_LINE = 255 };
+
+typedef struct {
+    uint8_t readings[FMFTS_READING_BYTES * 8];
+    uint64_t time_us;
+    uint32_t sequence;
+    int16_t temperature_raw;
+    uint8_t pad_index, sensors, gain_code, trigger, valid, fresh;
+} fmfts_sample;
+
+/* Whether the bytes [0, size) of a line, its closing zero left out, are a sample of this wire version. */
+bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
+
+/* Writes a number where a template has room for one: a msgpack float64 or uint64, its type byte left as it is. */
+void fmfts_put_float(uint8_t *place, double value);
+void fmfts_put_unsigned(uint8_t *place, uint64_t value);
+
+#endif

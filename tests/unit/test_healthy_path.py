@@ -1,0 +1,183 @@
+"""The compiled path against the stages in Python, which are its oracle: the same messages, whatever comes."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from test_pipeline import PERIOD_NS, config_of, pipeline_of
+
+from fmfts.ambient import Baseline
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig
+from fmfts.contact_message import PackedMessage
+from fmfts.healthy import Kind
+from fmfts.healthy.compiled import AVAILABLE
+from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.pipeline import PadPipeline
+from fmfts.sensor import Frame
+from fmfts.sensor.frame import WireFrame
+from fmfts.sensor.simulated import Simulated
+
+pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+
+# Sums are ordered differently in C. What is near zero (an offset from rest in metres, a field in tesla) has an absolute
+# rounding error too: of a thousandth of what a sensor resolves.
+RELATIVE = 1e-9
+ABSOLUTE = {"position_m": 1e-12, "ambient_t": 1e-15, "axis": 1e-12, "x_m": 1e-9, "y_m": 1e-9, "force_n": 1e-9}
+
+
+def python_only(config: PadConfig, baseline: Baseline) -> PadPipeline:
+    pipeline = pipeline_of(config, baseline)
+    assert pipeline._estimator is not None
+    pipeline._estimator._path = None
+    return pipeline
+
+
+def assert_same(compiled: ContactMessage, oracle: ContactMessage) -> None:
+    for name in ContactMessage.__struct_fields__:
+        if name not in ("t_publish_ns", "utc_ns", "pose"):
+            assert_equal(name, getattr(compiled, name), getattr(oracle, name))
+    assert (compiled.pose is None) == (oracle.pose is None)
+    if compiled.pose is not None and oracle.pose is not None:
+        for name, value in msgspec.structs.asdict(oracle.pose).items():
+            assert_equal(name, getattr(compiled.pose, name), value)
+
+
+def assert_equal(name: str, value: object, expected: object) -> None:
+    if isinstance(expected, tuple) and isinstance(value, tuple):
+        for one, other in zip(value, expected, strict=True):
+            assert_equal(name, one, other)
+    elif isinstance(expected, float) and isinstance(value, float):
+        assert abs(value - expected) <= RELATIVE * abs(expected) + ABSOLUTE.get(name, 0.0), name
+    else:
+        assert value == expected, name
+
+
+def frames_of(config: PadConfig, seconds: float) -> list[Frame]:
+    source = Simulated(config)
+    return [frame for step in range(round(seconds * 220)) for frame in source.poll(step * PERIOD_NS)]
+
+
+def both(config: PadConfig, frames: Iterable[Frame]) -> Counter[Kind | None]:
+    """How many messages came from C, by their kind; None: from Python. Each is held against the oracle's."""
+    baseline = simulated_baseline(config)
+    compiled, oracle = pipeline_of(config, baseline), python_only(config, baseline)
+    kinds: Counter[Kind | None] = Counter()
+    for frame in frames:
+        answer = compiled.answer(frame)
+        packed = isinstance(answer, PackedMessage)
+        kinds[answer.kind if packed else None] += 1
+        assert_same(answer.message if packed else answer, oracle.process(frame))
+    return kinds
+
+
+def test_a_session_says_the_same_in_c_and_in_python() -> None:
+    kinds = both(config_of(3), frames_of(config_of(3), 16.0))
+    assert kinds[None] < 10  # only the first frames, before there are three samples of each axis
+    assert min(kinds[kind] for kind in (Kind.QUIET, Kind.TOUCHED, Kind.OVER_RANGE)) > 50
+
+
+def with_faults(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """One fault after another, each for a while, and health in between."""
+    stuck = None
+    for index, frame in enumerate(frames):
+        phase, counts = index // 110, frame.counts.copy()
+        if phase == 1:  # one frame in ten with a saturated axis
+            counts[1, 2] = -4096 if index % 10 == 0 else counts[1, 2]
+            yield replace(frame, counts=counts)
+        elif phase == 3:  # a sensor that is silent
+            yield replace(frame, valid=np.array([True, True, False, True]))
+        elif phase == 5:  # an axis that is a little off, for as long as it takes to be found
+            counts[0, 0] += 20
+            yield replace(frame, counts=counts)
+        elif phase == 7:  # steel
+            counts[:, 2] += np.array([60, -40, 20, -80], dtype=np.int16)
+            yield replace(frame, counts=counts)
+        elif phase == 9:  # an axis that is stuck
+            stuck = counts[3, 1] if stuck is None else stuck
+            counts[3, 1] = stuck
+            yield replace(frame, counts=counts)
+        elif phase == 11:  # samples that are not new, and frames that never come
+            if index % 7:
+                yield replace(frame, fresh=np.array([True, index % 3 > 0, True, index % 5 > 0]))
+        elif phase == 12 and index % 110 == 20:  # the board is reset
+            yield replace(frame, device_time_us=1000, age_us=np.zeros(4, np.uint16))
+        elif phase == 13:  # no thermometer
+            yield replace(frame, temperature_c=None)
+        else:
+            yield frame
+
+
+@pytest.mark.parametrize("scene", ["drifting", "constant"])
+def test_a_session_with_faults_says_the_same_and_comes_back(scene: str) -> None:
+    """The memory goes from C to Python and back, and nothing is lost of it."""
+    config = config_of(4, ambient=scene)
+    kinds = both(config, with_faults(frames_of(config, 15 * 110 / 220)))
+    assert kinds[None] > 200
+    assert kinds[Kind.QUIET] + kinds[Kind.TOUCHED] > 500
+
+
+@given(data=st.data())
+@settings(max_examples=10, deadline=None, derandomize=True, phases=[Phase.generate])  # a seed does not shrink
+def test_random_frames_are_judged_the_same(data: st.DataObject) -> None:
+    config = config_of(5)
+    seed, size = data.draw(st.integers(0, 2**32 - 1)), data.draw(st.sampled_from([0.0, 1.0, 5.0, 30.0, 300.0]))
+    random = np.random.default_rng(seed)
+    frames = frames_of(config, 0.4)
+    spoilt = [replace(f, counts=np.rint(f.counts + random.normal(0.0, size, (4, 3))).astype(np.int16)) for f in frames]
+    both(config, frames[:40] + spoilt[40:])
+
+
+def test_a_session_repeated_is_the_same_bit_by_bit() -> None:
+    config = config_of(6)
+    frames, baseline, payloads = frames_of(config, 4.0), simulated_baseline(config), []
+    for _ in range(2):
+        pipeline = pipeline_of(config, baseline)
+        messages = [pipeline.process(frame) for frame in frames]
+        payloads.append(
+            [msgspec.msgpack.encode(msgspec.structs.replace(m, t_publish_ns=0, utc_ns=0)) for m in messages]
+        )
+    assert payloads[0] == payloads[1]
+
+
+def test_frames_leave_no_memory_behind() -> None:
+    config = config_of(7, ambient="constant")
+    pipeline = pipeline_of(config, simulated_baseline(config))
+    frames = [
+        WireFrame(0, f.sequence, f.device_time_us, f.host_time_ns, f.packed, f.temperature_c)
+        for f in frames_of(config, 6.0)
+    ]
+    for frame in frames[:660]:
+        pipeline.answer(frame)
+    tracemalloc.start()
+    try:
+        for frame in frames[660:]:
+            pipeline.answer(frame)
+        grown, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert grown < 5000  # the last message, and tracemalloc's own; a float kept of each frame would be twice that
+
+
+def test_a_lifted_magnet_is_left_to_python() -> None:
+    """C never says that a baseline was refuted: those frames go to Python, which counts for how long."""
+    config = config_of(8)
+    pipeline, frames = pipeline_of(config, simulated_baseline(config)), frames_of(config, 1.0)
+    for frame in frames[:110]:
+        pipeline.process(frame)
+    # The magnet's field falls with the cube of its distance: 6 % less of it is a quarter of a millimetre higher.
+    mounting = pipeline.mounting
+    assert mounting is not None
+    weaker = np.rint(0.06 * mounting.rest_field_t * mounting.gain / 1e-4 * 660).astype(np.int16)
+    lifted = [pipeline.answer(replace(frame, counts=frame.counts - weaker)) for frame in frames[110:]]
+    assert not any(isinstance(answer, PackedMessage) for answer in lifted[5:])
+    assert isinstance(lifted[-1], ContactMessage)
+    assert lifted[-1].health == "no_baseline"
