@@ -88,19 +88,17 @@ class Response:
         return cell[:, None] + np.arange(4), value, slope / self.spacing_mm[axis]
 
     def _monomials(self, load: Array) -> tuple[Array, Array]:
-        """(K, M) monomials and (K, M, L) derivatives; beyond `scale_n` of normal force, their tangents."""
-        beyond = np.maximum(load[:, 0] - self.scale_n, 0.0)
+        """(K, M) monomials and (K, M, L) derivatives; powers of the normal force go on along their tangents."""
         inside = load / self.scale_n
-        inside[:, 0] -= beyond / self.scale_n
+        beyond = np.maximum(inside[:, 0] - 1.0, 0.0)
+        inside[:, 0] -= beyond
         power = inside[:, None, :] ** self.exponent
-        value = power.prod(axis=2)
-        slope = np.empty((*value.shape, self.loads))
-        for load_index in range(self.loads):
-            exponent = self.exponent[:, load_index]
-            lowered = inside[:, load_index, None] ** np.maximum(exponent - 1, 0) * exponent
-            others = np.delete(power, load_index, axis=2).prod(axis=2)
-            slope[:, :, load_index] = lowered * others / self.scale_n
-        return value + slope[:, :, 0] * beyond[:, None], slope
+        by_load = inside[:, None, :] ** np.maximum(self.exponent - 1, 0) * self.exponent
+        power[:, :, 0] += by_load[:, :, 0] * beyond[:, None]
+        slope = np.empty_like(power)
+        for index in range(self.loads):
+            slope[:, :, index] = by_load[:, :, index] * np.delete(power, index, axis=2).prod(axis=2) / self.scale_n
+        return power.prod(axis=2), slope
 
 
 def most_likely(
@@ -119,9 +117,8 @@ def most_likely(
     chi2 = _misfit(change - modelled, information)
     damping = np.full(len(press), DAMPING)
     for _ in range(steps):
-        normal = np.einsum("kci,kcd,kdj->kij", slope, information, slope)
         gradient = np.einsum("kci,kcd,kd->ki", slope, information, change - modelled)
-        step = np.linalg.solve(_damped(normal, damping), gradient[..., None])[..., 0]
+        step = np.linalg.solve(_damped(_normal(slope, information), damping), gradient[..., None])[..., 0]
         trial = np.clip(press + step, lowest, highest)
         trial_modelled, trial_slope = response.change_and_slope(trial)
         trial_chi2 = _misfit(change - trial_modelled, information)
@@ -129,15 +126,12 @@ def most_likely(
         press[better], chi2[better] = trial[better], trial_chi2[better]
         modelled[better], slope[better] = trial_modelled[better], trial_slope[better]
         damping = np.where(better, damping / DAMPING_FACTOR, damping * DAMPING_FACTOR)
-    normal = np.einsum("kci,kcd,kdj->kij", slope, information, slope)
-    spread = inverse_of(_damped(normal, np.zeros(len(press))))
-    return press, spread, chi2
+    return press, inverse_of(_normal(slope, information)), chi2
 
 
 def bound_of(slope: Array, covariance: Array) -> Array:
     """(K, 2 + L) the Cramér–Rao bound: least deviations of a press whose change has `covariance` (K, 5, 5)."""
-    normal = np.einsum("kci,kcd,kdj->kij", slope, inverse_of(covariance), slope)
-    bound: Array = np.sqrt(np.einsum("kii->ki", inverse_of(_damped(normal, np.zeros(len(normal))))))
+    bound: Array = np.sqrt(np.einsum("kii->ki", inverse_of(_normal(slope, inverse_of(covariance)))))
     return bound
 
 
@@ -156,11 +150,16 @@ def inverse_of(matrices: Array) -> Array:
     return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
 
 
+def _normal(slope: Array, information: Array) -> Array:
+    """(K, 2 + L, 2 + L) what the changes tell of the presses; what nothing is known of (a place at rest) is held down
+    by a deviation of 1 m."""
+    normal: Array = np.einsum("kci,kcd,kdj->kij", slope, information, slope)
+    return normal + 1e-6 * np.eye(normal.shape[1])
+
+
 def _damped(normal: Array, damping: Array) -> Array:
-    """The normal matrices with their diagonals raised, and what nothing is known of (a place at rest) held down by a
-    deviation of 1 m."""
     diagonal = np.einsum("kii->ki", normal)
-    damped: Array = normal + np.eye(normal.shape[1]) * (diagonal * damping[:, None] + 1e-6)[:, :, None]
+    damped: Array = normal + np.eye(normal.shape[1]) * (diagonal * damping[:, None])[:, :, None]
     return damped
 
 

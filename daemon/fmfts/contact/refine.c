@@ -1,0 +1,190 @@
+#include "refine.h"
+
+#include <string.h>
+
+#include "../pose/algebra.h"
+
+static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
+static const double FARTHEST_LOAD = 3.0; /* how many times the calibrated force a press is looked for */
+static const double UNKNOWN = 1e-6;      /* what nothing is known of is held down by a deviation of 1 m */
+
+typedef struct {
+    double press[FMFTS_MAX_PRESS], residual[FMFTS_CHANGE], slope[FMFTS_CHANGE][FMFTS_MAX_PRESS], chi2;
+} point;
+
+static double clamped(double value, double lowest, double highest)
+{
+    return value < lowest ? lowest : value > highest ? highest : value;
+}
+
+/* Values and derivatives of the four cubic B-splines that cover a place; the first's index. */
+static size_t stencil(const fmfts_response *response, int axis, double place_mm, double value[4], double slope[4])
+{
+    double last = (double)response->knots[axis] - 1.0, spacing = response->spacing_mm[axis];
+    double place = clamped((place_mm - response->first_mm[axis]) / spacing, 0.0, last);
+    size_t cell = (size_t)clamped(place, 0.0, last - 1.0);
+    double u = place - (double)cell, v = 1.0 - u;
+    value[0] = v * v * v / 6.0;
+    value[1] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0;
+    value[2] = (-3.0 * u * u * u + 3.0 * u * u + 3.0 * u + 1.0) / 6.0;
+    value[3] = u * u * u / 6.0;
+    slope[0] = -v * v / 2.0 / spacing;
+    slope[1] = (3.0 * u * u - 4.0 * u) / 2.0 / spacing;
+    slope[2] = (-3.0 * u * u + 2.0 * u + 1.0) / 2.0 / spacing;
+    slope[3] = u * u / 2.0 / spacing;
+    return cell;
+}
+
+/* Monomials of the load and their derivatives; powers of the normal force go on along their tangents. */
+static void monomials(const fmfts_response *response, const double *load, double *value,
+                      double slope[][FMFTS_MAX_LOADS])
+{
+    double power[FMFTS_MAX_LOADS][FMFTS_MAX_EXPONENT + 1], by_load[FMFTS_MAX_LOADS][FMFTS_MAX_EXPONENT + 1];
+    for (size_t l = 0; l < response->loads; l++) {
+        double whole = load[l] / response->scale_n, beyond = l == 0 && whole > 1.0 ? whole - 1.0 : 0.0;
+        double inside = whole - beyond, lower = 1.0;
+        power[l][0] = 1.0;
+        by_load[l][0] = 0.0;
+        for (int e = 1; e <= FMFTS_MAX_EXPONENT; e++) {
+            by_load[l][e] = e * lower;
+            lower *= inside;
+            power[l][e] = lower + by_load[l][e] * beyond;
+        }
+    }
+    for (size_t m = 0; m < response->monomials; m++) {
+        const int32_t *exponent = response->exponent + m * response->loads;
+        value[m] = 1.0;
+        for (size_t l = 0; l < response->loads; l++) {
+            value[m] *= power[l][exponent[l]];
+            slope[m][l] = by_load[l][exponent[l]] / response->scale_n;
+            for (size_t other = 0; other < response->loads; other++) {
+                slope[m][l] *= other == l ? 1.0 : power[other][exponent[other]];
+            }
+        }
+    }
+}
+
+void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_CHANGE],
+                   double slope[FMFTS_CHANGE][FMFTS_MAX_PRESS])
+{
+    double along_x[4], along_y[4], slope_x[4], slope_y[4];
+    double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
+    size_t column = stencil(response, 0, press[0], along_x, slope_x);
+    size_t row = stencil(response, 1, press[1], along_y, slope_y);
+    monomials(response, press + 2, value, by_load);
+    memset(change, 0, sizeof(double[FMFTS_CHANGE]));
+    memset(slope, 0, sizeof(double[FMFTS_CHANGE][FMFTS_MAX_PRESS]));
+    for (size_t i = 0; i < 4; i++) {
+        for (size_t j = 0; j < 4; j++) {
+            double here = along_x[i] * along_y[j], by_x = slope_x[i] * along_y[j], by_y = along_x[i] * slope_y[j];
+            const double *patch = response->coefficient + ((column + i) * (response->knots[1] + 2) + row + j) *
+                                                              response->monomials * FMFTS_CHANGE;
+            for (size_t m = 0; m < response->monomials; m++) {
+                for (size_t c = 0; c < FMFTS_CHANGE; c++) {
+                    double coefficient = patch[m * FMFTS_CHANGE + c];
+                    change[c] += here * value[m] * coefficient;
+                    slope[c][0] += by_x * value[m] * coefficient;
+                    slope[c][1] += by_y * value[m] * coefficient;
+                    for (size_t l = 0; l < response->loads; l++) {
+                        slope[c][2 + l] += here * by_load[m][l] * coefficient;
+                    }
+                }
+            }
+        }
+    }
+}
+
+static void bring_onto_table(const fmfts_response *response, double *press)
+{
+    for (int axis = 0; axis < 2; axis++) {
+        double first = response->first_mm[axis];
+        press[axis] = clamped(press[axis], first, first + response->spacing_mm[axis] * (double)(response->knots[axis] - 1));
+    }
+    for (size_t l = 0; l < response->loads; l++) {
+        double farthest = FARTHEST_LOAD * response->scale_n;
+        press[2 + l] = clamped(press[2 + l], l == 0 ? 0.0 : -farthest, farthest);
+    }
+}
+
+static void judge(const fmfts_response *response, const double *change, fmfts_matrix information, point *at)
+{
+    double modelled[FMFTS_CHANGE];
+    bring_onto_table(response, at->press);
+    fmfts_respond(response, at->press, modelled, at->slope);
+    at->chi2 = 0.0;
+    for (int c = 0; c < FMFTS_CHANGE; c++) {
+        at->residual[c] = change[c] - modelled[c];
+    }
+    for (int c = 0; c < FMFTS_CHANGE; c++) {
+        for (int d = 0; d < FMFTS_CHANGE; d++) {
+            at->chi2 += at->residual[c] * information[c][d] * at->residual[d];
+        }
+    }
+}
+
+/* What the change tells of the press, (2 + loads)², and the gradient. */
+static void normal_equations(const point *at, fmfts_matrix information, size_t size, fmfts_matrix normal, double *gradient)
+{
+    for (size_t i = 0; i < size; i++) {
+        double weighted[FMFTS_CHANGE] = {0};
+        for (int c = 0; c < FMFTS_CHANGE; c++) {
+            for (int d = 0; d < FMFTS_CHANGE; d++) {
+                weighted[d] += at->slope[c][i] * information[c][d];
+            }
+        }
+        gradient[i] = 0.0;
+        for (size_t j = 0; j < size; j++) {
+            normal[i][j] = i == j ? UNKNOWN : 0.0;
+            for (int d = 0; d < FMFTS_CHANGE; d++) {
+                normal[i][j] += weighted[d] * at->slope[d][j];
+            }
+        }
+        for (int d = 0; d < FMFTS_CHANGE; d++) {
+            gradient[i] += weighted[d] * at->residual[d];
+        }
+    }
+}
+
+bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_CHANGE], const double *covariance, int steps,
+                  double *press, double *spread)
+{
+    fmfts_matrix matrix, factored, information, normal;
+    double gradient[FMFTS_MAX_PRESS], damping = FIRST_DAMPING;
+    size_t size = 2 + response->loads;
+    point best = {0}, trial = {0};
+    for (size_t c = 0; c < FMFTS_CHANGE; c++) {
+        memcpy(matrix[c], covariance + c * FMFTS_CHANGE, sizeof(double[FMFTS_CHANGE]));
+    }
+    if (!factor(FMFTS_CHANGE, matrix, 0.0, factored)) {
+        return false;
+    }
+    invert_factored(FMFTS_CHANGE, factored, information);
+    memcpy(best.press, press, size * sizeof(double));
+    judge(response, change, information, &best);
+    normal_equations(&best, information, size, normal, gradient);
+    for (int step = 0; step < steps && factor(size, normal, damping, factored); step++) {
+        double move[FMFTS_MAX_PRESS];
+        memcpy(move, gradient, sizeof(move));
+        solve_factored(size, factored, move);
+        for (size_t i = 0; i < size; i++) {
+            trial.press[i] = best.press[i] + move[i];
+        }
+        judge(response, change, information, &trial);
+        if (trial.chi2 <= best.chi2) {
+            best = trial;
+            damping /= DAMPING_FACTOR;
+            normal_equations(&best, information, size, normal, gradient);
+        } else {
+            damping *= DAMPING_FACTOR;
+        }
+    }
+    if (!factor(size, normal, 0.0, factored)) {
+        return false;
+    }
+    invert_factored(size, factored, matrix);
+    memcpy(press, best.press, size * sizeof(double));
+    for (size_t i = 0; i < size; i++) {
+        memcpy(spread + i * size, matrix[i], size * sizeof(double));
+    }
+    return true;
+}

@@ -1,0 +1,36 @@
+/* The press that most likely caused a change of pose, looked for in the table of a pad's response: fmfts.contact.response
+ * is the same for many presses, and explains it. Plain C, no allocation, no globals. */
+#ifndef FMFTS_REFINE_H
+#define FMFTS_REFINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum {
+    FMFTS_CHANGE = 5, /* a, b, c in mm, m, n */
+    FMFTS_MAX_LOADS = 3,
+    FMFTS_MAX_PRESS = 2 + FMFTS_MAX_LOADS, /* x, y in mm, loads in N */
+    FMFTS_MAX_MONOMIALS = 16,
+    FMFTS_MAX_EXPONENT = 9,
+};
+
+/* coefficient: (knots[0] + 2) × (knots[1] + 2) × monomials × FMFTS_CHANGE; exponent: monomials × loads, each at most
+ * FMFTS_MAX_EXPONENT. */
+typedef struct {
+    size_t knots[2], monomials, loads;
+    double first_mm[2], spacing_mm[2], scale_n;
+    const int32_t *exponent;
+    const double *coefficient;
+} fmfts_response;
+
+/* Change of pose under `press`, and its derivative by it. */
+void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_CHANGE],
+                   double slope[FMFTS_CHANGE][FMFTS_MAX_PRESS]);
+
+/* `steps` trials of Levenberg–Marquardt from `press`, which is replaced. covariance: of `change`, 5 × 5; spread: of the
+ * press, (2 + loads)². False, and nothing is written, where the covariance is none. */
+bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_CHANGE], const double *covariance, int steps,
+                  double *press, double *spread);
+
+#endif
