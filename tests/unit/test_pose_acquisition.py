@@ -61,12 +61,35 @@ def test_every_cold_start_is_right_or_flagged(pad: Pad, free: np.ndarray, sensor
         places = np.concatenate([random.uniform([-2e-3, -2e-3, 7e-3], [2e-3, 2e-3, 14e-3], (1, 3)), STARTS])
         found = acquire(problem, places, limit)
         best = found.best
-        if best.status is not Status.CONVERGED or best.chi2 > limit or found.rivals:
+        if best.status is not Status.CONVERGED or best.chi2 > limit or found.rivals or found.bent:
             flagged += 1
             continue
         step = truth.step_from(best.state)[free]
         assert step @ np.linalg.solve(best.covariance[np.ix_(free, free)], step) < 60  # χ²₈ > 60: once in 2e9
     assert flagged <= (0.06 if (sensors, len(free)) == (3, 8) else 0.0) * DRAWS
+
+
+def test_deviations_that_the_field_bends_away_from_are_flagged(pad: Pad) -> None:
+    """A reading of the million cold starts: one minimum, χ² fits, and the magnet is far outside its deviations."""
+    truth = State(np.array([-1.732e-3, 0.821e-3, 8.296e-3]), np.array([-0.0318, -0.5387, 0.8419]), 0.0, np.zeros(3))
+    problem = problem_of(truth, pad, FREE_FIELD, 3, np.random.default_rng(0))
+    problem.measurements[:, VALUE] = [
+        *(-2.941508411e-04, -1.378282428e-04, 6.291539746e-05),
+        *(-4.991095632e-05, 1.087978792e-04, -1.195767692e-04),
+        *(3.887178046e-04, -2.994874879e-04, 2.249318132e-04),
+    ]
+    found = acquire(problem, STARTS, quantile(1e-6, 1))
+    assert found.best.status is Status.CONVERGED
+    away = truth.position_m - found.best.state.position_m
+    assert away @ np.linalg.solve(found.best.covariance[:3, :3], away) > quantile(1e-6, 3)
+    assert found.bent
+
+
+def test_four_sensors_at_work_are_not_flagged_as_bent(pad: Pad) -> None:
+    random = np.random.default_rng(16)
+    for _ in range(100):
+        problem = problem_of(anywhere(random, ambient=True), pad, FREE_FIELD, 4, random)
+        assert not acquire(problem, STARTS, quantile(1e-6, 4)).bent
 
 
 STARTS = starts_around(np.array([[x, y, 0.0, *[0.0] * 7] for x in (8e-3, -8e-3) for y in (8e-3, -8e-3)]), 12e-3)

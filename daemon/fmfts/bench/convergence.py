@@ -23,8 +23,8 @@ SEARCHED_M = np.array([5e-3, 5e-3, 6e-3])
 
 def run(options: Namespace) -> None:
     print(f"{options.draws} cold starts each, anywhere in a workspace twice as wide, any axis, start unrelated to it")
-    print("flagged: no convergence, a misfit, or a second pose that fits as well\n")
-    print("sensors unknowns |   right  wrong  flagged: unsolved misfit  rival | ms each")
+    print("flagged: no convergence, a misfit, a second pose that fits as well, or a bent valley\n")
+    print("sensors unknowns |   right  wrong  flagged: unsolved misfit  rival   bent | ms each")
     for sensors in (4, 3):
         for unknowns in (6, 8):
             _count(options.draws, sensors, unknowns, np.random.default_rng(options.seed))
@@ -40,7 +40,7 @@ def _count(draws: int, sensors: int, unknowns: int, random: np.random.Generator)
     limit = quantile(FALSE_ALARM, len(rows) - unknowns)
     # An error of as many deviations as leaves a right answer out once in a million.
     far = quantile(FALSE_ALARM, unknowns)
-    counts = dict.fromkeys(("right", "wrong", "unsolved", "misfit", "rival"), 0)
+    counts = dict.fromkeys(("right", "wrong", "unsolved", "misfit", "rival", "bent"), 0)
     begun = perf_counter()
     for index in range(draws):
         truth = poses.state(index)
@@ -54,10 +54,12 @@ def _count(draws: int, sensors: int, unknowns: int, random: np.random.Generator)
             counts["misfit"] += 1
         elif found.rivals:
             counts["rival"] += 1
+        elif found.bent:
+            counts["bent"] += 1
         else:
             step = truth.step_from(best.state)[free]
             away = step @ np.linalg.solve(best.covariance[np.ix_(free, free)], step)
             counts["right" if away < far else "wrong"] += 1
     each = (perf_counter() - begun) / draws * 1e3
     shown = f"{counts['right']:7d} {counts['wrong']:6d}           {counts['unsolved']:6d} {counts['misfit']:6d}"
-    print(f"{sensors:7d} {unknowns:8d} | {shown} {counts['rival']:6d} | {each:.2f}")
+    print(f"{sensors:7d} {unknowns:8d} | {shown} {counts['rival']:6d} {counts['bent']:6d} | {each:.2f}")
