@@ -122,6 +122,8 @@ class Sender:
 
 def _contact_fields(contact: ContactEstimate, touching: bool) -> dict[str, Any]:
     """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
+    if contact.refused:  # neither place nor force: what shear does cannot be told from them there
+        return {"contact": touching}
     if touching and contact.over_range:
         return {"contact": True, "over_range": True, "force_min_n": contact.force_min_n}
     force: dict[str, Any] = {
@@ -131,7 +133,16 @@ def _contact_fields(contact: ContactEstimate, touching: bool) -> dict[str, Any]:
     }
     if not touching:
         return force
+    force |= _shear_fields(contact)
     return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
+
+
+def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
+    if contact.shear_n is None:
+        return {}
+    (x_n, y_n), deviation_n = contact.shear_n.tolist(), np.sqrt(np.diagonal(contact.covariance)[3:])
+    x_sd_n, y_sd_n = deviation_n.tolist()
+    return {"shear_x_n": x_n, "shear_x_sd_n": x_sd_n, "shear_y_n": y_n, "shear_y_sd_n": y_sd_n}
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:

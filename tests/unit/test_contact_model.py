@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
+import msgspec
 import numpy as np
 import onnx
 import onnxruntime
@@ -17,10 +18,13 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper
 
 from fmfts.calibrate.dataset import read_calibration_set
+from fmfts.calibrate.export import export
+from fmfts.calibrate.levenberg import Layers
+from fmfts.calibrate.network import ContactNetwork
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactEstimate, ContactModel, ModelError
-from fmfts.contact.contract import METADATA_KEY, SIZE_LIMIT_BYTES, parse_response
+from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES, parse_response
 from fmfts.contact.model import DEFAULT_PATH
 from fmfts.contact.response import bound_of
 from fmfts.pad import Pad
@@ -338,3 +342,99 @@ def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, m
         model.estimate(np.array([0.0, np.nan, 0.012]), pad.rest_axis, CERTAIN)
     with pytest.raises(ValueError, match="not finite"):
         model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN * np.nan)
+
+
+# --- refine, friction, shear ---
+
+
+def test_refined_answers_are_the_most_likely_and_say_so(pad: Pad, model: ContactModel) -> None:
+    """Beyond 11 mm, where the network is least good; deviations are honest there, to the 4 % that 600 errors tell."""
+    refining = ContactModel.load("default", pad, refine=True)
+    frames = Frames.drawn(pad, 1200, 0.28, 1.98, 14e-3, seed=81)
+    outer = np.linalg.norm(frames.press[:, :2], axis=1) > 11.0
+    estimates = frames.estimates(refining)
+    deviation = np.array([[one.x_sd_m * 1e3, one.y_sd_m * 1e3, one.force_sd_n] for one in estimates])
+    error = frames.found(refining) - frames.press
+    rms = np.sqrt(np.mean((error / deviation)[outer] ** 2, axis=0))
+    assert (rms < 1.15).all()
+    assert (rms > 0.85).all()
+    clean = Frames.of(pad, frames.press[:200])
+    assert (np.abs(clean.found(refining) - clean.press).mean(axis=0) < [0.02, 0.02, 0.002]).all()
+    assert not refining.plain
+    assert model.plain
+
+
+def test_model_without_a_response_cannot_be_refined(tmp_path: Path, pad: Pad) -> None:
+    def forget(proto: onnx.ModelProto) -> None:
+        kept = [entry for entry in proto.metadata_props if entry.key != RESPONSE_KEY]
+        proto.ClearField("metadata_props")
+        proto.metadata_props.extend(kept)
+
+    path = edited(tmp_path, forget)
+    ContactModel.load(path, pad)
+    with pytest.raises(ModelError, match="holds no response"):
+        ContactModel.load(path, pad, refine=True)
+
+
+def test_friction_widens_the_deviations_of_a_model_that_does_not_tell_shear(tmp_path: Path, pad: Pad) -> None:
+    """A model that a newton of shear moves by 1 mm and 0.2 N: at µ = 0.3 and 1.6 N, rms shear is 0.3·1.98/√2 N, the
+    force being that of the bin's end."""
+
+    def tell(facts: dict[str, object]) -> None:
+        own = facts["own_error"]
+        assert isinstance(own, dict)
+        per_newton = {"x_mm": 1.0, "y_mm": 1.0, "force_error_n": 0.2}
+        facts["friction_error"] = own | {
+            name: [[value] * len(own["radius_mm"])] * len(own["force_n"]) for name, value in per_newton.items()
+        }
+
+    path = edited(tmp_path, with_facts(tell))
+    frames = Frames.of(pad, np.array([[2.0, 1.0, 1.6]]))
+    without, with_friction = (
+        frames.estimates(ContactModel.load(path, pad, friction=friction))[0] for friction in (0.0, 0.3)
+    )
+    shear_n = 0.3 * 1.9792 / np.sqrt(2.0)
+    assert with_friction.x_sd_m**2 - without.x_sd_m**2 == pytest.approx((shear_n * 1e-3) ** 2, rel=1e-3)
+    assert with_friction.force_sd_n**2 - without.force_sd_n**2 == pytest.approx((shear_n * 0.2) ** 2, rel=1e-3)
+    assert with_friction.x_m == without.x_m
+
+
+def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, pad: Pad) -> None:
+    """A network that answers with constants, at first inside and then outside of where it may."""
+    network = ContactNetwork(
+        np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0]),
+        np.ones(5),
+        Layers.drawn((10, 2, 2, 5), np.random.default_rng(0)).scaled(
+            np.array([3.0, -2.0, 1.0, 0.2, -0.1]), np.zeros(5)
+        ),
+    )
+    facts = ContactModel.load("default", pad).facts
+    own = msgspec.structs.replace(facts.own_error, shear_error_n=facts.own_error.force_error_n)
+    envelope = msgspec.structs.replace(facts.envelope, x_mm=(-8.0, 8.0), y_mm=(-8.0, 8.0))
+    facts = msgspec.structs.replace(facts, outputs=SHEAR_OUTPUT_ORDER, own_error=own, envelope=envelope)
+    path = tmp_path / "five.onnx"
+    path.write_bytes(export(network, facts, None))
+    model = ContactModel.load(str(path), pad)
+    inside = model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN)
+    assert inside.shear_n is not None
+    np.testing.assert_allclose(inside.shear_n, [0.2, -0.1], rtol=1e-6)
+    assert inside.covariance.shape == (5, 5)
+    assert not inside.refused
+    assert not model.plain
+    moved = replace(network, layers=network.layers.scaled(np.array([6.0, 0.0, 0.0, 0.0, 0.0]), np.ones(5)))
+    path.write_bytes(export(moved, facts, None))
+    assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused
+
+
+def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path: Path, pad: Pad) -> None:
+    def five(facts: dict[str, object]) -> None:
+        own = facts["own_error"]
+        assert isinstance(own, dict)
+        own["shear_error_n"] = own["x_mm"]
+        facts["outputs"] = SHEAR_OUTPUT_ORDER
+
+    with pytest.raises(ModelError, match="another number of outputs"):
+        ContactModel.load(edited(tmp_path, with_facts(five)), pad)
+    only_named = with_facts(lambda facts: facts.update(outputs=SHEAR_OUTPUT_ORDER))
+    with pytest.raises(ModelError, match="own error is not told for each"):
+        ContactModel.load(edited(tmp_path, only_named), pad)

@@ -114,6 +114,8 @@ class PlacementConfig(_Section, frozen=True):
 
 class ContactConfig(_Section, frozen=True):
     model: str = "default"
+    refine: bool = False
+    friction: Annotated[float, Meta(ge=0, le=2)] = 0.3
 
 
 class PadConfig(_Section, frozen=True, kw_only=True):

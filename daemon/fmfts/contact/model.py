@@ -10,12 +10,25 @@ from typing import Self
 import numpy as np
 import onnxruntime
 
-from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts, ModelError, parse_facts, read_versions
-from fmfts.contact.inference import LAST_DIMENSIONS, OUTPUTS, Inference
+from fmfts.contact.contract import (
+    IR_VERSION,
+    OPSET,
+    OUTPUT_ORDER,
+    SHEAR_OUTPUT_ORDER,
+    SIZE_LIMIT_BYTES,
+    Facts,
+    ModelError,
+    parse_facts,
+    parse_response,
+    read_versions,
+)
+from fmfts.contact.inference import OUTPUTS, Inference, last_dimensions
+from fmfts.contact.refinement import Refiner
+from fmfts.contact.response import CHANGE
 from fmfts.pad import Array, Pad
 
 DEFAULT_PATH = Path(__file__).with_name("default.onnx")
-REMEDY = "make it again with `python -m fmfts.calibrate.default_model`, or set [pad.contact] model to one that fits"
+REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
 
 # A pose or force must be this many deviations outside the envelope to be called over range, …
 OUTSIDE_DEVIATIONS = 3.0
@@ -25,18 +38,22 @@ CERTAIN_DEVIATIONS = 3.0
 LIFTED_DEVIATIONS = 6.0
 HYSTERESIS_MM = 0.02
 POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a number
-CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0])  # mm → m; newtons stay
+CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
+# Keeps the covariance of a pose that somebody calls certain one that can be inverted: 0.1 µm and 0.1 mrad, in square.
+TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
 EVEN_SPREAD = 1.0 / np.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
 class ContactEstimate:
-    """x_m, y_m, force_n, their covariance (3, 3) in SI, all finite.
+    """x_m, y_m, force_n, their covariance (3, 3) in SI, all finite; (5, 5) where there is shear as well.
 
     over_range: the pose or the force is beyond what the model was trained on; then the three are those of the nearest
     pose that it knows, and only force_min_n, a lower bound of the force, is to be believed. None otherwise.
     lifted_m: how far the magnet certainly is above where any trained press, or none, has it; zero if it is not.
+    shear_n: (2,) tangential force along x and y, None from a model of three outputs. refused: a model of five outputs
+    found the press outside of where shear can be told from place; none of its numbers is to be believed.
     """
 
     x_m: float
@@ -46,6 +63,8 @@ class ContactEstimate:
     over_range: bool
     force_min_n: float | None
     lifted_m: float
+    shear_n: Array | None = None
+    refused: bool = False
 
     @property
     def x_sd_m(self) -> float:
@@ -61,25 +80,51 @@ class ContactEstimate:
 
 
 class ContactModel:
-    """A verified model. `hash`: first 12 hex digits of the file's SHA-256."""
+    """A verified model. `hash`: first 12 hex digits of the file's SHA-256.
 
-    def __init__(self, session: onnxruntime.InferenceSession, facts: Facts, digest: str) -> None:
-        self.inference = Inference(session)
+    refiner: moves each answer to the most likely press, None to leave it. friction: of the finger; the shear that it
+    may exert, and a model of three outputs does not know, widens the deviations.
+    """
+
+    def __init__(
+        self, session: onnxruntime.InferenceSession, facts: Facts, digest: str, refiner: Refiner | None, friction: float
+    ) -> None:
+        self.inference = Inference(session, len(facts.outputs))
         self.facts = facts
         self.hash = digest
+        self.refiner = refiner
+        self.has_shear = facts.outputs == SHEAR_OUTPUT_ORDER
+        self._unit = CONTACT_UNIT[: len(facts.outputs)]
         self.rest_pose = np.array(facts.rest_pose)
         # The axis's last component follows from the others, and not in proportion: it takes no part.
         self.lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
         # A magnet above its rest height is not a squeeze, however it came there.
         self.highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
         own = facts.own_error
-        self.own_deviation = np.stack([own.x_mm, own.y_mm, own.force_error_n], axis=-1) * CONTACT_UNIT
+        # What remains of the network's own error after it was refined is that of the table: nothing beside the noise.
+        whole = np.stack(own.tables, axis=-1) * self._unit
+        self.own_deviation = np.hypot(0.0 * whole if refiner else whole, self._friction_deviation(friction))
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         width_m = np.diff([facts.envelope.x_mm, facts.envelope.y_mm], axis=1)[:, 0] * 1e-3
         self.spread_m = width_m * EVEN_SPREAD
 
+    @property
+    def plain(self) -> bool:
+        """Three outputs, as the network has them: what the compiled path of a frame can do by itself."""
+        return self.refiner is None and not self.has_shear
+
+    def _friction_deviation(self, friction: float) -> Array | float:
+        """In the bins of the own error: of shear anywhere within the cone of friction, the force at the bin's end."""
+        tables = self.facts.friction_error
+        if tables is None or self.has_shear:
+            return 0.0
+        force_n = np.minimum(tables.force_n, self.facts.envelope.force_max_n)
+        shear_n = friction * force_n / np.sqrt(2.0)  # rms over the disc of radius µF
+        deviation: Array = np.stack(tables.tables, axis=-1) * self._unit * shear_n[:, None, None]
+        return deviation
+
     @classmethod
-    def load(cls, path: str, pad: Pad) -> Self:
+    def load(cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0) -> Self:
         """The model at `path` ("default": the one that ships) for `pad`; ModelError names what is wrong with it."""
         file = DEFAULT_PATH if path == "default" else Path(path)
         try:
@@ -87,7 +132,13 @@ class ContactModel:
             _check_versions(content)
             session = _session(content)
             _check_signature(session)
-            facts = parse_facts(session.get_modelmeta().custom_metadata_map)
+            metadata = session.get_modelmeta().custom_metadata_map
+            facts = parse_facts(metadata)
+            response = parse_response(metadata) if refine else None
+            if refine and response is None:
+                raise ValueError("it holds no response of its pad: it cannot be refined ([pad.contact] refine)")
+            if session.get_outputs()[0].shape[1] != len(facts.outputs):
+                raise ValueError("it has another number of outputs than its metadata says")
         except ValueError as error:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         if facts.geometry_hash != pad.geometry_hash:
@@ -96,7 +147,8 @@ class ContactModel:
                 f"pad {pad.name!r} has ({pad.geometry_hash}): correct [pad.geometry] and [pad.magnet], or calibrate "
                 "this pad and set [pad.contact] model"
             )
-        model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12])
+        refiner = None if response is None else Refiner(response)
+        model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction)
         contact, jacobian = model._infer(model.rest_pose)  # also warms the session up
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ModelError(f"contact model {file}: it does not answer with numbers for the rest pose; {REMEDY}")
@@ -124,9 +176,24 @@ class ContactModel:
         force_sd = float(np.sqrt(spread[2, 2]))
         over_range = bool(share < 1.0 or contact[2] - limit_n > OUTSIDE_DEVIATIONS * force_sd)
         certain_n = max(min(float(contact[2]), limit_n) - CERTAIN_DEVIATIONS * force_sd, 0.0)
-        x_m, y_m, force_n = contact.tolist()
+        x_m, y_m, force_n = contact[:3].tolist()
         lifted_m = max(float(lifted_mm) - HYSTERESIS_MM, 0.0) * 1e-3
-        return ContactEstimate(x_m, y_m, force_n, spread, over_range, certain_n if over_range else None, lifted_m)
+        return ContactEstimate(
+            x_m,
+            y_m,
+            force_n,
+            spread,
+            over_range,
+            certain_n if over_range else None,
+            lifted_m,
+            contact[3:] if self.has_shear else None,
+            self.has_shear and self._outside(contact),
+        )
+
+    def _outside(self, contact: Array) -> bool:
+        """Is the place beyond where the model was asked to answer?"""
+        reach = np.array([self.facts.envelope.x_mm, self.facts.envelope.y_mm]) * 1e-3
+        return bool((contact[:2] < reach[:, 0]).any() or (contact[:2] > reach[:, 1]).any())
 
     def _share_inside(self, pose: Array, slack: Array) -> float:
         """The largest share, at most 1, of the displacement from rest that stays in the envelope widened by `slack`.
@@ -139,22 +206,24 @@ class ContactModel:
         return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
 
     def _contact(self, pose: Array, pose_covariance: Array) -> tuple[Array, Array]:
-        """Contact (3,) and covariance (3, 3) in SI: the pose's, carried over by the Jacobian, and the model's own."""
+        """Contact (m,) and covariance (m, m) in SI: the pose's, carried over by the Jacobian, and the model's own."""
         contact, jacobian = self._infer(pose)
-        contact, jacobian = contact * CONTACT_UNIT, jacobian * CONTACT_UNIT[:, None]
+        carried = jacobian @ pose_covariance @ jacobian.T
+        if self.refiner is not None:
+            change = (pose - self.rest_pose)[:CHANGE]
+            contact, carried = self.refiner.refined(contact, change, pose_covariance[:CHANGE, :CHANGE] + TINY)
+        contact = contact * self._unit
         force_bin = np.searchsorted(self.force_bins_n, contact[2])
         radius_bin = np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))
-        spread = jacobian @ pose_covariance @ jacobian.T + np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
-        shrink = np.append(np.minimum(1.0, self.spread_m / np.sqrt(np.diagonal(spread)[:2])), 1.0)
+        own = np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
+        spread = carried * self._unit * self._unit[:, None] + own
+        shrink = np.append(np.minimum(1.0, self.spread_m / np.sqrt(np.diagonal(spread)[:2])), np.ones(len(contact) - 2))
         return contact, spread * shrink * shrink[:, None]
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
         self.inference.pose[:] = pose
         self.inference.run()
         return self.inference.contact.astype(np.float64), self.inference.jacobian.astype(np.float64)
-
-
-SIGNATURE = {"pose": 2, "contact": 2, "jacobian": 3}  # tensor → number of dimensions
 
 
 def _read(file: Path) -> bytes:
@@ -193,13 +262,11 @@ def _check_signature(session: onnxruntime.InferenceSession) -> None:
     names = [tensor.name for tensor in (*inputs, *outputs)]
     if names != ["pose", *OUTPUTS]:
         raise ValueError(f"its tensors are {', '.join(names)}, not pose → contact, jacobian")
+    width = outputs[0].shape[-1]
+    wanted = last_dimensions(width if width in (len(OUTPUT_ORDER), len(SHEAR_OUTPUT_ORDER)) else len(OUTPUT_ORDER))
     for tensor in (*inputs, *outputs):
-        wanted = LAST_DIMENSIONS[tensor.name]
         if tensor.type != "tensor(float)":
             raise ValueError(f"{tensor.name} is a {tensor.type}, not a tensor(float)")
-        if (
-            len(tensor.shape) != SIGNATURE[tensor.name]
-            or tensor.shape[1:] != wanted
-            or isinstance(tensor.shape[0], int)
-        ):
-            raise ValueError(f"{tensor.name} has the shape {tensor.shape}, not {['N', *wanted]}")
+        last = wanted[tensor.name]
+        if len(tensor.shape) != 1 + len(last) or tensor.shape[1:] != last or isinstance(tensor.shape[0], int):
+            raise ValueError(f"{tensor.name} has the shape {tensor.shape}, not {['N', *last]}")

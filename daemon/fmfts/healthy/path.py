@@ -71,8 +71,9 @@ class HealthyPath:
         repeats_allowed: Array,
         stopped_us: float,
     ) -> Self | None:
-        """None where nothing compiled is there, or the contact model's error tables are larger than it has room for."""
-        if not AVAILABLE:
+        """None where nothing compiled is there, or the contact model's error tables are larger than it has room for, or
+        the model tells shear or refines."""
+        if not (AVAILABLE and model.plain):
             return None
         facts = Named(_healthy.FACTS)
         try:

@@ -51,7 +51,12 @@ class Daemon:
         endpoints = for_daemon(config.bus.endpoint)
         self._selector = selectors.DefaultSelector()
         self._registered: dict[int, tuple[Source, int]] = {}
-        models = {pad.name: ContactModel.load(pad.contact.model, pad.pad()) for pad in config.pad}
+        models = {
+            pad.name: ContactModel.load(
+                pad.contact.model, pad.pad(), refine=pad.contact.refine, friction=pad.contact.friction
+            )
+            for pad in config.pad
+        }
         for pad in config.pad:
             log.info("pad '%s': contact model %s, SHA-256 %s…", pad.name, pad.contact.model, models[pad.name].hash)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
