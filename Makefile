@@ -66,7 +66,7 @@ firmware:
 model: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts.calibrate.default_model
 
-$(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch]) | base-packages
+$(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch] daemon/fmfts/sensor/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
 	@echo "installing fmfts into $(VENV) (a minute the first time)"
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e .

@@ -250,17 +250,17 @@ def test_slow_subscriber_neither_blocks_the_publisher_nor_others(publisher: Publ
 
 
 def test_frames_are_wanted_while_somebody_subscribes(publisher: Publisher, endpoints: Endpoints) -> None:
-    assert not publisher.frames_wanted("demo")
+    assert not publisher.frames_wanted("demo", time.monotonic_ns())
     with Subscription(("frame",), "demo", endpoints) as subscription:
-        eventually(lambda: publisher.frames_wanted("demo"))
-        assert not publisher.frames_wanted("other")
+        eventually(lambda: publisher.frames_wanted("demo", time.monotonic_ns()))
+        assert not publisher.frames_wanted("other", time.monotonic_ns())
         for sequence in range(3000):
             publisher.send_frame("demo", frame_message(sequence))
         received = []
         while (message := subscription.receive(0.3)) is not None:
             received.append(message.body["sequence"])
         assert received == list(range(3000)), "a recording loses nothing"
-    eventually(lambda: not publisher.frames_wanted("demo"))
+    eventually(lambda: not publisher.frames_wanted("demo", time.monotonic_ns()))
 
 
 def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, endpoints: Endpoints) -> None:

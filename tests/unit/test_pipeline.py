@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmfts.ambient import Baseline
-from fmfts.bus.messages import ContactMessage
+from fmfts.bus.messages import ContactMessage, decode_contact
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
@@ -146,7 +146,11 @@ class Bench:
             self.sent.append(send(pad, message))
             return self.sent[-1]
 
+        def keep_packed(topic: bytes, payload: bytes) -> None:
+            self.sent.append(decode_contact(payload))
+
         self._publisher.send_contact = keep  # type: ignore[method-assign]
+        self._publisher.send_packed = keep_packed  # type: ignore[method-assign]
         self.channel = Channel(self.source, 0, self.pipeline, self._publisher, "boot", rate_hz)
 
     def __enter__(self) -> Self:
@@ -161,7 +165,7 @@ def test_error_in_one_pads_work_is_lost_and_told_once(caplog: pytest.LogCaptureF
         raise ZeroDivisionError("a bug")
 
     with Bench(config_of()) as bench, caplog.at_level(logging.ERROR):
-        bench.pipeline.process = broken  # type: ignore[method-assign]
+        bench.pipeline.answer = broken  # type: ignore[method-assign]
         for frame in frames_of(config_of(), no_finger, 0.05):
             bench.channel.frame(replace(frame, host_time_ns=time.monotonic_ns()))
     assert {message.health for message in bench.sent} == {"lost"}

@@ -27,6 +27,8 @@ from fmfts_client.endpoints import Endpoints
 BUS_HIGH_MARK = 256
 FRAMES_HIGH_MARK = 20_000
 LARGEST_SUBSCRIPTION = 1024
+# With many pads, asking the socket for every frame would cost as much as sending.
+LOOK_NS = 4_000_000
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +45,7 @@ class Publisher:
         self.boot = boot
         self.refused = 0
         self._subscriptions: set[bytes] = set()
+        self._look_ns = 0
         self._bus = BoundSocket(zmq.XPUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         try:
             self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
@@ -58,35 +61,47 @@ class Publisher:
             self._refuse(error)
             message = _without_estimate(message, str(error))
             payload = encode(message)
-        _send(self._bus, f"contact/{pad}", payload)
+        _send(self._bus, contact_topic(pad), payload)
         return message
 
+    def send_packed(self, topic: bytes, payload: bytes) -> None:
+        """A contact that is a map already, all of whose numbers are numbers."""
+        self._bus.zmq.send(topic, zmq.NOBLOCK | zmq.SNDMORE)
+        self._bus.zmq.send(payload, zmq.NOBLOCK)
+
     def send_event(self, pad: str, message: EventMessage) -> None:
-        self._send_checked(self._bus, f"event/{pad}", message)
+        self._send_checked(self._bus, f"event/{pad}".encode(), message)
 
     def send_status(self, pad: str, message: StatusMessage) -> None:
         _drain(self._bus)
-        self._send_checked(self._bus, f"status/{pad}", message)
+        self._send_checked(self._bus, f"status/{pad}".encode(), message)
 
-    def frames_wanted(self, pad: str) -> bool:
-        """Does anybody subscribe to this pad's raw frames now?"""
+    def frames_wanted(self, pad: str, now_ns: int) -> bool:
+        """Does anybody subscribe to this pad's raw frames? Looked up once in LOOK_NS at most."""
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + LOOK_NS
+            self._follow_subscriptions()
+        if not self._subscriptions:
+            return False
+        topic = f"frame/{pad}".encode()
+        return any(topic.startswith(prefix) for prefix in self._subscriptions)
+
+    def _follow_subscriptions(self) -> None:
         for change in _drain(self._frames):
             # XPUB hands on the first subscription to a topic (1) and the end of the last one (0).
             if change[:1] == b"\x01":
                 self._subscriptions.add(change[1:])
             elif change[:1] == b"\x00":
                 self._subscriptions.discard(change[1:])
-        topic = f"frame/{pad}".encode()
-        return any(topic.startswith(prefix) for prefix in self._subscriptions)
 
     def send_frame(self, pad: str, message: FrameMessage) -> None:
-        self._send_checked(self._frames, f"frame/{pad}", message)
+        self._send_checked(self._frames, f"frame/{pad}".encode(), message)
 
     def close(self) -> None:
         self._bus.close()
         self._frames.close()
 
-    def _send_checked(self, socket: BoundSocket, topic: str, message: AnyMessage) -> None:
+    def _send_checked(self, socket: BoundSocket, topic: bytes, message: AnyMessage) -> None:
         try:
             payload = encode(message)
         except NotFiniteError as error:
@@ -105,9 +120,13 @@ class Publisher:
             )
 
 
-def _send(socket: BoundSocket, topic: str, payload: bytes) -> None:
+def contact_topic(pad: str) -> bytes:
+    return f"contact/{pad}".encode()
+
+
+def _send(socket: BoundSocket, topic: bytes, payload: bytes) -> None:
     # XPUB drops for a subscriber that is full and never blocks; NOBLOCK turns a mistake about that into an error.
-    socket.zmq.send_multipart((topic.encode(), payload), flags=zmq.NOBLOCK)
+    socket.zmq.send_multipart((topic, payload), flags=zmq.NOBLOCK)
 
 
 def _drain(socket: BoundSocket) -> list[bytes]:

@@ -1,11 +1,10 @@
-/* fmfts.healthy._healthy: the healthy path for Python, through the stable ABI. Called by path.py and framing.py. */
+/* fmfts.healthy._healthy: the healthy path for Python, through the stable ABI. Called by path.py only. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 #include <string.h>
 
 #include "healthy.h"
-#include "sample.h"
 
 /* What a frame is on its way from `judge` to `conclude`: the memory that it will leave, if its contact is a number. */
 typedef struct {
@@ -32,7 +31,7 @@ static void release(Py_buffer *buffers, int count)
     }
 }
 
-/* judge(facts, memory, passage, pose, readings, time_us, temperature_c, gain_code, valid, fresh) → the instant in µs, or
+/* judge(facts, memory, passage, pose, (gain_code, valid, fresh, readings), time_us, temperature_c) → the instant in µs, or
  * None where the frame is not healthy. `pose` (6,) float32: what to ask the contact model. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
@@ -41,8 +40,8 @@ static PyObject *judge(PyObject *module, PyObject *args)
     fmfts_frame frame;
     PyObject *result = NULL;
     (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*w*y*KdIII", &b[0], &b[1], &b[2], &b[3], &b[4], &time_us, &frame.temperature_c,
-                          &frame.gain_code, &frame.valid, &frame.fresh)) {
+    if (!PyArg_ParseTuple(args, "y*y*w*w*(IIIy*)Kd", &b[0], &b[1], &b[2], &b[3], &frame.gain_code, &frame.valid,
+                          &frame.fresh, &b[4], &time_us, &frame.temperature_c)) {
         return NULL;
     }
     const fmfts_facts *facts = b[0].buf;
@@ -55,7 +54,7 @@ static PyObject *judge(PyObject *module, PyObject *args)
         frame.time_us = (double)time_us;
         memcpy(&passage->next, b[1].buf, sizeof passage->next);
         int healthy = facts->sensors[0] >= 1 && facts->sensors[0] <= FMFTS_SENSORS &&
-                      b[4].len == (Py_ssize_t)(FMFTS_READING_BYTES * (size_t)facts->sensors[0]) &&
+                      b[4].len == FMFTS_READING_BYTES * (Py_ssize_t)facts->sensors[0] &&
                       fmfts_align(facts, &passage->next, &frame, &field) &&
                       fmfts_track(facts, &passage->next, &field, frame.temperature_c, &pose) &&
                       fmfts_watch(facts, &passage->next, &field) &&
@@ -99,6 +98,21 @@ static PyObject *conclude(PyObject *module, PyObject *args)
     return result;
 }
 
+/* Into a msgpack float64 or uint64, whose type byte the template has already. */
+static void put_unsigned(uint8_t *place, uint64_t value)
+{
+    for (int byte = 8; byte-- > 0; value >>= 8) {
+        place[byte] = (uint8_t)value;
+    }
+}
+
+static void put_float(uint8_t *place, double value)
+{
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    put_unsigned(place, bits);
+}
+
 /* message(template, places, passage, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32, of the integers and
  * of every number in the template; −1 where it has none. */
 static PyObject *message(PyObject *module, PyObject *args)
@@ -122,9 +136,9 @@ static PyObject *message(PyObject *module, PyObject *args)
                 continue;
             }
             if (i < INTEGERS) {
-                fmfts_put_unsigned(text + place[i], integer[i]);
+                put_unsigned(text + place[i], integer[i]);
             } else {
-                fmfts_put_float(text + place[i], number[i - INTEGERS]);
+                put_float(text + place[i], number[i - INTEGERS]);
             }
         }
     }
@@ -132,40 +146,10 @@ static PyObject *message(PyObject *module, PyObject *args)
     return result;
 }
 
-/* samples(data) → ([(pad_index, sequence, time_us, gain_code, valid, fresh, temperature_raw, readings), …], end): the
- * sample packets that `data` begins with, and where they end. */
-static PyObject *samples(PyObject *module, PyObject *args)
-{
-    const char *data;
-    Py_ssize_t size, end = 0;
-    fmfts_sample s;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y#", &data, &size)) {
-        return NULL;
-    }
-    PyObject *found = PyList_New(0);
-    while (found && end < size) {
-        const char *zero = memchr(data + end, 0, (size_t)(size - end));
-        if (!zero || !fmfts_read_sample((const uint8_t *)data + end, (size_t)(zero - data - end), &s)) {
-            break;
-        }
-        PyObject *sample = Py_BuildValue("(IIKIIIiy#)", s.pad_index, s.sequence, (unsigned long long)s.time_us,
-                                         s.gain_code, s.valid, s.fresh, s.temperature_raw, s.readings,
-                                         (Py_ssize_t)(FMFTS_READING_BYTES * s.sensors));
-        if (!sample || PyList_Append(found, sample) < 0) {
-            Py_CLEAR(found);
-        }
-        Py_XDECREF(sample);
-        end = zero - data + 1;
-    }
-    return found ? Py_BuildValue("(Nn)", found, end) : NULL;
-}
-
 static PyMethodDef methods[] = {
     {"judge", judge, METH_VARARGS, "A frame as far as the contact model; see path.py."},
     {"conclude", conclude, METH_VARARGS, "The contact model's answer to it; see path.py."},
     {"message", message, METH_VARARGS, "What is published of it; see template.py."},
-    {"samples", samples, METH_VARARGS, "The sample packets that bytes begin with; see framing.py."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -11,16 +11,12 @@ def judge(
     memory: Buffer,
     passage: Buffer,
     pose: Buffer,
-    readings: bytes,
+    packed: tuple[int, int, int, bytes],
     time_us: int,
     temperature_c: float,
-    gain_code: int,
-    valid: int,
-    fresh: int,
     /,
 ) -> int | None: ...
 def conclude(facts: Buffer, memory: Buffer, passage: Buffer, contact: Buffer, jacobian: Buffer, /) -> int: ...
 def message(
     template: bytes, places: bytes, passage: Buffer, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, /
 ) -> bytes: ...
-def samples(data: bytes, /) -> tuple[list[tuple[int, int, int, int, int, int, int, bytes]], int]: ...

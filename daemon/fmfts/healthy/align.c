@@ -4,7 +4,7 @@
 
 #include "healthy.h"
 
-enum { OVERFLOW_COUNT = -4096, READING_BYTES = 8, AMBIENT_VALUE = 7 };
+enum { OVERFLOW_COUNT = -4096, AMBIENT_VALUE = 7 };
 
 static int little_endian(const uint8_t *bytes)
 {
@@ -20,7 +20,7 @@ static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
         return false;
     }
     for (int i = 0; i < sensors; i++) {
-        double sampled = frame->time_us - little_endian(frame->readings + READING_BYTES * i + 6);
+        double sampled = frame->time_us - little_endian(frame->readings + FMFTS_READING_BYTES * i + 6);
         newest = fmax(newest, sampled);
         before = fmax(before, memory->time_us[i]);
         double *sample[3], *time = memory->time_us + i;
@@ -36,7 +36,7 @@ static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
             time[0] = sampled;
         }
         for (int axis = 0; axis < 3; axis++) {
-            int count = (int16_t)little_endian(frame->readings + READING_BYTES * i + 2 * axis);
+            int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * i + 2 * axis);
             if (count == OVERFLOW_COUNT) {
                 return false;
             }

@@ -92,12 +92,9 @@ class HealthyPath:
             self._memory_buffer,
             self._passage,
             self._pose,
-            packed.readings,
+            packed,
             device_time_us,
             np.nan if temperature_c is None else temperature_c,
-            packed.gain_code,
-            packed.valid,
-            packed.fresh,
         )
         if instant_us is None:
             return None

@@ -6,7 +6,9 @@ import logging
 import time
 
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, FrameMessage, Health, StatusMessage
-from fmfts.bus.publisher import Publisher
+from fmfts.bus.publisher import Publisher, contact_topic
+from fmfts.contact_message import PackedMessage
+from fmfts.healthy import Kind
 from fmfts.jobs.baselines import BaselineJob
 from fmfts.jobs.probing import faults_of
 from fmfts.pipeline import PadPipeline
@@ -32,6 +34,7 @@ class Channel:
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
         self._publisher = publisher
+        self._topic = contact_topic(self.name)
         self._boot = boot
         self._rate_hz = rate_hz
         self._statistics = PadStatistics()
@@ -42,14 +45,16 @@ class Channel:
         self._last_used_ns: int | None = None
         self._late_s = 0.0
         self._failed = False
-        self._last: ContactMessage | None = None
+        self._last: ContactMessage | PackedMessage | None = None
+        self._kind: Kind | None = None  # of the last message, if it was a healthy frame's
         self._health_since_ns = self._started_ns
         self._touched = False
         self._touched_since_ns = self._started_ns
 
     @property
     def health(self) -> Health:
-        return "disconnected" if self._last is None else self._last.health
+        last = self._last_message
+        return "disconnected" if last is None else last.health
 
     @property
     def faults(self) -> list[str]:
@@ -63,14 +68,21 @@ class Channel:
         self._statistics.frame(frame)
         if self.job is not None:
             self.job.take(frame)
-        if self._publisher.frames_wanted(self.name):
+        if self._publisher.frames_wanted(self.name, arrived_ns):
             self._publisher.send_frame(self.name, self._frame_message(frame))
         self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9
         if self._late_s > OVERDUE_S:
             self._statistics.dropped += 1
             return
-        message = self._publish(self._processed(frame))
-        self._statistics.published(message.t_sample_ns, message.t_publish_ns)
+        answer = self._answered(frame)
+        if isinstance(answer, PackedMessage) and answer.kind is self._kind:
+            # Healthy as the one before, touched as the one before: there is nothing else to tell.
+            self._publisher.send_packed(self._topic, answer.payload)
+            self._last = answer
+        else:
+            self._publish(answer.message if isinstance(answer, PackedMessage) else answer)
+            self._kind = answer.kind if isinstance(answer, PackedMessage) else None
+        self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
         self._last_used_ns = arrived_ns
 
     def tick(self, now_ns: int) -> None:
@@ -89,10 +101,14 @@ class Channel:
             reason = f"silent for {(now_ns - last) * 1e-9:.1f} s"
         self._publish(self.pipeline.absent("stale", f"{state.description}: {reason}"))
 
-    def _processed(self, frame: Frame) -> ContactMessage:
+    @property
+    def _last_message(self) -> ContactMessage | None:
+        return self._last.message if isinstance(self._last, PackedMessage) else self._last
+
+    def _answered(self, frame: Frame) -> ContactMessage | PackedMessage:
         """An error in the work on one pad must not end the others', nor pass for a reading."""
         try:
-            return self.pipeline.process(frame)
+            return self.pipeline.answer(frame)
         except Exception as error:
             if not self._failed:
                 self._failed = True
@@ -110,7 +126,7 @@ class Channel:
     def status(self, now_ns: int) -> StatusMessage:
         """Facts of the last interval; ends it."""
         latency = self._statistics.interval(now_ns)
-        state, last, mounting = self.source.state, self._last, self.pipeline.mounting
+        state, last, mounting = self.source.state, self._last_message, self.pipeline.mounting
         return StatusMessage(
             pad=self.name,
             boot=self._boot,
@@ -143,7 +159,7 @@ class Channel:
     def _publish(self, message: ContactMessage) -> ContactMessage:
         """Send it, and tell what changed; what was sent (the publisher may have withheld an estimate)."""
         message = self._publisher.send_contact(self.name, message)
-        before, self._last = self._last, message
+        before, self._last, self._kind = self._last_message, message, None
         if before is None or before.health != message.health:
             self._health_since_ns = message.t_publish_ns
             text = f"{message.health}: {message.reason}" if message.reason else message.health

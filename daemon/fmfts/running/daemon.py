@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import secrets
-import selectors
 import signal
 import socket
 import time
@@ -24,6 +24,7 @@ from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
+from fmfts.running.schedule import Schedule
 from fmfts.running.summary import one_line
 from fmfts.running.verbs import Verbs
 from fmfts.scene import around, blind, choose
@@ -49,14 +50,7 @@ class Daemon:
         """Opens models, baselines and endpoints; raises their errors. Devices may come later."""
         self._boot = secrets.token_hex(4)
         endpoints = for_daemon(config.bus.endpoint)
-        self._selector = selectors.DefaultSelector()
-        self._registered: dict[int, tuple[Source, int]] = {}
-        models = {
-            pad.name: ContactModel.load(
-                pad.contact.model, pad.pad(), refine=pad.contact.refine, friction=pad.contact.friction
-            )
-            for pad in config.pad
-        }
+        models = _models(config)
         for pad in config.pad:
             log.info("pad '%s': contact model %s, SHA-256 %s…", pad.name, pad.contact.model, models[pad.name].hash)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
@@ -74,6 +68,7 @@ class Daemon:
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
         self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
+        self._schedule = Schedule(self._sources)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
         self._stopping = False
@@ -91,7 +86,7 @@ class Daemon:
         self._publisher.close()
         if self._gate is not None:
             self._gate.close()
-        self._selector.close()
+        self._schedule.close()
         self._wake_read.close()
         self._wake_write.close()
 
@@ -101,26 +96,28 @@ class Daemon:
         signal.set_wakeup_fd(self._wake_write.fileno())
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
-        self._selector.register(self._wake_read, selectors.EVENT_READ, None)
-        self._selector.register(self._control.fileno(), selectors.EVENT_READ, None)
+        self._schedule.wake_for(self._wake_read.fileno())
+        self._schedule.wake_for(self._control.fileno())
         if self._gate is not None:
-            self._selector.register(self._gate.fileno(), selectors.EVENT_READ, None)
+            self._schedule.wake_for(self._gate.fileno())
+        # What is there now stays: no collection has to look through it again while frames come.
+        gc.collect()
+        gc.freeze()
         self._notifier.ready()
         next_tick_ns = next_status_ns = time.monotonic_ns()
         while not self._stopping:
-            ready = self._wait(next_tick_ns)
+            for source in self._schedule.wait(next_tick_ns):
+                self._serve(source, time.monotonic_ns())
             now_ns = time.monotonic_ns()
-            for source in self._sources:
-                deadline_ns = source.deadline_ns()
-                if source in ready or (deadline_ns is not None and deadline_ns <= now_ns):
-                    self._serve(source, now_ns)
             if self._gate is not None:
                 self._gate.answer()
             for request in self._control.poll():
                 self._verbs.handle(request)
+                self._schedule.review()
             if now_ns >= next_tick_ns:
                 next_tick_ns = now_ns + TICK_NS
                 self._verbs.finish_jobs()
+                self._schedule.review()
                 for channel in self._channels.values():
                     channel.tick(now_ns)
                 self._notifier.watchdog()
@@ -129,35 +126,12 @@ class Daemon:
                 self._report(now_ns)
         self._notifier.stopping()
 
-    def _wait(self, next_tick_ns: int) -> list[Source]:
-        """Sleep until something is readable or due; the sources that are readable."""
-        deadlines = [next_tick_ns, *(d for source in self._sources if (d := source.deadline_ns()) is not None)]
-        timeout_s = max(0.0, (min(deadlines) - time.monotonic_ns()) * 1e-9)
-        return [key.data for key, _ in self._selector.select(timeout_s) if key.data is not None]
-
     def _serve(self, source: Source, now_ns: int) -> None:
         for frame in source.poll(now_ns):
             channel = self._channels.get((id(source), frame.pad_index))
             if channel is not None:
                 channel.frame(frame)
-        self._follow_descriptor(source)
-
-    def _follow_descriptor(self, source: Source) -> None:
-        """Wait on what the source has open now: an unplugged and reopened device has another descriptor."""
-        before = self._registered.get(id(source))
-        descriptor = source.fileno()
-        if (before and before[1]) == descriptor:
-            return
-        if before is not None:
-            # A closed descriptor has left epoll by itself; its number may be somebody else's by now.
-            try:
-                self._selector.unregister(before[1])
-            except (KeyError, OSError):
-                log.debug("descriptor %d was closed already", before[1])
-            del self._registered[id(source)]
-        if descriptor is not None:
-            self._selector.register(descriptor, selectors.EVENT_READ, source)
-            self._registered[id(source)] = (source, descriptor)
+        self._schedule.served(source)
 
     def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
         pad = config.pad()
@@ -202,3 +176,17 @@ class Daemon:
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)
         self._stopping = True
+
+
+def _models(config: Config) -> dict[str, ContactModel]:
+    """By pad; pads of one structure share theirs."""
+    loaded: dict[tuple[object, ...], ContactModel] = {}
+    models = {}
+    for pad in config.pad:
+        drawing = pad.pad()
+        contact = pad.contact
+        key = (contact, drawing.geometry_hash)
+        if key not in loaded:
+            loaded[key] = ContactModel.load(contact.model, drawing, refine=contact.refine, friction=contact.friction)
+        models[pad.name] = loaded[key]
+    return models

@@ -71,6 +71,10 @@ class Bridge:
         if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
             return ()
         frames = self._receive(now_ns)
+        if frames and self.state.connected and not self._outbox:
+            due_ns = self._link.due_ns
+            if due_ns is None or due_ns > now_ns:
+                return frames  # all is well, and there is nothing to say
         if self._serial is not None:
             self._judge(now_ns)
         if self._serial is not None:

@@ -66,8 +66,14 @@ class DeviceClock:
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
-        if self._origin is not None and not self._plausible(device_us, arrival_ns):
-            self.restart()
+        if self._origin is not None:
+            point = self._point(device_us, arrival_ns)
+            above = self._above_line(point)
+            if self._newest_us <= device_us and self._teaches_nothing(point, above):
+                self._newest_us = device_us
+                return arrival_ns - int(above) - self.fixed_delay_ns
+            if not self._plausible(device_us, arrival_ns):
+                self.restart()
         if self._origin is None:
             self._begin(device_us, arrival_ns)
         point = self._point(device_us, arrival_ns)
@@ -78,6 +84,15 @@ class DeviceClock:
             self._learn(point)
         self._newest_us = max(self._newest_us, device_us)
         return arrival_ns - max(0, int(self._above_line(point))) - self.fixed_delay_ns
+
+    def _teaches_nothing(self, point: Point, above: float) -> bool:
+        """Most packets are a little above the line, and others of their bucket are lower: that costs the least."""
+        lowest_us, lowest_ns = self._lowest
+        return (
+            max(0.0, lowest_ns - self._height - self._slope * lowest_us) <= above <= JUMP_NS
+            and point[0] < self._bucket_end_us
+            and not self._late_packets
+        )
 
     def _begin(self, device_us: int, arrival_ns: int) -> None:
         self._origin = (device_us, arrival_ns - 1000 * device_us)

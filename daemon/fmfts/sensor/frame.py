@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +20,8 @@ def step_t(gain_code: int) -> float:
     return TESLA_PER_GAUSS / LSB_PER_GAUSS[gain_code]
 
 
-class Packed(NamedTuple):
-    """A reading as the wire has it (docs/wire.md): readings holds 8 bytes for each sensor; bit i of valid and fresh is
-    sensor i."""
-
-    gain_code: int
-    valid: int
-    fresh: int
-    readings: bytes
+# A reading as docs/wire.md has it: gain code, masks of valid and of fresh sensors, and 8 bytes for each sensor.
+Packed = tuple[int, int, int, bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +54,7 @@ class Frame:
         readings[:, :3] = self.counts
         readings[:, 3] = self.age_us.view(np.int16)
         valid, fresh = (int(np.packbits(mask, bitorder="little")[0]) for mask in (self.valid, self.fresh))
-        return Packed(self.gain_code, valid, fresh, readings.tobytes())
+        return self.gain_code, valid, fresh, readings.tobytes()
 
     @property
     def overflow(self) -> NDArray[np.bool_]:
@@ -112,7 +105,7 @@ class WireFrame(Frame):
 
     @property
     def gain_code(self) -> int:
-        return self._packed.gain_code
+        return self._packed[0]
 
     @property
     def counts(self) -> NDArray[np.int16]:
@@ -124,15 +117,15 @@ class WireFrame(Frame):
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        return bits(self._packed.valid, len(self._packed.readings) // READING_BYTES)
+        return bits(self._packed[1], len(self._packed[3]) // READING_BYTES)
 
     @property
     def fresh(self) -> NDArray[np.bool_]:
-        return bits(self._packed.fresh, len(self._packed.readings) // READING_BYTES)
+        return bits(self._packed[2], len(self._packed[3]) // READING_BYTES)
 
     @property
     def _readings(self) -> NDArray[np.int16]:
-        return np.frombuffer(self._packed.readings, "<i2").reshape(-1, 4)
+        return np.frombuffer(self._packed[3], "<i2").reshape(-1, 4)
 
 
 @lru_cache(maxsize=1024)

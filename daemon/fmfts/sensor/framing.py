@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from binascii import crc_hqx
+from collections.abc import Sequence
 
+from fmfts.sensor.frame import Packed
 from fmfts.sensor.packets import Packet
 from fmfts.sensor.wire import VERSION, MalformedError, pack, unpack
+
+try:
+    from fmfts.sensor import _wire
+except ImportError:  # no compiler was there when the package was built
+    _wire = None  # type: ignore[assignment]
 
 MAX_LINE_BYTES = 255  # 254 of the packet and the one that COBS adds; the closing zero not counted
 _CRC_INITIAL = 0xFFFF
@@ -34,6 +41,10 @@ def _unstuff(line: bytes) -> bytes:
     return bytes(packet[1:])
 
 
+# pad_index, sequence, time_us, temperature_raw, and the reading.
+PackedSample = tuple[int, int, int, int, Packed]
+
+
 class Decoder:
     """Cuts a stream of bytes into packets, whatever else is in it; the counters only grow.
 
@@ -47,6 +58,16 @@ class Decoder:
         self.foreign_version: int | None = None  # of the last packet of another wire version
         self._pending = b""
         self._joined = False
+
+    def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample], bytes]:
+        """The samples that the stream goes on with, unpacked in C, and what of `data` is left for `feed`."""
+        if _wire is None:
+            return (), data
+        data = self._pending + data
+        samples, end = _wire.samples(data)
+        self._pending = b""
+        self._joined |= end > 0
+        return samples, data[end:]
 
     def feed(self, data: bytes) -> list[Packet]:
         """The packets that `data` completes; never raises, whatever the bytes are."""

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 from msgspec.structs import replace
 
 from fmfts.config import PadConfig
 from fmfts.sensor import faults, hmc5983
 from fmfts.sensor.clock import DeviceClock, HostClock
-from fmfts.sensor.frame import Frame
-from fmfts.sensor.framing import Decoder
+from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
+from fmfts.sensor.framing import Decoder, PackedSample
 from fmfts.sensor.packets import (
     TEMPERATURE_UNKNOWN,
     Hello,
@@ -31,8 +30,6 @@ from fmfts.sensor.source import SourceState
 
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
 _SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}  # what of hello a request changes
-_BITS_OF_MASK = (np.arange(256)[:, None] >> np.arange(8) & 1).astype(bool)
-_BITS_OF_MASK.setflags(write=False)
 
 
 class Link:
@@ -57,6 +54,7 @@ class Link:
         self._hello_due_ns: int | None = None
         self._misfits = 0
         self._selftests = Selftests()
+        self._welcome: set[tuple[int, int]] = set()  # pad index and bytes of readings that the last hello allows
 
     @property
     def is_right_board(self) -> bool:
@@ -72,6 +70,7 @@ class Link:
     def restart(self) -> None:
         """A newly opened line: nothing of the old one holds."""
         self.hello = self._hello_due_ns = None
+        self._welcome.clear()
         self.heard_ns = self._misfits = 0
         self._decoder = Decoder()
         self._clock.restart()
@@ -100,7 +99,10 @@ class Link:
 
         Never raises: a packet that contradicts the board's hello is left out, counted, and named in `warnings`.
         """
-        frames = []
+        samples, data = self._decoder.leading_samples(data)
+        frames = [frame for sample in samples if (frame := self._wire_frame(sample, now_ns)) is not None]
+        if not data:
+            return frames
         before = (self._decoder.crc_errors, self._decoder.garbage_bytes)
         for packet in self._decoder.feed(data):
             self.heard_ns = now_ns
@@ -123,22 +125,43 @@ class Link:
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         return self._selftests.result(pad_index)
 
-    def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
-        sensors = len(sample.counts)
-        if not self._fits("sample", sample.pad_index, sensors):
+    def _wire_frame(self, sample: PackedSample, now_ns: int) -> Frame | None:
+        pad_index, sequence, time_us, temperature_raw, packed = sample
+        self.heard_ns = now_ns
+        key = pad_index, len(packed[3])
+        if key in self._welcome:
+            host_time_ns: int | None = self._host_time_ns(time_us, now_ns)
+        else:
+            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns)
+            if host_time_ns is not None and self.hello is not None:
+                self._welcome.add(key)
+        if host_time_ns is None:
             return None
+        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, _temperature_c(temperature_raw))
+
+    def _host_time_ns(self, time_us: int, now_ns: int) -> int:
         restarts = self._clock.restarts
-        host_time_ns = self._clock.to_host_ns(sample.time_us, now_ns)
+        host_time_ns = self._clock.to_host_ns(time_us, now_ns)
         if self._clock.restarts != restarts:
             self.requests.ask(Verb.HELLO)  # after a reset it has its own settings again, and its hello may be lost
-        pad = self._pads.get(sample.pad_index)
+        return host_time_ns
+
+    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int) -> int | None:
+        """When a sample was taken, None where it is not for a pad of the config as that describes it."""
+        if not self._fits("sample", pad_index, sensors):
+            return None
+        host_time_ns = self._host_time_ns(time_us, now_ns)
+        pad = self._pads.get(pad_index)
         if pad is None or not self.is_right_board:
             return None
         wrong = sensors != len(pad.geometry.sensors_mm)
-        faults.note(
-            self._state.pad_faults, sample.pad_index, faults.wrong_sensor_count(pad, sensors) if wrong else None
-        )
-        if wrong:
+        faults.note(self._state.pad_faults, pad_index, faults.wrong_sensor_count(pad, sensors) if wrong else None)
+        return None if wrong else host_time_ns
+
+    def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
+        sensors = len(sample.counts)
+        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns)
+        if host_time_ns is None:
             return None
         return Frame(
             sample.pad_index,
@@ -148,9 +171,9 @@ class Link:
             sample.gain_code,
             sample.counts,
             sample.age_us,
-            _BITS_OF_MASK[sample.fresh, :sensors],
-            _BITS_OF_MASK[sample.valid, :sensors],
-            None if sample.temperature_raw == TEMPERATURE_UNKNOWN else hmc5983.temperature_c(sample.temperature_raw),
+            bits(sample.fresh, sensors),
+            bits(sample.valid, sensors),
+            _temperature_c(sample.temperature_raw),
         )
 
     def _fits(self, what: str, pad_index: int, sensors: int) -> bool:
@@ -178,6 +201,7 @@ class Link:
 
     def _take_hello(self, hello: Hello) -> None:
         self.hello, self._hello_due_ns = hello, None
+        self._welcome.clear()
         if not self.is_right_board:
             return
         self._state.board.update(faults.identity(hello))
@@ -246,3 +270,7 @@ class Link:
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))
+
+
+def _temperature_c(raw: int) -> float | None:
+    return None if raw == TEMPERATURE_UNKNOWN else hmc5983.temperature_c(raw)

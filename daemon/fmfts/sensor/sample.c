@@ -71,17 +71,3 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     memcpy(sample->readings, packet + FIXED_BYTES, FMFTS_READING_BYTES * sensors);
     return true;
 }
-
-void fmfts_put_unsigned(uint8_t *place, uint64_t value)
-{
-    for (int byte = 8; byte-- > 0; value >>= 8) {
-        place[byte] = (uint8_t)value;
-    }
-}
-
-void fmfts_put_float(uint8_t *place, double value)
-{
-    uint64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    fmfts_put_unsigned(place, bits);
-}

@@ -1,4 +1,4 @@
-/* Sample packets of docs/wire.md, and messages from a template: bytes in, bytes out. */
+/* Sample packets of docs/wire.md, the only ones that come often. No allocation, no globals. */
 #ifndef FMFTS_SAMPLE_H
 #define FMFTS_SAMPLE_H
 
@@ -18,9 +18,5 @@ typedef struct {
 
 /* Whether the bytes [0, size) of a line, its closing zero left out, are a sample of this wire version. */
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
-
-/* Writes a number where a template has room for one: a msgpack float64 or uint64, its type byte left as it is. */
-void fmfts_put_float(uint8_t *place, double value);
-void fmfts_put_unsigned(uint8_t *place, uint64_t value);
 
 #endif

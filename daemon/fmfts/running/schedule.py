@@ -1,0 +1,81 @@
+"""Which sources are to be polled now: those that have bytes, and those whose time has come."""
+
+from __future__ import annotations
+
+import logging
+import select
+import time
+from collections.abc import Sequence
+
+from fmfts.sensor import Source
+
+log = logging.getLogger(__name__)
+
+NEVER_NS = 1 << 62
+
+
+class Schedule:
+    """One epoll for all that the daemon waits for. What a wake-up costs does not grow with the sources that sleep on.
+
+    A source's deadline is asked for when it was served and in each `review`. Most deadlines only move away; between
+    reviews the earliest one known may be in the past, never too late.
+    """
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self._sources = sources
+        self._epoll = select.epoll()
+        self._source_of: dict[int, Source] = {}
+        self._descriptor_of: dict[int, int] = {}  # id of a source → what is registered for it
+        self._deadline_ns = 0
+
+    def wake_for(self, descriptor: int) -> None:
+        """`wait` returns, too, when this has something to read."""
+        self._epoll.register(descriptor, select.EPOLLIN)
+
+    def wait(self, until_ns: int) -> list[Source]:
+        """Sleep until something is readable or due, at most until `until_ns`; the sources that are."""
+        timeout_s = max(0.0, (min(until_ns, self._deadline_ns) - time.monotonic_ns()) * 1e-9)
+        events = self._epoll.poll(timeout_s)
+        ready = [source for descriptor, _ in events if (source := self._source_of.get(descriptor)) is not None]
+        now_ns = time.monotonic_ns()
+        if now_ns < self._deadline_ns:
+            return ready
+        for source in self._sources:
+            deadline_ns = source.deadline_ns()
+            if deadline_ns is not None and deadline_ns <= now_ns and source not in ready:
+                ready.append(source)
+        self.review()
+        return ready
+
+    def review(self) -> None:
+        """Deadlines may have come nearer: something was asked of a source."""
+        self._deadline_ns = min(
+            (d for source in self._sources if (d := source.deadline_ns()) is not None), default=NEVER_NS
+        )
+
+    def served(self, source: Source) -> None:
+        """Wait on what the source has open now: an unplugged and reopened device has another descriptor."""
+        deadline_ns = source.deadline_ns()
+        if deadline_ns is not None and deadline_ns < self._deadline_ns:
+            self._deadline_ns = deadline_ns
+        before, descriptor = self._descriptor_of.get(id(source)), source.fileno()
+        if before == descriptor:
+            return
+        if before is not None:
+            self._forget(source, before)
+        if descriptor is not None:
+            self._epoll.register(descriptor, select.EPOLLIN)
+            self._source_of[descriptor], self._descriptor_of[id(source)] = source, descriptor
+
+    def close(self) -> None:
+        self._epoll.close()
+
+    def _forget(self, source: Source, descriptor: int) -> None:
+        del self._descriptor_of[id(source)]
+        if self._source_of.get(descriptor) is not source:
+            return  # closed, and another source's by now
+        del self._source_of[descriptor]
+        try:
+            self._epoll.unregister(descriptor)
+        except OSError:  # a closed descriptor has left epoll by itself
+            log.debug("descriptor %d was closed already", descriptor)

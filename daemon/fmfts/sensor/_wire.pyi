@@ -1,0 +1,3 @@
+from fmfts.sensor.framing import PackedSample
+
+def samples(data: bytes, /) -> tuple[list[PackedSample], int]: ...
