@@ -8,6 +8,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +87,16 @@ def _parser() -> argparse.ArgumentParser:
     keys.add_argument("action", choices=("new", "forget", "list"))
     keys.add_argument("name", nargs="?", metavar="NAME", help="of the client")
     keys.add_argument("-o", "--output", type=Path, metavar="FILE", help="of the client's key (NAME.key)")
+    record = verb("record", _record, "write what a running daemon says, raw frames included", LISTENERS_CONFIG)
+    record.add_argument("output", type=Path, metavar="FILE.mcap", help="must not exist yet")
+    record.add_argument("--pad", metavar="NAME", help="only this pad")
+    record.add_argument("--seconds", type=float, help="end after this time; else Ctrl-C ends it")
+    facts(record)
+    replay = verb("replay", _replay, "put a recording's frames through the pipeline again, and compare")
+    replay.add_argument("recording", type=Path, metavar="FILE.mcap")
+    replay.add_argument("--model", action="append", default=[], metavar="FILE", help="that it was recorded with")
+    replay.add_argument("--contacts", action="store_true", help="print each contact as a line of JSON")
+    facts(replay)
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=float, help="end after this time, with a summary")
@@ -276,6 +287,40 @@ def _keys(options: argparse.Namespace) -> int:
     except BusError as error:
         raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     return 0
+
+
+def _record(options: argparse.Namespace) -> int:
+    from fmfts.record.file import RecordingError
+    from fmfts.record.recorder import Recorder
+    from fmfts.view.facts import print_facts
+    from fmfts_client import EndpointError, SchemaError
+
+    try:
+        with closing(Recorder(options.output, options.pad, _base(options))) as recorder:
+            facts = recorder.run(options.seconds)
+    except (RecordingError, EndpointError, SchemaError) as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    import msgspec
+
+    from fmfts.record.file import RecordingError
+    from fmfts.record.replay import Replay
+    from fmfts.view.facts import print_facts
+
+    try:
+        replay = Replay(options.recording, options.model)
+        for contact in replay.contacts():
+            if options.contacts:
+                print(msgspec.json.encode(contact).decode())
+    except RecordingError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    if not options.contacts:
+        print_facts(replay.facts(), as_json=options.json)
+    return exit_codes.DATA if replay.comparison.different else 0
 
 
 def _listen(options: argparse.Namespace) -> int:

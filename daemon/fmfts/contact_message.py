@@ -53,7 +53,7 @@ class Sender:
         self._pad = pad
         self._boot = boot
         self._model = model
-        self._number = 0
+        self.number = 0
         self._sampled_ns = 0
         self._templates: dict[tuple[Kind, bool, str], Template] = {}
 
@@ -67,9 +67,9 @@ class Sender:
             self._templates = {key: made for key, made in self._templates.items() if key[2] == baseline.id}
             template = self._templates[key] = self._template(judged.kind, frame, mounting, baseline)
         self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
-        self._number += 1
+        self.number += 1
         publish_ns = time.monotonic_ns()
-        payload = path.message(template, self._number, self._sampled_ns, publish_ns, time.time_ns())
+        payload = path.message(template, self.number, self._sampled_ns, publish_ns, time.time_ns())
         return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
@@ -81,9 +81,9 @@ class Sender:
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
         )
         reading = Reading("ok", "", np.ones((len(frame.valid), 3), np.bool_), estimate, contact, kind != Kind.QUIET)
-        number, sampled_ns = self._number, self._sampled_ns
+        number, sampled_ns = self.number, self._sampled_ns
         message = self.message(reading, 0, frame.temperature_c, mounting, baseline)
-        self._number, self._sampled_ns = number, sampled_ns
+        self.number, self._sampled_ns = number, sampled_ns
         return Template.of(message)
 
     def message(
@@ -96,7 +96,7 @@ class Sender:
     ) -> ContactMessage:
         """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
         self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
-        self._number += 1
+        self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:
             estimates |= _contact_fields(reading.contact, reading.touching)
@@ -105,7 +105,7 @@ class Sender:
         return ContactMessage(
             pad=self._pad,
             boot=self._boot,
-            seq=self._number,
+            seq=self.number,
             t_sample_ns=self._sampled_ns,
             t_publish_ns=time.monotonic_ns(),
             utc_ns=time.time_ns(),

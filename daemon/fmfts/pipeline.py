@@ -64,12 +64,21 @@ class PadPipeline:
         return None if self._estimator is None else self._estimator.baseline
 
     @property
+    def messages(self) -> int:
+        """Number of the last one."""
+        return self._sender.number
+
+    @property
+    def model_hash(self) -> str:
+        return self._model.hash
+
+    @property
     def mounting(self) -> Mounting | None:
         return None if self._estimator is None else self._estimator.mounting
 
     def use(self, baseline: Baseline) -> Mounting:
         """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad."""
-        self._hand_back()
+        self.hand_back()
         self._estimator = Estimator(
             self.pad, self._model, baseline, self._tracking, self._rate_hz, self._alignment.stopped_us
         )
@@ -97,7 +106,7 @@ class PadPipeline:
             if judged is not None:
                 estimator = self._estimator
                 return self._sender.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
-            self._hand_back()
+            self.hand_back()
         return self._judge(frame)
 
     def _judge(self, frame: Frame) -> ContactMessage:
@@ -115,7 +124,8 @@ class PadPipeline:
                 self._compiled = self._estimator.hand_over(self._alignment)
         return self._sender.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
 
-    def _hand_back(self) -> None:
+    def hand_back(self) -> None:
+        """All memory of the frames before is in Python then, until the next healthy frame."""
         if self._compiled is not None and self._estimator is not None:
             self._estimator.take_back(self._compiled, self._alignment)
         self._compiled = None

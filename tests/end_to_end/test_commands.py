@@ -47,9 +47,7 @@ def free_ports() -> int:
 
 
 @pytest.fixture(params=["ipc", "tcp"])
-def daemon(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[RunningDaemon]:
+def daemon(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningDaemon]:
     """Found by nothing but its configuration, and over tcp a key."""
     endpoint, keys = f"ipc://{tmp_path}", None
     if request.param == "tcp":

@@ -119,4 +119,5 @@ def frame_message(sequence: int = 0) -> FrameMessage:
         fresh=[True, True, False, True],
         valid=[True, True, True, False],
         temperature_c=None,
+        used=True,
     )

@@ -22,6 +22,7 @@ from fmfts.bus.messages import (
     FrameMessage,
     NotFiniteError,
     PoseMessage,
+    StateMessage,
     StatusMessage,
     encode,
     encode_facts,
@@ -46,7 +47,7 @@ def documented_keys() -> dict[str, set[str]]:
     sections = re.split(r"^##+ ", text, flags=re.MULTILINE)[1:]
     keys = {}
     for section in sections:
-        rows = re.findall(r"^\| (`[^|]*`) \| (?:int|str|bool|float|map|\[)", section, flags=re.MULTILINE)
+        rows = re.findall(r"^\| (`[^|]*`) \| (?:int|str|bool|bytes|float|map|\[)", section, flags=re.MULTILINE)
         keys[re.split(r"[/:\n]", section)[0].strip("` ")] = set(re.findall(r"`(\w+)`", " ".join(rows)))
     return keys
 
@@ -59,6 +60,7 @@ def documented_keys() -> dict[str, set[str]]:
         ("event", EventMessage),
         ("status", StatusMessage),
         ("frame", FrameMessage),
+        ("state", StateMessage),
     ],
 )
 def test_documentation_names_exactly_the_fields_that_are_sent(section: str, struct: type[msgspec.Struct]) -> None:

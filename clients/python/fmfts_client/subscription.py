@@ -16,11 +16,12 @@ from fmfts_client.fields import MessageError, SchemaError, check_version
 from fmfts_client.keys import show_key
 
 LARGEST_MESSAGE = 1 << 20
+OF_RECORDERS = {"frame", "state"}
 
 
 @dataclass(frozen=True)
 class Message:
-    """`kind` is the first word of the topic ("contact", "event", "status", "frame"), `body` the decoded map."""
+    """`kind`: first word of the topic ("contact", "event", "status", "frame", "state"). `body`: the decoded map."""
 
     kind: str
     pad: str
@@ -40,8 +41,9 @@ class Subscription:
         pad: Optional[str] = None,
         endpoint: Optional[Union[str, Endpoints]] = None,
     ) -> None:
-        if "frame" in kinds and len(kinds) > 1:
-            raise ValueError("frames come over a socket of their own: subscribe to them alone")
+        raw = set(kinds) & OF_RECORDERS
+        if raw and set(kinds) - OF_RECORDERS:
+            raise ValueError("frames and states come over a socket of their own: subscribe to them alone")
         self.endpoints = for_client(endpoint)
         self.refused = 0
         self.refusal = ""
@@ -50,17 +52,22 @@ class Subscription:
         self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.SUB)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
-        if "frame" in kinds:
+        if raw:
             self._socket.setsockopt(zmq.RCVHWM, 100_000)  # a recording wants every frame: 7 min of one pad at 220 Hz
         for kind in self._kinds:
             self._socket.subscribe(f"{kind}/{pad or ''}")
-        endpoint = self.endpoints.frames if "frame" in kinds else self.endpoints.bus
+        endpoint = self.endpoints.frames if raw else self.endpoints.bus
         try:
             show_key(self._socket, endpoint)
         except EndpointError:
             self._socket.close()
             raise
         self._socket.connect(endpoint)
+
+    @property
+    def socket(self) -> zmq.Socket[bytes]:
+        """To poll several of them at once."""
+        return self._socket
 
     def receive(self, timeout_s: Optional[float] = None) -> Optional[Message]:
         """The next message, or None after `timeout_s` seconds (None: wait for ever; 0: only what is here)."""

@@ -134,9 +134,22 @@ class FrameMessage(_Message, frozen=True, kw_only=True):
     fresh: list[bool]
     valid: list[bool]
     temperature_c: float | None
+    used: bool
 
 
-AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage
+class StateMessage(_Message, frozen=True, kw_only=True):
+    """`state/<pad>`, on the socket of frames, before the first frame after a subscription and after each change of
+    baseline: what a replay of the frames that follow starts from."""
+
+    utc_ns: int
+    config: dict[str, Any]
+    model: str
+    solver: Solver
+    baseline: dict[str, Any] | None
+    memory: bytes
+
+
+AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage | StateMessage
 
 
 def _plain(value: Any) -> Any:

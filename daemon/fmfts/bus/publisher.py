@@ -15,6 +15,7 @@ from fmfts.bus.messages import (
     EventMessage,
     FrameMessage,
     NotFiniteError,
+    StateMessage,
     StatusMessage,
     encode,
     not_finite_field,
@@ -29,6 +30,7 @@ FRAMES_HIGH_MARK = 20_000
 LARGEST_SUBSCRIPTION = 1024
 # With many pads, asking the socket for every frame would cost as much as sending.
 LOOK_NS = 4_000_000
+LONGEST_TOPIC = 64
 
 log = logging.getLogger(__name__)
 
@@ -46,12 +48,15 @@ class Publisher:
         self.refused = 0
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
+        self._states_told: set[str] = set()
         self._bus = BoundSocket(zmq.XPUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         try:
             self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         except Exception:
             self._bus.close()
             raise
+        # A second recorder needs a state as well as the first.
+        self._frames.zmq.setsockopt(zmq.XPUB_VERBOSE, 1)
 
     def send_contact(self, pad: str, message: ContactMessage) -> ContactMessage:
         """The message as it went out: without estimates where one of them was no number."""
@@ -81,18 +86,31 @@ class Publisher:
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_NS
             self._follow_subscriptions()
-        if not self._subscriptions:
-            return False
-        topic = f"frame/{pad}".encode()
-        return any(topic.startswith(prefix) for prefix in self._subscriptions)
+        return bool(self._subscriptions) and self._is_subscribed(f"frame/{pad}")
 
     def _follow_subscriptions(self) -> None:
         for change in _drain(self._frames):
-            # XPUB hands on the first subscription to a topic (1) and the end of the last one (0).
-            if change[:1] == b"\x01":
+            # XPUB hands on every subscription (1), and the end of the last one to a topic (0).
+            if change[:1] == b"\x01" and _is_ours(change[1:]):
                 self._subscriptions.add(change[1:])
+                self._states_told.clear()
             elif change[:1] == b"\x00":
                 self._subscriptions.discard(change[1:])
+
+    def state_wanted(self, pad: str) -> bool:
+        """Does somebody wait for this pad's state? Ask after `frames_wanted`."""
+        return pad not in self._states_told and self._is_subscribed(f"state/{pad}")
+
+    def send_state(self, pad: str, message: StateMessage) -> None:
+        self._states_told.add(pad)
+        self._send_checked(self._frames, f"state/{pad}".encode(), message)
+
+    def state_changed(self, pad: str) -> None:
+        """Not by a frame: whoever records is to be told anew."""
+        self._states_told.discard(pad)
+
+    def _is_subscribed(self, topic: str) -> bool:
+        return any(topic.encode().startswith(prefix) for prefix in self._subscriptions)
 
     def send_frame(self, pad: str, message: FrameMessage) -> None:
         self._send_checked(self._frames, f"frame/{pad}".encode(), message)
@@ -127,6 +145,12 @@ def contact_topic(pad: str) -> bytes:
 def _send(socket: BoundSocket, topic: bytes, payload: bytes) -> None:
     # XPUB drops for a subscriber that is full and never blocks; NOBLOCK turns a mistake about that into an error.
     socket.zmq.send_multipart((topic, payload), flags=zmq.NOBLOCK)
+
+
+def _is_ours(prefix: bytes) -> bool:
+    """Only what can begin a topic is remembered: a peer may subscribe to anything, and to any number of things."""
+    kinds = (b"frame/", b"state/")
+    return len(prefix) <= LONGEST_TOPIC and any(prefix.startswith(kind) or kind.startswith(prefix) for kind in kinds)
 
 
 def _drain(socket: BoundSocket) -> list[bytes]:

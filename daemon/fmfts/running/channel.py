@@ -5,12 +5,15 @@ from __future__ import annotations
 import logging
 import time
 
+from fmfts.ambient import Baseline
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, FrameMessage, Health, StatusMessage
 from fmfts.bus.publisher import Publisher, contact_topic
+from fmfts.config import PadConfig
 from fmfts.contact_message import PackedMessage
 from fmfts.healthy import Kind
 from fmfts.jobs.baselines import BaselineJob
 from fmfts.jobs.probing import faults_of
+from fmfts.memory import state_message
 from fmfts.pipeline import PadPipeline
 from fmfts.running.statistics import PadStatistics
 from fmfts.sensor import Frame, Source
@@ -33,6 +36,7 @@ class Channel:
         self.pad_index = pad_index
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
+        self.config: PadConfig | None = None  # what recorders are told of it; without it, they get no state
         self._publisher = publisher
         self._topic = contact_topic(self.name)
         self._boot = boot
@@ -68,10 +72,11 @@ class Channel:
         self._statistics.frame(frame)
         if self.job is not None:
             self.job.take(frame)
-        if self._publisher.frames_wanted(self.name, arrived_ns):
-            self._publisher.send_frame(self.name, self._frame_message(frame))
         self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9
-        if self._late_s > OVERDUE_S:
+        overdue = self._late_s > OVERDUE_S
+        if self._publisher.frames_wanted(self.name, arrived_ns):
+            self._tell_recorders(frame, used=not overdue)
+        if overdue:
             self._statistics.dropped += 1
             return
         answer = self._answered(frame)
@@ -84,6 +89,12 @@ class Channel:
             self._kind = answer.kind if isinstance(answer, PackedMessage) else None
         self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
         self._last_used_ns = arrived_ns
+
+    def use(self, baseline: Baseline) -> None:
+        """BaselineError where it does not fit the pad."""
+        self.pipeline.use(baseline)
+        self._publisher.state_changed(self.name)
+        self.event("baseline", f"{baseline.kind} {baseline.id}")
 
     def tick(self, now_ns: int) -> None:
         """Called twenty times a second: while no frame can be used, its health is said anyway."""
@@ -180,7 +191,12 @@ class Channel:
         if message.contact != self._touched:
             self._touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
 
-    def _frame_message(self, frame: Frame) -> FrameMessage:
+    def _tell_recorders(self, frame: Frame, used: bool) -> None:
+        if self.config is not None and self._publisher.state_wanted(self.name):
+            self._publisher.send_state(self.name, state_message(self.pipeline, self.config, self._boot))
+        self._publisher.send_frame(self.name, self._frame_message(frame, used))
+
+    def _frame_message(self, frame: Frame, used: bool) -> FrameMessage:
         return FrameMessage(
             pad=self.name,
             boot=self._boot,
@@ -194,6 +210,7 @@ class Channel:
             fresh=frame.fresh.tolist(),
             valid=frame.valid.tolist(),
             temperature_c=frame.temperature_c,
+            used=used,
         )
 
 

@@ -142,6 +142,7 @@ class Daemon:
         for text in blind(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
+        channel.config = config
         try:
             baseline = stored(pad)
             if baseline is None and isinstance(config.source, SimulatedSource):

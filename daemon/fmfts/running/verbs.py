@@ -155,6 +155,5 @@ def _silence(channel: Channel) -> str:
 
 def _use(channel: Channel, recorded: Recorded) -> None:
     baseline = recorded.baseline
-    channel.pipeline.use(baseline)
-    channel.event("baseline", f"{baseline.kind} {baseline.id}")
+    channel.use(baseline)
     log.info("pad '%s': baseline %s (%s) stored in %s", channel.name, baseline.id, baseline.kind, recorded.path)

@@ -1,0 +1,189 @@
+"""A recording as a file: MCAP (mcap.dev), every message as JSON under the schema of docs/messages.md.
+
+What is written is on its way to the disk a second later: a recorder that is killed loses its last chunk at most.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, cast
+
+import msgspec
+import zstandard
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import CompressionType, Writer
+
+from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, FrameMessage, StateMessage, StatusMessage
+
+KINDS: dict[str, type[AnyMessage]] = {
+    "contact": ContactMessage,
+    "event": EventMessage,
+    "status": StatusMessage,
+    "frame": FrameMessage,
+    "state": StateMessage,
+}
+PROFILE = "fmfts"
+CHUNK_BYTES = 1 << 20
+HEADER_BYTES = 8
+LARGEST_CHUNK, LARGEST_RECORD, LARGEST_MESSAGE = 1 << 25, 1 << 26, 1 << 20
+
+
+class RecordingError(Exception):
+    """A recording cannot be written or read; the text names the file, why, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    kind: str
+    pad: str
+    message: AnyMessage
+
+
+class RecordingWriter:
+    """A new file at `path`; RecordingError where there is one already, or no place."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.messages = 0
+        self._channels: dict[tuple[str, str], int] = {}
+        try:
+            self._output = _Output(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
+            self._writer: Any = Writer(
+                cast(IO[bytes], self._output), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
+            )
+            self._writer.start(PROFILE)
+            self.flush()
+        except OSError as error:
+            raise RecordingError(f"{path}: {error.strerror}") from error
+
+    def add(self, kind: str, pad: str, body: dict[str, Any]) -> None:
+        """body: the message as it came from the bus. RecordingError where the disk is full."""
+        with _disk(self.path):
+            channel = self._channels.get((kind, pad))
+            if channel is None:
+                schema = msgspec.json.encode(msgspec.json.schema(KINDS[kind]))
+                schema_id = self._writer.register_schema(f"fmfts.{kind}", "jsonschema", schema)
+                channel = self._writer.register_channel(f"{kind}/{pad}", "json", schema_id)
+                self._channels[kind, pad] = channel
+            now_ns = body["utc_ns"]
+            self._writer.add_message(channel, now_ns, msgspec.json.encode(body), now_ns)
+            self.messages += 1
+
+    def flush(self) -> None:
+        """End the chunk: what was added so far outlives this process. RecordingError where the disk is full."""
+        with _disk(self.path):
+            self._writer.flush()
+
+    def finish(self) -> None:
+        """Add the index. A file without one can be read as well."""
+        with _disk(self.path):
+            self._writer.finish()
+            self._output.sync()
+
+    def close(self) -> None:
+        self._output.close()
+
+
+def read(path: Path) -> Iterator[Recorded]:
+    """The messages in their order, up to where the file is cut off, if it is (`is_whole` tells).
+
+    RecordingError where it is no recording, or damaged within.
+    """
+    topics: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Chunk):
+            yield from _messages(path, record, topics)
+
+
+def is_whole(path: Path) -> bool:
+    """Was it brought to its end?"""
+    return any(isinstance(record, Footer) for record in _records(path))
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    try:
+        with path.open("rb") as file:
+            try:
+                yield from StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD).records
+            except (EndOfFile, struct.error):
+                if file.read(1) or file.tell() < HEADER_BYTES:  # else it is cut off, and what came before is good
+                    raise
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from error
+    except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
+        raise RecordingError(f"{path} is no recording, or damaged: {type(error).__name__}: {error}") from error
+
+
+def _messages(path: Path, chunk: Chunk, topics: dict[int, str]) -> Iterator[Recorded]:
+    for record in _unpacked(path, chunk):
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            kind, _, pad = topics.get(record.channel_id, "").partition("/")
+            if kind not in KINDS or len(record.data) > LARGEST_MESSAGE:
+                continue  # somebody else's channel: MCAP files may be merged
+            try:
+                message = msgspec.json.decode(record.data, type=KINDS[kind])
+            except (msgspec.DecodeError, ValueError) as error:
+                raise RecordingError(f"{path}: a message of {kind}/{pad}: {error}") from error
+            if message.pad != pad:
+                raise RecordingError(f"{path}: a message of {kind}/{pad} speaks of pad {message.pad!r}")
+            yield Recorded(kind, pad, message)
+
+
+def _unpacked(path: Path, chunk: Chunk) -> list[McapRecord]:
+    try:
+        size = zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else chunk.uncompressed_size
+        if max(size, chunk.uncompressed_size) > LARGEST_CHUNK:
+            raise ValueError(f"a chunk of {size} bytes is none of this program's")
+        return breakup_chunk(chunk, validate_crc=True)
+    except (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError) as error:
+        raise RecordingError(f"{path} is damaged: {type(error).__name__}: {error}") from error
+
+
+class _Output:
+    """A file that either takes all of a chunk or raises: an MCAP writer looks at no length."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._written = 0
+
+    def write(self, data: bytes) -> int:
+        left = memoryview(data)
+        while left:
+            count = os.write(self._descriptor, left)
+            if count == 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            left = left[count:]
+        self._written += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._written
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def sync(self) -> None:
+        os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+@contextmanager
+def _disk(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}: what was recorded before is in it, and can be read") from error

@@ -1,0 +1,180 @@
+"""A recording's frames through the pipeline once more: the same contacts, bit for bit, where nothing else changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from fmfts.ambient import Baseline
+from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
+from fmfts.config import PadConfig
+from fmfts.contact import ContactModel, ModelError
+from fmfts.memory import BadMemoryError, restore
+from fmfts.pipeline import PadPipeline
+from fmfts.pose import SOLVER
+from fmfts.record.file import RecordingError, is_whole, read
+from fmfts.scene import around, choose
+from fmfts.sensor import Frame
+
+# What is said while no frame can be used comes of the source's silence, which is no frame: it is taken as it was.
+SILENT = ("stale", "disconnected")
+# A contact's own time of leaving.
+OF_THE_MOMENT = ("boot", "t_publish_ns", "utc_ns")
+
+
+def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
+    """The frame as its source gave it."""
+    return Frame(
+        pad_index=pad_index,
+        sequence=message.sequence,
+        device_time_us=message.device_time_us,
+        host_time_ns=message.host_time_ns,
+        gain_code=message.gain_code,
+        counts=np.array(message.counts, dtype=np.int16).reshape(-1, 3),
+        age_us=np.array(message.age_us, dtype=np.uint16),
+        fresh=np.array(message.fresh, dtype=np.bool_),
+        valid=np.array(message.valid, dtype=np.bool_),
+        temperature_c=message.temperature_c,
+    )
+
+
+def essence(contact: ContactMessage) -> dict[str, Any]:
+    """All of it but the run and the moment of sending."""
+    return {key: value for key, value in msgspec.to_builtins(contact).items() if key not in OF_THE_MOMENT}
+
+
+@dataclass(slots=True)
+class Comparison:
+    """Recorded contacts beside replayed ones. different: pad, number, and the fields of the first few that differ."""
+
+    identical: int = 0
+    different: list[tuple[str, int, list[str]]] = field(default_factory=list)
+    _waiting: dict[tuple[str, str, int], ContactMessage] = field(default_factory=dict)
+
+    def add(self, contact: ContactMessage) -> None:
+        """One of either kind; they are compared when both are there."""
+        key = (contact.boot, contact.pad, contact.seq)
+        other = self._waiting.pop(key, None)
+        if other is None:
+            self._waiting[key] = contact
+            return
+        one, two = essence(contact), essence(other)
+        if one == two:
+            self.identical += 1
+        else:
+            self.different.append((contact.pad, contact.seq, [name for name in one if one[name] != two[name]]))
+
+    @property
+    def alone(self) -> int:
+        """Contacts of one kind without their other: at both ends of a recording there are some."""
+        return len(self._waiting)
+
+
+class Replay:
+    """The pads of a recording. model_paths: where to look for contact models besides the one that ships.
+
+    RecordingError where it holds no state, or another model than these made it.
+    """
+
+    def __init__(self, path: Path, model_paths: Sequence[str] = ()) -> None:
+        self.path = path
+        self.comparison = Comparison()
+        self._model_paths = ("default", *model_paths)
+        self._pipelines: dict[str, PadPipeline] = {}
+        self._boot = ""
+        self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → its first state
+        self._silences: dict[tuple[str, str, int], ContactMessage] = {}
+        self.solvers: set[str] = set()
+        for one in read(path):
+            if isinstance(one.message, StateMessage):
+                self._first.setdefault(one.message.boot, {}).setdefault(one.pad, one.message)
+                self.solvers.add(one.message.solver)
+            elif isinstance(one.message, ContactMessage) and one.message.health in SILENT:
+                self._silences[one.message.boot, one.pad, one.message.seq] = one.message
+        if not self._first:
+            raise RecordingError(f"{path} holds no state of a pad: `fmfts-daemon record` while frames come makes one")
+
+    def contacts(self) -> Iterator[ContactMessage]:
+        """What the pipeline makes of each frame."""
+        for one in read(self.path):
+            message = one.message
+            if isinstance(message, StateMessage):
+                self._put(message)
+            elif isinstance(message, FrameMessage) and message.used and one.pad in self._pipelines:
+                yield from self._replayed(self._pipelines[one.pad], message)
+            elif isinstance(message, ContactMessage):
+                self.comparison.add(message)
+
+    def facts(self) -> dict[str, Any]:
+        """Of the comparison, after the last contact."""
+        compared, whole = self.comparison, is_whole(self.path)
+        return {
+            "recording": str(self.path) + ("" if whole else " (cut off: its last chunk is missing)"),
+            "pads": sorted(self._pipelines),
+            "identical": compared.identical,
+            "different": len(compared.different),
+            "first_differences": [f"{pad} {seq}: {', '.join(names)}" for pad, seq, names in compared.different[:3]],
+            "without_their_other": compared.alone,
+            "recorded_with": sorted(self.solvers),
+            "replayed_with": SOLVER,
+        }
+
+    def _replayed(self, pipeline: PadPipeline, message: FrameMessage) -> Iterator[ContactMessage]:
+        while (silence := self._silences.get((self._boot, message.pad, pipeline.messages + 1))) is not None:
+            contact = pipeline.absent(silence.health, silence.reason)
+            self.comparison.add(contact)
+            yield contact
+        contact = pipeline.process(frame_of(message))
+        self.comparison.add(contact)
+        yield contact
+
+    def _put(self, state: StateMessage) -> None:
+        """From here on as the daemon stood there."""
+        if state.boot != self._boot:
+            self._boot = state.boot
+            self._build(list(self._first[state.boot].values()))
+        pipeline = self._pipelines[state.pad]
+        baseline = None if state.baseline is None else msgspec.convert(state.baseline, Baseline)
+        if baseline is not None and (pipeline.baseline is None or pipeline.baseline.id != baseline.id):
+            pipeline.use(baseline)
+        try:
+            restore(pipeline, state.memory)
+        except BadMemoryError as error:
+            raise RecordingError(
+                f"{self.path}: pad '{state.pad}': {error}: replay it with the daemon that made it"
+            ) from error
+
+    def _build(self, states: list[StateMessage]) -> None:
+        """All pads at once: neighbours count with each other from their first frame on."""
+        configs = [msgspec.convert(state.config, PadConfig) for state in states]
+        self._pipelines = {
+            state.pad: self._pipeline(config, state) for config, state in zip(configs, states, strict=True)
+        }
+        for config in configs:
+            for neighbour in around(config, configs):
+                if neighbour.is_felt:
+                    self._pipelines[config.name].feel(self._pipelines[neighbour.name], neighbour.placement)
+        for state in states:
+            self._put(state)
+
+    def _pipeline(self, config: PadConfig, state: StateMessage) -> PadPipeline:
+        scene = choose(config.scene, config.magnet, thermometer=config.source.chip == "hmc5983")
+        return PadPipeline(config.pad(), self._model(config, state), state.boot, config.source.rate_hz, scene.tracking)
+
+    def _model(self, config: PadConfig, state: StateMessage) -> ContactModel:
+        """By its hash: no path that stands in a recording is ever opened."""
+        for path in self._model_paths:
+            try:
+                model = ContactModel.load(path, config.pad())
+            except ModelError:
+                continue
+            if model.hash == state.model:
+                return model
+        raise RecordingError(
+            f"{self.path}: pad '{state.pad}' was recorded with contact model {state.model}: --model FILE"
+        )

@@ -1,0 +1,101 @@
+"""`record` and `replay` as a person uses them, beside a daemon that runs."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from end_to_end.processes import RunningDaemon
+from fmfts.record.file import is_whole, read
+
+TAPPED = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+[pad.scene]
+neighbours = ["right"]
+[[pad]]
+name = "right"
+[pad.source]
+type = "simulated"
+seed = 2
+[pad.scene]
+neighbours = ["left"]
+[pad.placement]
+position_mm = [45, 0, 0]
+"""
+PATIENCE_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
+    with RunningDaemon(tmp_path_factory.mktemp("daemon"), TAPPED) as daemon:
+        yield daemon
+
+
+def recorder(daemon: RunningDaemon, output: Path) -> subprocess.Popen[str]:
+    """One that has begun to write."""
+    words = [sys.executable, "-m", "fmfts", "record", output, "--json"]
+    process = subprocess.Popen(words, env=daemon.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + PATIENCE_S
+    while not (output.exists() and sum(1 for _ in read(output)) > 100):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    return process
+
+
+def test_replay_of_a_recording_begun_in_the_middle_is_identical(daemon: RunningDaemon, tmp_path: Path) -> None:
+    process = recorder(daemon, tmp_path / "a.mcap")
+    time.sleep(2.0)
+    process.send_signal(signal.SIGTERM)
+    said, complaint = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, complaint
+    assert json.loads(said)["pads"] == ["left", "right"]
+    replayed = daemon.command("replay", tmp_path / "a.mcap", "--json")
+    assert replayed.returncode == 0, replayed
+    facts = json.loads(replayed.stdout)
+    assert facts["different"] == 0
+    assert facts["identical"] > 100
+    assert is_whole(tmp_path / "a.mcap")
+
+
+def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_path: Path) -> None:
+    process = recorder(daemon, tmp_path / "a.mcap")
+    process.kill()
+    process.communicate()
+    assert not is_whole(tmp_path / "a.mcap")
+    replayed = daemon.command("replay", tmp_path / "a.mcap", "--json")
+    assert replayed.returncode == 0, replayed
+    facts = json.loads(replayed.stdout)
+    assert "cut off" in facts["recording"]
+    assert (facts["different"], facts["identical"] > 10) == (0, True)
+
+
+def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_path: Path) -> None:
+    """The daemon and its other listeners do not notice."""
+    limited = f"ulimit -f 200; trap '' XFSZ; exec {sys.executable} -m fmfts record {tmp_path / 'a.mcap'}"
+    ended = subprocess.run(
+        ["bash", "-c", limited], env=daemon.environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode == 69, ended
+    assert "File too large" in ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert sum(1 for _ in read(tmp_path / "a.mcap")) > 50
+    daemon.wait_for(lambda contact: contact.health == "ok")
+
+
+def test_recorder_without_a_daemon_says_so(daemon: RunningDaemon, tmp_path: Path) -> None:
+    surroundings = daemon.environment | {"FMFTS_BUS": f"ipc://{tmp_path}"}
+    words = [sys.executable, "-m", "fmfts", "record", tmp_path / "a.mcap"]
+    ended = subprocess.run(words, env=surroundings, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 69
+    assert "is fmfts-daemon running" in ended.stderr

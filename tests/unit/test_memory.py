@@ -1,0 +1,144 @@
+"""A pipeline that is restored in the middle of whatever happens goes on bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig, SceneConfig, SimulatedSource
+from fmfts.contact import ContactModel
+from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.memory import BadMemoryError, restore, snapshot
+from fmfts.pipeline import PadPipeline
+from fmfts.record.replay import essence
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+from fmfts.sensor.simulated import Simulated
+from fmfts.simulate.finger import UNLOADED_AT_START_S
+
+DRIFTING = PadConfig(name="left", source=SimulatedSource(seed=3, warming_k_per_minute=30.0))
+CONSTANT = PadConfig(name="left", source=SimulatedSource(turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant"))
+# The scripted finger begins to touch after 4 s, which are not worth the time.
+SKIPPED_S = UNLOADED_AT_START_S - 0.3
+COUNT = 640
+# Each snapshot has the next frame judged in Python: up to the next one, both go the same way.
+EVERY = 90
+Fault = Callable[[int, Frame], Frame]
+
+
+def healthy(number: int, frame: Frame) -> Frame:
+    return frame
+
+
+def sensor_that_lies(number: int, frame: Frame) -> Frame:
+    """From 100 frames on, one axis by 60 mG."""
+    counts = frame.counts.copy()
+    counts[1, 0] += 40 * (number > 100)
+    return replace(frame, counts=counts)
+
+
+def steel(number: int, frame: Frame) -> Frame:
+    """Comes and goes."""
+    counts = frame.counts.copy()
+    counts[0] += 200 * (number // 100 % 2)
+    return replace(frame, counts=counts)
+
+
+def sensor_that_falls_silent(number: int, frame: Frame) -> Frame:
+    valid = np.ones(4, dtype=bool)
+    valid[2] = number // 70 % 2
+    return replace(frame, valid=valid)
+
+
+def turned(number: int, frame: Frame) -> Frame:
+    """By a field that was called constant, 20 mG over all sensors."""
+    counts = frame.counts.copy()
+    counts += np.int16(14 * (number // 130 % 2))
+    return replace(frame, counts=counts)
+
+
+def pipeline(config: PadConfig) -> PadPipeline:
+    pad = config.pad()
+    return PadPipeline(
+        pad, ContactModel.load("default", pad), "boot", 220.0, choose(config.scene, config.magnet).tracking
+    )
+
+
+def frames(config: PadConfig, fault: Fault) -> list[Frame]:
+    source = Simulated(config)
+    script = source.finger
+    source.finger = lambda time_s: script(time_s + SKIPPED_S)
+    taken: list[Frame] = []
+    while len(taken) < COUNT:
+        taken.extend(source.poll(len(taken) * round(1e9 / 220)))
+    return [fault(number, frame) for number, frame in enumerate(taken)]
+
+
+@pytest.mark.parametrize(
+    ("config", "fault"),
+    [
+        (DRIFTING, healthy),
+        (DRIFTING, sensor_that_lies),
+        (DRIFTING, steel),
+        (DRIFTING, sensor_that_falls_silent),
+        (CONSTANT, turned),
+    ],
+)
+def test_restored_pipeline_goes_on_bit_for_bit(config: PadConfig, fault: Fault) -> None:
+    baseline, given = simulated_baseline(config), frames(config, fault)
+    first, said, memories = pipeline(config), list[ContactMessage](), {}
+    first.use(baseline)
+    for number, frame in enumerate(given):
+        if number % EVERY == 37:
+            memories[number] = snapshot(first)
+        said.append(first.process(frame))
+    assert len({(each.health, each.contact) for each in said}) > 1, "nothing happened"
+    for number, memory in memories.items():
+        later = pipeline(config)
+        later.use(baseline)
+        restore(later, memory)
+        for expected, frame in zip(said[number : number + EVERY], given[number:], strict=False):
+            assert essence(later.process(frame)) == essence(expected)
+
+
+def test_snapshot_changes_nothing_but_last_digits() -> None:
+    """Of them, because the frame after it is judged in Python."""
+    given = frames(DRIFTING, healthy)[:300]
+    watched, alone = pipeline(DRIFTING), pipeline(DRIFTING)
+    baseline = simulated_baseline(DRIFTING)
+    watched.use(baseline)
+    alone.use(baseline)
+    for frame in given:
+        assert snapshot(watched) == snapshot(watched)
+        one, other = watched.process(frame), alone.process(frame)
+        assert (one.health, one.contact, one.seq) == (other.health, other.contact, other.seq)
+        assert one.force_n == pytest.approx(other.force_n, rel=1e-6, abs=1e-9)
+
+
+def test_memory_tells_where_the_pipeline_stands() -> None:
+    """It would not do to restore nothing: a fresh pipeline says something else."""
+    given = frames(DRIFTING, steel)
+    old, fresh = pipeline(DRIFTING), pipeline(DRIFTING)
+    baseline = simulated_baseline(DRIFTING)
+    old.use(baseline)
+    fresh.use(baseline)
+    for frame in given[:250]:
+        old.process(frame)
+    assert essence(old.process(given[250])) != essence(fresh.process(given[250]))
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x00", b"\x80", b"\xc1", b"\x81\xa1x\x01", b"x" * (2 << 20)])
+def test_damaged_memory_is_refused(damage: bytes) -> None:
+    with pytest.raises(BadMemoryError):
+        restore(pipeline(DRIFTING), damage)
+
+
+def test_memory_of_a_pad_with_a_baseline_is_refused_by_one_without() -> None:
+    with_baseline = pipeline(DRIFTING)
+    with_baseline.use(simulated_baseline(DRIFTING))
+    with pytest.raises(BadMemoryError):
+        restore(pipeline(DRIFTING), snapshot(with_baseline))
