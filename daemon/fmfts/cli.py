@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmfts import __version__, exit_codes
 from fmfts.offline import calibration_verbs
+from fmfts.study import verb as study_verb
 
 if TYPE_CHECKING:
     from fmfts.config import Config, PadConfig
@@ -130,6 +131,7 @@ def _parser() -> argparse.ArgumentParser:
     collect.add_argument("--pad", metavar="NAME", help="needed where there are several")
     collect.add_argument("--by-hand", action="store_true", help="you press; [collect.gauge] tells the force, or you do")
     facts(collect)
+    study_verb.add_to(verb)
     return parser
 
 

@@ -1,0 +1,189 @@
+"""What every study has in common: points that survive an interruption, a summary of facts, charts."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import platform
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from fmfts import __version__
+from fmfts.config import PadConfig
+from fmfts.pose import SOLVER
+from fmfts.view.progress import progress_bar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Value = str | int | float | bool | None
+Row = dict[str, Value]
+Facts = dict[str, Any]
+
+PACKAGES = ("numpy", "scipy", "scikit-learn", "onnxruntime", "matplotlib")
+POINT, ROWS_OF_POINT = "point", "rows_of_point"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What was asked for: whose pad, where the files go, how thoroughly, and with which random numbers."""
+
+    pad: PadConfig
+    out: Path
+    quick: bool = False
+    seed: int = 1
+
+
+class Study:
+    """One run of a study: `NAME.csv` (a row for each measurement), `NAME.json`, `NAME….png` and `.svg` in `out`.
+
+    A run that was interrupted is gone on with by the same command: points of the CSV whose rows are all there are not
+    measured again. Other settings, or another version, begin afresh.
+    """
+
+    def __init__(self, name: str, request: Request, columns: Sequence[str]) -> None:
+        """OSError where `out` cannot be written."""
+        self.name = name
+        self.request = request
+        self._columns = (POINT, ROWS_OF_POINT, *columns)
+        request.out.mkdir(parents=True, exist_ok=True)
+        self._csv, self._json = (request.out / f"{name}.{suffix}" for suffix in ("csv", "json"))
+        self._settings: Facts = {
+            "quick": request.quick,
+            "seed": request.seed,
+            "pad": json.loads(msgspec.json.encode(request.pad)),  # as it reads back
+            "columns": list(columns),
+        }
+        known = _read_json(self._json)
+        goes_on = known.get("settings") == self._settings and known.get("versions") == versions()
+        self._rows = _read_rows(self._csv, self._columns) if goes_on else {}
+        self._runs = int(known["runs"]) + 1 if self._rows else 1
+        self._write_csv()
+        self._write_json(finished=False, facts={})
+
+    def measure(self, points: Mapping[str, Callable[[], Iterable[Row]]]) -> list[Row]:
+        """Rows of all points, in their order. A point's rows are kept as soon as it is done, and at least one each."""
+        waiting = [point for point in points if point not in self._rows]
+        with progress_bar(f"study {self.name}") as show:
+            for done, point in enumerate(waiting):
+                show(done / len(waiting))
+                rows = list(points[point]())
+                if not rows:
+                    raise ValueError(f"study {self.name}: point {point!r} has no rows")
+                self._rows[point] = rows
+                self._append(point)
+        return [row for point in points for row in self._rows[point]]
+
+    def conclude(self, facts: Facts) -> Facts:
+        """Write the summary; what it holds."""
+        return self._write_json(finished=True, facts=facts)
+
+    def draw(self, figure: Figure, suffix: str = "") -> None:
+        """PNG and SVG. Dense artists of the figure should be `rasterized`, so that the SVG stays small."""
+        import matplotlib
+
+        for kind in ("png", "svg"):
+            # The same picture for the same rows, and text that can be searched.
+            with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "none"}):
+                target = self.request.out / f"{self.name}{suffix}.{kind}"
+                figure.savefig(target, dpi=120, metadata={"Date": None} if kind == "svg" else None)
+
+    def _append(self, point: str) -> None:
+        with self._csv.open("a", newline="") as out:
+            self._write_point(csv.DictWriter(out, self._columns), point)
+            out.flush()
+
+    def _write_point(self, writer: csv.DictWriter[str], point: str) -> None:
+        rows = self._rows[point]
+        writer.writerows({POINT: point, ROWS_OF_POINT: len(rows)} | row for row in rows)
+
+    def _write_csv(self) -> None:
+        with self._csv.open("w", newline="") as out:
+            writer = csv.DictWriter(out, self._columns)
+            writer.writeheader()
+            for point in self._rows:
+                self._write_point(writer, point)
+
+    def _write_json(self, finished: bool, facts: Facts) -> Facts:
+        whole = {
+            "study": self.name,
+            "finished": finished,
+            "written_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+            "runs": self._runs,
+            "machine": machine(),
+            "versions": versions(),
+            "settings": self._settings,
+        } | facts
+        self._json.write_text(json.dumps(whole, indent=1) + "\n")
+        return whole
+
+
+def machine() -> Facts:
+    """What figures of time depend on."""
+    return {"processor": _processor(), "cores": os.cpu_count(), "system": platform.platform(), "solver": SOLVER}
+
+
+def versions() -> Facts:
+    """Of the package, Python, and what the studies compute with."""
+    return {"fmfts": __version__, "python": platform.python_version()} | {name: version(name) for name in PACKAGES}
+
+
+def say(line: str) -> None:
+    print(line, file=sys.stderr)
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:  # not Linux
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith(("model name", "Model"))]
+    return names[0] if names else platform.machine()
+
+
+def _read_json(path: Path) -> Facts:
+    """Empty where there is none, or it was cut off while it was written."""
+    try:
+        known = json.loads(path.read_text())
+    except (FileNotFoundError, ValueError):
+        return {}
+    return known if isinstance(known, dict) else {}
+
+
+def _read_rows(path: Path, columns: tuple[str, ...]) -> dict[str, list[Row]]:
+    """Point → its rows, of points that are whole."""
+    if not path.exists():
+        return {}
+    with path.open(newline="") as file:
+        reader = csv.DictReader(file)
+        if tuple(reader.fieldnames or ()) != columns:
+            return {}
+        raw = [row for row in reader if None not in row.values()]
+    found = Counter(row[POINT] for row in raw)
+    rows: dict[str, list[Row]] = {}
+    for row in raw:
+        point, wanted = row.pop(POINT), row.pop(ROWS_OF_POINT)
+        if str(found[point]) == wanted:
+            rows.setdefault(point, []).append({name: _value(text) for name, text in row.items()})
+    return rows
+
+
+def _value(text: str) -> Value:
+    """What `csv` wrote as `text`."""
+    if text in ("", "True", "False"):
+        return None if text == "" else text == "True"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
