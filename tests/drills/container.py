@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
@@ -75,7 +76,8 @@ class Container:
 
     def shut_down(self) -> None:
         if self._process is not None:
-            os.kill(self._leader, signal.SIGRTMIN + 4)  # systemd(1): poweroff.target
+            with suppress(ProcessLookupError):
+                os.kill(self._leader, signal.SIGRTMIN + 4)  # systemd(1): poweroff.target
             try:
                 self._process.wait(30)
             except subprocess.TimeoutExpired:

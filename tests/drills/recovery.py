@@ -19,7 +19,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_write, wedged_bus
-from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary, unplugged
+from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
 
 Facts = dict[str, Any]
 RECOVERED_S = 1.0  # after the device is there again
@@ -32,15 +32,17 @@ def replug(folder: Path, cycles: int) -> Facts:
     with calibrated(folder) as (daemon, host, ear):
         before, memory_kb = descriptors(daemon.process.pid), resident_kb(daemon.process.pid)
         recoveries = []
-        for _ in range(cycles):
-            unplugged(host)
+        for cycle in range(cycles):
+            if cycle % 100 == 99:
+                print(f"replug: {cycle + 1}, {summary(recoveries)}", file=sys.stderr, flush=True)
+            host.kill()
             ear.until(is_not_ok)
             ear.listen(chance.uniform(0.0, 1.2))
             host = plugged_in(folder)
             recoveries.append(ear.until(is_ok))
         grown_kb = resident_kb(daemon.process.pid) - memory_kb
         leaked = descriptors(daemon.process.pid) - before
-        unplugged(host)
+        host.kill()
     facts = {"cycles": cycles, **summary(recoveries), "descriptors_leaked": leaked, "memory_grown_kb": grown_kb}
     assert leaked == 0, facts
     assert not ear.wrong_numbers, ear.wrong_numbers[:3]

@@ -91,13 +91,7 @@ def calibrated(folder: Path) -> Iterator[tuple[RunningDaemon, FirmwareHost, Ear]
                 ear.until(is_ok)
                 yield daemon, host, ear
     finally:
-        unplugged(host)
-
-
-def unplugged(host: FirmwareHost) -> None:
-    """A killed process leaves its link, which udev would take away: the pty's number may soon be another's."""
-    host.kill()
-    host.port.unlink(missing_ok=True)
+        host.kill()
 
 
 def plugged_in(folder: Path) -> FirmwareHost:

@@ -139,9 +139,8 @@ def drill_board(container: Container) -> None:
     time.sleep(8.0)  # longer than WatchdogSec
     require(container.property("NRestarts") != "" and container.property("ActiveState") == "active", "and no starving")
     container.run("mkdir -p /run/board && chmod 711 /run/board")
-    container.run(
-        "systemd-run --unit=board --quiet -p StandardInput=null /usr/local/bin/fmfts-host --link /run/board/tty"
-    )
+    board = "sleep infinity | /usr/local/bin/fmfts-host --link /run/board/tty"  # it ends with its input
+    container.run(f"systemd-run --unit=board --quiet sh -c '{board}'")
     wait_for(lambda: container.run("readlink /run/board/tty", check=False), "the board's port")
     container.run("chown root:dialout $(readlink /run/board/tty) && chmod 660 $(readlink /run/board/tty)")
     seen = contact(container, "left", "no_baseline")
@@ -152,12 +151,19 @@ def drill_board(container: Container) -> None:
 
 def drill_upgrade(container: Container, package: Path) -> None:
     container.run("systemctl stop board; cp /root/good.toml /etc/fmfts/config.toml")
-    container.run('sed -i \'s/name = "demo"/name = "mine"/\' /etc/fmfts/config.toml; systemctl restart fmfts')
+    edits = (
+        'name = .demo/name = "mine',
+        'finger = .script/finger = "none',
+        "turning_deg_per_s = 20/turning_deg_per_s = 0",
+    )
+    for edit in edits:
+        container.run(f"sed -i 's/^{edit}/' /etc/fmfts/config.toml")
+    container.run("systemctl restart fmfts")
     container.run("fmfts-daemon baseline --rest", user="controller")
     baselines = container.run("ls /var/lib/fmfts/baseline")
     newer = next_version(package, Path(tempfile.mkdtemp(dir=container.root / "root")))
     before = container.property("MainPID")
-    container.run(f"DEBIAN_FRONTEND=noninteractive dpkg -i /{newer.relative_to(container.root)}")
+    container.run(f"dpkg --force-confdef --force-confold -i /{newer.relative_to(container.root)}")
     require(container.property("MainPID") not in (before, "0"), "upgrade restarts the service", "yes")
     seen = contact(container, "mine")
     require(seen.startswith("ok"), "upgraded, the edited configuration and its pad serve", seen)

@@ -52,9 +52,10 @@ class FirmwareHost:
         self.tell(f"field {pad} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))
 
     def kill(self) -> None:
-        """Pull the plug."""
+        """Pull the plug. Its name goes too, as udev would see to: the pty's number may be another board's at once."""
         self._process.kill()
         self._process.communicate()
+        self.port.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
