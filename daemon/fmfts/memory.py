@@ -1,9 +1,8 @@
 """What a pipeline remembers of the frames before: all that the next message depends on besides its frame.
 
 A recording that begins in the middle of a touch holds it, so that a replay goes on from there bit for bit; a baseline
-that moves with a drift keeps it. Everything that the objects of REMEMBERING hold is taken, so that nobody has to keep a
-list when a filter gets another state; what they hold of other kinds is refused unless it is known to follow from
-configuration and baseline (FOLLOWS). No pickle: numbers, text and arrays, as msgpack.
+that moves with a drift keeps it. All that the pipeline's own objects hold is taken, so that nobody has to keep a list
+when a filter gets another state, but for what is known to follow from configuration and baseline (FOLLOWS). No pickle: numbers, text and arrays, as msgpack.
 """
 
 from __future__ import annotations
@@ -20,21 +19,13 @@ import numpy as np
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import StateMessage
 from fmfts.config import PadConfig
-from fmfts.contact import ContactModel, TouchDetector
-from fmfts.contact_message import Sender
+from fmfts.contact import ContactModel
 from fmfts.pad import Magnet, Pad, SensorArray
-from fmfts.pipeline import Estimator, PadPipeline
-from fmfts.pose import SOLVER, Alignment, State, Tracker, TrackingModel
-from fmfts.pose.constancy import Constancy
-from fmfts.pose.innovation import Finding, Innovations
-from fmfts.pose.neighbour import Sighting
+from fmfts.pipeline import PadPipeline
+from fmfts.pose import SOLVER, State, TrackingModel
+from fmfts.pose.innovation import Finding
 from fmfts.pose.state import Neighbour
-from fmfts.pose.watch import Watch
 
-REMEMBERING = (
-    *(PadPipeline, Estimator, Alignment, Tracker, Watch, Innovations),
-    *(Constancy, TouchDetector, Sender, Sighting),
-)
 VALUES = {kind.__name__: kind for kind in (State, Neighbour, Finding)}
 FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Mounting)
 # Of one frame alone, or made from what else is here when it is wanted.
@@ -87,6 +78,10 @@ def _attributes(owner: object) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
+def _is_remembering(value: object) -> bool:
+    return type(value).__module__.startswith("fmfts.")
+
+
 def _taken(owner: object) -> dict[str, Any]:
     return {name: _encoded(value, f"{type(owner).__name__}.{name}") for name, value in _attributes(owner)}
 
@@ -104,7 +99,7 @@ def _encoded(value: Any, where: str) -> Any:
     if type(value).__name__ in VALUES:
         members = {each.name: _encoded(getattr(value, each.name), where) for each in fields(value)}
         return {"value": type(value).__name__, "members": members}
-    if isinstance(value, REMEMBERING):
+    if _is_remembering(value):
         return {"owner": _taken(value)}
     raise TypeError(f"{where} is a {type(value).__name__}: say in memory.py whether it is remembered")
 
@@ -115,7 +110,7 @@ def _put_back(owner: object, taken: dict[str, Any]) -> None:
         raise ValueError(f"{type(owner).__name__} has {', '.join(sorted(expected ^ set(taken)))} on one side only")
     for name, value in taken.items():
         held = getattr(owner, name)
-        if isinstance(held, REMEMBERING):
+        if _is_remembering(held):
             _put_back(held, value["owner"])
         else:
             setattr(owner, name, _decoded(value, held))

@@ -102,8 +102,12 @@ class Publisher:
         return pad not in self._states_told and self._is_subscribed(f"state/{pad}")
 
     def send_state(self, pad: str, message: StateMessage) -> None:
-        self._states_told.add(pad)
+        self.state_told(pad)
         self._send_checked(self._frames, f"state/{pad}".encode(), message)
+
+    def state_told(self, pad: str) -> None:
+        """Until another subscribes, or it changes."""
+        self._states_told.add(pad)
 
     def state_changed(self, pad: str) -> None:
         """Not by a frame: whoever records is to be told anew."""

@@ -170,7 +170,8 @@ class Replay:
         """By its hash: no path that stands in a recording is ever opened."""
         for path in self._model_paths:
             try:
-                model = ContactModel.load(path, config.pad())
+                contact = config.contact
+                model = ContactModel.load(path, config.pad(), refine=contact.refine, friction=contact.friction)
             except ModelError:
                 continue
             if model.hash == state.model:

@@ -193,8 +193,16 @@ class Channel:
 
     def _tell_recorders(self, frame: Frame, used: bool) -> None:
         if self.config is not None and self._publisher.state_wanted(self.name):
-            self._publisher.send_state(self.name, state_message(self.pipeline, self.config, self._boot))
+            self._send_state(self.config)
         self._publisher.send_frame(self.name, self._frame_message(frame, used))
+
+    def _send_state(self, config: PadConfig) -> None:
+        """What cannot be recorded must not end what can be felt."""
+        try:
+            self._publisher.send_state(self.name, state_message(self.pipeline, config, self._boot))
+        except TypeError:
+            self._publisher.state_told(self.name)
+            log.exception("pad '%s': its state cannot be recorded, worth reporting", self.name)
 
     def _frame_message(self, frame: Frame, used: bool) -> FrameMessage:
         return FrameMessage(
