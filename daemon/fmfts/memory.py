@@ -2,7 +2,8 @@
 
 A recording that begins in the middle of a touch holds it, so that a replay goes on from there bit for bit; a baseline
 that moves with a drift keeps it. All that the pipeline's own objects hold is taken, so that nobody has to keep a list
-when a filter gets another state, but for what is known to follow from configuration and baseline (FOLLOWS). No pickle: numbers, text and arrays, as msgpack.
+when a filter gets another state, but for what is known to follow from configuration and baseline (FOLLOWS). No pickle:
+numbers, text and arrays, as msgpack.
 """
 
 from __future__ import annotations
@@ -78,10 +79,6 @@ def _attributes(owner: object) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _is_remembering(value: object) -> bool:
-    return type(value).__module__.startswith("fmfts.")
-
-
 def _taken(owner: object) -> dict[str, Any]:
     return {name: _encoded(value, f"{type(owner).__name__}.{name}") for name, value in _attributes(owner)}
 
@@ -99,7 +96,7 @@ def _encoded(value: Any, where: str) -> Any:
     if type(value).__name__ in VALUES:
         members = {each.name: _encoded(getattr(value, each.name), where) for each in fields(value)}
         return {"value": type(value).__name__, "members": members}
-    if _is_remembering(value):
+    if type(value).__module__.startswith("fmfts."):
         return {"owner": _taken(value)}
     raise TypeError(f"{where} is a {type(value).__name__}: say in memory.py whether it is remembered")
 
@@ -110,7 +107,7 @@ def _put_back(owner: object, taken: dict[str, Any]) -> None:
         raise ValueError(f"{type(owner).__name__} has {', '.join(sorted(expected ^ set(taken)))} on one side only")
     for name, value in taken.items():
         held = getattr(owner, name)
-        if _is_remembering(held):
+        if isinstance(value, dict) and "owner" in value:
             _put_back(held, value["owner"])
         else:
             setattr(owner, name, _decoded(value, held))
