@@ -37,7 +37,7 @@ class GcodeMachine:
 
     def __init__(self, link: Path, dialect: str, *, backlash_mm: float = 0.0, speed: float = 1.0) -> None:
         self.port = PtyPort(link)
-        self.home: Place = [0.0, 0.0, 40.0]
+        self.home: Place = [98.0, 98.0, 13.0]
         self.backlash_mm = backlash_mm
         self.switch_mm: float | None = None
         self.stalled = False

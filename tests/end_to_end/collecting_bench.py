@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Self
 
@@ -23,7 +24,7 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulate.cylinder import cylinder_field
 from fmfts.simulate.mounted import MountedPad
 
-ORIGIN_MM, SURFACE_MM, CLEAR_MM = (100.0, 100.0), 10.0, 14.0
+ORIGIN_MM, SURFACE_MM, CLEAR_MM = (100.0, 100.0), 10.0, 12.0
 HALF_SPAN_MM = 17.0
 CENTRE_MM_PER_N, EDGE_MM_PER_N = (
     1.0,
@@ -52,7 +53,7 @@ dialect = "{dialect}"
 travel_mm = [[80, 120], [80, 120], [5, 40]]
 force_limit_n = {limit_n}
 origin_mm = [100, 100]
-clear_z_mm = 14
+clear_z_mm = {clear_mm}
 step_mm = 0.1
 """
 
@@ -75,7 +76,10 @@ class PressedBench:
     ) -> None:
         self.folder = folder
         self.knock_m = np.zeros(3)
+        self.stiffening = 1.0  # the pad resists so many times as much as it should
+        self.beside = False  # the rod presses on something that is not the pad
         self.force_n = 0.0
+        self.truth: list[tuple[int, float, float, float]] = []  # monotonic ns, x and y in mm, force, at each change
         self._pad = MountedPad.exact(PadConfig(name="left", source=SimulatedSource()).pad())
         self._told: tuple[float, ...] | None = None
         self._chip_noise_ut = chip_noise_ut
@@ -91,9 +95,12 @@ class PressedBench:
             dropout=dropout,
         )
         self.config = folder / "config.toml"
-        self.config.write_text(CONFIG.format(folder=folder, dialect=dialect, delay_ms=delay_s * 1e3, limit_n=limit_n))
+        self.config.write_text(
+            CONFIG.format(folder=folder, dialect=dialect, delay_ms=delay_s * 1e3, limit_n=limit_n, clear_mm=CLEAR_MM)
+        )
         self.environment = os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
         self._rod_mm = list(self.machine.place)
+        self._telling = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
 
@@ -112,13 +119,21 @@ class PressedBench:
         self.machine.__exit__()
         self.board.__exit__()
 
+    def tell(self, command: str) -> None:
+        """The board, between two fields."""
+        with self._telling:
+            self.board.tell(command)
+
     def rod_is_up(self) -> bool:
         return self._rod_mm[2] >= SURFACE_MM
 
     def _moved(self, place: list[float]) -> None:
         self._rod_mm = place
         x_mm, y_mm = place[0] - ORIGIN_MM[0], place[1] - ORIGIN_MM[1]
-        self.force_n = max(0.0, SURFACE_MM - place[2]) / mm_per_n(x_mm, y_mm)
+        self.force_n = max(0.0, SURFACE_MM - place[2]) / mm_per_n(x_mm, y_mm) * self.stiffening
+        now = (x_mm, y_mm, self.force_n)
+        if not self.truth or self.truth[-1][1:] != now:
+            self.truth.append((time.monotonic_ns(), *now))
 
     def _show(self) -> None:
         while not self._ended.wait(UPDATE_S):
@@ -126,11 +141,14 @@ class PressedBench:
 
     def _tell_field(self) -> None:
         x_mm, y_mm = self._rod_mm[0] - ORIGIN_MM[0], self._rod_mm[1] - ORIGIN_MM[1]
-        now = (x_mm, y_mm, self.force_n, *self.knock_m)
+        force_n = 0.0 if self.beside else self.force_n
+        now = (x_mm, y_mm, force_n, *self.knock_m)
         if now == self._told:
             return
         self._told = now
-        self.board.field(self._pad.sensed(self.magnet_field_t(x_mm * 1e-3, y_mm * 1e-3, self.force_n) + EARTH_T))
+        field_t = self._pad.sensed(self.magnet_field_t(x_mm * 1e-3, y_mm * 1e-3, force_n) + EARTH_T)
+        with self._telling:
+            self.board.field(field_t)
 
     def magnet_field_t(self, x_m: float, y_m: float, force_n: float) -> np.ndarray:
         """(4, 3) at the sensors."""

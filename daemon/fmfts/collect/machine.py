@@ -14,13 +14,14 @@ from fmfts.config.collect import StageConfig
 from fmfts.sensor import serial_port
 
 BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
-GREETING_S = 2.0
+ANSWER_S = 1.0
 HOMING_S = 120.0
 LATE_S = 2.0  # a move that takes so much longer than its way needs has stalled
 ASK_S = 0.02
 HALTED_S = 0.1
 ARRIVED_MM = 0.02
 TURN_S = 0.001
+SENT_S = 0.1  # closing the port throws away what is not sent yet, and five bytes are sent by then
 
 
 class Machine:
@@ -44,14 +45,16 @@ class Machine:
 
     def begin(self) -> None:
         """Set up and home. AbsentError where it does not answer, StoppedError where it does not get home."""
-        self._wait(lambda: self._started, GREETING_S)
-        self.trouble = ""
+        end_s = time.monotonic() + BOOT_S
+        while not self._answers():
+            if time.monotonic() > end_s:
+                raise AbsentError(
+                    f"stage: {self._config.port} does not answer: is it a {self._config.dialect} machine, at "
+                    f"{self._config.baud} baud?"
+                )
         self._send(*self._dialect.unlock, *self._dialect.set_up)
-        if not self._wait(lambda: self._answers_due == 0, BOOT_S):
-            raise AbsentError(
-                f"stage: {self._config.port} does not answer: is it a {self._config.dialect} machine, at "
-                f"{self._config.baud} baud?"
-            )
+        self._wait(lambda: self._answers_due == 0, ANSWER_S)
+        self.trouble = ""
         self._carry_out(self._dialect.home, HOMING_S)
 
     def move(
@@ -104,9 +107,21 @@ class Machine:
             self._write(self._dialect.emergency)
         except AbsentError:
             return  # it has gone: there is nobody left to tell
+        time.sleep(SENT_S)
 
     def close(self) -> None:
         serial_port.close(self._port)
+
+    def _answers(self) -> bool:
+        """Does it by now? What is sent to a board that boots is lost."""
+        self._answers_due = 0
+        self._send(*self._dialect.unlock, self._dialect.set_up[0])
+        if not self._wait(lambda: self._answers_due == 0, ANSWER_S):
+            self.trouble = ""
+            return False
+        self._wait(lambda: False, HALTED_S)  # for answers to what was sent before
+        self._answers_due = 0
+        return True
 
     def _carry_out(self, line: str, seconds: float) -> None:
         """Until it stands again. StoppedError where it says that it cannot, or does not within this time."""
