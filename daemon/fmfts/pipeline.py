@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
-from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.contact_message import PackedMessage, Reading, Sender
 from fmfts.healthy import HealthyPath
 from fmfts.pad import Pad, Placement
@@ -168,6 +168,7 @@ class Estimator:
         change_error = self.mounting.change_error(self._tracker.estimated)
         self._change_error_rows = change_error.reshape(5, -1)
         self._touch = TouchDetector(rate_hz)
+        self._smoother = Smoother(model.smoothing_s)
         self._last_us: int | None = None
         self._lifted_s = 0.0
         self._path: HealthyPath | None = None
@@ -212,7 +213,7 @@ class Estimator:
         rest, estimate = self.mounting.rest, self._honest(track.estimate)
         touching = self._touch.update(*displacement(estimate, rest))
         # The model knows the drawing's pad: it gets the change of pose from this pad's rest, put on the drawing's.
-        contact = self._model.estimate(*as_drawn(estimate, rest, self._drawing))
+        contact = self._model.estimate(*self._smoother.update(*as_drawn(estimate, rest, self._drawing), elapsed_s))
         if self._lifted_s < LIFTED_S:
             self._lifted_s = self._lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
         if self._lifted_s >= LIFTED_S:

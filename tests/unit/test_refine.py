@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fmfts.calibrate.fitting import SHEAR_EXPONENTS, fit_response
-from fmfts.calibrate.regressors import invert
+from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import _refine

@@ -1,11 +1,11 @@
-"""python -m fmfts.bench speed | accuracy | convergence | faults | moment | turning | baselines | neighbours"""
+"""python -m fmfts.bench VERB: what solver, tracker, baselines and contact model cost, and how good they are."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from fmfts.bench import accuracy, baselines, convergence, faults, moment, neighbours, speed, turning
+from fmfts.bench import accuracy, baselines, contact, convergence, faults, moment, neighbours, speed, turning
 from fmfts.pose import SOLVER
 
 
@@ -13,7 +13,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m fmfts.bench", description="measure the pose solver")
     parser.add_argument("--seed", type=int, default=1)
     verbs = parser.add_subparsers(
-        required=True, metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours"
+        required=True,
+        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
@@ -42,6 +43,15 @@ def main() -> None:
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
     verb.set_defaults(run=neighbours.run)
+    verb = verbs.add_parser(
+        "contact", help="the contact model beside maximum likelihood: errors, honesty, touch, motion"
+    )
+    verb.add_argument("--frames", type=int, default=3000)
+    verb.add_argument("--model", default="default", help="an ONNX file; default: the one that ships")
+    verb.add_argument("--hours", type=float, default=1.0, help="of unloaded frames, for false contacts")
+    verb.add_argument("--part", choices=contact.PARTS, help="only this part")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=contact.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")

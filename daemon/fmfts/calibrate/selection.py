@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmfts.calibrate.fitting import fit_response
+from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.network import error_in_bounds, train_network
-from fmfts.calibrate.regressors import GaussianProcess, RadialBasis, Regressor, invert
+from fmfts.calibrate.regressors import GaussianProcess, RadialBasis, Regressor
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact.response import Response

@@ -116,6 +116,7 @@ class ContactConfig(_Section, frozen=True):
     model: str = "default"
     refine: bool = False
     friction: Annotated[float, Meta(ge=0, le=2)] = 0.3
+    smoothing_ms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
 
 
 class PadConfig(_Section, frozen=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 from fmfts.contact.contract import ModelError
 from fmfts.contact.model import ContactEstimate, ContactModel
+from fmfts.contact.smoothing import Smoother
 from fmfts.contact.touch import TouchDetector
 
-__all__ = ["ContactEstimate", "ContactModel", "ModelError", "TouchDetector"]
+__all__ = ["ContactEstimate", "ContactModel", "ModelError", "Smoother", "TouchDetector"]

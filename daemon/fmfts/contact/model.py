@@ -83,16 +83,24 @@ class ContactModel:
     """A verified model. `hash`: first 12 hex digits of the file's SHA-256.
 
     refiner: moves each answer to the most likely press, None to leave it. friction: of the finger; the shear that it
-    may exert, and a model of three outputs does not know, widens the deviations.
+    may exert, and a model of three outputs does not know, widens the deviations. smoothing_s: memory of the
+    filter that every pad's poses pass first.
     """
 
     def __init__(
-        self, session: onnxruntime.InferenceSession, facts: Facts, digest: str, refiner: Refiner | None, friction: float
+        self,
+        session: onnxruntime.InferenceSession,
+        facts: Facts,
+        digest: str,
+        refiner: Refiner | None,
+        friction: float,
+        smoothing_s: float,
     ) -> None:
         self.inference = Inference(session, len(facts.outputs))
         self.facts = facts
         self.hash = digest
         self.refiner = refiner
+        self.smoothing_s = smoothing_s
         self.has_shear = facts.outputs == SHEAR_OUTPUT_ORDER
         self._unit = CONTACT_UNIT[: len(facts.outputs)]
         self.rest_pose = np.array(facts.rest_pose)
@@ -111,7 +119,7 @@ class ContactModel:
     @property
     def plain(self) -> bool:
         """Three outputs, as the network has them: what the compiled path of a frame can do by itself."""
-        return self.refiner is None and not self.has_shear
+        return self.refiner is None and not self.has_shear and self.smoothing_s == 0.0
 
     def _friction_deviation(self, friction: float) -> Array | float:
         """In the bins of the own error: of shear anywhere within the cone of friction, the force at the bin's end."""
@@ -124,7 +132,9 @@ class ContactModel:
         return deviation
 
     @classmethod
-    def load(cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0) -> Self:
+    def load(
+        cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0, smoothing_s: float = 0.0
+    ) -> Self:
         """The model at `path` ("default": the one that ships) for `pad`; ModelError names what is wrong with it."""
         file = DEFAULT_PATH if path == "default" else Path(path)
         try:
@@ -148,7 +158,7 @@ class ContactModel:
                 "this pad and set [pad.contact] model"
             )
         refiner = None if response is None else Refiner(response)
-        model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction)
+        model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction, smoothing_s)
         contact, jacobian = model._infer(model.rest_pose)  # also warms the session up
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ModelError(f"contact model {file}: it does not answer with numbers for the rest pose; {REMEDY}")

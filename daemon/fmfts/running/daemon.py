@@ -188,6 +188,12 @@ def _models(config: Config) -> dict[str, ContactModel]:
         contact = pad.contact
         key = (contact, drawing.geometry_hash)
         if key not in loaded:
-            loaded[key] = ContactModel.load(contact.model, drawing, refine=contact.refine, friction=contact.friction)
+            loaded[key] = ContactModel.load(
+                contact.model,
+                drawing,
+                refine=contact.refine,
+                friction=contact.friction,
+                smoothing_s=contact.smoothing_ms * 1e-3,
+            )
         models[pad.name] = loaded[key]
     return models

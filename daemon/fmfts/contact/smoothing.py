@@ -1,0 +1,50 @@
+"""[pad.contact] smoothing_ms: a filter of the pose, for fingers that move slowly and numbers that are calm.
+
+Least squares with a memory that fades, through a pose and its speed (Morrison, "Introduction to sequential smoothing
+and prediction", 1969; an α-β filter): a finger that moves evenly is followed without lag, and a change of speed within
+the memory. A pose that jumps by more than noise explains is believed at once, so a press is not seen later than without.
+Deviations stay those of a single frame: how much of them is the same in every frame (gains, places, the ambient field)
+is not known here, and they must not be too small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmfts.chi2 import quantile
+from fmfts.pad import Array
+
+COMPONENTS = 5  # position, and the axis but for what follows from it
+JUMP_PROBABILITY = 1e-3
+
+
+class Smoother:
+    """One pad's. memory_s: in which a frame's weight falls to 1/e; zero passes every pose on as it is."""
+
+    def __init__(self, memory_s: float) -> None:
+        self._memory_s = memory_s
+        self._jump_chi2 = quantile(JUMP_PROBABILITY, COMPONENTS)
+        self._pose: Array | None = None
+        self._speed = np.zeros(6)
+
+    def update(self, position_m: Array, axis: Array, covariance: Array, elapsed_s: float) -> tuple[Array, Array, Array]:
+        """A pose and its covariance (6, 6), `elapsed_s` after the one before, as smoothed."""
+        if self._memory_s == 0.0:
+            return position_m, axis, covariance
+        pose = np.concatenate([position_m, axis])
+        fading = float(np.exp(-elapsed_s / self._memory_s))
+        predicted = None if self._pose is None else self._pose + self._speed * elapsed_s
+        if predicted is None or elapsed_s <= 0.0 or self._jumped(pose - predicted, covariance):
+            self._pose, self._speed = pose, np.zeros(6)
+            return position_m, axis, covariance
+        smoothed = predicted + (1.0 - fading**2) * (pose - predicted)
+        self._speed = self._speed + (1.0 - fading) ** 2 / elapsed_s * (pose - predicted)
+        self._pose = np.concatenate([smoothed[:3], smoothed[3:] / np.linalg.norm(smoothed[3:])])
+        return self._pose[:3], self._pose[3:], covariance
+
+    def _jumped(self, innovation: Array, covariance: Array) -> bool:
+        """Noise of the prediction and of the pose: less than twice the pose's in variance."""
+        moved = innovation[:COMPONENTS]
+        expected = 2.0 * covariance[:COMPONENTS, :COMPONENTS]
+        chi2 = float(moved @ np.linalg.lstsq(expected, moved, rcond=None)[0])
+        return not chi2 <= self._jump_chi2
