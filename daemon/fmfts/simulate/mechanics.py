@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmfts.pad import Array
 
@@ -26,35 +27,57 @@ TABLE_PATH = Path(__file__).with_name("mechanics.csv")
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """Displacement of the standard pad's magnet. `coefficient` (X+2, Y+2, 3, 5): splines of the powers F, F², F³."""
+    """Displacement of a pad's magnet: splines over x and y of a polynomial in F, Ftx, Fty.
+
+    `exponents` (T, 3) of the polynomial's terms; `coefficient` (X+2, X+2, T, 5) of their B-splines.
+    """
 
     first_m: float
     spacing_m: float
     count: int
     largest_force_n: float
+    exponents: NDArray[np.intp]
     coefficient: Array
 
     @classmethod
     def from_table(cls, grid_m: Array, force_n: Array, response: Array) -> Self:
-        """From `response` (X, X, 3, 5) at `grid_m` (X,) × `grid_m` × `force_n` (3,): dx, dy, dz in m, axis x, y."""
-        powers = np.linalg.solve(force_n[:, None] ** np.arange(1, 4), response)
-        spline = np.linalg.inv(_spline_collocation(len(grid_m)))[:, 1:-1]
-        coefficient = np.einsum("ai,bj,ijpc->abpc", spline, spline, powers)
-        return cls(float(grid_m[0]), float(grid_m[1] - grid_m[0]), len(grid_m), float(force_n[-1]), coefficient)
+        """From `response` (X, X, L, 5) at `grid_m` (X,) × `grid_m` × `force_n` (L,): dx, dy, dz in m, axis x, y."""
+        degree = np.arange(1, len(force_n) + 1, dtype=np.intp)
+        powers = np.asarray(np.linalg.solve(force_n[:, None] ** degree, response), dtype=np.float64)
+        exponents = np.stack([degree, 0 * degree, 0 * degree], axis=1)
+        return cls.from_terms(grid_m, float(force_n[-1]), exponents, powers)
 
-    def displacement(self, x_m: Array, y_m: Array, force_n: Array) -> tuple[Array, Array]:
+    @classmethod
+    def from_terms(cls, grid_m: Array, largest_force_n: float, exponents: NDArray[np.intp], terms: Array) -> Self:
+        """From the polynomial's terms (X, X, T, 5) at an evenly spaced grid (X,), X ≥ 5, the same along x and y."""
+        spline = np.linalg.inv(_spline_collocation(len(grid_m)))[:, 1:-1]
+        coefficient = np.einsum("ai,bj,ijpc->abpc", spline, spline, terms)
+        return cls(float(grid_m[0]), float(grid_m[1] - grid_m[0]), len(grid_m), largest_force_n, exponents, coefficient)
+
+    def displacement(
+        self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
+    ) -> tuple[Array, Array]:
         """The magnet's displacement in m (K, 3) and unit axis (K, 3), its rest axis being +z, of presses (K,)."""
         column, along_x = self._stencil(x_m)
         row, along_y = self._stencil(y_m)
         patch = self.coefficient[column[:, :, None], row[:, None, :]]
-        powers = np.einsum("ka,kb,kabpc->kpc", along_x, along_y, patch)
-        inside = np.minimum(force_n, self.largest_force_n)
-        weight = np.stack([inside, inside**2, inside**3], axis=1)
-        slope = np.stack([np.ones_like(inside), 2.0 * inside, 3.0 * inside**2], axis=1)
-        response = np.einsum("kp,kpc->kc", weight + slope * (force_n - inside)[:, None], powers)
+        term = self._terms(force_n, shear_x_n, shear_y_n)
+        response = np.einsum("kp,kpc->kc", term, np.einsum("ka,kb,kabpc->kpc", along_x, along_y, patch))
         tilt = response[:, 3:]
         upright = np.sqrt(1.0 - np.sum(tilt * tilt, axis=1, keepdims=True))
         return response[:, :3], np.concatenate([tilt, upright], axis=1)
+
+    def _terms(self, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None) -> Array:
+        """(K, T) powers of the load, those of the normal force continued along their tangent where the table ends."""
+        of_force, of_x, of_y = self.exponents.T
+        inside = np.minimum(force_n, self.largest_force_n)[:, None]
+        term: Array = inside**of_force
+        beyond = force_n[:, None] - inside
+        if np.any(beyond > 0.0):
+            term = term + beyond * of_force * inside ** np.maximum(of_force - 1, 0)
+        for shear_n, exponent in ((shear_x_n, of_x), (shear_y_n, of_y)):
+            term = term * (exponent == 0 if shear_n is None else shear_n[:, None] ** exponent)
+        return term
 
     def _stencil(self, coordinate_m: Array) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.intp]], Array]:
         """Indices (K, 4) and weights (K, 4) of the four cubic B-splines that cover each coordinate."""

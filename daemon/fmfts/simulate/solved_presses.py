@@ -1,0 +1,125 @@
+"""Presses of the standard pad solved by finite elements, kept as CSV: the grids of the table, and sets to test it with.
+
+python -m fmfts.simulate.solved_presses normal|shear|test-normal|test-shear OUT.csv
+
+Rows that OUT.csv has already are not solved again, so an interrupted run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from fmfts.pad import Array
+from fmfts.simulate.slab import Press, Slab
+
+COLUMNS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n", "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")
+GRID_MM = range(0, 16, 2)
+FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
+SHEARED_FORCE_N = (0.3, 1.0, 2.0, 3.0)
+SHEAR_SHARE = 0.4  # of the normal force: within what skin and silicone transmit, large enough to show its curvature
+RAMP_N = 1.0  # a longer step than this is walked in two
+SEED = 20260719
+
+
+def octant() -> Iterator[tuple[float, float]]:
+    """Places (mm) 0 ≤ y ≤ x ≤ 14: mirrors and quarter turns make the whole grid of them."""
+    return ((float(x), float(y)) for x in GRID_MM for y in GRID_MM if y <= x)
+
+
+def normal_grid() -> list[Press]:
+    return [Press(x * 1e-3, y * 1e-3, force_n) for x, y in octant() for force_n in FORCE_N]
+
+
+def shear_grid() -> list[Press]:
+    """At each place and force, shear along ±x, ±y and both: what a quadratic form of the shear needs."""
+    directions = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
+    return [
+        Press(x * 1e-3, y * 1e-3, force_n, i * SHEAR_SHARE * force_n, j * SHEAR_SHARE * force_n)
+        for x, y in octant()
+        for force_n in SHEARED_FORCE_N
+        for i, j in directions
+    ]
+
+
+def normal_test(count: int = 90) -> list[Press]:
+    """Off the grid: places even in ±14 mm, forces in 0.28–1.98 N."""
+    random = np.random.default_rng(SEED)
+    place_m, force_n = (
+        np.round(random.uniform(-14e-3, 14e-3, (count, 2)), 6),
+        np.round(random.uniform(0.28, 1.98, count), 4),
+    )
+    return [Press(float(x), float(y), float(f)) for (x, y), f in zip(place_m, force_n, strict=True)]
+
+
+def shear_test(count: int = 60) -> list[Press]:
+    """Off the grid, where shear can be told: places in ±8 mm, shear in any direction up to half the normal force."""
+    random = np.random.default_rng(SEED + 1)
+    place_m, force_n = (
+        np.round(random.uniform(-8e-3, 8e-3, (count, 2)), 6),
+        np.round(random.uniform(0.28, 1.98, count), 4),
+    )
+    shear_n = force_n * random.uniform(0.0, 0.5, count)
+    angle = random.uniform(0.0, 2.0 * np.pi, count)
+    return [
+        Press(float(x), float(y), float(f), round(float(s * np.cos(a)), 4), round(float(s * np.sin(a)), 4))
+        for (x, y), f, s, a in zip(place_m, force_n, shear_n, angle, strict=True)
+    ]
+
+
+SETS = {"normal": normal_grid, "shear": shear_grid, "test-normal": normal_test, "test-shear": shear_test}
+
+
+def solve_into(path: Path, presses: Sequence[Press], slab: Slab) -> None:
+    """Append to the CSV at `path` the rows of `presses` that it lacks."""
+    from fmfts.simulate.finite_element import PressedSlab
+
+    solved = PressedSlab(slab)
+    known = {tuple(row[:5]) for row in csv.reader(path.open())} if path.exists() else set()
+    with path.open("a", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if not known:
+            writer.writerow(COLUMNS)
+        before = Press(np.nan, np.nan, 0.0)
+        for press in track(presses, "solving"):
+            key = press_columns(press)
+            if tuple(key) in known:
+                continue
+            if (press.x_m, press.y_m) != (before.x_m, before.y_m):
+                solved.rest()
+                before = Press(press.x_m, press.y_m, 0.0)
+            if press.force_n - before.force_n > RAMP_N:
+                middle = [(a + b) / 2.0 for a, b in zip(before[2:], press[2:], strict=True)]
+                solved.solve(Press(press.x_m, press.y_m, *middle))
+            displacement_m, axis = solved.solve(press)
+            before = press
+            writer.writerow([*key, *pose_columns(displacement_m, axis)])
+            file.flush()
+
+
+def press_columns(press: Press) -> list[str]:
+    return [f"{press.x_m * 1e3:.6g}", f"{press.y_m * 1e3:.6g}", *(f"{force:.6g}" for force in press[2:])]
+
+
+def pose_columns(displacement_m: Array, axis: Array) -> list[str]:
+    return [
+        *(f"{round(d * 1e6, 4) + 0.0:.4f}" for d in displacement_m),
+        *(f"{round(a, 7) + 0.0:.7f}" for a in axis[:2]),
+    ]
+
+
+def main(arguments: list[str]) -> int:
+    if len(arguments) != 2 or arguments[0] not in SETS:
+        print(__doc__, file=sys.stderr)
+        return 2
+    solve_into(Path(arguments[1]), SETS[arguments[0]](), Slab())
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
