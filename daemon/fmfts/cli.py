@@ -187,6 +187,7 @@ def _run(options: argparse.Namespace) -> int:
     from fmfts.jobs.baseline_files import StateError
     from fmfts.running.daemon import Daemon
     from fmfts.sensor import SourceError
+    from fmfts.service.realtime import RealtimeError
     from fmfts_client.endpoints import EndpointError
 
     config = _config(options)
@@ -195,7 +196,7 @@ def _run(options: argparse.Namespace) -> int:
             daemon.run()
     except (BusError, EndpointError) as error:
         raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
-    except (ModelError, SourceError, StateError) as error:
+    except (ModelError, SourceError, StateError, RealtimeError) as error:
         raise VerbError(exit_codes.CONFIG, str(error)) from error
     return 0
 

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,8 +33,7 @@ class Reading:
     touching: bool | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PackedMessage:
+class PackedMessage(msgspec.Struct, frozen=True, gc=False):
     """The message of a healthy frame, as it goes on the bus."""
 
     payload: bytes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fmfts.bench import accuracy, baselines, contact, convergence, faults, moment, neighbours, speed, turning
+from fmfts.bench import accuracy, baselines, contact, convergence, faults, latency, moment, neighbours, speed, turning
 from fmfts.pose import SOLVER
 
 
@@ -14,7 +14,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     verbs = parser.add_subparsers(
         required=True,
-        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact",
+        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact | "
+        "latency",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
@@ -52,6 +53,13 @@ def main() -> None:
     verb.add_argument("--part", choices=contact.PARTS, help="only this part")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=contact.run)
+    verb = verbs.add_parser("latency", help="from a frame's bytes to its message, beside an echo; processor and memory")
+    verb.add_argument("--pads", type=int, nargs="+", default=[1, 4, 16, 64], help="how many, one after another")
+    verb.add_argument("--seconds", type=float, default=10.0, help="for each row, after a second of warming up")
+    verb.add_argument("--rounds", type=int, default=2, help="echo and daemon in turns")
+    verb.add_argument("--size", type=int, default=860, help="bytes of the echo's message: a contact's")
+    verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth with pads (needs matplotlib)")
+    verb.set_defaults(run=latency.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")

@@ -30,6 +30,8 @@ FRAMES_HIGH_MARK = 20_000
 LARGEST_SUBSCRIPTION = 1024
 # With many pads, asking the socket for every frame would cost as much as sending.
 LOOK_NS = 4_000_000
+# As members of an enumeration they cost more than a send.
+NO_WAIT, NO_WAIT_AND_MORE = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
 LONGEST_TOPIC = 64
 
 log = logging.getLogger(__name__)
@@ -71,8 +73,8 @@ class Publisher:
 
     def send_packed(self, topic: bytes, payload: bytes) -> None:
         """A contact that is a map already, all of whose numbers are numbers."""
-        self._bus.zmq.send(topic, zmq.NOBLOCK | zmq.SNDMORE)
-        self._bus.zmq.send(payload, zmq.NOBLOCK)
+        self._bus.zmq.send(topic, NO_WAIT_AND_MORE)
+        self._bus.zmq.send(payload, NO_WAIT)
 
     def send_event(self, pad: str, message: EventMessage) -> None:
         self._send_checked(self._bus, f"event/{pad}".encode(), message)

@@ -27,6 +27,13 @@ class BusConfig(_Section, frozen=True):
     keys: str | None = None  # folder of the keys that tcp is served with
 
 
+class ServiceConfig(_Section, frozen=True):
+    """What the daemon asks of the system."""
+
+    realtime_priority: Annotated[int, Meta(ge=0, le=99)] = 0  # of SCHED_FIFO; 0: an ordinary process
+    lock_memory: bool = False
+
+
 class _HardwareSource(_Section, frozen=True):
     rate_hz: Annotated[int, Meta(ge=1, le=220)] = 220
     range_gauss: float = 2.5
@@ -149,6 +156,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 class Config(_Section, frozen=True):
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)
+    service: ServiceConfig = field(default_factory=ServiceConfig)
     collect: CollectConfig = field(default_factory=CollectConfig)
 
 

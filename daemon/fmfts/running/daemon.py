@@ -31,6 +31,7 @@ from fmfts.scene import around, blind, choose
 from fmfts.sensor import Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
+from fmfts.service.realtime import lock_memory, take_priority
 from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
@@ -62,6 +63,7 @@ class Daemon:
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
         self._pads = config.pad
+        self._service = config.service
         by_name = {pad.name: pad for pad in config.pad}
         for source, names in open_sources(config.pad):
             self._sources.append(source)
@@ -91,7 +93,7 @@ class Daemon:
         self._wake_write.close()
 
     def run(self) -> None:
-        """Frames in, contacts out, until SIGTERM or SIGINT."""
+        """Frames in, contacts out, until SIGTERM or SIGINT. RealtimeError where the config asks for what it may not."""
         self._wake_write.setblocking(False)
         signal.set_wakeup_fd(self._wake_write.fileno())
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -100,6 +102,10 @@ class Daemon:
         self._schedule.wake_for(self._control.fileno())
         if self._gate is not None:
             self._schedule.wake_for(self._gate.fileno())
+        if self._service.lock_memory:
+            lock_memory()
+        if self._service.realtime_priority:
+            take_priority(self._service.realtime_priority)
         # What is there now stays: no collection has to look through it again while frames come.
         gc.collect()
         gc.freeze()

@@ -1,0 +1,228 @@
+"""From the bytes of a frame to its message: how long it takes and what it costs, beside an echo that only copies.
+
+A frame is *there* when its last byte is handed to the pty. What comes before, the wire and the age of samples that
+chips on their own clocks are interpolated to, is told apart. Echo and daemon take turns at the same boards.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing.connection
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.context import SpawnContext
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts import ambient
+from fmfts.bench import latency_rig as rig
+from fmfts.config import MagnetConfig, PadConfig, SimulatedSource
+from fmfts.jobs.simulated_baseline import simulated_baseline
+
+WARM_UP_S = 1.0
+Times = NDArray[np.int64]
+
+
+@dataclass
+class Run:
+    """Nanoseconds of each frame, (frames,): to publish, to the subscriber; age_ns: how old it was when it was there."""
+
+    to_publish_ns: Times
+    to_subscriber_ns: Times
+    age_ns: Times
+    cpu_share: float
+    rss_mb: float
+    rss_growth_mb: float
+    sent: int
+    lost: int
+
+
+@dataclass
+class Rig:
+    """The processes around one measured one, in a folder of their own."""
+
+    count: int
+    lines: list[bytes]
+    folder: Path
+    context: SpawnContext = field(default_factory=lambda: multiprocessing.get_context("spawn"))
+
+    def run(self, start: Callable[[list[str]], int], stop: Callable[[], None], is_echo: bool) -> Run:
+        """start: a process that reads these ports, its id."""
+        endpoint = f"ipc://{self.folder}/bus"
+        board_pipe, board = self._spawn(rig.boards, self.lines, self.count)
+        pid = start(board_pipe.recv())
+        listener_pipe, listener = self._spawn(rig.subscriber, endpoint, self.count)
+        if not listener_pipe.poll(60):
+            raise SystemExit("not every pad was heard within a minute")
+        listener_pipe.recv()
+        board_pipe.send("go")
+        multiprocessing.connection.wait([board.sentinel], WARM_UP_S)
+        cpu_ns, rss_mb = cpu_of(pid), rss_of(pid)
+        written_ns, lost = board_pipe.recv()
+        cpu_share = (cpu_of(pid) - cpu_ns) / (len(self.lines) / rig.RATE_HZ - WARM_UP_S) * 1e-9
+        rss = rss_of(pid)
+        multiprocessing.connection.wait([board.sentinel], 0.3)
+        listener_pipe.send("stop")
+        messages = listener_pipe.recv()
+        board_pipe.send("stop")
+        stop()
+        for process in (board, listener):
+            process.join()
+        publish, arrive, age = matched(messages, written_ns, is_echo)
+        return Run(publish, arrive, age, cpu_share, rss, rss - rss_mb, written_ns.size, lost)
+
+    def echo(self, size: int) -> Run:
+        pipe: Any = None
+        process: Any = None
+
+        def start(ports: list[str]) -> int:
+            nonlocal pipe, process
+            pipe, process = self._spawn(rig.echo, f"ipc://{self.folder}/bus", ports, size)
+            assert process.pid is not None
+            return int(process.pid)
+
+        def stop() -> None:
+            pipe.send("stop")
+            process.join()
+
+        return self.run(start, stop, is_echo=True)
+
+    def daemon(self) -> Run:
+        store_baselines(self.folder, self.count)
+        process: subprocess.Popen[bytes] | None = None
+        log = self.folder / "log"
+
+        def start(ports: list[str]) -> int:
+            nonlocal process
+            config = self.folder / "config.toml"
+            config.write_text(config_text(self.folder, ports))
+            environ = os.environ | {"XDG_STATE_HOME": str(self.folder), "FMFTS_BUS": f"ipc://{self.folder}"}
+            with log.open("wb") as output:
+                process = subprocess.Popen(
+                    [sys.executable, "-m", "fmfts", "run", "--config", config], env=environ, stderr=output
+                )
+            return process.pid
+
+        def stop() -> None:
+            assert process is not None
+            process.send_signal(signal.SIGTERM)
+            process.wait(20)
+
+        return self.run(start, stop, is_echo=False)
+
+    def _spawn(self, target: Callable[..., None], *args: Any) -> tuple[Any, Any]:
+        ours, theirs = self.context.Pipe()
+        process = self.context.Process(target=target, args=(theirs, *args), daemon=True)
+        process.start()
+        return ours, process
+
+
+def config_text(folder: Path, ports: list[str]) -> str:
+    pads = [
+        f'[[pad]]\nname = "p{index}"\nsource = {{ type = "bridge", port = "{port}" }}\n'
+        "magnet = { temperature_coefficient_per_k = 0.0 }\n"
+        for index, port in enumerate(ports)
+    ]
+    return "\n".join(pads)
+
+
+def pad_of(index: int) -> PadConfig:
+    return PadConfig(
+        name=f"p{index}",
+        source=SimulatedSource(seed=1),
+        magnet=MagnetConfig(temperature_coefficient_per_k=0.0),
+    )
+
+
+def store_baselines(folder: Path, count: int) -> None:
+    """The same pad `count` times, each under its own name."""
+    target = folder / "fmfts" / "baseline"
+    target.mkdir(parents=True)
+    baseline = simulated_baseline(pad_of(0))
+    for index in range(count):
+        own = msgspec.structs.replace(baseline, pad=f"p{index}").sealed()
+        (target / f"p{index}.json").write_bytes(ambient.encode(own))
+
+
+def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo: bool) -> tuple[Times, Times, Times]:
+    """Each message with the frame that it is about: the last one of its number that was there before it came."""
+    rows = []
+    start_ns = written_ns.min() + round(WARM_UP_S * 1e9)
+    for topic, arrived_ns, payload in messages:
+        if is_echo:
+            if not payload:
+                continue
+            number, published_ns = np.frombuffer(payload[:16], "<i8").tolist()
+            sampled_ns = published_ns
+        else:
+            message = msgspec.msgpack.decode(payload)
+            if message["temperature_c"] is None:
+                continue
+            number = round((message["temperature_c"] - rig.ROOM_C) * rig.RAW_PER_K)
+            published_ns, sampled_ns = message["t_publish_ns"], message["t_sample_ns"]
+        written = written_ns[int(topic.removeprefix(b"contact/p"))]
+        frame = int(np.searchsorted(written, arrived_ns)) - 1
+        frame -= (frame - number) % rig.NUMBERS
+        if frame >= 0 and written[frame] >= start_ns:
+            rows.append((published_ns - written[frame], arrived_ns - written[frame], written[frame] - sampled_ns))
+    if not rows:
+        raise SystemExit(f"none of {len(messages)} messages was about a frame; the last: {messages[-1:]}")
+    publish, arrive, age = np.array(rows).T
+    return publish, arrive, age
+
+
+def cpu_of(pid: int) -> int:
+    """Nanoseconds that all threads of a process have run."""
+    return sum(int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir())
+
+
+def rss_of(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) * 1024 / 1e6
+    raise SystemExit(f"process {pid} has ended")
+
+
+def row(name: str, count: int, run: Run) -> str:
+    def percentiles(times_ns: Times) -> str:
+        values = np.percentile(times_ns, [50, 99, 99.9, 100]) / 1e3
+        return " ".join(f"{value:8.0f}" for value in values)
+
+    return (
+        f"{name:>7} {count:4d} | {percentiles(run.to_publish_ns)} | {percentiles(run.to_subscriber_ns)} | "
+        f"{100 * run.cpu_share:6.1f} {run.rss_mb:6.1f} {run.rss_growth_mb:+6.2f} | {run.lost}"
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    print("µs from a frame's last byte on the pty; CPU in % of one core; RSS in MB, and its growth after the warm-up")
+    columns = f"{'to publish: p50 p99 p99.9 max':>35} | {'to subscriber: p50 p99 p99.9 max':>35}"
+    print(f"{'':12} | {columns} |    CPU    RSS   grew | lost")
+    lines = rig.packets(pad_of(0), WARM_UP_S + options.seconds)
+    runs: dict[str, list[tuple[int, Run]]] = {"echo": [], "daemon": []}
+    for count in options.pads:
+        for _ in range(options.rounds):
+            for kind in ("echo", "daemon"):
+                with tempfile.TemporaryDirectory(prefix="fmfts-latency-") as name:
+                    around = Rig(count, lines, Path(name))
+                    one = around.echo(options.size) if kind == "echo" else around.daemon()
+                print(row(kind, count, one), flush=True)
+                runs[kind].append((count, one))
+                if kind == "daemon":
+                    age_ms = np.percentile(one.age_ns, [50, 99]) / 1e6
+                    print(
+                        f"{'':14}samples were {age_ms[0]:.1f} ms old when the frame was there, p99 {age_ms[1]:.1f} ms"
+                    )
+    if options.chart is not None:
+        from fmfts.bench.latency_chart import draw
+
+        draw(runs, options.chart)

@@ -1,0 +1,52 @@
+"""The rig that measures latency: its numbers must be those of the frames that they are said to be about."""
+
+from __future__ import annotations
+
+import struct
+
+import msgspec
+import numpy as np
+
+from fmfts.bench.latency import WARM_UP_S, matched, pad_of
+from fmfts.bench.latency_rig import NUMBERS, RATE_HZ, RAW_PER_K, ROOM_C, packets
+from fmfts.sensor.framing import Decoder
+from fmfts.sensor.packets import Sample
+
+
+def test_boards_number_their_frames_in_the_temperature() -> None:
+    samples = Decoder().feed(b"".join(packets(pad_of(0), 0.5)))
+    assert all(isinstance(sample, Sample) for sample in samples)
+    numbers = [(s.sequence, s.temperature_raw) for s in samples if isinstance(s, Sample)]
+    assert numbers == [(number, number % NUMBERS) for number in range(RATE_HZ // 2)]
+
+
+def test_messages_find_their_frames_though_some_are_lost() -> None:
+    frames = round((WARM_UP_S + 1.0) * RATE_HZ)
+    written = 1_000_000_000 + np.arange(frames, dtype=np.int64)[None] * round(1e9 / RATE_HZ)
+    delay_ns = 30_000_000  # longer than a period: the newest frame is not the one that a message is about
+    kept = [number for number in range(frames) if number % 7]
+    daemon = [
+        (
+            b"contact/p0",
+            int(written[0, number]) + delay_ns,
+            msgspec.msgpack.encode(
+                {
+                    "temperature_c": ROOM_C + number % NUMBERS / RAW_PER_K,
+                    "t_publish_ns": int(written[0, number]) + 20_000_000,
+                    "t_sample_ns": int(written[0, number]) - 3_000_000,
+                }
+            ),
+        )
+        for number in kept
+    ]
+    publish, arrive, age = matched(daemon, written, is_echo=False)
+    measured = [number for number in kept if written[0, number] >= written[0, 0] + round(WARM_UP_S * 1e9)]
+    assert len(publish) == len(measured)
+    assert set(publish) == {20_000_000}
+    assert set(arrive) == {delay_ns}
+    assert set(age) == {3_000_000}
+    echoed = [
+        (topic, at, struct.pack("<qq", number % NUMBERS, at - 5_000_000))
+        for (topic, at, _), number in zip(daemon, kept, strict=True)
+    ]
+    assert set(matched(echoed, written, is_echo=True)[0]) == {delay_ns - 5_000_000}

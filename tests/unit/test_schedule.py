@@ -1,0 +1,107 @@
+"""Who is polled when: sources with bytes, and sources whose time has come; never one that sleeps."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from typing import cast
+
+import pytest
+
+from fmfts.running.schedule import Schedule
+from fmfts.sensor import Source
+
+FAR_NS = 60_000_000_000
+
+
+class Piped:
+    """As much of a Source as is waited for."""
+
+    def __init__(self) -> None:
+        self.deadline: int | None = None
+        self.asked = 0
+        self.open()
+
+    def open(self) -> None:
+        self.ours, self.theirs = os.pipe()
+        self.reading: int | None = self.ours
+
+    def close(self) -> None:
+        os.close(self.ours)
+        os.close(self.theirs)
+        self.reading = None
+
+    def fileno(self) -> int | None:
+        return self.reading
+
+    def deadline_ns(self) -> int | None:
+        self.asked += 1
+        return self.deadline
+
+
+@pytest.fixture
+def two() -> Iterator[tuple[Schedule, Piped, Piped]]:
+    sources = Piped(), Piped()
+    schedule = Schedule(cast(list[Source], list(sources)))
+    schedule.wait(0)  # the first wait looks at every deadline
+    for source in sources:
+        schedule.served(cast(Source, source))
+    yield schedule, *sources
+    schedule.close()
+    for source in sources:
+        if source.reading is not None:
+            source.close()
+
+
+def soon() -> int:
+    return time.monotonic_ns() + 20_000_000
+
+
+def test_source_with_bytes_is_polled_and_sleeping_ones_cost_nothing(two: tuple[Schedule, Piped, Piped]) -> None:
+    schedule, awake, asleep = two
+    os.write(awake.theirs, b"x")
+    asked = asleep.asked
+    assert schedule.wait(soon()) == [awake]
+    assert asleep.asked == asked
+
+
+def test_source_whose_time_has_come_is_polled(two: tuple[Schedule, Piped, Piped]) -> None:
+    schedule, due, _ = two
+    due.deadline = time.monotonic_ns() + 1_000_000
+    schedule.review()
+    until = time.monotonic_ns() + FAR_NS
+    assert schedule.wait(until) == [due]
+    assert time.monotonic_ns() < until
+
+
+def test_deadline_that_came_nearer_while_served_is_kept(two: tuple[Schedule, Piped, Piped]) -> None:
+    schedule, due, _ = two
+    due.deadline = time.monotonic_ns() + 1_000_000
+    schedule.served(cast(Source, due))
+    assert schedule.wait(time.monotonic_ns() + FAR_NS) == [due]
+
+
+def test_deadline_that_moved_away_wakes_nobody(two: tuple[Schedule, Piped, Piped]) -> None:
+    schedule, source, _ = two
+    source.deadline = time.monotonic_ns()
+    schedule.review()
+    source.deadline = time.monotonic_ns() + FAR_NS
+    assert schedule.wait(soon()) == []
+
+
+def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Piped, Piped]) -> None:
+    """Whatever number it gets: a closed one has left epoll by itself, and may be another source's by now."""
+    schedule, gone, other = two
+    gone.close()
+    schedule.served(cast(Source, gone))
+    other.close()
+    schedule.served(cast(Source, other))
+    other.open()
+    schedule.served(cast(Source, other))
+    gone.open()
+    schedule.served(cast(Source, gone))
+    os.write(gone.theirs, b"x")
+    assert schedule.wait(soon()) == [gone]
+    os.write(other.theirs, b"x")
+    assert set(map(id, schedule.wait(soon()))) == {id(gone), id(other)}
