@@ -17,7 +17,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb drill-service drills
+.PHONY: install uninstall deb drill-service drills soak aarch64
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -60,10 +60,20 @@ deb:
 	@ls -l build/fmfts_$(VERSION)_*.deb
 
 # The package on a plain Debian 12 under real systemd (root; ten minutes the first time, then five).
-drill-service: deb firmware $(VENV)/.installed
+drill-service: deb firmware
 	@$(call need,$(call missing_packages,debootstrap systemd-container),exit 1)
-	$(BIN)/python tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
+	$(PYTHON) tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
 
 # What robots do to a service, in full (an hour and a half): replugging a thousand times, a million bytes of garbage, ...
 drills: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/drills/recovery.py
+
+# Sixteen pads with faults at random; SOAK="--pads 4 --seconds 60" for less.
+SOAK ?= --pads 16 --seconds 600
+soak: test-packages $(VENV)/.installed-test
+	$(BIN)/python tests/drills/soak.py $(SOAK)
+
+# The wheel for aarch64, and tests under qemu.
+aarch64: test-packages
+	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
+	$(PYTHON) tests/drills/aarch64.py

@@ -96,7 +96,7 @@ class Container:
         shutil.rmtree(self.root)
 
 
-def wait_for(condition: Callable[[], object], what: str, patience_s: float = 60.0) -> float:
+def wait_for(condition: Callable[[], object], what: str, patience_s: float = 180.0) -> float:
     """Wait until `condition` holds; how many seconds that took."""
     start = time.monotonic()
     while not condition():

@@ -1,0 +1,189 @@
+"""Many pads for minutes with faults at random: no wrong number, no late recovery, every frame accounted for.
+
+Every frame that arrived is published or dropped (`frames` = contacts with a sample time + `dropped`); those that were
+produced and never arrived are `gaps`, counted from the boards' own sequence numbers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import queue
+import random
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from drills.rig import PATIENCE_S, STANDARD_PAD, is_ok, wrong
+from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
+from fmfts_client import Contact
+
+FAULT_S = 0.4
+HEALTHY_S = 1.0  # what a pad gets to be ok again; longer is a missed recovery, and its length is told
+
+
+class Rig:
+    """One daemon, one board for each pad, one ear for all of them."""
+
+    def __init__(self, folder: Path, pads: int) -> None:
+        self.folders = [folder / f"p{i}" for i in range(pads)]
+        for board in self.folders:
+            board.mkdir()
+        entries = [BRIDGE_CONFIG.format(port=board / "board").replace("left", board.name) for board in self.folders]
+        self.daemon = RunningDaemon(folder, "".join(entries))
+        self.hosts: dict[str, FirmwareHost] = {}
+        self.health: dict[str, Contact] = {}
+        self.published: Counter[str] = Counter()
+        self.unheard: Counter[str] = Counter()
+        self.wrong_numbers: list[str] = []
+        self._inbox: queue.SimpleQueue[Contact] = queue.SimpleQueue()
+        self._stopping = threading.Event()
+        self._ear: threading.Thread | None = None
+
+    def plug(self, name: str) -> None:
+        (folder,) = (folder for folder in self.folders if folder.name == name)
+        self.hosts[name] = FirmwareHost(folder)
+        self.hosts[name].field(resting_field(STANDARD_PAD))
+
+    def record_baselines(self) -> None:
+        for folder in self.folders:
+            self.plug(folder.name)
+            self.daemon.wait_for(lambda contact, name=folder.name: contact.pad == name and contact.sensors_ok == 0b1111)
+            self.daemon.request("baseline", pad=folder.name, duration_s=1.0, timeout_s=PATIENCE_S)
+        self.unplug_all()
+        self.daemon.stop()
+        self.daemon.start()
+        self.daemon.wait_until_serving()
+        subscribed = threading.Event()
+        self._ear = threading.Thread(target=self._hear, args=(subscribed,))
+        self._ear.start()
+        subscribed.wait()
+
+    def _hear(self, subscribed: threading.Event) -> None:
+        """While a board is plugged in nobody else listens, and the daemon keeps 256 messages for nobody."""
+        with self.daemon.subscribe() as messages:
+            messages.receive(PATIENCE_S)
+            subscribed.set()
+            while not self._stopping.is_set():
+                message = messages.receive(0.05)
+                if message is not None:
+                    self._inbox.put(Contact.from_message(message.body))
+
+    def close(self) -> None:
+        self._stopping.set()
+        if self._ear is not None:
+            self._ear.join()
+        self.unplug_all()
+        self.daemon.__exit__()
+
+    def unplug_all(self) -> None:
+        for host in self.hosts.values():
+            host.kill()
+
+    def listen(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
+        """Judge what comes; ends early when `until` holds. How long it took."""
+        start = time.monotonic()
+        while (passed := time.monotonic() - start) < seconds and not until():
+            try:
+                contact = self._inbox.get(timeout=0.05)
+            except queue.Empty:
+                continue
+            if (before := self.health.get(contact.pad)) is not None:
+                self.unheard[contact.pad] += contact.seq - before.seq - 1
+            self.health[contact.pad] = contact
+            self.published[contact.pad] += contact.t_sample_ns > 0
+            verdict = wrong(contact)
+            if verdict:
+                self.wrong_numbers.append(verdict)
+        return passed
+
+    def is_healthy(self, name: str) -> bool:
+        return name in self.health and is_ok(self.health[name]) and self.health[name].sensors_ok == 0b1111
+
+
+def inject(rig: Rig, name: str, fault: str, chance: random.Random) -> None:
+    """Make the fault, let it last, and mend it."""
+    host, sensor = rig.hosts[name], chance.randrange(4)
+    match fault:
+        case "replug":
+            host.kill()
+            rig.listen(FAULT_S)
+            rig.plug(name)
+        case "nack":
+            host.tell(f"fault 0 {sensor} unplugged")
+            rig.listen(FAULT_S)
+            host.tell(f"fault 0 {sensor} none")
+        case "mux":
+            host.tell("mux 0 unplugged")
+            rig.listen(FAULT_S)
+            host.tell("mux 0 none")
+        case "garbage":
+            host.tell(f"garbage 500 {chance.randrange(1, 10**9)}")
+        case "reset":
+            host.tell("truncate")
+            host.tell("reset")
+    rig.listen(0.1)  # what was on its way when the fault came is no recovery
+
+
+def soak(folder: Path, pads: int, seconds: float) -> dict[str, Any]:
+    chance = random.Random(4)
+    rig = Rig(folder, pads)
+    recoveries: list[tuple[float, str]] = []
+    faults: Counter[str] = Counter()
+    try:
+        rig.record_baselines()
+        names = [board.name for board in rig.folders]
+        for name in names:
+            rig.plug(name)
+        rig.listen(PATIENCE_S, lambda: all(rig.is_healthy(name) for name in names))
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            name, fault = chance.choice(names), chance.choice(("replug", "nack", "mux", "garbage", "reset"))
+            faults[fault] += 1
+            inject(rig, name, fault, chance)
+            recoveries.append((rig.listen(PATIENCE_S, lambda name=name: rig.is_healthy(name)), fault))
+        rig.unplug_all()
+        rig.listen(3.0)  # nothing comes any more but silence and the last status
+        status = {pad["pad"]: pad for pad in rig.daemon.request("status")["pads"]}
+    finally:
+        rig.close()
+    missing = {n: status[n]["frames"] - status[n]["dropped"] - rig.published[n] for n in names}
+    # Of what this listener did not hear (by the contacts' own numbers), some were frames' and some were of silence.
+    unaccounted = {n: max(missing[n] - rig.unheard[n], -missing[n], 0) for n in names}
+    return {
+        "pads": pads,
+        "seconds": seconds,
+        "faults": dict(faults),
+        "wrong_numbers": len(rig.wrong_numbers),
+        "first_wrong": rig.wrong_numbers[:1],
+        "late_recoveries": sum(took_s > HEALTHY_S for took_s, _ in recoveries),
+        "longest_recovery": max(recoveries),
+        "published": sum(rig.published.values()),
+        "dropped": sum(pad["dropped"] for pad in status.values()),
+        "never_arrived": sum(pad["gaps"] for pad in status.values()),
+        "unheard_by_the_drill": sum(rig.unheard.values()),
+        "unaccounted": sum(unaccounted.values()),
+        "rate_hz": round(sum(rig.published.values()) / seconds / pads, 1),
+    }
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--pads", type=int, default=16)
+    options.add_argument("--seconds", type=float, default=600.0)
+    arguments = options.parse_args()
+    with tempfile.TemporaryDirectory(prefix="fmfts-") as folder:
+        facts = soak(Path(folder), arguments.pads, arguments.seconds)
+    print(json.dumps(facts, indent=1))
+    return int(any(facts[name] for name in ("wrong_numbers", "late_recoveries", "unaccounted")))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
