@@ -75,6 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     kind.add_argument("--turn", action="store_true", help="turn the unloaded robot: learn the sensors' gains")
     kind.add_argument("--refine", action="store_true", help="press some 30 times anywhere: learn places and gains")
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
+    kind.add_argument("--undo-drift", action="store_true", help="record nothing: forget what [pad.rebaseline] followed")
     baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
     baseline.add_argument("--duration-s", type=float, help="of the recording: 0.5 to 60 (3; --turn 20; --refine 40)")
     selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
@@ -202,8 +203,11 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _baseline(options: argparse.Namespace) -> int:
+    from fmfts.jobs import oneshot
     from fmfts.jobs.oneshot import record_baseline, restore_baseline
 
+    if options.undo_drift:
+        return _through_daemon(options, "baseline", {"undo_drift": True}, oneshot.nothing_to_undo)
     if options.restore:
         return _through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
     names = ("bare", "replaced", "turn", "refine", "duration_s")

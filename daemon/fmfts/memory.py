@@ -30,7 +30,9 @@ from fmfts.pose.state import Neighbour
 VALUES = {kind.__name__: kind for kind in (State, Neighbour, Finding)}
 FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Mounting)
 # Of one frame alone, or made from what else is here when it is wanted.
-PASSING = {"_nearest", "_neighbours", "_templates", "_path", "_compiled", "_rows", "_magnets", "_errors", "_new_warmth"}
+# What follows from the mounting: it may be another than before, or made anew.
+OF_THE_MOUNTING = {"_rest", "rest", "_change_error_rows", "_repeats_allowed", "_rows", "_magnets", "_errors"}
+PASSING = OF_THE_MOUNTING | {"_nearest", "_neighbours", "_templates", "_path", "_compiled", "_new_warmth"}
 LARGEST = 1 << 20
 
 
@@ -57,6 +59,13 @@ def snapshot(pipeline: PadPipeline) -> bytes:
     """The next frame is judged in Python then, here as well as where this is restored: both go on alike."""
     pipeline.hand_back()
     return msgspec.msgpack.encode(_taken(pipeline))
+
+
+def follow(pipeline: PadPipeline, baseline: Baseline, mounting: Mounting) -> None:
+    """From the next frame on, measure from a rest that has drifted; what is remembered stands."""
+    memory = snapshot(pipeline)
+    pipeline.use(baseline, mounting)
+    restore(pipeline, memory)
 
 
 def restore(pipeline: PadPipeline, memory: bytes) -> None:

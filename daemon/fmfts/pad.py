@@ -127,3 +127,17 @@ class Tolerance:
     magnet_tilt_rad: float
     gain: float
     remanence: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriftLimits:
+    """How an automatic baseline may follow a drift.
+
+    quiet_s: without contact before it learns. rate, limit: of the rest pose, a tilt as what it moves 4 mm away.
+    force_below_n: the mean force of that time, with three deviations, must be below.
+    """
+
+    quiet_s: float
+    rate_m_per_s: float
+    limit_m: float
+    force_below_n: float

@@ -76,11 +76,14 @@ class PadPipeline:
     def mounting(self) -> Mounting | None:
         return None if self._estimator is None else self._estimator.mounting
 
-    def use(self, baseline: Baseline) -> Mounting:
-        """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad."""
+    def use(self, baseline: Baseline, mounting: Mounting | None = None) -> Mounting:
+        """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad.
+
+        mounting: what follows from it, where that is known already.
+        """
         self.hand_back()
         self._estimator = Estimator(
-            self.pad, self._model, baseline, self._tracking, self._rate_hz, self._alignment.stopped_us
+            self.pad, self._model, baseline, self._tracking, self._rate_hz, self._alignment.stopped_us, mounting
         )
         self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
@@ -147,10 +150,11 @@ class Estimator:
         tracking: TrackingModel,
         rate_hz: float,
         stopped_us: float,
+        mounting: Mounting | None = None,
     ) -> None:
-        """BaselineError where the baseline does not fit the pad."""
+        """mounting: where it is known already. BaselineError where the baseline does not fit the pad."""
         self.baseline = baseline
-        self.mounting = baseline.mounting(drawing)
+        self.mounting = mounting or baseline.mounting(drawing)
         self._drawing = drawing
         self._model = model
         temperature_c = None if baseline.rest is None else baseline.rest.temperature_c

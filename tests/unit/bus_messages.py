@@ -86,6 +86,7 @@ def status_message(**changes: Any) -> StatusMessage:
         "temperature_c": 25.5,
         "ambient_t": (1e-5, 0.0, 4e-5),
         "remanence_t": 1.23,
+        "rest_drift_m": None,
         "sensor_faults": [],
         "board": {"firmware": "0.1.0"},
         "uptime_s": 4.5,

@@ -134,6 +134,7 @@ class Status:
     temperature_c: Optional[float]
     ambient_t: Optional[Vector]
     remanence_t: Optional[float]
+    rest_drift_m: Optional[float]
     sensor_faults: tuple[str, ...]
     board: dict[str, Any]
     uptime_s: float

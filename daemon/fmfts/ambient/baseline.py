@@ -9,6 +9,7 @@ from typing import Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from fmfts.ambient.aligned import Means
 from fmfts.ambient.diagnosis import check_bare, estimate_and_judge
@@ -21,6 +22,7 @@ from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
 
 FORMAT = 1
+Array = NDArray[np.float64]
 Rows = tuple[tuple[float, float, float], ...]
 Kind = Literal["bare", "rest"]
 
@@ -109,6 +111,8 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rest: StoredRecording | None
     turn: StoredTurn | None = None
     refine: StoredPresses | None = None
+    # How far rest has drifted from the recorded one (5,), m and rad: never in a file, for it is undone by a restart.
+    drift: tuple[float, ...] | None = None
 
     @property
     def kind(self) -> Kind:
@@ -125,10 +129,18 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         if self.rest is not None:
             known = self._at_rest(pad, self.rest)
             mounting = estimate_and_judge(pad, tolerance, known.rest, bare, known.gains)
-            return mounting if self.refine is None else refined(known, mounting, self.refine.presses())
+            mounting = mounting if self.refine is None else refined(known, mounting, self.refine.presses())
+            return mounting if self.drift is None else mounting.drifted(np.array(self.drift))
         if bare is not None:
             return nominal_mounting(pad, tolerance, bare)
         raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
+
+    def drifted(self, moved: Array) -> Baseline:
+        """The same with its rest moved by (5,), m and rad in the tangent plane of its axis."""
+        return msgspec.structs.replace(self, drift=tuple(moved.tolist())).sealed()
+
+    def as_recorded(self) -> Baseline:
+        return self if self.drift is None else msgspec.structs.replace(self, drift=None).sealed()
 
     def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
         tolerance = Tolerance(**self.tolerance)

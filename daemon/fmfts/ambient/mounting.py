@@ -7,6 +7,7 @@ mounting and manufacture leave open, with the tolerances as priors. Contact then
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,10 @@ class Mounting:
     ambient_t: Array | None
     ambient_deviation_t: Array | None
     press_chi2: Array = field(default_factory=lambda: np.zeros(0))
+
+    def drifted(self, moved: Array) -> Self:
+        """The same pad, its magnet at rest elsewhere: moved (5,) in m, and rad in the tangent plane of the axis."""
+        return replace(self, rest=self.rest.stepped(moved))
 
     def mounted(self, pad: Pad) -> Pad:
         """The drawing with the estimated sensor places and rest pose in it."""

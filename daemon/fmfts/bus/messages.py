@@ -116,6 +116,7 @@ class StatusMessage(_Message, frozen=True, kw_only=True):
     temperature_c: float | None
     ambient_t: Vector | None
     remanence_t: float | None
+    rest_drift_m: float | None
     sensor_faults: list[str]
     board: dict[str, Any]
     uptime_s: float

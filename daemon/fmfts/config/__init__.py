@@ -15,7 +15,7 @@ from msgspec import Meta, field
 from fmfts.config.collect import CollectConfig
 from fmfts.config.section import NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
-from fmfts.pad import Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
 
 Vector = tuple[float, float, float]
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
@@ -126,6 +126,22 @@ class ContactConfig(_Section, frozen=True):
     smoothing_ms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
 
 
+class RebaselineConfig(_Section, frozen=True):
+    """Whether, how fast and how far the baseline follows a slow drift by itself: see docs/drift.md."""
+
+    enabled: bool = False
+    quiet_s: Annotated[float, Meta(ge=5.0)] = 60.0
+    rate_um_per_hour: PositiveFloat = 20.0
+    limit_um: Annotated[float, Meta(gt=0.0, le=100.0)] = 30.0
+    force_below_n: PositiveFloat = 0.1
+
+    def si(self) -> DriftLimits:
+        """The same facts in SI."""
+        return DriftLimits(
+            self.quiet_s, self.rate_um_per_hour * 1e-6 / 3600.0, self.limit_um * 1e-6, self.force_below_n
+        )
+
+
 class PadConfig(_Section, frozen=True, kw_only=True):
     name: PadName
     source: SourceConfig
@@ -135,6 +151,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     scene: SceneConfig = field(default_factory=SceneConfig)
     placement: PlacementConfig = field(default_factory=PlacementConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
+    rebaseline: RebaselineConfig = field(default_factory=RebaselineConfig)
 
     def pad(self) -> Pad:
         """The same facts in SI."""

@@ -87,6 +87,11 @@ def restore_baseline(pad: PadConfig) -> dict[str, Any]:
         return restore(drawing).facts(drawing)
 
 
+def nothing_to_undo(pad: PadConfig, *, undo_drift: bool) -> dict[str, Any]:
+    """A drift is followed by a running daemon alone, and forgotten when it ends."""
+    raise AbsentError(f"pad '{pad.name}': no daemon runs, so no drift is followed and there is nothing to undo")
+
+
 def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
     """The self-test on the device itself."""
     with _errors_named(), _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as told:

@@ -171,7 +171,13 @@ class Replay:
         for path in self._model_paths:
             try:
                 contact = config.contact
-                model = ContactModel.load(path, config.pad(), refine=contact.refine, friction=contact.friction)
+                model = ContactModel.load(
+                    path,
+                    config.pad(),
+                    refine=contact.refine,
+                    friction=contact.friction,
+                    smoothing_s=contact.smoothing_ms * 1e-3,
+                )
             except ModelError:
                 continue
             if model.hash == state.model:

@@ -15,6 +15,7 @@ from fmfts.jobs.baselines import BaselineJob
 from fmfts.jobs.probing import faults_of
 from fmfts.memory import state_message
 from fmfts.pipeline import PadPipeline
+from fmfts.running.rebaselining import Rebaselining
 from fmfts.running.statistics import PadStatistics
 from fmfts.sensor import Frame, Source
 
@@ -37,6 +38,7 @@ class Channel:
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
         self.config: PadConfig | None = None  # what recorders are told of it; without it, they get no state
+        self._rebaselining: Rebaselining | None = None
         self._publisher = publisher
         self._topic = contact_topic(self.name)
         self._boot = boot
@@ -89,12 +91,17 @@ class Channel:
             self._kind = answer.kind if isinstance(answer, PackedMessage) else None
         self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
         self._last_used_ns = arrived_ns
+        if self._rebaselining is not None and self._rebaselining.saw(answer):
+            self._publisher.state_changed(self.name)
+            self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
 
     def use(self, baseline: Baseline) -> None:
-        """BaselineError where it does not fit the pad."""
-        self.pipeline.use(baseline)
+        """BaselineError where it does not fit the pad. What a drift taught is forgotten."""
+        mounting = self.pipeline.use(baseline)
+        self._rebaselining = None
+        if self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None:
+            self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, self.config.rebaseline.si())
         self._publisher.state_changed(self.name)
-        self.event("baseline", f"{baseline.kind} {baseline.id}")
 
     def tick(self, now_ns: int) -> None:
         """Called twenty times a second: while no frame can be used, its health is said anyway."""
@@ -162,6 +169,7 @@ class Channel:
             temperature_c=None if last is None else last.temperature_c,
             ambient_t=None if last is None or last.pose is None else last.pose.ambient_t,
             remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
+            rest_drift_m=None if self._rebaselining is None else self._rebaselining.size_m,
             sensor_faults=self.faults,
             board=state.board,
             uptime_s=(now_ns - self._started_ns) * 1e-9,

@@ -157,7 +157,7 @@ class Daemon:
             if baseline is None:
                 log.warning("pad '%s': no baseline yet: fmfts-daemon baseline", pad.name)
             else:
-                pipeline.use(baseline)
+                channel.use(baseline)
         except BaselineError as error:
             log.error("%s", error)
             pipeline.refuse(str(error))

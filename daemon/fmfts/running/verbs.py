@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 
 import msgspec
 
-from fmfts.ambient import BaselineError
+from fmfts.ambient import Baseline, BaselineError
 from fmfts.bus.control import BadRequestError, Request
 from fmfts.bus.messages import StatusMessage
 from fmfts.config import PadConfig
@@ -38,6 +38,7 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
     restore: bool = False
     turn: bool = False
     refine: bool = False
+    undo_drift: bool = False
     duration_s: float | None = None
 
 
@@ -114,6 +115,9 @@ class Verbs:
         if channel.job is not None:
             raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
         pad = channel.pipeline.pad
+        if arguments.undo_drift:
+            request.reply(**_without_drift(channel))
+            return
         if arguments.restore:
             restoration = Restoration(pad, self._executor)
             self._await_baseline(request, channel, restoration)
@@ -130,7 +134,7 @@ class Verbs:
         )
         if not channel.source.state.connected:
             raise BadRequestError(f"pad '{channel.name}': {channel.source.state.reason}: nothing to record")
-        channel.job = BaselineJob(work, channel.pipeline.baseline, channel.source, self._executor)
+        channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
         self._await_baseline(request, channel, channel.job)
 
     def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:
@@ -149,6 +153,20 @@ class Verbs:
         return self._channels[pad]
 
 
+def _recorded(channel: Channel) -> Baseline | None:
+    baseline = channel.pipeline.baseline
+    return None if baseline is None else baseline.as_recorded()
+
+
+def _without_drift(channel: Channel) -> dict[str, object]:
+    recorded = _recorded(channel)
+    if recorded is None:
+        raise BadRequestError(f"pad '{channel.name}': there is no baseline")
+    channel.use(recorded)
+    channel.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
+    return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}
+
+
 def _silence(channel: Channel) -> str:
     return "connected, but it sends no frames" if channel.health in ("stale", "disconnected") else ""
 
@@ -156,4 +174,5 @@ def _silence(channel: Channel) -> str:
 def _use(channel: Channel, recorded: Recorded) -> None:
     baseline = recorded.baseline
     channel.use(baseline)
+    channel.event("baseline", f"{baseline.kind} {baseline.id}")
     log.info("pad '%s': baseline %s (%s) stored in %s", channel.name, baseline.id, baseline.kind, recorded.path)

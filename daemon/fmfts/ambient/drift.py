@@ -1,0 +1,103 @@
+"""Slow drift of an unloaded pad (warming, an ageing magnet, creeping silicone): the rest pose follows, within bounds.
+
+What is pressed slowly looks the same, so nothing is learnt faster or further than its owner allows: the bounds are what
+protects a load, the tests of quiet only keep clear of obvious ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.pad import DriftLimits
+from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
+
+Array = NDArray[np.float64]
+
+# A tilt counts as what it moves so far from the magnet: there both are equally uncertain at rest (docs/pose.md).
+LEVER_M = 4e-3
+SCALE = np.array([1.0, 1.0, 1.0, LEVER_M, LEVER_M])
+# What moves within a window by more than this many allowed rates, or deviations of its mean, is no drift.
+STEEPEST_RATES, STEEPEST_DEVIATIONS = 3.0, 5.0
+CERTAIN_DEVIATIONS = 3.0
+# A step is worth a new baseline when it is a tenth of what one window can tell.
+LEAST_STEP_M = 1e-7
+FEWEST = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Quiet:
+    """One reading of an untouched pad."""
+
+    time_s: float
+    position_m: Array
+    axis: Array
+    force_n: float
+    force_sd_n: float
+
+
+class DriftFollower:
+    """moved (5,): from the rest that was recorded, in m and rad in its axis's tangent plane."""
+
+    def __init__(self, rest: State, limits: DriftLimits) -> None:
+        self.moved = np.zeros(5)
+        self._rest = rest
+        self._basis = tangent_basis(rest.axis)
+        self._limits = limits
+        self._window: list[tuple[float, Array, float]] = []
+
+    @property
+    def rest(self) -> State:
+        """Where the magnet rests now, as far as it was learnt."""
+        step = np.zeros(6)
+        step[POSITION], step[AXIS] = self.moved[POSITION], self.moved[AXIS]
+        return self._rest.stepped(step)
+
+    @property
+    def size_m(self) -> float:
+        return _size(self.moved)
+
+    def disturbed(self) -> None:
+        """Touched, or not known to be untouched: the quiet begins anew."""
+        self._window.clear()
+
+    def saw(self, reading: Quiet) -> bool:
+        """True where the rest has moved on."""
+        change = np.append(reading.position_m - self._rest.position_m, self._basis.T @ reading.axis)
+        bound_n = reading.force_n + CERTAIN_DEVIATIONS * reading.force_sd_n
+        if self._window and not reading.time_s > self._window[-1][0]:
+            self._window.clear()
+        self._window.append((reading.time_s, change, bound_n))
+        elapsed_s = reading.time_s - self._window[0][0]
+        if elapsed_s < self._limits.quiet_s or len(self._window) < FEWEST:
+            return False
+        window, self._window = self._window, []
+        return self._learnt(
+            np.array([one for _, one, _ in window]), float(np.mean([one for *_, one in window])), elapsed_s
+        )
+
+    def _learnt(self, changes: Array, bound_n: float, elapsed_s: float) -> bool:
+        half = len(changes) // 2
+        travelled = _size(changes[half:].mean(axis=0) - changes[:half].mean(axis=0))
+        noise = _size(changes.std(axis=0)) * np.sqrt(2.0 / half)
+        allowed = self._limits.rate_m_per_s * elapsed_s
+        steep = travelled > max(STEEPEST_RATES * allowed, STEEPEST_DEVIATIONS * noise)
+        if steep or not bound_n < self._limits.force_below_n:
+            return False
+        step = _shortened(changes.mean(axis=0) - self.moved, allowed)
+        moved = _shortened(self.moved + step, self._limits.limit_m)
+        if _size(moved - self.moved) < LEAST_STEP_M:
+            return False
+        self.moved = moved
+        return True
+
+
+def _size(change: Array) -> float:
+    return float(np.linalg.norm(change * SCALE))
+
+
+def _shortened(change: Array, limit_m: float) -> Array:
+    size = _size(change)
+    return change if size <= limit_m else change * (limit_m / size)
