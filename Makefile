@@ -3,6 +3,7 @@
 # make test    set up what the tests need, then run them all
 # make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
+# make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
 # make bench   what a solve costs, how accurate and how sure it is    (cold-starts: a million of them, half an hour)
 
 PYTHON ?= python3
