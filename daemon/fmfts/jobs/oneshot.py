@@ -87,7 +87,7 @@ def restore_baseline(pad: PadConfig) -> dict[str, Any]:
         return restore(drawing).facts(drawing)
 
 
-def nothing_to_undo(pad: PadConfig, *, undo_drift: bool) -> dict[str, Any]:
+def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bool) -> dict[str, Any]:
     """A drift is followed by a running daemon alone, and forgotten when it ends."""
     raise AbsentError(f"pad '{pad.name}': no daemon runs, so no drift is followed and there is nothing to undo")
 
