@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from fmfts.ambient import Mounting
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
 from fmfts.offline.field_table import DataError, FieldTable, field_columns, read
+from fmfts.offline.pose import mounting_of
 from fmfts.pad import Array, Pad
 from fmfts.pose import solve
 from fmfts.simulate.cylinder import cylinder_field
@@ -35,7 +37,7 @@ def standard_pad(remanence_t: float = 1.23) -> Pad:
 class CalibrationSet:
     """press (K, 3 or 5): x and y in mm, force in N, and shear x and y in N where known. field_t (K, N, 3): at the
     pad's sensors, in their axes. line (K,): where each stands in the file. digest: SHA-256 of the file. rest_field_t
-    (N, 3): mean of the file's unloaded rows, None where it has none."""
+    (N, 3): mean of the file's unloaded rows, None where it has none. mounting: the baseline's, where one was given."""
 
     pad: Pad
     press: Array
@@ -43,6 +45,7 @@ class CalibrationSet:
     line: tuple[int, ...]
     digest: str
     rest_field_t: Array | None
+    mounting: Mounting | None = None
 
     @property
     def x_m(self) -> Array:
@@ -57,17 +60,22 @@ class CalibrationSet:
         return self.press[:, 2]
 
 
-def read_calibration_set(path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM) -> CalibrationSet:
+def read_calibration_set(
+    path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM, baseline: Path | None = None
+) -> CalibrationSet:
     """Columns x_mm, y_mm, force_n (shear_x_n, shear_y_n) and b1x_ut … of `pad`, the standard one if None.
 
-    DataError names file, row and column of what cannot be right: see docs/calibration.md.
+    baseline: a file whose gains and ambient field apply; without it, fields have none. DataError names file, row and
+    column of what cannot be right: see docs/calibration.md.
     """
-    calibration = read_labelled(path, pad, pad_size_mm)
+    calibration = read_labelled(path, pad, pad_size_mm, baseline)
     _require_enough(path, calibration.press)
     return calibration
 
 
-def read_labelled(path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM) -> CalibrationSet:
+def read_labelled(
+    path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM, baseline: Path | None = None
+) -> CalibrationSet:
     """The same for a test set, which may be as small as one press."""
     pad = pad or standard_pad()
     table = read(path, len(pad.sensors))
@@ -75,16 +83,19 @@ def read_labelled(path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_S
     _require_fields(path, table, pad)
     unloaded = press[:, 2] == 0.0
     _require_consistent(path, table, press)
+    mounting = None if baseline is None else mounting_of(baseline, pad)
+    field = table.field_t if mounting is None else np.array([mounting.magnet_field(one) for one in table.field_t])
     loaded = np.flatnonzero(~unloaded)
     if not len(loaded):
         raise DataError(f"{path}: column force_n is zero in every row: there is no press to learn from")
     return CalibrationSet(
         pad=pad,
         press=press[loaded],
-        field_t=table.field_t[loaded],
+        field_t=field[loaded],
         line=tuple(table.line[row] for row in loaded),
         digest=hashlib.sha256(path.read_bytes()).hexdigest(),
-        rest_field_t=table.field_t[unloaded].mean(axis=0) if unloaded.any() else None,
+        rest_field_t=field[unloaded].mean(axis=0) if unloaded.any() else None,
+        mounting=mounting,
     )
 
 

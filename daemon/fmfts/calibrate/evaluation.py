@@ -74,16 +74,21 @@ def own_error(predict: Predict, samples: Samples) -> ErrorTables:
 
 
 def error_tables(press: Array, error: Array) -> ErrorTables:
-    """Rms of errors (K, m) in the bins of presses (K, m). ValueError where a bin is empty."""
+    """Rms of errors (K, m) in the bins of presses (K, m); a radius that no press had is as good as the one within.
+
+    ValueError where a force has no press at all near the centre.
+    """
     radius_mm = np.hypot(press[:, 0], press[:, 1])
     row = np.minimum(np.searchsorted(FORCE_BINS_N, press[:, 2]), len(FORCE_BINS_N) - 1)
     column = np.minimum(np.searchsorted(RADIUS_BINS_MM, radius_mm), len(RADIUS_BINS_MM) - 1)
 
     def table(values: Array) -> tuple[tuple[float, ...], ...]:
-        return tuple(
-            tuple(_rms_of_bin(values[(row == i) & (column == j)]) for j in range(len(RADIUS_BINS_MM)))
-            for i in range(len(FORCE_BINS_N))
-        )
+        bins: list[list[float]] = [[] for _ in FORCE_BINS_N]
+        for i, of_force in enumerate(bins):
+            for j in range(len(RADIUS_BINS_MM)):
+                inside = values[(row == i) & (column == j)]
+                of_force.append(of_force[-1] if len(inside) == 0 and j else _rms_of_bin(inside))
+        return tuple(tuple(of_force) for of_force in bins)
 
     shear = table(np.sqrt(np.mean(error[:, 3:] ** 2, axis=1))) if error.shape[1] > 3 else None
     x_mm, y_mm, force_n = (table(error[:, column]) for column in range(3))

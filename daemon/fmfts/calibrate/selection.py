@@ -48,8 +48,13 @@ def compare(
     roughness: float,
     sizes: tuple[int, ...] = HIDDEN,
     presses: int = PRESSES,
+    sheared: bool = False,
 ) -> list[Candidate]:
-    """Networks of each size, trained on so many presses, and what else could be used, on the same folds."""
+    """Networks of each size, trained on so many presses, and what else could be used, on the same folds. sheared: of
+    five outputs; else presses with shear are left aside."""
+    if not sheared:
+        rows = (press[:, 3:] == 0.0).all(axis=1)
+        press, tracked = press[rows, :3], tracked.some(rows)
     fold = np.random.default_rng(0).permutation(len(press)) % FOLDS
     scores: dict[tuple[str, int | None], list[tuple[int, float]]] = {}
     for left_out in range(FOLDS):
@@ -92,7 +97,7 @@ def _answers(
     for hidden in sizes:
         network = train_network(training, solver.rest_pose, hidden, STEPS)
         yield f"two layers of {hidden}", hidden, network.layers.parameters, network(judged.pose)
-    inputs, yardstick = training.pose[:, :5], min(250, presses // 5)
+    inputs, yardstick = training.pose[:, :5], min(250, presses // 10)
     others: list[tuple[str, Regressor, int]] = [
         ("RBF network", RadialBasis(150), 150 * 6 + 151 * judged.press.shape[1]),
         ("Gaussian process", GaussianProcess(yardstick), yardstick * 6),

@@ -8,10 +8,12 @@ frame that does not is the harder case, by a few percent at the contact, and nee
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fmfts.ambient import Mounting
 from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, parts_of, solve, tangent_basis
 from fmfts.pose.change import shortest_rotation
@@ -44,6 +46,10 @@ class Tracked:
     def __len__(self) -> int:
         return len(self.pose)
 
+    def some(self, rows: NDArray[np.bool_]) -> Self:
+        """Those of the chosen rows (K,)."""
+        return type(self)(self.pose[rows], self.covariance[rows], self.remanence_t[rows], self.residual_t[rows])
+
     @property
     def deviation(self) -> Array:
         """(K, 5) standard deviations."""
@@ -55,14 +61,17 @@ class FrameSolver:
     """Solves single frames of one pad at white noise of `noise_t`.
 
     rest_field_t (N, 3): field of the unloaded pad, ambient subtracted, from which rest pose and moment are taken as a
-    baseline does.
+    baseline does. mounting: a real baseline, which knows both, and where the sensors really are.
     """
 
-    def __init__(self, pad: Pad, rest_field_t: Array, scene: Scene, noise_t: float) -> None:
+    def __init__(
+        self, pad: Pad, rest_field_t: Array, scene: Scene, noise_t: float, mounting: Mounting | None = None
+    ) -> None:
         self.pad = pad
         self.scene = scene
         self.noise_t = noise_t
-        self._rest = solve(rest_field_t, pad, stop_chi2=STOP_CONVERGED).state
+        self._geometry = pad if mounting is None else mounting.mounted(pad)
+        self._rest = solve(rest_field_t, pad, stop_chi2=STOP_CONVERGED).state if mounting is None else mounting.rest
         self._turn = shortest_rotation(self._rest.axis, pad.rest_axis)
 
     @property
@@ -73,7 +82,7 @@ class FrameSolver:
     @property
     def remanence_t(self) -> float:
         """As the unloaded pad's field has it."""
-        return float(self.pad.magnet.remanence_t * np.exp(self._rest.log_moment))
+        return float(self._geometry.magnet.remanence_t * np.exp(self._rest.log_moment))
 
     def solved(self, field_t: Array) -> Tracked:
         """Of fields (K, N, 3) in sensor axes, ambient subtracted. UnsolvedError names the first that has no pose."""
@@ -94,10 +103,11 @@ class FrameSolver:
         return self._tracked(batch)
 
     def _batch(self, field_t: Array, start: Array) -> Batch:
-        rows = np.repeat(measurement_rows(np.zeros((len(self.pad.sensors), 3)), self.pad.sensors, self.noise_t)[None],
-                         len(field_t), axis=0)  # fmt: skip
+        sensors, magnet = self._geometry.sensors, self._geometry.magnet
+        one = measurement_rows(np.zeros((len(sensors), 3)), sensors, self.noise_t)
+        rows = np.repeat(one[None], len(field_t), axis=0)
         rows[:, :, VALUE] = field_t.reshape(len(field_t), -1)
-        return Batch.of(rows, magnet_rows(self.pad.magnet), parts_of(free=UNKNOWNS[self.scene]), start)
+        return Batch.of(rows, magnet_rows(magnet), parts_of(free=UNKNOWNS[self.scene]), start)
 
     def _tracked(self, batch: Batch) -> Tracked:
         position_m, axis = batch.state[:, :3], batch.state[:, 3:6]
@@ -108,7 +118,7 @@ class FrameSolver:
         return Tracked(
             np.concatenate([shifted, axis @ self._turn.T], axis=1),
             spread @ batch.covariance[:, :5, :5] @ spread.transpose(0, 2, 1),
-            self.pad.magnet.remanence_t * np.exp(batch.state[:, 6]),
+            self._geometry.magnet.remanence_t * np.exp(batch.state[:, 6]),
             batch.summary[:, RESIDUAL],
         )
 

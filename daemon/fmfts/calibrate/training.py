@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmfts.calibrate.dataset import CalibrationSet, rest_field
-from fmfts.calibrate.evaluation import metrics, own_error, rounded, rows
+from fmfts.calibrate.evaluation import error_tables, metrics, own_error, rounded, rows
 from fmfts.calibrate.export import export
 from fmfts.calibrate.fitting import best_roughness, fit_response
 from fmfts.calibrate.network import ContactNetwork, train_network
@@ -20,16 +21,21 @@ from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked, UnsolvedError
 from fmfts.contact.contract import (
     CONTRACT_VERSION,
     INPUT_ORDER,
-    OUTPUT_ORDER,
     SHEAR_OUTPUT_ORDER,
     Envelope,
+    ErrorTables,
     Facts,
 )
 from fmfts.contact.response import Response
 from fmfts.offline.field_table import DataError
+from fmfts.pad import Array
 
 NOISE_T = 2e-7
 PRESSES, HELD_OUT = 20000, 12000
+# Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
+# out is learnt, so that a press beyond is found to be beyond.
+SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
+SMALL_SHEAR_N = 0.05
 # A field that leaves more than this unexplained is no field of this pad: noise is 0.2 µT, the dipole's error as much.
 LARGEST_RESIDUAL_T = 5e-6
 Say = Callable[[str], None]
@@ -38,12 +44,13 @@ Say = Callable[[str], None]
 @dataclass(frozen=True, slots=True)
 class Options:
     """scene: what the pad's tracker leaves unknown. hidden: size of the layers; None: k-fold selection decides.
-    presses: how many the network is trained on."""
+    presses: how many the network is trained on. shear: tell tangential force as well, near the centre."""
 
     scene: Scene = "drifting"
     noise_t: float = NOISE_T
     hidden: int | None = None
     presses: int = PRESSES
+    shear: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,27 +63,30 @@ class Calibrated:
 
 def calibrate(path: str, calibration: CalibrationSet, options: Options, say: Say) -> Calibrated:
     """`path` names the set in errors. DataError: a field that is none of this pad's."""
-    solver = FrameSolver(calibration.pad, rest_field(calibration), options.scene, options.noise_t)
+    if options.shear:
+        calibration = _where_shear_can_be_told(path, calibration)
+    solver = solver_of(calibration, options.scene, options.noise_t)
     say(f"solving {len(calibration.press)} poses; magnet of {solver.remanence_t:.4f} T")
     tracked = solved(path, calibration, solver)
     change = tracked.pose[:, :5] - solver.rest_pose[:5]
     say("fitting the pad's response")
     roughness = best_roughness(calibration.press, change, tracked.deviation)
-    response = fit_response(calibration.press, change, tracked.deviation, roughness)
-    candidates: list[Candidate] = []
-    hidden = options.hidden
+    fitted = fit_response(calibration.press, change, tracked.deviation, roughness)
+    response = fitted if options.shear else fitted.without_shear()
+    hidden, candidates = options.hidden, list[Candidate]()
     if hidden is None:
         say("comparing networks on left-out presses")
-        candidates = compare(solver, calibration.press, tracked, roughness)
+        candidates = compare(solver, calibration.press, tracked, roughness, sheared=options.shear)
         chosen = smallest_within_noise(candidates)
         hidden = chosen.hidden
         assert hidden is not None
         say(selection_table(candidates, chosen))
     say(f"training two layers of {hidden} on {options.presses} presses with noise")
     network = train(response, solver, hidden, options.presses)
-    facts = describe(calibration, solver, tracked, response, network)
+    normal = _rows_for(response, calibration.press)
+    facts = describe(calibration, solver, tracked, response, network, friction_error(network, fitted, solver))
     model = export(network, facts, response)
-    found = network(tracked.pose)
+    judged = calibration.press[normal, : 2 + response.loads]
     report = {
         "model": hashlib.sha256(model).hexdigest()[:12],
         "calibration_set_sha256": calibration.digest,
@@ -88,11 +98,49 @@ def calibrate(path: str, calibration: CalibrationSet, options: Options, say: Say
         "parameters": network.layers.parameters,
         "file_bytes": len(model),
         "roughness": roughness,
-        "on_the_calibration_set": rows(calibration.press, found),
+        "on_the_calibration_set": rows(judged, network(tracked.pose[normal])),
         "on_new_presses_with_noise": _on_new_presses(network, response, solver),
         "compared": [candidate.facts() for candidate in candidates],
     }
     return Calibrated(model, report)
+
+
+def solver_of(calibration: CalibrationSet, scene: Scene, noise_t: float) -> FrameSolver:
+    """What finds the set's poses."""
+    return FrameSolver(calibration.pad, rest_field(calibration), scene, noise_t, calibration.mounting)
+
+
+def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> CalibrationSet:
+    """The presses within SHEAR_TRAINED_MM. DataError where none was sheared."""
+    if calibration.press.shape[1] == 3 or not calibration.press[:, 3:].any():
+        raise DataError(f"{path}: no row has shear: a model that tells it needs columns shear_x_n and shear_y_n")
+    inside = np.flatnonzero((np.abs(calibration.press[:, :2]) <= SHEAR_TRAINED_MM).all(axis=1))
+    return replace(
+        calibration,
+        press=calibration.press[inside],
+        field_t=calibration.field_t[inside],
+        line=tuple(calibration.line[row] for row in inside),
+    )
+
+
+def _rows_for(response: Response, press: Array) -> NDArray[np.bool_]:
+    """(K,) the presses that a model of the response's loads can know: without shear, unless it tells shear."""
+    if response.loads > 1:
+        return np.ones(len(press), dtype=np.bool_)
+    return np.asarray((press[:, 3:] == 0.0).all(axis=1), dtype=np.bool_)
+
+
+def friction_error(network: ContactNetwork, fitted: Response, solver: FrameSolver) -> ErrorTables | None:
+    """What a newton of shear does to the answers of a network that does not know it, on average over directions."""
+    if fitted.loads == 1 or len(network.layers.bias[-1]) > 3:
+        return None
+    press = presses_within(fitted.without_shear(), HELD_OUT // 4, np.random.default_rng(6), beyond=1.0)
+    still = Samples.expected(fitted, solver, np.column_stack([press, np.zeros((len(press), 2))]))
+    errors = []
+    for shear_n in SMALL_SHEAR_N * np.array([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]):
+        moved = Samples.expected(fitted, solver, np.column_stack([press, np.tile(shear_n, (len(press), 1))]))
+        errors.append((network(moved.pose) - network(still.pose)) / SMALL_SHEAR_N)
+    return error_tables(np.tile(press, (len(errors), 1)), np.concatenate(errors))
 
 
 def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Tracked:
@@ -122,28 +170,36 @@ def train(response: Response, solver: FrameSolver, hidden: int, presses: int) ->
 
 
 def describe(
-    calibration: CalibrationSet, solver: FrameSolver, tracked: Tracked, response: Response, network: ContactNetwork
+    calibration: CalibrationSet,
+    solver: FrameSolver,
+    tracked: Tracked,
+    response: Response,
+    network: ContactNetwork,
+    friction: ErrorTables | None,
 ) -> Facts:
     """What the model says of itself."""
-    press, rest = calibration.press, solver.rest_pose
+    normal, outputs = _rows_for(response, calibration.press), 2 + response.loads
+    press, rest = calibration.press[:, :outputs], solver.rest_pose
     poses = np.concatenate([tracked.pose, rest[None]])
     held_out = presses_within(response, HELD_OUT, np.random.default_rng(5), beyond=1.0)
+    reach = np.full(2, SHEAR_REACH_MM if outputs > 3 else np.inf)
+    first, last = np.maximum(press[:, :2].min(axis=0), -reach), np.minimum(press[:, :2].max(axis=0), reach)
     return Facts(
         contract=CONTRACT_VERSION,
         geometry_hash=calibration.pad.geometry_hash,
         inputs=INPUT_ORDER,
-        outputs=OUTPUT_ORDER if press.shape[1] == 3 else SHEAR_OUTPUT_ORDER,
+        outputs=SHEAR_OUTPUT_ORDER[:outputs],
         rest_pose=tuple(rest.tolist()),
         envelope=Envelope(
             pose_min=tuple(poses.min(axis=0).tolist()),
             pose_max=tuple(poses.max(axis=0).tolist()),
             force_max_n=float(press[:, 2].max()),
-            x_mm=(float(press[:, 0].min()), float(press[:, 0].max())),
-            y_mm=(float(press[:, 1].min()), float(press[:, 1].max())),
+            x_mm=(float(first[0]), float(last[0])),
+            y_mm=(float(first[1]), float(last[1])),
         ),
         own_error=own_error(network, Samples.expected(response, solver, held_out)),
-        friction_error=None,
-        metrics=metrics(press, network(tracked.pose)),
+        friction_error=friction,
+        metrics=metrics(press[normal], network(tracked.pose[normal])),
         scene=solver.scene,
         noise_ut=solver.noise_t * 1e6,
         data=calibration.digest,

@@ -10,7 +10,8 @@ Here everything is in mm, N and numbers of the axis, as at the contact model. `r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,13 @@ class Response:
         """(2,) the last knots."""
         last: Array = self.first_mm + self.spacing_mm * (np.array(self.coefficient.shape[:2]) - 3)
         return last
+
+    def without_shear(self) -> Self:
+        """The response to normal forces alone."""
+        normal = (self.exponent[:, 1:] == 0).all(axis=1)
+        return replace(
+            self, exponent=self.exponent[normal, :1], coefficient=self.coefficient[:, :, normal], friction=0.0
+        )
 
     def change(self, press: Array) -> Array:
         """(K, 5) change of pose under presses (K, 2 + L): x, y in mm, loads in N."""

@@ -2,7 +2,7 @@
 
 Least squares with a memory that fades, through a pose and its speed (Morrison, "Introduction to sequential smoothing
 and prediction", 1969; an α-β filter): a finger that moves evenly is followed without lag, and a change of speed within
-the memory. A pose that jumps by more than noise explains is believed at once, so a press is not seen later than without.
+the memory. A pose that jumps by more than noise explains is believed at once, so a press is seen as early as without.
 Deviations stay those of a single frame: how much of them is the same in every frame (gains, places, the ambient field)
 is not known here, and they must not be too small.
 """

@@ -12,9 +12,11 @@ from fmfts.calibrate.training import Options, Say, calibrate
 from fmfts.pad import Pad
 
 
-def make_model(source: Path, target: Path, pad: Pad, pad_size_mm: float, options: Options, say: Say) -> dict[str, Any]:
+def make_model(
+    source: Path, target: Path, pad: Pad, pad_size_mm: float, baseline: Path | None, options: Options, say: Say
+) -> dict[str, Any]:
     """Writes `target` and its report, `target` with .json; the report. DataError for a set that is not right."""
-    made = calibrate(str(source), read_calibration_set(source, pad, pad_size_mm), options, say)
+    made = calibrate(str(source), read_calibration_set(source, pad, pad_size_mm, baseline), options, say)
     target.write_bytes(made.model)
     target.with_suffix(".json").write_text(json.dumps(made.report, indent=1) + "\n")
     say("on the calibration set, as it is:\n" + printed(made.report["on_the_calibration_set"]))

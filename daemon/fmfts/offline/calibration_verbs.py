@@ -20,6 +20,7 @@ def add_to(verb: AddVerb) -> None:
     calibrate.add_argument("data", type=Path, metavar="DATA.csv")
     calibrate.add_argument("-o", "--output", type=Path, metavar="MODEL.onnx", required=True)
     calibrate.add_argument("--presses", type=int, default=20000, metavar="N", help="to train on (20000)")
+    calibrate.add_argument("--shear", action="store_true", help="tell tangential force as well, within 8 mm")
     calibrate.add_argument("--hidden", type=int, metavar="N", help="size of its layers (default: selection decides)")
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
@@ -28,6 +29,7 @@ def add_to(verb: AddVerb) -> None:
     for added in (calibrate, evaluate):
         added.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
         added.add_argument("--pad-size-mm", type=float, default=40.0, metavar="MM", help="edge of the square pad (40)")
+        added.add_argument("--baseline", type=Path, metavar="FILE", help="fields are raw: subtract this baseline")
         added.add_argument("--noise-ut", type=float, default=0.2, metavar="UT", help="of one field value (0.2: 2 mG)")
         added.add_argument("--json", action="store_true", help="print facts as JSON")
 
@@ -48,10 +50,16 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.presses < 100:
         raise VerbError(exit_codes.USAGE, f"--presses is {options.presses}: at least 100")
     training = Options(
-        scene=pad.scene.ambient, noise_t=_noise_t(options), hidden=options.hidden, presses=options.presses
+        scene=pad.scene.ambient,
+        noise_t=_noise_t(options),
+        hidden=options.hidden,
+        presses=options.presses,
+        shear=options.shear,
     )
     try:
-        report = make_model(options.data, options.output, pad.pad(), options.pad_size_mm, training, _say)
+        report = make_model(
+            options.data, options.output, pad.pad(), options.pad_size_mm, options.baseline, training, _say
+        )
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
@@ -71,13 +79,15 @@ def _evaluate(options: argparse.Namespace) -> int:
         from fmfts.offline.evaluate import evaluate
     except ImportError as error:
         raise VerbError(exit_codes.UNAVAILABLE, f"{error}: {NEEDS}") from error
+    from fmfts.calibrate.dataset import read_labelled
     from fmfts.calibrate.evaluation import printed
     from fmfts.contact import ContactModel, ModelError
     from fmfts.offline.field_table import DataError
 
     try:
         model = ContactModel.load(options.model, pad.pad())
-        found = evaluate(options.data, pad.pad(), model, pad.scene.ambient, options.pad_size_mm, _noise_t(options))
+        labelled = read_labelled(options.data, pad.pad(), options.pad_size_mm, options.baseline)
+        found = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
         if options.plot is not None:
             _draw(found, options.plot)
     except (DataError, ModelError) as error:

@@ -9,21 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.calibrate.dataset import CalibrationSet, read_labelled, rest_field
+from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluation import Row, rows
-from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
-from fmfts.calibrate.training import NOISE_T, solved
+from fmfts.calibrate.tracked import Scene, Tracked
+from fmfts.calibrate.training import NOISE_T, solved, solver_of
 from fmfts.contact import ContactModel
-from fmfts.contact.model import POSE_UNIT
-from fmfts.pad import Array, Pad
-
-CONTACT_UNIT = np.array([1e3, 1e3, 1.0])  # m → mm; newtons stay
+from fmfts.contact.model import CONTACT_UNIT, POSE_UNIT
+from fmfts.pad import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
     """press (K, m): what the labels say; found (K, m), deviation (K, m): what the model says, in mm and N. in_range
-    (K,): presses that the model does not call over range, which alone have numbers to compare."""
+    (K,): presses that the model neither calls over range nor refuses, which alone have numbers to compare."""
 
     press: Array
     found: Array
@@ -45,25 +43,30 @@ class Evaluation:
 
 
 def evaluate(
-    source: Path, pad: Pad, model: ContactModel, scene: Scene, pad_size_mm: float, noise_t: float = NOISE_T
+    labelled: CalibrationSet, source: Path, model: ContactModel, scene: Scene, noise_t: float = NOISE_T
 ) -> Evaluation:
-    """Every row of `source` is a frame of its own. DataError for a set that is not right."""
-    labelled = read_labelled(source, pad, pad_size_mm)
-    solver = FrameSolver(pad, rest_field(labelled), scene, noise_t)
-    return judge(labelled, solved(str(source), labelled, solver), model)
+    """Every row of `labelled`, read from `source`, is a frame of its own. DataError for a field that is none."""
+    return judge(labelled, solved(str(source), labelled, solver_of(labelled, scene, noise_t)), model)
 
 
 def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Evaluation:
     """What `model` makes of the poses, beside the labels."""
     outputs = min(len(model.facts.outputs), labelled.press.shape[1])
+    unit = CONTACT_UNIT[: len(model.facts.outputs)]
     found, deviation, in_range = [], [], []
     for pose, covariance in zip(tracked.pose, tracked.covariance, strict=True):
         whole = np.zeros((6, 6))
         whole[:5, :5] = covariance
         position_m, axis = np.split(pose / POSE_UNIT, 2)
         contact = model.estimate(position_m, axis, whole / POSE_UNIT / POSE_UNIT[:, None])
-        found.append(np.array([contact.x_m, contact.y_m, contact.force_n])[:outputs] * CONTACT_UNIT)
-        deviation.append(np.sqrt(np.diagonal(contact.covariance))[:outputs] * CONTACT_UNIT)
-        in_range.append(not contact.over_range)
+        shear_n = () if contact.shear_n is None else contact.shear_n
+        found.append(
+            (
+                np.array([contact.x_m, contact.y_m, contact.force_n, *shear_n])
+                / CONTACT_UNIT[: len(model.facts.outputs)]
+            )[:outputs]
+        )
+        deviation.append((np.sqrt(np.diagonal(contact.covariance)) / unit)[:outputs])
+        in_range.append(not (contact.over_range or contact.refused))
     press = labelled.press[:, :outputs]
     return Evaluation(press, np.array(found), np.array(deviation), np.array(in_range), model.hash)

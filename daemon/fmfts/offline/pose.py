@@ -60,7 +60,7 @@ class PoseOptions:
 def solve_table(table: FieldTable, pad: Pad, options: PoseOptions) -> dict[str, list[str]]:
     """The table's other columns, then pose, remanence, residual and status, with a standard deviation for each; and the
     ambient field where it is unknown."""
-    mounting = None if options.baseline is None else _mounting(options.baseline, pad)
+    mounting = None if options.baseline is None else mounting_of(options.baseline, pad)
     geometry = pad if mounting is None else mounting.mounted(pad)
     rest = State.at_rest(geometry) if mounting is None else mounting.rest
     start, estimates = rest, []
@@ -92,7 +92,8 @@ def _solve(field_t: Array, pad: Pad, start: State, options: PoseOptions) -> Pose
     )
 
 
-def _mounting(path: Path, pad: Pad) -> Mounting:
+def mounting_of(path: Path, pad: Pad) -> Mounting:
+    """What the baseline file at `path` says of `pad`; DataError where it cannot be used."""
     try:
         baseline = ambient.load(path, pad)
         if baseline is None:
