@@ -1,6 +1,6 @@
 """Many pads for minutes with faults at random: no wrong number, no late recovery, every frame accounted for.
 
-Every frame that arrived is published or dropped (`frames` = contacts with a sample time + `dropped`); those that were
+Every frame that arrived is published or dropped (`frames` = contacts of frames + `dropped`); those that were
 produced and never arrived are `gaps`, counted from the boards' own sequence numbers.
 """
 
@@ -95,10 +95,12 @@ class Rig:
                 contact = self._inbox.get(timeout=0.05)
             except queue.Empty:
                 continue
-            if (before := self.health.get(contact.pad)) is not None:
+            before = self.health.get(contact.pad)
+            if before is not None:
                 self.unheard[contact.pad] += contact.seq - before.seq - 1
             self.health[contact.pad] = contact
-            self.published[contact.pad] += contact.t_sample_ns > 0
+            # These two are said while no frame comes; all else is said of a frame.
+            self.published[contact.pad] += contact.health not in ("stale", "disconnected")
             verdict = wrong(contact)
             if verdict:
                 self.wrong_numbers.append(verdict)

@@ -64,6 +64,19 @@ def test_a_drift_that_changes_with_warmth_is_followed() -> None:
     assert np.abs(errors[2200:]).max() < 300
 
 
+def test_an_hour_of_a_crystal_that_warms_and_cools_is_followed() -> None:
+    """50 ppm, and 10 more up and down every twenty minutes: 0.05 ppm a second. The slope, of 32 s, lags by 0.8 ppm and
+    is used over 4 s: a few µs; the rest is the least of 110 delays (2 µs) and the slope's noise."""
+    board, clock = Board(), DeviceClock(tolerance=200e-6)
+    turn = 2 * np.pi / 1200
+    board.true_ns = lambda t: (  # type: ignore[method-assign]
+        BOOT_NS + int(t * 1000 + 50e-6 * t * 1000 + 10e-6 / turn * (1 - np.cos(turn * t * 1e-6)) * 1e9)
+    )
+    errors = errors_us(clock, board, board.packets(3600)[::8])  # 27 Hz
+    assert clock.restarts == 0
+    assert np.abs(errors[275:]).max() < 20  # after ten seconds
+
+
 def test_late_arrivals_do_not_move_the_map() -> None:
     """Every third second the host stalls for half a second; its backlog arrives at once."""
     board, clock = Board(50), DeviceClock(tolerance=200e-6)
