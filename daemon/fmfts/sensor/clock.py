@@ -57,6 +57,7 @@ class DeviceClock:
         self._lowest: Point = (0, 0)
         self._slope = 0.0  # ns per µs by which the host's clock outruns the board's
         self._height = 0.0  # ns at device time zero
+        self._uneventful_until_us = 0
         self._forget_late()
 
     @property
@@ -66,14 +67,29 @@ class DeviceClock:
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
-        if self._origin is not None:
-            point = self._point(device_us, arrival_ns)
-            above = self._above_line(point)
-            if self._newest_us <= device_us and self._teaches_nothing(point, above):
+        if self._newest_us <= device_us < self._uneventful_until_us:
+            # Most packets are a little above the line, and others of their bucket are lower: nothing is learnt of them.
+            start_us, start_ns = self._start
+            above = arrival_ns - 1000 * device_us - start_ns - self._height - self._slope * (device_us - start_us)
+            if self._least_above <= above <= JUMP_NS:
                 self._newest_us = device_us
                 return arrival_ns - int(above) - self.fixed_delay_ns
-            if not self._plausible(device_us, arrival_ns):
-                self.restart()
+        host_ns = self._to_host_ns(device_us, arrival_ns)
+        self._expect()
+        return host_ns
+
+    def _expect(self) -> None:
+        """What the next packet must be for the line to stay as it is."""
+        if self._origin is None or self._late_packets:
+            self._uneventful_until_us = 0
+            return
+        self._start = self._origin
+        self._uneventful_until_us = self._origin[0] + self._bucket_end_us
+        self._least_above = max(0.0, self._above_line(self._lowest))
+
+    def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
+        if self._origin is not None and not self._plausible(device_us, arrival_ns):
+            self.restart()
         if self._origin is None:
             self._begin(device_us, arrival_ns)
         point = self._point(device_us, arrival_ns)
@@ -84,15 +100,6 @@ class DeviceClock:
             self._learn(point)
         self._newest_us = max(self._newest_us, device_us)
         return arrival_ns - max(0, int(self._above_line(point))) - self.fixed_delay_ns
-
-    def _teaches_nothing(self, point: Point, above: float) -> bool:
-        """Most packets are a little above the line, and others of their bucket are lower: that costs the least."""
-        lowest_us, lowest_ns = self._lowest
-        return (
-            max(0.0, lowest_ns - self._height - self._slope * lowest_us) <= above <= JUMP_NS
-            and point[0] < self._bucket_end_us
-            and not self._late_packets
-        )
 
     def _begin(self, device_us: int, arrival_ns: int) -> None:
         self._origin = (device_us, arrival_ns - 1000 * device_us)
