@@ -62,15 +62,23 @@ class Unknowns:
         return State.at_rest(self.pad).stepped(values[:9]), places, gain
 
     def predict(
-        self, state: State, places: Array, gain: Array, start_axis: Array | None = None, octupole_m2: float = 0.0
+        self,
+        state: State,
+        places: Array,
+        gain: Array,
+        start_axis: Array | None = None,
+        octupole_m2: float | None = None,
     ) -> tuple[Array, Array]:
         """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI.
+
+        octupole_m2: κ of the magnet; None: as the tracker has it.
 
         The tilt is a step in the tangent plane of `start_axis`: the drawing's if None, where the search for the rest
         pose starts, and which stays within degrees of it.
         """
         count = len(places)
         strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
+        octupole_m2 = self.pad.magnet.modelled_octupole_m2 if octupole_m2 is None else octupole_m2
         dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength, octupole_m2)
         to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
         field = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
@@ -128,10 +136,10 @@ class Leftover:
         return FieldErrors(by_pose, by_field, self.unknowns.pad.sensors.rotation)
 
     def _cylinder(self, state: State, places: Array, gain: Array, octupole_m2: float) -> Array:
-        """(N, 3) the cylinder's field less the dipole's."""
+        """(N, 3) the cylinder's field less that of the tracker's model."""
         whole, _ = self.unknowns.predict(state, places, gain, octupole_m2=octupole_m2)
-        dipole, _ = self.unknowns.predict(state, places, gain)
-        return whole - dipole
+        modelled, _ = self.unknowns.predict(state, places, gain)
+        return whole - modelled
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
         """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that

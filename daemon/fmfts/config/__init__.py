@@ -160,12 +160,13 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         if self.geometry.sensor_rotations_deg:
             vectors = np.deg2rad(np.array(self.geometry.sensor_rotations_deg, dtype=float))
             sensors = SensorArray(positions, np.array([rotation_from_vector(vector) for vector in vectors]))
-        axis = np.array(self.magnet.rest_axis, dtype=float)
+        axis, rest = np.array(self.magnet.rest_axis, dtype=float), np.array(self.magnet.rest_mm, dtype=float) * 1e-3
+        magnet = Magnet(self.magnet.diameter_mm * 1e-3, self.magnet.length_mm * 1e-3, self.magnet.remanence_t)
         return Pad(
             name=self.name,
             sensors=sensors,
-            magnet=Magnet(self.magnet.diameter_mm * 1e-3, self.magnet.length_mm * 1e-3, self.magnet.remanence_t),
-            rest_position_m=np.array(self.magnet.rest_mm, dtype=float) * 1e-3,
+            magnet=magnet.seen_from(float(np.linalg.norm(positions - rest, axis=1).min())),
+            rest_position_m=rest,
             rest_axis=axis / np.linalg.norm(axis),
         )
 

@@ -40,6 +40,7 @@ def put_sensors(facts: Named, mounting: Mounting, mounted: Pad, repeats_allowed:
     facts.put("place_m", mounted.sensors.position_m)
     facts.put("direction", mounted.sensors.rotation.transpose(0, 2, 1))
     facts.put("strength_t_m3", mounted.magnet.strength_t_m3)
+    facts.put("octupole_m2", mounted.magnet.modelled_octupole_m2)
 
 
 def put_tracking(facts: Named, mounting: Mounting, model: TrackingModel, rest_temperature_c: float | None) -> None:

@@ -44,6 +44,7 @@ enum {
     X(place_m, FMFTS_AXES)                                                                                             \
     X(direction, 3 * FMFTS_AXES)                                                                                       \
     X(strength_t_m3, 1)                                                                                                \
+    X(octupole_m2, 1)                                                                                                  \
     X(part, FMFTS_STEP)         /* tracking_model.py */                                                                \
     X(walk_per_s, FMFTS_STEP)                                                                                          \
     X(moment_per_k, 1)                                                                                                 \

@@ -57,7 +57,7 @@ bool fmfts_track(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
                  fmfts_pose *pose)
 {
     double rows[FMFTS_AXES * FMFTS_MEASUREMENT], work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_STATE],
-        direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], 0.0};
+        direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], facts->octupole_m2[0]};
     uint8_t parts[FMFTS_STEP];
     bool has_prior = false;
     predict(facts, memory, elapsed_s(memory, field), temperature_c);

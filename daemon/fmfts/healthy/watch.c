@@ -32,7 +32,7 @@ static void push_change(const fmfts_facts *facts, fmfts_memory *memory)
 static void push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field,
                  double jacobian[][BASE_COLUMNS])
 {
-    const double magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], 0.0};
+    const double magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], facts->octupole_m2[0]};
     fmfts_sources sources = {.count = 1, .log_moment = {NAN}};
     fmfts_sight sight[FMFTS_MAX_MAGNETS];
     place_sources(magnet, memory->state, &sources);

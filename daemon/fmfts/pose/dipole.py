@@ -37,7 +37,7 @@ class Radial(NamedTuple):
 
 def octupole_m2(magnet: Magnet) -> float:
     """κ in m²: the octupole moment of a cylinder over its dipole moment."""
-    return magnet.length_m**2 / 4.0 - 3.0 * (magnet.diameter_m / 2.0) ** 2 / 4.0
+    return magnet.octupole_m2
 
 
 def dipole_field(

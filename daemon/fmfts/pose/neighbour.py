@@ -65,7 +65,8 @@ class Seen:
     def field(self, sensors: SensorArray, where: Neighbour) -> Array:
         """(N, 3) tesla in sensor axes."""
         strength = self.magnet.strength_t_m3 * float(np.exp(where.log_moment))
-        return sensors.to_sensor(dipole_field(sensors.position_m, where.position_m, where.axis, strength))
+        octupole_m2 = self.magnet.modelled_octupole_m2
+        return sensors.to_sensor(dipole_field(sensors.position_m, where.position_m, where.axis, strength, octupole_m2))
 
 
 @dataclass(frozen=True, slots=True)

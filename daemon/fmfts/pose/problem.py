@@ -152,8 +152,10 @@ def measurement_rows(
 
 
 def magnet_rows(*magnets: Magnet, octupole: bool = False) -> Array:
-    """(len(magnets), 2): strength and, with `octupole`, κ of each."""
-    return np.array([(magnet.strength_t_m3, octupole_m2(magnet) if octupole else 0.0) for magnet in magnets])
+    """(len(magnets), 2): strength, and κ of those that are near; with `octupole` of each."""
+    return np.array(
+        [(magnet.strength_t_m3, octupole_m2(magnet) if octupole else magnet.modelled_octupole_m2) for magnet in magnets]
+    )
 
 
 def parts_of(columns: int = SIZE, *, free: object = (), considered: object = (), prior: object = ()) -> Parts:

@@ -79,7 +79,8 @@ def solve(
     square; infinite: left out; zero, negative or NaN: INVALID. age_s: (N,) age of each sensor's sample.
     start: the rest pose if None. free: the columns of the step that are unknown; the others keep the start's value.
     parts: (columns,) says more than `free`, and goes before it: which parts are considered, or have a prior.
-    octupole: the magnet is a cylinder, not a dipole. neighbours: the magnets of the start's neighbours.
+    octupole: the magnet is a cylinder, not a dipole, however far from its sensors.
+    neighbours: the magnets of the start's neighbours.
     stop_chi2: see STOP_CHI2, STOP_CONVERGED.
 
     With the default unknowns and equal deviations this is the paper's method: twelve differences (the three sums that

@@ -126,7 +126,8 @@ class Watch:
     def _predicted(self, state: State) -> Array:
         """(N, 3) in sensor axes."""
         sensors, strength = self._pad.sensors, self._pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
-        field = dipole_field(sensors.position_m, state.position_m, state.axis, strength)
+        octupole_m2 = self._pad.magnet.modelled_octupole_m2
+        field = dipole_field(sensors.position_m, state.position_m, state.axis, strength, octupole_m2)
         return sensors.to_sensor(field + state.ambient_t)
 
 
