@@ -228,9 +228,22 @@ static void poll_selftest(struct device *device)
     }
 }
 
+static bool poll_load_cell(struct device *device)
+{
+    const struct load_cell_pins *pins = device->board->load_cell;
+    struct wire_load load = {.sequence = device->load_sequence, .time_us = clock_now(&device->clock)};
+    if (!pins || !device->announced || !device->running || !load_cell_read(pins, &load.counts))
+        return false;
+    uint8_t line[WIRE_LINE_MAX];
+    device->load_sequence++;
+    send(device, line, wire_encode_load(&load, line));
+    return true;
+}
+
 bool device_poll(struct device *device)
 {
     bool worked = sampler_poll(&device->sampler);
+    worked = poll_load_cell(device) || worked;
     poll_selftest(device);
     uint64_t now_us = clock_now(&device->clock);
     struct wire_sample frame;

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "bus.h"
+#include "load_cell.h"
 #include "sampler.h"
 #include "selftest.h"
 #include "wire.h"
@@ -32,6 +33,7 @@ struct board {
     const uint8_t *i2c_ports; // per bus, the number that the hello carries
     const struct pad_wiring *pads;
     uint8_t pad_count;
+    const struct load_cell_pins *load_cell; // NULL where no pins are set aside for one
     uint8_t uid[WIRE_UID_SIZE];
     uint8_t reset_cause;
     uint8_t clock_source;
@@ -50,6 +52,7 @@ struct device {
     struct wire_selftest_sensor results[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
     uint32_t transmit_dropped;
     uint32_t receive_errors;
+    uint32_t load_sequence;
     uint64_t status_us; // when the next status is due
     uint64_t reported_states; // what the last status said, four bits a sensor
     uint64_t reported_us;

@@ -144,6 +144,15 @@ size_t wire_encode_selftest(const struct wire_selftest *selftest, uint8_t line[W
     return finish(&writer);
 }
 
+size_t wire_encode_load(const struct wire_load *load, uint8_t line[WIRE_LINE_MAX])
+{
+    struct writer writer = begin(line, WIRE_LOAD);
+    put(&writer, load->sequence, 4);
+    put(&writer, load->time_us, 6);
+    put(&writer, (uint32_t)load->counts, 4);
+    return finish(&writer);
+}
+
 size_t wire_unstuff(uint8_t *bytes, size_t count)
 {
     size_t at = 0, out = 0;

@@ -24,6 +24,7 @@ enum wire_type {
     WIRE_STATUS = 3,
     WIRE_REPLY = 4,
     WIRE_SELFTEST = 5,
+    WIRE_LOAD = 6,
     WIRE_REQUEST_HELLO = 8,
     WIRE_REQUEST_RANGE = 9,
     WIRE_REQUEST_RATE = 10,
@@ -120,6 +121,12 @@ struct wire_selftest {
     const struct wire_selftest_sensor *sensors;
 };
 
+struct wire_load {
+    uint32_t sequence;
+    uint64_t time_us;
+    int32_t counts;
+};
+
 struct wire_request {
     uint8_t type;
     uint8_t request_id;
@@ -133,6 +140,7 @@ size_t wire_encode_hello(const struct wire_hello *hello, uint8_t line[WIRE_LINE_
 size_t wire_encode_status(const struct wire_status *status, uint8_t line[WIRE_LINE_MAX]);
 size_t wire_encode_reply(const struct wire_reply *reply, uint8_t line[WIRE_LINE_MAX]);
 size_t wire_encode_selftest(const struct wire_selftest *selftest, uint8_t line[WIRE_LINE_MAX]);
+size_t wire_encode_load(const struct wire_load *load, uint8_t line[WIRE_LINE_MAX]);
 
 // CRC-16/CCITT-FALSE.
 uint16_t wire_crc(const uint8_t *bytes, size_t count);

@@ -16,6 +16,7 @@ const char commands_help[] =
     "  ppm PAD SENSOR PPM                    how much faster than nominal this chip's clock runs\n"
     "  fault PAD SENSOR none|unplugged|wrong-id|stuck|saturate-x|saturate-y|saturate-z|config-corrupt\n"
     "  mux PAD none|unplugged\n"
+    "  load none|COUNTS                      unplug the load cell, or what it reads from now on\n"
     "  garbage N SEED                        N pseudo-random bytes into the stream, between packets\n"
     "  truncate                              the next packet loses its second half, closing zero included\n"
     "  reset                                 restart the core as a software reset does\n"
@@ -142,6 +143,18 @@ static const char *mux(struct session *session, struct words *words, struct plac
     return NULL;
 }
 
+static const char *load(struct session *session, struct words *words, struct place place)
+{
+    (void)place;
+    struct emulated_converter *converter = &session->emulation.converter;
+    double counts = 0;
+    converter->present = strcmp(words->word[1], "none") != 0;
+    if (converter->present && !number(words->word[1], -8388608, 8388607, &counts))
+        return wrong_number;
+    converter->counts = (int32_t)counts;
+    return NULL;
+}
+
 static const char *garbage(struct session *session, struct words *words, struct place place)
 {
     (void)place;
@@ -205,6 +218,7 @@ static const struct command {
     {"ppm", 4, true, true, ppm},
     {"fault", 4, true, true, fault},
     {"mux", 3, true, false, mux},
+    {"load", 2, false, false, load},
     {"garbage", 3, false, false, garbage},
     {"truncate", 1, false, false, cut},
     {"reset", 1, false, false, reset},

@@ -44,12 +44,14 @@ void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_
             emulation->switches[p]->chips[i] = chip;
         }
     }
+    emulated_converter_init(&emulation->converter, &emulation->bench);
     emulation->board = (struct board){
         .buses = emulation->bench.buses,
         .bus_count = BENCH_BUSES,
         .i2c_ports = i2c_ports,
         .pads = emulation->wiring,
         .pad_count = pad_count,
+        .load_cell = &emulation->converter.pins,
         .reset_cause = RESET_POWER_ON,
         .clock_source = CLOCK_HOST,
         .now_us = now_us,

@@ -4,12 +4,14 @@
 
 #include "../core/device.h"
 #include "../emulated/bench.h"
+#include "../emulated/converter.h"
 
 struct emulation {
     struct bench bench;
     struct emulated_chip chips[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
     struct emulated_switch *switches[SAMPLER_PADS_MAX];
     struct pad_wiring wiring[SAMPLER_PADS_MAX];
+    struct emulated_converter converter;
     struct board board;
     struct device device;
     bool (*send)(void *line_context, const uint8_t *line, size_t count);

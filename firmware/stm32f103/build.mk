@@ -11,7 +11,8 @@ STM32_FLAGS = -mcpu=cortex-m3 -mthumb -Os -g $(WARNINGS) -ffreestanding -ffuncti
 	-isystem stm32f103/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
 # Without these, the loop in memcpy would be compiled to a call of memcpy.
 STM32_GCC = $(ARM_CC) -fno-tree-loop-distribute-patterns
-STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld
+# Left to itself, clang inlines more than fits.
+STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld -mllvm -inline-threshold=10
 
 stm32: $(BUILD)/fmfts.elf $(BUILD)/fmfts.bin
 	@sh stm32f103/size.sh $(ARM_CC) $<

@@ -9,6 +9,7 @@
 
 // CNF and MODE bits, RM0008 table 20. Slow edges (2 MHz) suffice for I2C at 400 kHz and disturb the sensors less.
 enum gpio_mode {
+    GPIO_PUSH_PULL = 0x2,
     GPIO_OPEN_DRAIN = 0x6,
     GPIO_PULLED_INPUT = 0x8,
     GPIO_ALTERNATE_PUSH_PULL = 0xA,

@@ -6,6 +6,7 @@
 #include "clocks.h"
 #include "gpio.h"
 #include "i2c.h"
+#include "load_cell_pins.h"
 #include "pads.h"
 #include "registers.h"
 #include "serial.h"
@@ -90,6 +91,7 @@ static void start_board(void)
         .i2c_ports = port_numbers,
         .pads = pads->wiring,
         .pad_count = pads->count,
+        .load_cell = load_cell_pins_start(),
         .reset_cause = (uint8_t)cause,
         .clock_source = clocks.source,
         .now_us = now_us,

@@ -92,11 +92,15 @@ def selftest(v):
     return 5, body
 
 
+def load(v):
+    return 6, u(v["sequence"], 4) + u(v["time_us"], 6) + v["counts"].to_bytes(4, "little", signed=True)
+
+
 def request(v):
     return v["request_type"], bytes([v["request_id"], v["pad_index"]]) + u(v["argument"], 2)
 
 
-KINDS = {f.__name__: f for f in (sample, hello, status, reply, selftest, request)}
+KINDS = {f.__name__: f for f in (sample, hello, status, reply, selftest, load, request)}
 H43 = [0x48, 0x34, 0x33]
 UID = [0x34, 0xFF, 0x6D, 0x06, 0x50, 0x4D, 0x38, 0x33, 0x00, 0x26, 0x17, 0x43]
 PAPER = [-112, 35, 901, -108, -40, 897, 109, 41, 905, 115, -37, 894]
@@ -239,6 +243,9 @@ VECTORS = {
             "negative": [-4096, -243, 0, 0, 0, 0],
         },
     ),
+    "load": ("load", {"sequence": 80, "time_us": 1_012_500, "counts": 84_213}),
+    "load_least": ("load", {"sequence": 0xFFFFFFFF, "time_us": 2**48 - 1, "counts": -(2**23)}),
+    "load_most": ("load", {"sequence": 0, "time_us": 0, "counts": 2**23 - 1}),
     "request_hello": make_request(8, 1, 255, 0),
     "request_range": make_request(9, 2, 255, 3),
     "request_rate": make_request(10, 3, 255, 220),

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from emulator.priority import put_ahead
 from emulator.pty_port import PtyPort
 
 
@@ -50,6 +51,7 @@ class ForceGauge:
         self._thread.join()
 
     def _run(self) -> None:
+        put_ahead(threading.get_native_id())
         due = time.monotonic()
         while not self._ended.wait(max(0.0, due - time.monotonic())):
             due = max(due + 1.0 / self._rate_hz, time.monotonic() - 0.1)

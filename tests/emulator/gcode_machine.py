@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from emulator.priority import put_ahead
 from emulator.pty_port import PtyPort
 
 TICK_S = 0.001
@@ -72,6 +73,7 @@ class GcodeMachine:
         return [told + self.backlash_mm * above for told, above in zip(self._told, self._from_above, strict=True)]
 
     def _run(self) -> None:
+        put_ahead(threading.get_native_id())
         before = time.monotonic()
         while not self._ended.is_set():
             self._hear(self.port.read(TICK_S))

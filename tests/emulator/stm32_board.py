@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from emulator.chips import Bus, Hmc5983, Tca9548a
+from emulator.hx711 import Hx711
 from emulator.stm32_clocks import Gated, Rcc, Watchdog
 from emulator.stm32_engine import SYSTEM_MEMORY, TICKS_PER_S
 from emulator.stm32_gpio import Afio, Gpio, Wires
@@ -30,6 +31,7 @@ ENDLESS_LOOP = SYSTEM_MEMORY + 0x100
 GPIO_A, GPIO_B, AFIO, USART1 = 0x4001_0800, 0x4001_0C00, 0x4001_0000, 0x4001_3800
 I2C_BASES, I2C_IRQS = {1: 0x4000_5400, 2: 0x4000_5800}, {1: 31, 2: 33}
 TRANSMIT_PIN = 9
+LOAD_DATA_PIN, LOAD_CLOCK_PIN = 0, 1  # of port A
 
 
 class Pins(NamedTuple):
@@ -106,6 +108,9 @@ class Board:
         self.muxes: dict[tuple[int, int], Tca9548a] = {}
         self.sensors = [self._hang_pad(place, chip_ppm, seed) for seed, place in enumerate(self.places)]
         self.wires = {port: self._wire_port(port) for port in (1, 2)}
+        self.converter = Hx711(lambda: self.machine.now_s, self.machine.complain)
+        self.gpio_a.wire(LOAD_DATA_PIN, self.converter.data_level, lambda driven: None)
+        self.gpio_a.wire(LOAD_CLOCK_PIN, lambda: False, self.converter.clock_driven)
         self._seconds = 0.0
         self.machine.reset("power")
 

@@ -93,6 +93,10 @@ def mux(session: Session, pad: int, kind: str) -> None:
     session.board.unplug_mux(pad, absent=kind == "unplugged")
 
 
+def load(session: Session, counts: str) -> None:
+    session.board.converter.counts = None if counts == "none" else int(number(counts, -(2**23), 2**23 - 1))
+
+
 def garbage(session: Session, count: str, seed: str) -> None:
     random = np.random.default_rng(int(number(seed, 0, 2**32 - 1)))
     session.line.garbage += random.bytes(int(number(count, 0, 4096)))
@@ -124,6 +128,7 @@ COMMANDS = {
     "ppm": Command(ppm, 4, has_pad=True, has_sensor=True),
     "fault": Command(fault, 4, has_pad=True, has_sensor=True),
     "mux": Command(mux, 3, has_pad=True),
+    "load": Command(load, 2),
     "garbage": Command(garbage, 3),
     "truncate": Command(truncate, 1),
     "reset": Command(reset, 1),

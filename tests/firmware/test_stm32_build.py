@@ -101,6 +101,8 @@ POINTED = {
     "read": ["read"],
     "read_register": ["read_register"],
     "recover": ["i2c_recover"],
+    "data_is_high": ["data_is_high"],
+    "set_clock": ["set_clock"],
 }
 
 

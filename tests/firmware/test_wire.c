@@ -103,6 +103,16 @@ static size_t encode_selftest(const struct vector *v, uint8_t *line)
     return wire_encode_selftest(&selftest, line);
 }
 
+static size_t encode_load(const struct vector *v, uint8_t *line)
+{
+    const struct wire_load load = {
+        .sequence = (uint32_t)vector_get(v, "sequence"),
+        .time_us = (uint64_t)vector_get(v, "time_us"),
+        .counts = (int32_t)vector_get(v, "counts"),
+    };
+    return wire_encode_load(&load, line);
+}
+
 TEST(encoders_make_the_golden_packets)
 {
     static const struct {
@@ -110,13 +120,14 @@ TEST(encoders_make_the_golden_packets)
         size_t (*encode)(const struct vector *v, uint8_t *line);
     } encoders[] = {
         {"sample", encode_sample}, {"hello", encode_hello},       {"status", encode_status},
-        {"reply", encode_reply},   {"selftest", encode_selftest},
+        {"reply", encode_reply},   {"selftest", encode_selftest}, {"load", encode_load},
     };
+    enum { ENCODERS = sizeof encoders / sizeof *encoders };
     static struct vector vector;
-    int seen[5] = {0};
+    int seen[ENCODERS] = {0};
     FILE *file = vectors_open();
     while (vectors_next(file, &vector)) {
-        for (int i = 0; i < 5; i++) {
+        for (int i = 0; i < ENCODERS; i++) {
             uint8_t line[WIRE_LINE_MAX];
             if (strcmp(vector.type, encoders[i].type) != 0)
                 continue;
@@ -127,7 +138,7 @@ TEST(encoders_make_the_golden_packets)
         }
     }
     fclose(file);
-    for (int i = 0; i < 5; i++)
+    for (int i = 0; i < ENCODERS; i++)
         CHECK(seen[i] > 0);
 }
 

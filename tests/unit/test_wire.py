@@ -18,6 +18,7 @@ from fmfts.sensor.packets import (
     Hello,
     HelloPad,
     HelloSensor,
+    Load,
     Packet,
     Reply,
     Request,
@@ -73,6 +74,8 @@ def packet_of(section: str) -> Packet:
             return Status(v["time_us"], v["transmit_dropped"], v["receive_errors"], pads)
         case "reply":
             return Reply(v["request_id"], v["request_type"], v["result"])
+        case "load":
+            return Load(v["sequence"], v["time_us"], v["counts"])
         case "selftest":
             readings = zip(lists["state"], by_sensor(lists["positive"]), by_sensor(lists["negative"]), strict=True)
             sensors = tuple(SelftestSensor(*one) for one in readings)

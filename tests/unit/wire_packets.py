@@ -9,6 +9,7 @@ from fmfts.sensor.packets import (
     Hello,
     HelloPad,
     HelloSensor,
+    Load,
     Reply,
     Request,
     Sample,
@@ -59,6 +60,7 @@ packets = st.one_of(
     hellos,
     st.builds(Status, u48, u32, u32, tuples_of(status_pads, 3)),
     st.builds(Reply, u8, u8, u8),
+    st.builds(Load, u32, u48, st.integers(-(2**31), 2**31 - 1)),
     selftests,
     st.builds(Request, st.integers(8, 15), u8, u8, u16),
 )

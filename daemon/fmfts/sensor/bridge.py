@@ -91,6 +91,12 @@ class Bridge:
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         return self._link.selftest_result(pad_index)
 
+    def load_counts(self) -> list[tuple[int, int]]:
+        """(CLOCK_MONOTONIC ns, counts) of the load cell on the board's spare pins since the last call."""
+        loads = list(self._link.loads)
+        self._link.loads.clear()
+        return loads
+
     def close(self) -> None:
         self._release()
         self._attempt_ns = self._look_ns = 1 << 62

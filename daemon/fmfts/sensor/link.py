@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 
 from msgspec.structs import replace
@@ -14,6 +15,7 @@ from fmfts.sensor.framing import Decoder, PackedSample
 from fmfts.sensor.packets import (
     TEMPERATURE_UNKNOWN,
     Hello,
+    Load,
     Packet,
     Reply,
     Request,
@@ -28,6 +30,7 @@ from fmfts.sensor.selftests import Selftests
 from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceState
 
+LOADS_KEPT = 240  # three seconds of a load cell that nobody asks for
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
 _SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}  # what of hello a request changes
 
@@ -45,6 +48,7 @@ class Link:
         self.hello: Hello | None = None
         self.heard_ns = 0
         self.requests = Requests()
+        self.loads: deque[tuple[int, int]] = deque(maxlen=LOADS_KEPT)  # host time in ns, counts
         self._pads = pads
         self._settings = Settings.of(next(iter(pads.values())))
         self._state = state
@@ -196,6 +200,8 @@ class Link:
                 self._take_reply(packet, now_ns)
             case Selftest():
                 self._take_selftest(packet)
+            case Load():
+                self.loads.append((self._clock.to_host_ns(packet.time_us, now_ns), packet.counts))
             case Request():
                 self._leave_out("request", "only a host sends these: are the board's TX and RX joined?")
 

@@ -21,6 +21,7 @@ class PacketType(IntEnum):
     STATUS = 3
     REPLY = 4
     SELFTEST = 5
+    LOAD = 6
 
 
 class Verb(IntEnum):
@@ -126,6 +127,14 @@ class Selftest(Struct, frozen=True):
     sensors: tuple[SelftestSensor, ...]
 
 
+class Load(Struct, frozen=True):
+    """One conversion of the HX711 on the board's spare pins: 24 bits, signed."""
+
+    sequence: int
+    time_us: int
+    counts: int
+
+
 class Request(Struct, frozen=True):
     verb: int
     request_id: int
@@ -133,4 +142,4 @@ class Request(Struct, frozen=True):
     argument: int
 
 
-Packet = Sample | Hello | Status | Reply | Selftest | Request
+Packet = Sample | Hello | Status | Reply | Selftest | Load | Request

@@ -15,6 +15,7 @@ from fmfts.sensor.packets import (
     Hello,
     HelloPad,
     HelloSensor,
+    Load,
     Packet,
     PacketType,
     Reply,
@@ -38,6 +39,7 @@ _STATUS_PAD = Layout("<IIIB")
 _REPLY = Layout("<BBBB")
 _SELFTEST = Layout("<BBBB")
 _SELFTEST_SENSOR = Layout("<B3h3h")
+_LOAD = Layout("<BIIHi")
 _REQUEST = Layout("<BBBH")
 
 
@@ -174,6 +176,17 @@ def _pack_selftest(selftest: Selftest) -> bytes:
     return header + b"".join(_SELFTEST_SENSOR.pack(one.state, *one.positive, *one.negative) for one in selftest.sensors)
 
 
+def _unpack_load(packet: bytes) -> Load:
+    _whole(packet, _LOAD.size)
+    _, sequence, time_low, time_high, counts = _LOAD.unpack(packet)
+    return Load(sequence, time_low | time_high << 32, counts)
+
+
+def _pack_load(load: Load) -> bytes:
+    time = (load.time_us & 0xFFFFFFFF, load.time_us >> 32)
+    return _LOAD.pack(VERSION << 4 | PacketType.LOAD, load.sequence, *time, load.counts)
+
+
 def _unpack_request(packet: bytes) -> Request:
     _whole(packet, _REQUEST.size)
     header, request_id, pad_index, argument = _REQUEST.unpack(packet)
@@ -190,6 +203,7 @@ _UNPACK: dict[int, Callable[[bytes], Packet]] = {
     PacketType.STATUS: _unpack_status,
     PacketType.REPLY: _unpack_reply,
     PacketType.SELFTEST: _unpack_selftest,
+    PacketType.LOAD: _unpack_load,
     **dict.fromkeys(Verb, _unpack_request),
 }
 
@@ -199,6 +213,7 @@ _PACK: dict[type[Packet], Callable[[Any], bytes]] = {
     Status: _pack_status,
     Reply: _pack_reply,
     Selftest: _pack_selftest,
+    Load: _pack_load,
     Request: _pack_request,
 }
 

@@ -1,0 +1,25 @@
+// An HX711 on a bench: 80 conversions a second, read bit by bit, in virtual time.
+#ifndef FMFTS_EMULATED_CONVERTER_H
+#define FMFTS_EMULATED_CONVERTER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "../core/load_cell.h"
+#include "bench.h"
+
+struct emulated_converter {
+    struct bench *bench;
+    struct load_cell_pins pins;
+    bool present;
+    int32_t counts; // what the load cell gives now
+    uint32_t shifted;
+    int pulses; // of the read-out that is under way
+    bool clock, bit;
+    uint64_t rose_ns, ready_ns;
+};
+
+// Not plugged in at first.
+void emulated_converter_init(struct emulated_converter *converter, struct bench *bench);
+
+#endif
