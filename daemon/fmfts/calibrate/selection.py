@@ -9,8 +9,8 @@ import numpy as np
 
 from fmfts.calibrate.fitting import fit_response
 from fmfts.calibrate.likelihood import invert
-from fmfts.calibrate.network import error_in_bounds, train_network
-from fmfts.calibrate.regressors import GaussianProcess, RadialBasis, Regressor
+from fmfts.calibrate.network import error_in_bounds, features, train_network, unit_of, weights
+from fmfts.calibrate.regressors import GaussianProcess, RadialBasis
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact.response import Response
@@ -19,6 +19,7 @@ from fmfts.pad import Array
 HIDDEN = (6, 8, 12, 16, 20, 24)
 FOLDS = 3
 PRESSES, STEPS, COPIES = 4000, 30, 8
+RADIAL_CENTRES, FIRM_SHARE = 150, 0.1
 # A larger network has to be this much better to be worth its time; or than the folds differ, where that is more.
 WORTH_THE_TIME = 0.02
 
@@ -97,13 +98,15 @@ def _answers(
     for hidden in sizes:
         network = train_network(training, solver.rest_pose, hidden, STEPS)
         yield f"two layers of {hidden}", hidden, network.layers.parameters, network(judged.pose)
-    inputs, yardstick = training.pose[:, :5], min(250, presses // 10)
-    others: list[tuple[str, Regressor, int]] = [
-        ("RBF network", RadialBasis(150), 150 * 6 + 151 * judged.press.shape[1]),
-        ("Gaussian process", GaussianProcess(yardstick), yardstick * 6),
-    ]
-    for name, regressor, parameters in others:
-        yield name, None, parameters, regressor.fit(inputs, training.press).predict(judged.pose[:, :5])
+    # What presses nothing has no place to learn: without the weight that tells so, it would ruin the rest.
+    unit, firm = unit_of(training, solver.rest_pose), training.press[:, 2] > FIRM_SHARE * response.scale_n
+    inputs, asked = (features(samples.pose, solver.rest_pose, unit) for samples in (training, judged))
+    radial = RadialBasis(RADIAL_CENTRES).fit(inputs, training.press, weights(training, slice(0, 2))[:, 0])
+    width = inputs.shape[1] + 1
+    yield "RBF network", None, RADIAL_CENTRES * (width + judged.press.shape[1]), radial.predict(asked)
+    rows = min(250, presses // 10)
+    process = GaussianProcess(rows).fit(inputs[firm], training.press[firm])
+    yield "Gaussian process", None, rows * width, process.predict(asked)
     found = invert(response, judged.pose[:, :5] - solver.rest_pose[:5], judged.covariance, across=3, steps=25)
     yield "table inversion", None, response.coefficient.size, found
 

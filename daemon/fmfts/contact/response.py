@@ -125,8 +125,8 @@ def most_likely(
     chi2 = _misfit(change - modelled, information)
     damping = np.full(len(press), DAMPING)
     for _ in range(steps):
-        gradient = np.einsum("kci,kcd,kd->ki", slope, information, change - modelled)
-        step = np.linalg.solve(_damped(_normal(slope, information), damping), gradient[..., None])[..., 0]
+        gradient = slope.transpose(0, 2, 1) @ information @ (change - modelled)[..., None]
+        step = np.linalg.solve(_damped(_normal(slope, information), damping), gradient)[..., 0]
         trial = np.clip(press + step, lowest, highest)
         trial_modelled, trial_slope = response.change_and_slope(trial)
         trial_chi2 = _misfit(change - trial_modelled, information)
@@ -161,7 +161,7 @@ def inverse_of(matrices: Array) -> Array:
 def _normal(slope: Array, information: Array) -> Array:
     """(K, 2 + L, 2 + L) what the changes tell of the presses; what nothing is known of (a place at rest) is held down
     by a deviation of 1 m."""
-    normal: Array = np.einsum("kci,kcd,kdj->kij", slope, information, slope)
+    normal: Array = slope.transpose(0, 2, 1) @ information @ slope
     return normal + 1e-6 * np.eye(normal.shape[1])
 
 
