@@ -4,7 +4,7 @@
 # make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
-# make bench   what a solve costs, how accurate and how sure it is    (cold-starts: a million of them, half an hour)
+# make bench   what a solve costs, how accurate and sure it is, how soon a frame is published; cold-starts: half an hour
 
 PYTHON ?= python3
 VENV := .venv
@@ -51,6 +51,7 @@ test-firmware-long: test-packages $(VENV)/.installed-test
 bench: $(VENV)/.installed
 	@$(BIN)/python -m fmfts.bench speed
 	@$(BIN)/python -m fmfts.bench accuracy
+	@$(BIN)/python -m fmfts.bench latency
 
 cold-starts: $(VENV)/.installed
 	@$(BIN)/python -m fmfts.bench convergence --draws 250000
