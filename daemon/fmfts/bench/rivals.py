@@ -53,16 +53,17 @@ def moment_vector_solvers(pad: Pad) -> dict[str, Callable[[Problem], object]]:
         start, data = asked(problem)
         return leastsq(residuals, start, args=data, Dfun=jacobian, full_output=True)
 
-    def by_least_squares(problem: Problem) -> object:
-        start, data = asked(problem)
-        return least_squares(residuals, start, jac=jacobian, args=data, method="lm")
+    def by_least_squares(method: str, **derivative: object) -> Callable[[Problem], object]:
+        def solve(problem: Problem) -> object:
+            start, data = asked(problem)
+            return least_squares(residuals, start, args=data, method=method, **derivative)
 
-    def without_jacobian(problem: Problem) -> object:
-        start, data = asked(problem)
-        return least_squares(residuals, start, args=data, method="lm")
+        return solve
 
     return {
         "scipy.optimize.leastsq with Jacobian": by_leastsq,
-        "scipy.optimize.least_squares with Jacobian": by_least_squares,
-        "scipy.optimize.least_squares without": without_jacobian,
+        "scipy.optimize.least_squares with Jacobian": by_least_squares("lm", jac=jacobian),
+        "scipy.optimize.least_squares without": by_least_squares("lm"),
+        "scipy.optimize.least_squares trf with Jacobian": by_least_squares("trf", jac=jacobian),
+        "scipy.optimize.least_squares trf without": by_least_squares("trf"),
     }
