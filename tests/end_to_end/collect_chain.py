@@ -23,6 +23,7 @@ from fmfts.collect.plan import read_plan
 
 MACHINE_SPEED = 10.0
 BACKLASH_MM = 0.05
+FIELDS = [f"b{sensor}{axis}_ut" for sensor in range(1, 5) for axis in "xyz"]
 
 
 def main() -> int:
@@ -32,8 +33,13 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="keep the tables in this folder")
     options = parser.parse_args()
     folder = options.out or Path(tempfile.mkdtemp(prefix="fmfts-collect-"))
-    with PressedBench(folder, options.dialect, speed=MACHINE_SPEED, backlash_mm=BACKLASH_MM) as bench:
+    with PressedBench(folder, options.dialect, speed=MACHINE_SPEED, backlash_mm=BACKLASH_MM, silence_ms=100.0) as bench:
         print(f"bench: {options.dialect}, machine {MACHINE_SPEED:g} times as fast as its feeds; tables in {folder}")
+        bench.mounted = False
+        time.sleep(0.1)  # until the board has heard of it
+        carry_out(bench, "baseline", "--bare")
+        bench.mounted = True
+        time.sleep(0.1)
         carry_out(bench, "baseline", "--rest")
         collect(bench, options.plan, folder / "collected.csv")
         truth = np.array(bench.truth)
@@ -69,7 +75,9 @@ def collect(bench: PressedBench, plan: str, output: Path) -> None:
 def variants(bench: PressedBench, folder: Path, truth: np.ndarray) -> None:
     """What was collected with one imperfection after the other taken away."""
     with (folder / "collected.csv").open() as lines:
-        rows = list(csv.DictReader(lines))
+        table = list(csv.DictReader(lines))
+    rows = [row for row in table if row["press"] != "0"]
+    unloaded = [row for row in table if row["press"] == "0"]
     windows = {}
     for line in (folder / "collected.frames.jsonl").read_text().splitlines():
         record = json.loads(line)
@@ -84,16 +92,21 @@ def variants(bench: PressedBench, folder: Path, truth: np.ndarray) -> None:
         f"labels: force off by {np.std(error[:, 2]) * 1e3:.2f} mN rms (largest {np.abs(error[:, 2]).max() * 1e3:.2f})"
     )
     print(f"        of these 20 ms of delay, uncompensated: {np.std(delayed[:, 2] - pressed[:, 2]) * 1e3:.3f} mN rms")
-    field = np.array([bench.magnet_field_t(*(x * 1e-3, y * 1e-3), force).ravel() * 1e6 for x, y, force in pressed])
-    write(folder / "true-places.csv", rows, np.column_stack([pressed[:, :2], label[:, 2]]), None)
-    write(folder / "true-forces.csv", rows, np.column_stack([label[:, :2], pressed[:, 2]]), None)
-    write(folder / "true-fields.csv", rows, label, field)
-    write(folder / "ideal.csv", rows, pressed, field)
+    field = np.array([bench.magnet_field_t(x * 1e-3, y * 1e-3, force).ravel() * 1e6 for x, y, force in pressed])
+    measured = fields_of(rows)
+    at_rest = fields_of(unloaded).mean(axis=0)
+    true_rest = bench.magnet_field_t(0.0, 0.0, 0.0).ravel() * 1e6
+    write(folder / "true-places.csv", np.column_stack([pressed[:, :2], label[:, 2]]), measured, at_rest)
+    write(folder / "true-forces.csv", np.column_stack([label[:, :2], pressed[:, 2]]), measured, at_rest)
+    write(folder / "true-fields.csv", label, field, true_rest)
+    write(folder / "ideal.csv", pressed, field, true_rest)
     # Without the overshoot every second row of the plan is reached from above, and stands BACKLASH_MM off.
-    from_above = np.append(False, np.diff(label[:, 0]) < 0.0) | (np.round(label[:, 1] / 2.0 + 7.0) % 2 == 1)
     beside = pressed.copy()
-    beside[from_above, 0] -= BACKLASH_MM
-    write(folder / "backlash-left.csv", rows, beside, field)
+    beside[np.round(label[:, 1] / 2.0 + 7.0) % 2 == 1, 0] -= BACKLASH_MM
+    write(folder / "backlash-left.csv", beside, field, true_rest)
+    late = pressed.copy()
+    late[:, 2] = delayed[:, 2]
+    write(folder / "delay-left.csv", late, field, true_rest)
 
 
 def held_out(bench: PressedBench, path: Path) -> None:
@@ -101,24 +114,23 @@ def held_out(bench: PressedBench, path: Path) -> None:
     presses = read_plan("test-simulation").presses
     labels = np.array([[press.x_m * 1e3, press.y_m * 1e3, press.force_n] for press in presses])
     fields = np.array([bench.magnet_field_t(p.x_m, p.y_m, p.force_n).ravel() * 1e6 for p in presses])
-    write(path, [{}] * len(presses), labels, fields)
+    write(path, labels, fields, bench.magnet_field_t(0.0, 0.0, 0.0).ravel() * 1e6)
 
 
 def judge(bench: PressedBench, folder: Path) -> None:
     """The same calibration from each table, and its errors on the held-out presses."""
     held_out(bench, folder / "held-out.csv")
     errors: dict[str, np.ndarray] = {}
-    for name in ("ideal", "collected", "true-places", "true-forces", "true-fields", "backlash-left"):
+    for name in ("ideal", "collected", "true-places", "true-forces", "true-fields", "backlash-left", "delay-left"):
         model = folder / f"{name}.onnx"
         carry_out(bench, "calibrate", folder / f"{name}.csv", "-o", model, "--hidden", "24")
         found = carry_out(bench, "evaluate", folder / "held-out.csv", "--model", model, "--json")
         whole = next(row for row in json.loads(found)["regions"] if row["region"] == "all")
         errors[name] = np.array([whole[f"mae_{what}"] for what in ("x_mm", "y_mm", "force_n")])
         ratio = errors[name] / errors["ideal"]
-        print(
-            f"{name:14s} mean absolute error on 90 held-out presses: x {errors[name][0]:.4f} mm, y {errors[name][1]:.4f} "
-            f"mm, force {errors[name][2]:.5f} N; of ideal's: {ratio[0]:.3f} {ratio[1]:.3f} {ratio[2]:.3f}"
-        )
+        x, y, force = errors[name]
+        of_ideal = " ".join(f"{value:.3f}" for value in ratio)
+        print(f"{name:14s} mean absolute error: x {x:.4f} mm, y {y:.4f} mm, {force:.5f} N; of ideal's: {of_ideal}")
 
 
 def true_press(truth: np.ndarray, begun_ns: int, ended_ns: int) -> np.ndarray:
@@ -128,14 +140,18 @@ def true_press(truth: np.ndarray, begun_ns: int, ended_ns: int) -> np.ndarray:
     return truth[index, 1:].mean(axis=0)
 
 
-def write(path: Path, rows: list[dict[str, str]], labels: np.ndarray, field_ut: np.ndarray | None) -> None:
-    fields = [f"b{sensor}{axis}_ut" for sensor in range(1, 5) for axis in "xyz"]
+def fields_of(rows: list[dict[str, str]]) -> np.ndarray:
+    return np.array([[float(row[name]) for name in FIELDS] for row in rows])
+
+
+def write(path: Path, labels: np.ndarray, field_ut: np.ndarray, rest_ut: np.ndarray) -> None:
+    """As `collect` writes it, the unloaded pad first."""
     with path.open("w", newline="") as out:
         writer = csv.writer(out)
-        writer.writerow(["x_mm", "y_mm", "force_n", *fields])
-        for number, row in enumerate(rows):
-            values = [row[name] for name in fields] if field_ut is None else [f"{v:.5f}" for v in field_ut[number]]
-            writer.writerow([*(f"{value:.5f}" for value in labels[number]), *values])
+        writer.writerow(["x_mm", "y_mm", "force_n", *FIELDS])
+        writer.writerow([0, 0, 0, *(f"{value:.5f}" for value in rest_ut)])
+        for label, field in zip(labels, field_ut, strict=True):
+            writer.writerow([f"{value:.5f}" for value in (*label, *field)])
 
 
 if __name__ == "__main__":

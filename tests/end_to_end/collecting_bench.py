@@ -19,6 +19,7 @@ import numpy as np
 
 from emulator.force_gauge import SerialForceGauge
 from emulator.gcode_machine import GcodeMachine
+from emulator.priority import put_ahead
 from end_to_end.processes import FirmwareHost
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulate.cylinder import cylinder_field
@@ -42,6 +43,7 @@ type = "bridge"
 port = "{folder}/board"
 [collect]
 settle_s = 0.1
+silence_ms = {silence_ms}
 [collect.gauge]
 type = "serial"
 port = "{folder}/gauge"
@@ -72,11 +74,13 @@ class PressedBench:
         dropout: float = 0.02,
         speed: float = 10.0,
         limit_n: float = 4.5,
+        silence_ms: float = 1000.0,  # nothing else may run on a machine that is to hold 100
         chip_noise_ut: float = 0.2,
     ) -> None:
         self.folder = folder
         self.knock_m = np.zeros(3)
         self.stiffening = 1.0  # the pad resists so many times as much as it should
+        self.mounted = True  # else there is no magnet: for a bare baseline
         self.beside = False  # the rod presses on something that is not the pad
         self.force_n = 0.0
         self.truth: list[tuple[int, float, float, float]] = []  # monotonic ns, x and y in mm, force, at each change
@@ -84,6 +88,7 @@ class PressedBench:
         self._told: tuple[float, ...] | None = None
         self._chip_noise_ut = chip_noise_ut
         self.board = FirmwareHost(folder)
+        put_ahead(self.board.pid)
         self.machine = GcodeMachine(folder / "machine", dialect, backlash_mm=backlash_mm, speed=speed)
         self.machine.on_moved = self._moved
         self.gauge = SerialForceGauge(
@@ -96,7 +101,14 @@ class PressedBench:
         )
         self.config = folder / "config.toml"
         self.config.write_text(
-            CONFIG.format(folder=folder, dialect=dialect, delay_ms=delay_s * 1e3, limit_n=limit_n, clear_mm=CLEAR_MM)
+            CONFIG.format(
+                folder=folder,
+                dialect=dialect,
+                delay_ms=delay_s * 1e3,
+                limit_n=limit_n,
+                clear_mm=CLEAR_MM,
+                silence_ms=silence_ms,
+            )
         )
         self.environment = os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
         self._rod_mm = list(self.machine.place)
@@ -136,17 +148,19 @@ class PressedBench:
             self.truth.append((time.monotonic_ns(), *now))
 
     def _show(self) -> None:
+        put_ahead(threading.get_native_id())
         while not self._ended.wait(UPDATE_S):
             self._tell_field()
 
     def _tell_field(self) -> None:
         x_mm, y_mm = self._rod_mm[0] - ORIGIN_MM[0], self._rod_mm[1] - ORIGIN_MM[1]
         force_n = 0.0 if self.beside else self.force_n
-        now = (x_mm, y_mm, force_n, *self.knock_m)
+        now = (x_mm, y_mm, force_n, *self.knock_m, self.mounted)
         if now == self._told:
             return
         self._told = now
-        field_t = self._pad.sensed(self.magnet_field_t(x_mm * 1e-3, y_mm * 1e-3, force_n) + EARTH_T)
+        magnet_t = self.magnet_field_t(x_mm * 1e-3, y_mm * 1e-3, force_n) if self.mounted else np.zeros((4, 3))
+        field_t = self._pad.sensed(magnet_t + EARTH_T)
         with self._telling:
             self.board.field(field_t)
 
@@ -167,6 +181,14 @@ class PressedBench:
             env=self.environment,
         )
 
+    def collect(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """`collect` to its end. Where a busy computer made a device late, it stopped as it should, and goes on."""
+        for _ in range(5):
+            done = self.command("collect", *arguments)
+            if not was_late(done.stderr):
+                break
+        return done
+
     def command(self, *arguments: str | Path, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
         """A verb of fmfts-daemon, to its end."""
         with self.start(*arguments) as process:
@@ -176,6 +198,13 @@ class PressedBench:
                 process.kill()
                 raise
         return subprocess.CompletedProcess(process.args, process.returncode, out, errors)
+
+
+def was_late(errors: str) -> bool:
+    """Not what a test did: nobody ran the emulated devices for a while, or whoever should have heard them."""
+    return any(
+        sign in errors for sign in ("frames were lost", "no frame for", "the gauge is silent", "frames arrived of")
+    )
 
 
 def mm_per_n(x_mm: float, y_mm: float) -> float:

@@ -39,6 +39,10 @@ class FirmwareHost:
         first = self._process.stdout.readline()
         assert first.startswith("pty: "), first
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
     def tell(self, command: str) -> None:
         """One command, which must be obeyed."""
         assert self._process.stdin is not None

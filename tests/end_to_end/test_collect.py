@@ -20,9 +20,10 @@ def plan(folder: Path, text: str = TWO_PLACES) -> Path:
     return path
 
 
-def rows(path: Path) -> list[dict[str, str]]:
+def rows(path: Path, *, unloaded: bool = False) -> list[dict[str, str]]:
+    """The presses of a table, or what was read of the unloaded pad before them."""
     with path.open() as lines:
-        return list(csv.DictReader(lines))
+        return [row for row in csv.DictReader(lines) if (row["press"] == "0") == unloaded]
 
 
 def record_baseline(bench: PressedBench) -> None:
@@ -34,7 +35,7 @@ def record_baseline(bench: PressedBench) -> None:
 def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str) -> None:
     with PressedBench(tmp_path, dialect) as bench:
         record_baseline(bench)
-        done = bench.command("collect", plan(tmp_path), "-o", tmp_path / "data.csv", "--json")
+        done = bench.collect(plan(tmp_path), "-o", tmp_path / "data.csv", "--json")
         assert done.returncode == 0, done.stderr
         assert bench.rod_is_up()
     assert json.loads(done.stdout)["collected"] == 4
@@ -48,5 +49,7 @@ def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str) ->
         # 0.2 µT of noise in 66 frames; 5 mN of the gauge are 0.3 µT; a baseline at rest leaves the rest field to 0.1 µT
         np.testing.assert_allclose(field_ut, true_ut, atol=1.0)
     frames = [json.loads(line) for line in (tmp_path / "data.frames.jsonl").read_text().splitlines()]
-    assert [record["press"] for record in frames] == [1, 2, 3, 4]
-    assert [len(record["frames"]) for record in frames] == [int(row["frames"]) for row in collected]
+    assert [record["press"] for record in frames] == [0, 1, 2, 0, 3, 4]
+    assert [len(record["frames"]) for record in frames if record["press"]] == [int(row["frames"]) for row in collected]
+    rest = rows(tmp_path / "data.csv", unloaded=True)
+    assert [(row["x_mm"], float(row["force_n"])) for row in rest] == [("-4.0000", 0.0), ("2.0000", 0.0)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import shutil
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from end_to_end.collecting_bench import PressedBench
+from end_to_end.collecting_bench import PressedBench, was_late
 from end_to_end.test_collect import plan, record_baseline, rows
 
 REFUSED, STOPPED = 65, 69
@@ -42,7 +41,7 @@ def bench(tmp_path: Path, recorded: Path) -> Iterator[PressedBench]:
 @pytest.fixture
 def grbl_bench(tmp_path: Path, recorded: Path) -> Iterator[PressedBench]:
     shutil.copytree(recorded, tmp_path / "state")
-    with PressedBench(tmp_path, "grbl", speed=1.0) as bench:
+    with PressedBench(tmp_path, "grbl", speed=1.0, silence_ms=100.0) as bench:
         yield bench
 
 
@@ -55,16 +54,21 @@ def until(there: Callable[[], bool], patience_s: float = 30.0) -> float:
     return time.monotonic() - begun_s
 
 
-def until_pressed(bench: PressedBench, process: subprocess.Popen[str]) -> None:
-    """The rod is on its way to the second force."""
-    until(lambda: bench.force_n > 0.5 or process.poll() is not None)
-    assert process.poll() is None, process.communicate()[1]
+def until_pressed(bench: PressedBench) -> subprocess.Popen[str]:
+    """Collecting, the rod on its way to the second force."""
+    for _ in range(5):
+        process = bench.start("collect", plan(bench.folder, ONE_PLACE), "-o", bench.folder / "data.csv")
+        until(lambda process=process: bench.force_n > 0.5 or process.poll() is not None)
+        if process.poll() is None:
+            return process
+        errors = process.communicate()[1]
+        assert was_late(errors), errors
+    raise AssertionError("this computer is too busy")
 
 
 def while_pressing(bench: PressedBench, fault: Callable[[], object]) -> tuple[float, int, str]:
     """Collect, and let the fault happen on the way to the second force; seconds until the rod was up, code, reason."""
-    process = bench.start("collect", plan(bench.folder, ONE_PLACE), "-o", bench.folder / "data.csv")
-    until_pressed(bench, process)
+    process = until_pressed(bench)
     fault()
     lifted_s = until(bench.rod_is_up)
     _, errors = process.communicate(timeout=30.0)
@@ -108,7 +112,7 @@ def test_rod_is_lifted_when_a_limit_switch_is_hit(tmp_path: Path, recorded: Path
     shutil.copytree(recorded, tmp_path / "state")
     with PressedBench(tmp_path, dialect) as bench:
         bench.machine.switch_mm = 9.3
-        done = bench.command("collect", plan(tmp_path, ONE_PLACE), "-o", tmp_path / "data.csv")
+        done = bench.collect(plan(tmp_path, ONE_PLACE), "-o", tmp_path / "data.csv")
         assert done.returncode == STOPPED
         assert {"marlin": "endstops hit", "grbl": "a limit switch was hit"}[dialect] in done.stderr
         assert "the rod was lifted by" in done.stderr
@@ -116,8 +120,7 @@ def test_rod_is_lifted_when_a_limit_switch_is_hit(tmp_path: Path, recorded: Path
 
 
 def test_stalled_stage_gets_the_emergency_stop(bench: PressedBench) -> None:
-    process = bench.start("collect", plan(bench.folder, ONE_PLACE), "-o", bench.folder / "data.csv")
-    until_pressed(bench, process)
+    process = until_pressed(bench)
     bench.machine.stalled = True
     _, errors = process.communicate(timeout=30.0)
     assert process.returncode == STOPPED
@@ -129,35 +132,35 @@ def test_stalled_stage_gets_the_emergency_stop(bench: PressedBench) -> None:
 def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBench) -> None:
     table = bench.folder / "data.csv"
     grid = plan(bench.folder, ONE_PLACE)
-    process = bench.start("collect", grid, "-o", table)
-    until(lambda: process.poll() is not None or (table.exists() and len(rows(table)) == 2))
-    assert process.poll() is None, process.communicate()[1]
+    process = until_pressed(bench)
+    until(lambda: len(rows(table)) >= 2)
     process.kill()
     process.communicate()
     before = rows(table)
+    assert len(before) == 2
     with table.open("a") as file:
         file.write("3,0.0000,0.0000,0.9")  # as a row that was being written
     with table.with_suffix(".frames.jsonl").open("a") as file:
         file.write('{"press":3,"frames":[]}\n{"press":4,"fra')
-    done = bench.command("collect", grid, "-o", table, "--json")
+    done = bench.collect(grid, "-o", table, "--json")
     assert done.returncode == 0, done.stderr
     after = rows(table)
     assert [row["press"] for row in after] == ["1", "2", "3", "4"]
     assert after[:2] == before
     frames = [json.loads(line) for line in table.with_suffix(".frames.jsonl").read_text().splitlines()]
-    assert [record["press"] for record in frames] == [1, 2, 3, 4]
+    assert [record["press"] for record in frames] == [0, 1, 2, 0, 3, 4]
     assert all(record["frames"] for record in frames)
-    again = bench.command("collect", grid, "-o", table, "--json")
+    again = bench.collect(grid, "-o", table, "--json")
     assert again.returncode == 0
     assert rows(table) == after
-    other = bench.command("collect", plan(bench.folder), "-o", table)
+    other = bench.collect(plan(bench.folder), "-o", table)
     assert other.returncode == REFUSED
     assert "was begun with another plan" in other.stderr
 
 
 def test_pad_that_moved_since_its_baseline_is_refused_with_the_figure(bench: PressedBench) -> None:
     bench.knock_m[0] = 0.2e-3
-    done = bench.command("collect", plan(bench.folder), "-o", bench.folder / "data.csv")
+    done = bench.collect(plan(bench.folder), "-o", bench.folder / "data.csv")
     assert done.returncode == REFUSED
     assert "the pad has moved" in done.stderr
     assert "(+0.2" in done.stderr
@@ -167,7 +170,7 @@ def test_pad_that_moved_since_its_baseline_is_refused_with_the_figure(bench: Pre
 
 def test_press_beside_the_pad_makes_no_row(bench: PressedBench) -> None:
     bench.beside = True
-    done = bench.command("collect", plan(bench.folder), "-o", bench.folder / "data.csv")
+    done = bench.collect(plan(bench.folder), "-o", bench.folder / "data.csv")
     assert done.returncode == REFUSED
     assert "the pad is not touched" in done.stderr
     assert "the rod was lifted" in done.stderr
@@ -179,5 +182,4 @@ def test_saturated_sensor_makes_no_row(bench: PressedBench) -> None:
     assert code == REFUSED
     assert "sensor 2 is saturated" in reason
     assert "the rod was lifted" in reason
-    with (bench.folder / "data.csv").open() as lines:
-        assert len(list(csv.DictReader(lines))) <= 1
+    assert len(rows(bench.folder / "data.csv")) <= 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
@@ -15,10 +16,11 @@ from fmfts.collect.errors import CollectError, RefusedError, StoppedError
 from fmfts.collect.feed import frame_facts
 from fmfts.collect.plan import Plan, Press
 from fmfts.collect.presser import Presser
-from fmfts.collect.table import Row, Table
+from fmfts.collect.table import UNTOUCHED, Row, Table
 from fmfts.collect.watch import Watch
 
 ATTEMPTS = 3  # at one row
+DISK_S = 60.0
 ARRIVAL_S = 0.03  # what a frame or a reading of this moment takes to get here
 UNTOUCHED_N = 0.05  # the tare may have drifted by so much since the last place
 
@@ -73,11 +75,12 @@ class Session:
         told(presses[0], False)
         self._presser.stand_over(presses[0])
         unloaded = self._untouched()
+        self._store(Press(UNTOUCHED, *presses[0].place_m, 0.0), unloaded, 0.0)
         for press in presses:
             told(press, False)
             self._presser.press(press)
             loaded = self._loaded(press, unloaded)
-            self._table.add(self._row(press, loaded), [frame_facts(frame) for frame in loaded.frames])
+            self._store(press, loaded, self._force_n(press, loaded))
             told(press, True)
         self._presser.lift()
 
@@ -119,22 +122,27 @@ class Session:
                 why = str(error)
         raise RefusedError(f"{what}: refused {ATTEMPTS} times: {why}")
 
-    def _row(self, press: Press, loaded: Averaged) -> Row:
-        field = self._unmoved.mounting.magnet_field(loaded.field.mean_t)
-        return Row(
+    def _store(self, press: Press, averaged: Averaged, force_n: float) -> None:
+        field = self._unmoved.mounting.magnet_field(averaged.field.mean_t)
+        row = Row(
             press=press.number,
             x_mm=press.x_m * 1e3,
             y_mm=press.y_m * 1e3,
-            force_n=self._force_n(press, loaded),
+            force_n=force_n,
             field_ut=(field * 1e6).ravel().tolist(),
-            force_sd_n=loaded.force_sd_n,
-            frames=len(loaded.frames),
-            temperature_c=loaded.field.temperature_c,
+            force_sd_n=averaged.force_sd_n,
+            frames=len(averaged.frames),
+            temperature_c=averaged.field.temperature_c,
             utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
             baseline=self._identity.baseline,
             pad=self._identity.pad,
             board=self._identity.board,
         )
+        # A disk may take seconds, and the rod is down: what is heard must be listened to meanwhile.
+        with ThreadPoolExecutor(max_workers=1) as disk:
+            stored = disk.submit(self._table.add, row, [frame_facts(frame) for frame in averaged.frames])
+            self._watch.until(stored.done, DISK_S)
+            stored.result()
 
     def _force_n(self, press: Press, loaded: Averaged) -> float:
         typed_n = getattr(self._presser, "typed_n", None)

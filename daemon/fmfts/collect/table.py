@@ -20,6 +20,7 @@ from fmfts.offline.field_table import field_columns
 from fmfts.service.state import write_atomically
 
 FORMAT = 1
+UNTOUCHED = 0  # what stands for `press` in the rows of the unloaded pad: calibration needs its field, too
 LABELS = ("press", "x_mm", "y_mm", "force_n")
 FACTS = ("force_sd_n", "frames", "temperature_c", "utc", "baseline", "pad", "board")
 
@@ -104,7 +105,7 @@ class Table:
             self._append(self._rows, _line(row.cells()))
         except OSError as error:
             raise RefusedError(f"{self.path}: {error.strerror}: make room, then go on with the same command") from error
-        self.done.add(row.press)
+        self.done |= {row.press} - {UNTOUCHED}
 
     @staticmethod
     def _append(file: int, data: bytes) -> None:
@@ -129,14 +130,15 @@ class Table:
         lines = _whole_lines(self.path)
         if lines and lines[0] != ",".join(columns):
             raise RefusedError(f"{self.path}: its first line is not the header that belongs there")
-        done = [int(line.split(",", 1)[0]) for line in lines[1:]]
+        done = [number for line in lines[1:] if (number := int(line.split(",", 1)[0])) != UNTOUCHED]
         if len(done) != len(set(done)):
             raise RefusedError(f"{self.path}: a press stands there twice: was it edited?")
-        # Frames are written before their row: only the last line can be of a press that has none.
+        # Frames are written before their row: of the last line there may be no row.
         frames = _whole_lines(self.frames_path)
-        if frames and msgspec.json.decode(frames[-1])["press"] not in done:
+        kept = frames[: max(len(lines) - 1, 0)]
+        if kept != frames:
             with self.frames_path.open("rb+") as file:
-                file.truncate(sum(len(line.encode()) + 1 for line in frames[:-1]))
+                file.truncate(sum(len(line.encode()) + 1 for line in kept))
         return set(done)
 
 

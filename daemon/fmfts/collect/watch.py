@@ -16,7 +16,6 @@ from fmfts.sensor import Frame
 
 TURN_S = 0.001
 KEPT_S = 30.0
-FRAME_SILENCE_S = 0.1
 FIRST_S = 3.0  # a board says hello within a second of being opened
 # Whoever did not run for so long cannot tell silence from its own sleep: what waits is read first.
 SLEPT_S = 0.02
@@ -24,10 +23,10 @@ SLEPT_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """force_n: more ends the work, None where a person presses. silence_s: of the gauge, None without one."""
+    """force_n: more ends the work, None where a person presses. silence_s: of the board, and of the gauge if any."""
 
     force_n: float | None
-    silence_s: float | None
+    silence_s: float
 
 
 class Watch:
@@ -127,11 +126,12 @@ class Watch:
             raise StoppedError(f"over-force: {newest_n:.3f} N, and collect.stage.force_limit_n is {limit_n:g} N")
         if slept:
             return
-        if now_s - self._heard_frame_s > FRAME_SILENCE_S:
-            raise StoppedError(f"no frame for {(now_s - self._heard_frame_s) * 1e3:.0f} ms: see fmfts-daemon probe")
-        silence_s = self._limits.silence_s
-        if silence_s is not None and now_s - self._heard_force_s > silence_s:
-            silent_ms, limit_ms = (now_s - self._heard_force_s) * 1e3, silence_s * 1e3
+        limit_ms = self._limits.silence_s * 1e3
+        silent_ms = (now_s - self._heard_frame_s) * 1e3
+        if silent_ms > limit_ms:
+            raise StoppedError(f"no frame for {silent_ms:.0f} ms (limit {limit_ms:.0f} ms): see fmfts-daemon probe")
+        silent_ms = (now_s - self._heard_force_s) * 1e3
+        if self._gauge is not None and silent_ms > limit_ms:
             raise StoppedError(
                 f"the gauge is silent for {silent_ms:.0f} ms (limit {limit_ms:.0f} ms): check its plug and supply"
             )

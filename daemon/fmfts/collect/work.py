@@ -79,9 +79,8 @@ def _heard(config: Config, pad: PadConfig, by_hand: bool) -> Iterator[tuple[Watc
     gauge: Gauge | None = None
     try:
         gauge = None if settings.gauge is None else open_gauge(settings.gauge, feed.counts)
-        silence_s = None if settings.gauge is None else settings.gauge.silence_ms * 1e-3
         limit_n = None if by_hand or settings.stage is None else settings.stage.force_limit_n
-        yield Watch(feed, gauge, Limits(limit_n, silence_s)), feed.board_uid
+        yield Watch(feed, gauge, Limits(limit_n, settings.silence_ms * 1e-3)), feed.board_uid
     finally:
         feed.close()
         if gauge is not None:

@@ -18,7 +18,6 @@ DECIMAL = r"([-+]?\d+(?:\.\d+)?)"
 
 class _Gauge(Section, frozen=True):
     delay_ms: NonNegativeFloat = 0.0  # how old a reading is when it arrives
-    silence_ms: Annotated[float, Meta(gt=0, le=1000)] = 100.0  # the rod is lifted after so long without a reading
 
 
 class _AsciiGauge(_Gauge, frozen=True):
@@ -66,6 +65,7 @@ class CollectConfig(Section, frozen=True):
     stage: StageConfig | None = None
     average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # of frames and forces behind each row
     settle_s: NonNegativeFloat = 0.3  # after the force is reached: silicone creeps
+    silence_ms: Annotated[float, Meta(gt=0, le=1000)] = 100.0  # of gauge or board; then the rod is lifted
     force_tolerance: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # of a reached force, relative to the plan's
     moved_limit_mm: PositiveFloat = 0.05  # of the unloaded magnet since the baseline
     ambient_limit_ut: PositiveFloat = 2.0  # of the field of the unloaded pad since the baseline, µT
