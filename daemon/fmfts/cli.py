@@ -182,6 +182,11 @@ def configured_pad(options: argparse.Namespace) -> PadConfig:
     return _one_pad(_config(options), options.pad)
 
 
+def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
+    """All pads of the file."""
+    return _config(options).pad
+
+
 def _run(options: argparse.Namespace) -> int:
     from fmfts.bus.lock import BusError
     from fmfts.contact import ModelError

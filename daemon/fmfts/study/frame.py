@@ -35,12 +35,16 @@ POINT, ROWS_OF_POINT = "point", "rows_of_point"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What was asked for: whose pad, where the files go, how thoroughly, and with which random numbers."""
+    """What was asked for: whose pad, where the files go, how thoroughly, and with which random numbers.
+
+    pads: all of the file that `pad` stands in.
+    """
 
     pad: PadConfig
     out: Path
     quick: bool = False
     seed: int = 1
+    pads: tuple[PadConfig, ...] = ()
 
 
 class Study:
@@ -61,6 +65,7 @@ class Study:
             "quick": request.quick,
             "seed": request.seed,
             "pad": json.loads(msgspec.json.encode(request.pad)),  # as it reads back
+            "pads": json.loads(msgspec.json.encode(request.pads)),
             "columns": list(columns),
         }
         known = _read_json(self._json)

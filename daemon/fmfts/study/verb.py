@@ -11,7 +11,10 @@ from pathlib import Path
 from fmfts import exit_codes
 
 # Each is a module with `run(request: Request) -> Facts`, and `printed(facts: Facts) -> str`.
-STUDIES: dict[str, str] = {}
+STUDIES: dict[str, str] = {
+    "speed-accuracy": "fmfts.study.speed_accuracy",
+    "paper-table3": "fmfts.study.paper_table3",
+}
 
 
 def add_to(verb: Callable[..., argparse.ArgumentParser]) -> None:
@@ -26,7 +29,8 @@ def add_to(verb: Callable[..., argparse.ArgumentParser]) -> None:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad
+    from fmfts.cli import VerbError, configured_pad, configured_pads
+    from fmfts.offline.field_table import DataError
 
     pad = configured_pad(options)
     if options.seed < 0:
@@ -38,10 +42,12 @@ def _study(options: argparse.Namespace) -> int:
     from fmfts.study.frame import Request, say
 
     try:
-        facts = study.run(Request(pad, options.out, options.quick, options.seed))
+        facts = study.run(Request(pad, options.out, options.quick, options.seed, configured_pads(options)))
     except KeyboardInterrupt:
         say(f"stopped; what is done is in {options.out}, and the same command goes on from there")
         raise
+    except DataError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
         raise VerbError(exit_codes.DATA, f"{error.filename or options.out}: {error.strerror}") from error
     print(json.dumps(facts, indent=1) if options.json else study.printed(facts))
