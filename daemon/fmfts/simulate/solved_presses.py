@@ -21,15 +21,17 @@ from fmfts.simulate.slab import Press, Slab
 COLUMNS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n", "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
-SHEARED_FORCE_N = (0.3, 1.0, 2.0, 3.0)
+SHEARED_MM = 10  # shear can be told within 8 mm: one ring more for the splines
+SHEARED_FORCE_N = (1.0, 2.0)  # the limit of no force is linear elasticity's
 SHEAR_SHARE = 0.4  # of the normal force: within what skin and silicone transmit, large enough to show its curvature
+SHEAR_DIRECTIONS = 5  # as many as a quadratic form without constant has terms
 RAMP_N = 1.0  # a longer step than this is walked in two
 SEED = 20260719
 
 
-def octant() -> Iterator[tuple[float, float]]:
-    """Places (mm) 0 ≤ y ≤ x ≤ 14: mirrors and quarter turns make the whole grid of them."""
-    return ((float(x), float(y)) for x in GRID_MM for y in GRID_MM if y <= x)
+def octant(largest_mm: int = GRID_MM[-1]) -> Iterator[tuple[float, float]]:
+    """Places (mm) 0 ≤ y ≤ x ≤ `largest_mm`: mirrors and quarter turns make the whole grid of them."""
+    return ((float(x), float(y)) for x in GRID_MM for y in GRID_MM if y <= x <= largest_mm)
 
 
 def normal_grid() -> list[Press]:
@@ -37,14 +39,21 @@ def normal_grid() -> list[Press]:
 
 
 def shear_grid() -> list[Press]:
-    """At each place and force, shear along ±x, ±y and both: what a quadratic form of the shear needs."""
-    directions = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1))
+    """Fewest presses that tell, with the normal ones, what is linear and what is quadratic in the shear."""
     return [
-        Press(x * 1e-3, y * 1e-3, force_n, i * SHEAR_SHARE * force_n, j * SHEAR_SHARE * force_n)
-        for x, y in octant()
+        Press(x * 1e-3, y * 1e-3, force_n, *np.round(SHEAR_SHARE * force_n * direction, 4).tolist())
+        for x, y in octant(SHEARED_MM)
         for force_n in SHEARED_FORCE_N
-        for i, j in directions
+        for direction in shear_directions(x, y)
     ]
+
+
+def shear_directions(x_mm: float, y_mm: float) -> Array:
+    """Unit vectors (D, 2) evenly about the place, without mirror images in the planes that the place lies on."""
+    on_axis, on_diagonal = y_mm == 0.0, y_mm == x_mm
+    count = 1 if on_axis and on_diagonal else SHEAR_DIRECTIONS // 2 + 1 if on_axis or on_diagonal else SHEAR_DIRECTIONS
+    angle = 2.0 * np.pi / SHEAR_DIRECTIONS * np.arange(count) + (np.pi / 4.0 if on_diagonal and not on_axis else 0.0)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def normal_test(count: int = 90) -> list[Press]:
