@@ -22,7 +22,8 @@ COLUMNS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n", "dx_um", "dy_um"
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
 SHEARED_MM = 10  # shear can be told within 8 mm: one ring more for the splines
-SHEARED_FORCE_N = (1.0, 2.0)  # the limit of no force is linear elasticity's
+SHEARED_FORCE_N = (1.0, 2.0)
+SHEAR_ALONE_N = 0.1  # without normal force, where the response is all but linear
 SHEAR_SHARE = 0.4  # of the normal force: within what skin and silicone transmit, large enough to show its curvature
 SHEAR_DIRECTIONS = 5  # as many as a quadratic form without constant has terms
 RAMP_N = 1.0  # a longer step than this is walked in two
@@ -40,12 +41,17 @@ def normal_grid() -> list[Press]:
 
 def shear_grid() -> list[Press]:
     """Fewest presses that tell, with the normal ones, what is linear and what is quadratic in the shear."""
-    return [
-        Press(x * 1e-3, y * 1e-3, force_n, *np.round(SHEAR_SHARE * force_n * direction, 4).tolist())
-        for x, y in octant(SHEARED_MM)
-        for force_n in SHEARED_FORCE_N
-        for direction in shear_directions(x, y)
-    ]
+    presses = []
+    for x, y in octant(SHEARED_MM):
+        directions = shear_directions(x, y)
+        # What is linear has two terms, and a direction askew to a mirror plane tells both.
+        alone = directions[:2] if len(directions) == SHEAR_DIRECTIONS else directions[-2:][:1]
+        loads = [(0.0, SHEAR_ALONE_N * direction) for direction in alone]
+        loads += [
+            (force_n, SHEAR_SHARE * force_n * direction) for force_n in SHEARED_FORCE_N for direction in directions
+        ]
+        presses += [Press(x * 1e-3, y * 1e-3, force_n, *np.round(shear_n, 4).tolist()) for force_n, shear_n in loads]
+    return presses
 
 
 def shear_directions(x_mm: float, y_mm: float) -> Array:
