@@ -1,0 +1,100 @@
+"""Samples unpacked in C against the decoder in Python: the same packets and counters, however the stream is cut."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fmfts.sensor import framing
+from fmfts.sensor.frame import WireFrame, bits
+from fmfts.sensor.framing import Decoder, encode
+from fmfts.sensor.packets import Packet, Reply, Sample
+
+pytestmark = pytest.mark.skipif(framing._wire is None, reason="the wire was not compiled")
+
+i16, u16, mask = st.integers(-32768, 32767), st.integers(0, 65535), st.integers(0, 255)
+
+
+@st.composite
+def samples(draw: st.DrawFn) -> Sample:
+    sensors = draw(st.integers(1, 8))
+    return Sample(
+        pad_index=draw(st.integers(0, 15)),
+        sequence=draw(st.integers(0, 2**32 - 1)),
+        time_us=draw(st.integers(0, 2**48 - 1)),
+        gain_code=draw(st.integers(0, 7)),
+        trigger=draw(st.integers(0, 1)),
+        valid=draw(mask),
+        fresh=draw(mask),
+        temperature_raw=draw(i16),
+        counts=np.array(draw(st.lists(i16, min_size=3 * sensors, max_size=3 * sensors)), np.int16).reshape(-1, 3),
+        age_us=np.array(draw(st.lists(u16, min_size=sensors, max_size=sensors)), np.uint16),
+    )
+
+
+@st.composite
+def lines(draw: st.DrawFn) -> bytes:
+    """A packet, one that was damaged on its way, a lone zero, or garbage."""
+    line = bytearray(encode(draw(st.one_of(samples(), st.builds(Reply, mask, mask, mask)))))
+    kind = draw(st.sampled_from(["whole", "whole", "damaged", "cut", "zero", "garbage"]))
+    if kind == "damaged":
+        line[draw(st.integers(0, len(line) - 1))] ^= draw(st.integers(1, 255))
+    elif kind == "cut":
+        del line[draw(st.integers(0, len(line) - 1)) :]
+    return {"zero": b"\0", "garbage": draw(st.binary(max_size=300))}.get(kind, bytes(line))
+
+
+def told(packets: list[Packet], unpacked: list[framing.PackedSample]) -> list[object]:
+    """Every sample as plain numbers, in order of arrival within its kind."""
+    wire = [WireFrame(pad, sequence, time_us, 0, packed, None) for pad, sequence, time_us, _, packed in unpacked]
+    raw = [temperature for _, _, _, temperature, _ in unpacked]
+    found: list[object] = [
+        (
+            f.pad_index,
+            f.sequence,
+            f.device_time_us,
+            f.gain_code,
+            t,
+            f.valid.tolist(),
+            f.fresh.tolist(),
+            f.counts.tolist(),
+            f.age_us.tolist(),
+        )
+        for f, t in zip(wire, raw, strict=True)
+    ]
+    for packet in packets:
+        if isinstance(packet, Sample):
+            count = len(packet.counts)
+            masks = bits(packet.valid, count).tolist(), bits(packet.fresh, count).tolist()
+            fixed = (packet.pad_index, packet.sequence, packet.time_us, packet.gain_code, packet.temperature_raw)
+            found.append((*fixed, *masks, packet.counts.tolist(), packet.age_us.tolist()))
+    return found
+
+
+@given(stream=st.lists(lines(), max_size=8).map(b"".join), cuts=st.lists(st.integers(0, 2000), max_size=6))
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_streams_are_read_the_same(stream: bytes, cuts: list[int]) -> None:
+    edges = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
+    chunks = [stream[a:b] for a, b in itertools.pairwise(edges)]
+    compiled, python = Decoder(), Decoder()
+    for chunk in chunks:
+        unpacked, rest = compiled.leading_samples(chunk)
+        packets = compiled.feed(rest)
+        assert told(packets, list(unpacked)) == told(python.feed(chunk), [])
+    counters = ("crc_errors", "garbage_packets", "garbage_bytes", "foreign_version")
+    assert [getattr(compiled, name) for name in counters] == [getattr(python, name) for name in counters]
+
+
+def test_a_stream_of_samples_never_reaches_python() -> None:
+    sample = Sample(0, 1, 2, 3, 0, 15, 15, 0, np.arange(12, dtype=np.int16).reshape(4, 3), np.zeros(4, np.uint16))
+    line = encode(sample)
+    decoder = Decoder()
+    whole, rest = decoder.leading_samples(line * 3 + line[:10])
+    assert (len(whole), rest) == (3, line[:10])
+    assert decoder.feed(rest) == []
+    completed, rest = decoder.leading_samples(line[10:])
+    assert (len(completed), rest) == (1, b"")
