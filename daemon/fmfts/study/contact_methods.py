@@ -29,8 +29,8 @@ from fmfts.scene import AMBIENT_WALK_T2_PER_S
 from fmfts.simulate.chip import NOISE_T
 from fmfts.study.kernels import KernelFilter, daemon
 from fmfts.study.learned import SEED, Nearest, Network
-from fmfts.study.pose_methods import TRAINED_ON, Known, centred_examples, seen
-from fmfts.study.world import Sample, World, drawn_world
+from fmfts.study.pose_methods import TRAINED_ON, known_of, seen
+from fmfts.study.world import Sample, World
 
 TRAINING_STEPS = 80
 
@@ -183,7 +183,7 @@ class FromField:
 
 
 def _nearest(count: int, bench: Bench) -> ContactFinder:
-    known = _known(bench.world.config)
+    known = known_of(bench.world.config)
     return FromField(bench, Nearest(known.inputs, known.press, count))
 
 
@@ -191,15 +191,10 @@ def _network(kind: str, size: tuple[int, ...], bench: Bench) -> ContactFinder:
     return FromField(bench, Network(_trained_on_fields(kind, size, bench.world.config)))
 
 
-@lru_cache(maxsize=4)
-def _known(config: PadConfig) -> Known:
-    return centred_examples(drawn_world(config))
-
-
 @lru_cache(maxsize=64)
 def _trained_on_fields(kind: str, size: tuple[int, ...], config: PadConfig) -> BackPropagation | RadialBasis:
     """As those on poses: with noise, and light presses weighted as what they can tell."""
-    known, random = _known(config), np.random.default_rng(SEED)
+    known, random = known_of(config), np.random.default_rng(SEED)
     some = slice(None, None, len(known.press) // TRAINED_ON)
     inputs = (known.inputs + random.normal(0.0, NOISE_T, known.inputs.shape))[some]
     light = np.maximum(known.press[some, 2], 0.02)

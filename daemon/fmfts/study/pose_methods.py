@@ -50,7 +50,7 @@ class Direct:
     """The nearest entry of a table of presses, and one Gauss–Newton step from it: no iteration."""
 
     def __init__(self, world: World, unknowns: int) -> None:
-        known = centred_examples(world)
+        known = known_of(world.config)
         starts = np.tile(world.rest.vector(), (len(known.pose), 1))
         starts[:, :6] = known.pose
         self._table = Nearest(known.inputs, starts, 1)
@@ -104,14 +104,18 @@ def seen(world: World, field_t: Array) -> Array:
     return field_t.ravel()
 
 
-def centred_examples(world: World) -> Known:
+@lru_cache(maxsize=8)
+def known_of(config: PadConfig) -> Known:
+    """Examples of the pad as drawn, as learned methods see them."""
+    world = drawn_world(config)
     known = examples(world)
     shape = (len(known.field_t), *world.drawing.sensors.position_m.shape)
-    return Known(np.array([seen(world, field) for field in known.field_t.reshape(shape)]), known.pose, known.press)
+    inputs = np.array([seen(world, field) for field in known.field_t.reshape(shape)])
+    return Known(inputs, known.pose, known.press)
 
 
 def _nearest(count: int, world: World) -> Method:
-    known = centred_examples(world)
+    known = known_of(world.config)
     return FromField(world, Nearest(known.inputs, known.pose, count))
 
 
@@ -122,7 +126,7 @@ def _network(hidden: tuple[int, ...], kind: type[np.floating[Any]], world: World
 @lru_cache(maxsize=64)
 def _trained(hidden: tuple[int, ...], config: PadConfig) -> BackPropagation:
     """With the noise of the data sheet, whatever a study does to it: it was learnt before."""
-    known = centred_examples(drawn_world(config))
+    known = known_of(config)
     noise = np.random.default_rng(SEED).normal(0.0, NOISE_T, known.inputs.shape)
     some = slice(None, None, len(known.pose) // TRAINED_ON)
     return BackPropagation(hidden, STEPS).fit((known.inputs + noise)[some], known.pose[some])

@@ -10,7 +10,7 @@ from fmfts.config import SceneConfig
 from fmfts.simulate.chip import NOISE_T
 from fmfts.study.frame import Request, Row
 from fmfts.study.kernels import default
-from fmfts.study.world import Path, drawn_world, in_scene, pressed, presses
+from fmfts.study.world import Path, drawn_world, frame_times, in_scene, pressed, presses
 
 RATES_HZ, AVERAGING = (55, 110, 220), (1, 2, 4, 8)
 LOOKED_AT_HZ = 880  # how often somebody asks where the magnet is; what they get is the newest pose
@@ -25,8 +25,8 @@ def rate_rows(request: Request) -> list[Row]:
     for rate_hz in RATES_HZ:
         for averaging in AVERAGING:
             random = np.random.default_rng([request.seed, 7])
-            time_s, press = presses(seconds, LOOKED_AT_HZ, random)
-            truth = pressed(world.built, time_s, press)
+            time_s = frame_times(seconds, LOOKED_AT_HZ)
+            truth = pressed(world.built, time_s, presses(time_s, random))
             step = LOOKED_AT_HZ // rate_hz
             seen = replace(world, noise_t=NOISE_T / np.sqrt(averaging), rate_hz=float(rate_hz))
             method = default(seen)

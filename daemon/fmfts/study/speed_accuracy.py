@@ -23,7 +23,7 @@ from fmfts.study.frame import Facts, Request, Row, Study
 from fmfts.study.pose_methods import DEFAULT, PoseMethod, pose_methods
 from fmfts.study.rates import rate_rows
 from fmfts.study.timing import timed
-from fmfts.study.world import Path, Sample, World, built_world, drawn_world, in_scene, pressed, presses
+from fmfts.study.world import Path, Sample, World, built_world, drawn_world, frame_times, in_scene, pressed, presses
 
 COLUMNS = (
     *("chart", "scene", "method", "family", "settings", "median_us", "p99_us", "answered", "frames"),
@@ -108,7 +108,8 @@ def _recorded(request: Request, scene: str, built: bool = False) -> Recorded:
     config = in_scene(request.pad, SceneConfig(ambient=scene))  # type: ignore[arg-type]
     world = built_world(config, request.seed, turning) if built else drawn_world(config, turning)
     random = np.random.default_rng([request.seed, 1])
-    path = pressed(world.built, *presses(QUICK_SECONDS if request.quick else SECONDS, world.rate_hz, random))
+    time_s = frame_times(QUICK_SECONDS if request.quick else SECONDS, world.rate_hz)
+    path = pressed(world.built, time_s, presses(time_s, random))
     return Recorded(world, path, world.samples(path, random))
 
 

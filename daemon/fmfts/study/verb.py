@@ -13,6 +13,7 @@ from fmfts import exit_codes
 # Each is a module with `run(request: Request) -> Facts`, and `printed(facts: Facts) -> str`.
 STUDIES: dict[str, str] = {
     "speed-accuracy": "fmfts.study.speed_accuracy",
+    "stability": "fmfts.study.stability",
     "paper-table3": "fmfts.study.paper_table3",
 }
 

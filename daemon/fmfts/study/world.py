@@ -174,18 +174,20 @@ def pressed(built: MountedPad, time_s: Array, press: Array) -> Path:
     return Path(time_s, position_m, axis, press)
 
 
+def frame_times(seconds: float, rate_hz: float) -> Array:
+    return np.arange(round(seconds * rate_hz)) / rate_hz
+
+
 def presses(
-    seconds: float,
-    rate_hz: float,
+    time_s: Array,
     random: np.random.Generator,
     *,
     reach_mm: float = 8.0,
     press_s: float = 0.5,
     force_n: tuple[float, float] = (0.3, 1.9),
-) -> tuple[Array, Array]:
-    """Times (K,) and presses (K, 3): one press after another of `press_s` each, anywhere within `reach_mm`."""
-    time_s = np.arange(round(seconds * rate_hz)) / rate_hz
-    count = int(seconds / press_s) + 2
+) -> Array:
+    """(K, 3) at times (K,): one press after another of `press_s` each, anywhere within `reach_mm`."""
+    count = int(time_s[-1] / press_s) + 2
     radius = reach_mm * np.sqrt(random.uniform(0.0, 1.0, count))
     angle = random.uniform(0.0, 2.0 * np.pi, count)
     places = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
@@ -193,4 +195,4 @@ def presses(
     which, within = np.divmod(np.maximum(time_s - REST_S, 0.0) / press_s, 1.0)
     which = which.astype(np.intp)
     force = hardest[which] * 0.5 * (1.0 - np.cos(2.0 * np.pi * within))
-    return time_s, np.column_stack([places[which], force])
+    return np.column_stack([places[which], force])
