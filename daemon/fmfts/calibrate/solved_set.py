@@ -9,7 +9,6 @@ SOLVED.csv has x_mm, y_mm, force_n, shear_x_n, shear_y_n and the magnet's dx_um,
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from pathlib import Path
 
@@ -18,38 +17,9 @@ import numpy as np
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
-from fmfts.offline.field_table import DataError, field_columns
+from fmfts.offline.field_table import field_columns
 from fmfts.pad import Array, Pad
-
-COLUMNS = (*SHEAR_OUTPUT_ORDER, "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")
-# Pairs of columns that are vectors in the plane: place, shear, displacement, axis.
-PLANAR = ((0, 1), (3, 4), (5, 6), (8, 9))
-
-
-def read_solved(path: Path) -> Array:
-    """(K, 10) rows in the order of COLUMNS. DataError where a column or a number is missing."""
-    try:
-        with path.open(newline="", encoding="utf-8") as lines:
-            rows = list(csv.DictReader(lines))
-        return np.array([[float(row[name]) for name in COLUMNS] for row in rows]).reshape(-1, len(COLUMNS))
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path}: no table of solved presses ({type(error).__name__}: {error})") from error
-
-
-def mirrored(rows: Array) -> Array:
-    """The rows under the eight symmetries of a square, each press once."""
-    copies = []
-    for transposed in (False, True):
-        for along_x in (1.0, -1.0):
-            for along_y in (1.0, -1.0):
-                copy = rows.copy()
-                for x, y in PLANAR:
-                    copy[:, x] = along_x * rows[:, y if transposed else x]
-                    copy[:, y] = along_y * rows[:, x if transposed else y]
-                copies.append(copy)
-    whole = np.concatenate(copies) + 0.0
-    _, first = np.unique(np.round(whole[:, :5], 6), axis=0, return_index=True)
-    return np.asarray(whole[first], dtype=np.float64)
+from fmfts.simulate.solved_table import mirrored, read_solved
 
 
 def labelled(rows: Array, pad: Pad) -> Array:
@@ -69,7 +39,7 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     try:
         rows = np.concatenate([read_solved(path) for path in options.solved])
-    except DataError as error:
+    except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 65
     pad = standard_pad(options.remanence_t)

@@ -29,7 +29,8 @@ TABLE_PATH = Path(__file__).with_name("mechanics.csv")
 class Mechanics:
     """Displacement of a pad's magnet: splines over x and y of a polynomial in F, Ftx, Fty.
 
-    `exponents` (T, 3) of the polynomial's terms; `coefficient` (X+2, X+2, T, 5) of their B-splines.
+    `exponents` (T, 3) of the polynomial's terms; `coefficient` (X+2, X+2, T, 5) of their B-splines. `sheared`: what
+    shear adds, on a grid of its own.
     """
 
     first_m: float
@@ -38,6 +39,7 @@ class Mechanics:
     largest_force_n: float
     exponents: NDArray[np.intp]
     coefficient: Array
+    sheared: Mechanics | None = None
 
     @classmethod
     def from_table(cls, grid_m: Array, force_n: Array, response: Array) -> Self:
@@ -58,14 +60,23 @@ class Mechanics:
         self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
     ) -> tuple[Array, Array]:
         """The magnet's displacement in m (K, 3) and unit axis (K, 3), its rest axis being +z, of presses (K,)."""
+        response = self.response(x_m, y_m, force_n, shear_x_n, shear_y_n)
+        tilt = response[:, 3:]
+        upright = np.sqrt(1.0 - np.sum(tilt * tilt, axis=1, keepdims=True))
+        return response[:, :3], np.concatenate([tilt, upright], axis=1)
+
+    def response(
+        self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
+    ) -> Array:
+        """(K, 5) displacement in m, and what tilt adds to the unit axis' x and y."""
         column, along_x = self._stencil(x_m)
         row, along_y = self._stencil(y_m)
         patch = self.coefficient[column[:, :, None], row[:, None, :]]
         term = self._terms(force_n, shear_x_n, shear_y_n)
-        response = np.einsum("kp,kpc->kc", term, np.einsum("ka,kb,kabpc->kpc", along_x, along_y, patch))
-        tilt = response[:, 3:]
-        upright = np.sqrt(1.0 - np.sum(tilt * tilt, axis=1, keepdims=True))
-        return response[:, :3], np.concatenate([tilt, upright], axis=1)
+        response: Array = np.einsum("kp,kpc->kc", term, np.einsum("ka,kb,kabpc->kpc", along_x, along_y, patch))
+        if self.sheared is not None and (shear_x_n is not None or shear_y_n is not None):
+            response += self.sheared.response(x_m, y_m, force_n, shear_x_n, shear_y_n)
+        return response
 
     def _terms(self, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None) -> Array:
         """(K, T) powers of the load, those of the normal force continued along their tangent where the table ends."""

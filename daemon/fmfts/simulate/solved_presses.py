@@ -1,8 +1,9 @@
 """Presses of the standard pad solved by finite elements, kept as CSV: the grids of the table, and sets to test it with.
 
-python -m fmfts.simulate.solved_presses normal|shear|test-normal|test-shear OUT.csv
+python -m fmfts.simulate.solved_presses SET OUT.csv
 
-Rows that OUT.csv has already are not solved again, so an interrupted run goes on where it was.
+SET: normal, centre, shear, test-normal or test-shear. Rows that OUT.csv has already are not solved again, so an
+interrupted run goes on where it was.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from rich.progress import track
 
 from fmfts.pad import Array
 from fmfts.simulate.slab import Press, Slab
+from fmfts.simulate.solved_table import COLUMNS
 
-COLUMNS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n", "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
+CENTRE_MM = 4
 SHEARED_MM = 10  # shear can be told within 8 mm: one ring more for the splines
 SHEARED_FORCE_N = (1.0, 2.0)
 SHEAR_ALONE_N = 0.1  # without normal force, where the response is all but linear
@@ -37,6 +39,12 @@ def octant(largest_mm: int = GRID_MM[-1]) -> Iterator[tuple[float, float]]:
 
 def normal_grid() -> list[Press]:
     return [Press(x * 1e-3, y * 1e-3, force_n) for x, y in octant() for force_n in FORCE_N]
+
+
+def centre_grid() -> list[Press]:
+    """About the magnet, where its tilt turns over: places of a 1 mm grid that `normal_grid` leaves out."""
+    places = [(x, y) for x in range(CENTRE_MM + 1) for y in range(x + 1) if x % 2 or y % 2]
+    return [Press(x * 1e-3, y * 1e-3, force_n) for x, y in places for force_n in FORCE_N]
 
 
 def shear_grid() -> list[Press]:
@@ -87,7 +95,13 @@ def shear_test(count: int = 60) -> list[Press]:
     ]
 
 
-SETS = {"normal": normal_grid, "shear": shear_grid, "test-normal": normal_test, "test-shear": shear_test}
+SETS = {
+    "normal": normal_grid,
+    "centre": centre_grid,
+    "shear": shear_grid,
+    "test-normal": normal_test,
+    "test-shear": shear_test,
+}
 
 
 def solve_into(path: Path, presses: Sequence[Press], slab: Slab) -> None:
