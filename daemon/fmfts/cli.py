@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmfts import __version__, exit_codes
+from fmfts.collect import verb as collect_verb
 from fmfts.offline import calibration_verbs
 from fmfts.study import verb as study_verb
 
@@ -126,12 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     pose.add_argument("--neighbours", action="store_true", help="the magnets of the pad's scene.neighbours may move")
     pose.add_argument("--noise-ut", type=float, default=0.2, help="standard deviation of a field value (0.2)")
     calibration_verbs.add_to(verb)
-    collect = verb("collect", _collect, "press a plan of places and forces, and write the calibration data")
-    collect.add_argument("plan", metavar="GRID.toml", help="a plan, or a preset: see docs/collecting.md")
-    collect.add_argument("-o", "--output", type=Path, metavar="DATA.csv", required=True, help="gone on with if begun")
-    collect.add_argument("--pad", metavar="NAME", help="needed where there are several")
-    collect.add_argument("--by-hand", action="store_true", help="you press; [collect.gauge] tells the force, or you do")
-    facts(collect)
+    collect_verb.add_to(verb)
     study_verb.add_to(verb)
     return parser
 
@@ -372,19 +368,4 @@ def _pose(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
         raise VerbError(exit_codes.DATA, f"{options.output}: {error.strerror}") from error
-    return 0
-
-
-def _collect(options: argparse.Namespace) -> int:
-    from fmfts.collect.errors import CollectError, RefusedError
-    from fmfts.collect.work import collect
-    from fmfts.view.facts import print_facts
-
-    config = _config(options)
-    try:
-        done = collect(config, _one_pad(config, options.pad), options.plan, options.output, options.by_hand)
-    except CollectError as error:
-        code = exit_codes.DATA if isinstance(error, RefusedError) else exit_codes.UNAVAILABLE
-        raise VerbError(code, str(error)) from error
-    print_facts(done, as_json=options.json)
     return 0

@@ -45,10 +45,7 @@ port = "{folder}/board"
 settle_s = 0.1
 silence_ms = {silence_ms}
 [collect.gauge]
-type = "serial"
-port = "{folder}/gauge"
-pattern = '([-+]\\d+\\.\\d+) N'
-delay_ms = {delay_ms}
+{gauge}
 [collect.stage]
 port = "{folder}/machine"
 dialect = "{dialect}"
@@ -58,6 +55,14 @@ origin_mm = [100, 100]
 clear_z_mm = {clear_mm}
 step_mm = 0.1
 """
+
+
+SERIAL_GAUGE = """type = "serial"
+port = "{folder}/gauge"
+pattern = '([-+]\\d+\\.\\d+) N'
+delay_ms = {delay_ms}"""
+NEWTON_PER_COUNT, COUNTS_AT_ZERO = -2.1e-6, 81234  # a cell that counts down, and no cell is at zero
+LOAD_CELL = f'type = "hx711"\nnewton_per_count = {NEWTON_PER_COUNT}'
 
 
 class PressedBench:
@@ -76,6 +81,7 @@ class PressedBench:
         limit_n: float = 4.5,
         silence_ms: float = 1000.0,  # nothing else may run on a machine that is to hold 100
         chip_noise_ut: float = 0.2,
+        load_cell: bool = False,
     ) -> None:
         self.folder = folder
         self.knock_m = np.zeros(3)
@@ -100,18 +106,12 @@ class PressedBench:
             dropout=dropout,
         )
         self.config = folder / "config.toml"
-        self.config.write_text(
-            CONFIG.format(
-                folder=folder,
-                dialect=dialect,
-                delay_ms=delay_s * 1e3,
-                limit_n=limit_n,
-                clear_mm=CLEAR_MM,
-                silence_ms=silence_ms,
-            )
-        )
+        gauge = LOAD_CELL if load_cell else SERIAL_GAUGE.format(folder=folder, delay_ms=delay_s * 1e3)
+        facts = {"folder": folder, "dialect": dialect, "gauge": gauge, "limit_n": limit_n, "silence_ms": silence_ms}
+        self.config.write_text(CONFIG.format(clear_mm=CLEAR_MM, **facts))
         self.environment = os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
         self._rod_mm = list(self.machine.place)
+        self._load_cell = load_cell
         self._telling = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
@@ -163,6 +163,8 @@ class PressedBench:
         field_t = self._pad.sensed(magnet_t + EARTH_T)
         with self._telling:
             self.board.field(field_t)
+            if self._load_cell:
+                self.board.tell(f"load {round(self.force_n / NEWTON_PER_COUNT) + COUNTS_AT_ZERO}")
 
     def magnet_field_t(self, x_m: float, y_m: float, force_n: float) -> np.ndarray:
         """(4, 3) at the sensors."""

@@ -31,9 +31,9 @@ def record_baseline(bench: PressedBench) -> None:
     assert recorded.returncode == 0, recorded.stderr
 
 
-@pytest.mark.parametrize("dialect", ["marlin", "grbl"])
-def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str) -> None:
-    with PressedBench(tmp_path, dialect) as bench:
+@pytest.mark.parametrize(("dialect", "load_cell"), [("marlin", False), ("grbl", True)])
+def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str, load_cell: bool) -> None:
+    with PressedBench(tmp_path, dialect, load_cell=load_cell) as bench:
         record_baseline(bench)
         done = bench.collect(plan(tmp_path), "-o", tmp_path / "data.csv", "--json")
         assert done.returncode == 0, done.stderr

@@ -95,11 +95,11 @@ def read_plan(name: str) -> Plan:
         raise PlanError(f"{path}: {error}") from error
     if (file.lattice is None) == (file.random is None):
         raise PlanError(f"{path}: one table is needed, [lattice] or [random]")
+    if file.random and not file.random.force_n[0] < file.random.force_n[1]:
+        raise PlanError(f"{path}: random.force_n: the lighter force comes first")
     presses = _lattice(file.lattice) if file.lattice else _random(file.random) if file.random else []
     if not presses:
         raise PlanError(f"{path}: lattice.forces_n names no force")
-    if file.random and not file.random.force_n[0] < file.random.force_n[1]:
-        raise PlanError(f"{path}: random.force_n: the lighter force comes first")
     return Plan(path.stem, tuple(Press(number, x, y, force) for number, (x, y, force) in enumerate(presses, start=1)))
 
 

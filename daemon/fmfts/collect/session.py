@@ -11,6 +11,7 @@ from itertools import groupby
 
 import numpy as np
 
+from fmfts.ambient import Mounting
 from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
 from fmfts.collect.errors import CollectError, RefusedError, StoppedError
 from fmfts.collect.feed import frame_facts
@@ -123,21 +124,7 @@ class Session:
         raise RefusedError(f"{what}: refused {ATTEMPTS} times: {why}")
 
     def _store(self, press: Press, averaged: Averaged, force_n: float) -> None:
-        field = self._unmoved.mounting.magnet_field(averaged.field.mean_t)
-        row = Row(
-            press=press.number,
-            x_mm=press.x_m * 1e3,
-            y_mm=press.y_m * 1e3,
-            force_n=force_n,
-            field_ut=(field * 1e6).ravel().tolist(),
-            force_sd_n=averaged.force_sd_n,
-            frames=len(averaged.frames),
-            temperature_c=averaged.field.temperature_c,
-            utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
-            baseline=self._identity.baseline,
-            pad=self._identity.pad,
-            board=self._identity.board,
-        )
+        row = row_of(press, averaged, force_n, self._unmoved.mounting, self._identity)
         # A disk may take seconds, and the rod is down: what is heard must be listened to meanwhile.
         with ThreadPoolExecutor(max_workers=1) as disk:
             stored = disk.submit(self._table.add, row, [frame_facts(frame) for frame in averaged.frames])
@@ -150,6 +137,24 @@ class Session:
         if force_n is None or not np.isfinite(force_n):
             raise StoppedError(f"press {press.number}: nobody told its force")
         return float(force_n)
+
+
+def row_of(press: Press, averaged: Averaged, force_n: float, mounting: Mounting, identity: Identity) -> Row:
+    """The line of the table: the magnet's share of the mean field, and what it belongs to."""
+    return Row(
+        press=press.number,
+        x_mm=press.x_m * 1e3,
+        y_mm=press.y_m * 1e3,
+        force_n=force_n,
+        field_ut=(mounting.magnet_field(averaged.field.mean_t) * 1e6).ravel().tolist(),
+        force_sd_n=averaged.force_sd_n,
+        frames=len(averaged.frames),
+        temperature_c=averaged.field.temperature_c,
+        utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
+        baseline=identity.baseline,
+        pad=identity.pad,
+        board=identity.board,
+    )
 
 
 def _places(plan: Plan, done: set[int]) -> Iterator[list[Press]]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fmfts.ambient import Baseline, BaselineError
+from fmfts.ambient import BaselineError
 from fmfts.collect.average import Unmoved
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.feed import open_feed
@@ -40,26 +40,20 @@ def collect(config: Config, pad: PadConfig, plan_name: str, output: Path, by_han
         raise RefusedError("there is no [collect.stage] in the configuration: describe the machine, or say --by-hand")
     if stage is not None:
         require_within_reach(stage, plan.presses)
-    baseline = _baseline(drawing)
-    unmoved = Unmoved(
-        drawing,
-        baseline.mounting(drawing),
-        baseline.id,
-        settings.moved_limit_mm * 1e-3,
-        settings.ambient_limit_ut * 1e-6,
-    )
+    unmoved = unmoved_since_baseline(drawing, settings)
     header = Header(FORMAT, plan.name, plan.fingerprint, pad.name, drawing.geometry_hash)
     with Table(output, len(drawing.sensors), header) as table, _heard(config, pad, by_hand) as (watch, board_uid):
         picture = Picture(plan, table.done)
         with shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
             watch.begin()
-            identity = Identity(baseline.id, pad.name, board_uid())
+            identity = Identity(unmoved.baseline_id, pad.name, board_uid())
             session = Session(watch, presser, table, unmoved, _timing(settings, pad), identity)
             session.run(plan, _telling(picture, draw))
         return _facts(plan, table)
 
 
-def _baseline(drawing: Pad) -> Baseline:
+def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
+    """RefusedError where the rest of the pad is not recorded."""
     try:
         baseline = stored(drawing)
     except (BaselineError, StateError) as error:
@@ -68,7 +62,13 @@ def _baseline(drawing: Pad) -> Baseline:
         raise RefusedError(
             f"pad '{drawing.name}': its rest is not recorded: fmfts-daemon baseline --rest, while nothing touches it"
         )
-    return baseline
+    return Unmoved(
+        drawing,
+        baseline.mounting(drawing),
+        baseline.id,
+        settings.moved_limit_mm * 1e-3,
+        settings.ambient_limit_ut * 1e-6,
+    )
 
 
 @contextmanager

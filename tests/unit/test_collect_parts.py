@@ -1,0 +1,257 @@
+"""Parts of `collect` alone: plans, gauges, the hand, two weights, and the log of another machine."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emulator.pty_port import PtyPort
+from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
+from fmfts.collect.gauge import Reading, open_gauge
+from fmfts.collect.hand import Hand
+from fmfts.collect.merge import Log, align, plateaus, read_log
+from fmfts.collect.plan import PlanError, Press, read_plan
+from fmfts.collect.stage import machine_place, require_within_reach
+from fmfts.collect.watch import Limits, Watch
+from fmfts.collect.weigh import GRAVITY_M_S2, weigh
+from fmfts.config.collect import LoadCellGauge, SerialGauge, StageConfig, UdpGauge
+from fmfts.sensor import Frame, step_t
+
+
+@pytest.mark.parametrize(
+    ("preset", "presses", "largest_n"),
+    [
+        ("simulation", 675, 1.9792),
+        ("experiment", 1800, 4.0),
+        ("test-simulation", 90, 1.98),
+        ("test-experiment", 90, 4.0),
+    ],
+)
+def test_presets_are_the_papers_plans(preset: str, presses: int, largest_n: float) -> None:
+    plan = read_plan(preset)
+    assert [press.number for press in plan.presses] == list(range(1, presses + 1))
+    assert plan.largest_force_n <= largest_n
+    assert max(abs(value) for press in plan.presses for value in press.place_m) <= 14e-3
+
+
+def test_every_place_of_a_lattice_is_pressed_with_every_force(tmp_path: Path) -> None:
+    places = {press.place_m for press in read_plan("simulation").presses}
+    assert len(places) == 225
+    assert all(np.isclose(x * 500 % 1, 0) or np.isclose(x * 500 % 1, 1) for x, _ in places)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[lattice]\nspacing_mm = 2", "missing required field `first_mm`"),
+        ("[lattice]\nfirst_mm = [0, 0]\nspacing_mm = -2\ncount = [1, 1]\nforces_n = [1]", "spacing_mm"),
+        ("[lattice]\nfirst_mm = [0, 0]\nspacing_mm = 2\ncount = [1, 1]\nforces_n = []", "forces_n names no force"),
+        ("[lattice]\nfirst_mm = [0, 0]\nspacing_mm = 2\ncount = [1, 1]\nforces = [1]", "unknown field `forces`"),
+        ("[random]\npresses = 3\nhalf_width_mm = 3\nforce_n = [2, 1]", "the lighter force comes first"),
+        ("", "one table is needed"),
+        ("[lattice", "is not TOML"),
+    ],
+)
+def test_wrong_plan_is_refused_with_its_fault(tmp_path: Path, text: str, sentence: str) -> None:
+    path = tmp_path / "grid.toml"
+    path.write_text(text)
+    with pytest.raises(PlanError, match=r"grid\.toml") as refused:
+        read_plan(str(path))
+    assert sentence in str(refused.value)
+
+
+def test_plan_that_is_nowhere_names_the_presets() -> None:
+    with pytest.raises(PlanError, match="experiment, simulation"):
+        read_plan("nowhere")
+
+
+def stage(**changes: object) -> StageConfig:
+    facts: dict[str, object] = {
+        "port": "/dev/null", "dialect": "grbl", "travel_mm": ((80, 120), (80, 120), (0, 40)), "force_limit_n": 4.5,
+        "origin_mm": (100, 100), "clear_z_mm": 20,
+    }  # fmt: skip
+    return StageConfig(**(facts | changes))  # type: ignore[arg-type]
+
+
+def test_press_beyond_travel_or_force_is_refused_before_anything_moves() -> None:
+    require_within_reach(stage(), [Press(1, 14e-3, -14e-3, 4.0)])
+    with pytest.raises(RefusedError, match=r"press 7 .* x = 121\.00 mm, beyond collect\.stage\.travel_mm"):
+        require_within_reach(stage(), [Press(7, 21e-3, 0.0, 1.0)])
+    with pytest.raises(RefusedError, match=r"wants 4\.5 N, and collect\.stage\.force_limit_n is 4\.5 N"):
+        require_within_reach(stage(), [Press(1, 0.0, 0.0, 4.5)])
+
+
+def test_turned_pad_is_pressed_where_its_axes_are() -> None:
+    assert machine_place(stage(turn_deg=90.0), Press(1, 3e-3, 1e-3, 1.0)) == pytest.approx((99.0, 103.0))
+
+
+def readings(poll: Callable[[], Sequence[Reading]], count: int) -> list[Reading]:
+    found: list[Reading] = []
+    end_s = time.monotonic() + 5.0
+    while len(found) < count and time.monotonic() < end_s:
+        found += poll()
+    return found
+
+
+def test_serial_gauge_is_read_by_its_pattern_and_hangs_up_with_a_name(tmp_path: Path) -> None:
+    port = PtyPort(tmp_path / "gauge")
+    config = SerialGauge(port=str(tmp_path / "gauge"), pattern=r"F=(-?\d+) g", newton_per_unit=-0.01, delay_ms=20.0)
+    gauge = open_gauge(config, None)
+    port.write(b"warming up\r\nF=-150 g\r\nF=25")
+    first = readings(lambda: gauge.poll(1_000_000_000), 1)
+    assert [(reading.force_n, reading.time_ns) for reading in first] == [(1.5, 980_000_000)]
+    port.write(b"0 g\r\n")
+    assert [reading.force_n for reading in readings(lambda: gauge.poll(0), 1)] == [-2.5]
+    port.unplug()
+    with pytest.raises(AbsentError, match=r"the gauge on .* plug it in again"):
+        gauge.poll(0)
+    gauge.close()
+
+
+def test_gauge_that_does_not_stream_is_asked(tmp_path: Path) -> None:
+    port = PtyPort(tmp_path / "gauge")
+    gauge = open_gauge(SerialGauge(port=str(tmp_path / "gauge"), ask="?\r"), None)
+    gauge.poll(time.monotonic_ns())
+    assert port.read(1.0) == b"?\r"
+    gauge.close()
+    port.unplug()
+
+
+def test_udp_gauge_is_read_by_its_pattern() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        number = probe.getsockname()[1]
+    gauge = open_gauge(UdpGauge(port=number), None)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(b"1.25\n1.5", ("127.0.0.1", number))
+    assert [reading.force_n for reading in readings(lambda: gauge.poll(0), 2)] == [1.25, 1.5]
+    gauge.close()
+
+
+def test_load_cell_without_its_board_is_refused() -> None:
+    with pytest.raises(AbsentError, match="stop fmfts-daemon"):
+        open_gauge(LoadCellGauge(newton_per_count=1e-6), None)
+
+
+class Cell:
+    """A feed whose load cell gives what hangs on it."""
+
+    description = "a board"
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._random = np.random.default_rng(3)
+
+    def counts(self) -> list[tuple[int, int]]:
+        return [(time.monotonic_ns(), self.count + round(self._random.normal(0.0, 20.0)))]
+
+    def poll(self) -> list[Frame]:
+        return []
+
+    def board_uid(self) -> str:
+        return ""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_two_weights_tell_what_a_count_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fmfts.collect.weigh.LISTEN_S", 0.8)
+    cell, hung = Cell(), iter([0.1, 0.5])
+
+    def hang(_: str) -> None:
+        cell.count = round(next(hung) * GRAVITY_M_S2 / -2.1e-6) + 8000
+
+    facts = weigh(cell, (100.0, 500.0), hang)
+    # 20 counts of noise in about 200 readings of two weights 1.9 million counts apart
+    assert facts["newton_per_count"] == pytest.approx(-2.1e-6, rel=1e-5)
+    assert facts["counts_at_zero"] == pytest.approx(8000, abs=10)
+    with pytest.raises(RefusedError, match="two different weights"):
+        weigh(cell, (100.0, 100.0), hang)
+
+
+REST_T = np.full((4, 3), 300 * step_t(3))
+
+
+def frames_of(time_s: np.ndarray, force_n: np.ndarray) -> list[Frame]:
+    """Frames whose field follows a force, with a board's noise."""
+    random = np.random.default_rng(5)
+    counts = (300.0 + 40.0 * force_n[:, None, None] * np.array([[1.0, -0.5, 0.2]]).repeat(4, axis=0)).astype(float)
+    counts = np.rint(counts + random.normal(0.0, 1.3, counts.shape)).astype(np.int16)
+    four = np.ones(4, dtype=bool)
+    return [
+        Frame(0, number, int(at * 1e6), int(at * 1e9), 3, count, np.zeros(4, np.uint16), four, four, 25.0)
+        for number, (at, count) in enumerate(zip(time_s, counts, strict=True))
+    ]
+
+
+def presses(time_s: np.ndarray, seed: int) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    edges = np.cumsum(random.uniform(0.6, 1.4, 40))
+    levels = np.where(np.arange(41) % 2 == 0, 0.0, random.uniform(0.3, 2.0, 41))
+    return levels[np.searchsorted(edges, time_s)]
+
+
+@given(lag_s=st.floats(-3.0, 3.0), seed=st.integers(0, 20))
+def test_log_is_aligned_with_the_frames_to_some_milliseconds(lag_s: float, seed: int) -> None:
+    log_s, frame_s = np.arange(0.0, 20.0, 0.02), np.arange(100.0, 120.0, 1 / 220)
+    log = Log(log_s, np.zeros((len(log_s), 2)), presses(log_s, seed))
+    alignment = align(log, frames_of(frame_s, presses(np.clip(frame_s - 100.0 - lag_s, 0.0, 20.0), seed)), REST_T)
+    # half a row of the log, and half a frame
+    assert alignment.lag_s == pytest.approx(100.0 + lag_s, abs=0.0125)
+
+
+def test_log_of_another_session_is_refused() -> None:
+    log_s, frame_s = np.arange(0.0, 20.0, 0.02), np.arange(0.0, 20.0, 1 / 220)
+    log = Log(log_s, np.zeros((len(log_s), 2)), presses(log_s, 1))
+    with pytest.raises(RefusedError, match="are they of one session"):
+        align(log, frames_of(frame_s, presses(frame_s, 2)), REST_T)
+
+
+def test_regular_presses_are_refused_as_ambiguous() -> None:
+    log_s, frame_s = np.arange(0.0, 60.0, 0.02), np.arange(0.0, 60.0, 1 / 220)
+    regular = lambda at: 1.0 * (at % 1.0 > 0.5)  # noqa: E731
+    log = Log(log_s, np.zeros((len(log_s), 2)), regular(log_s))
+    with pytest.raises(RefusedError, match="irregular rhythm"):
+        align(log, frames_of(frame_s, regular(frame_s)), REST_T)
+
+
+def test_plateaus_are_where_force_and_place_stand(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    lines = [f"{0.01 * i},{2.0 if i < 300 else 4.0},0,{0.0 if i < 100 else 1.5}" for i in range(500)]
+    path.write_text("t_s,x_mm,y_mm,force_n\n" + "\n".join(lines) + "\n")
+    found = plateaus(read_log(path), 0.3)
+    assert [(round(p.begun_s, 2), round(p.ended_s, 2), p.x_mm, p.force_n, p.untouched) for p in found] == [
+        (0.1, 0.89, 2.0, 0.0, True),
+        (1.1, 2.89, 2.0, 1.5, False),
+        (3.1, 4.89, 4.0, 1.5, False),
+    ]
+    path.write_text("t_s,x_mm,y_mm,force_n\n0,0,0,0\n1,0,nix,0\n")
+    with pytest.raises(RefusedError, match="row 3, column y_mm: 'nix' is not a number"):
+        read_log(path)
+
+
+def test_hand_is_told_what_to_do_and_asked_again_for_a_number() -> None:
+    reader, writer = os.pipe()
+    said: list[str] = []
+    with open(reader) as answers:
+        watch = Watch(Cell(), None, Limits(None, 1.0))
+        hand = Hand(watch, 0.05, said.append, gauge=False, answers=answers)
+        os.write(writer, b"\nlots\n1,05\n")
+        press = Press(1, 2e-3, -4e-3, 1.0)
+        hand.stand_over(press)
+        hand.press(press)
+        os.close(writer)
+        with pytest.raises(StoppedError, match="standard input is closed"):
+            hand.press(press)
+    assert hand.typed_n == 1.05
+    assert "press 1.00 N at x +2.0, y -4.0 mm" in said[1]
+    assert "no number" in said[2]
