@@ -20,7 +20,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd faketime)
 
-.PHONY: fuzz demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
+.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -63,6 +63,14 @@ fuzz: test-packages $(VENV)/.installed-test
 
 firmware:
 	@$(MAKE) --no-print-directory -C firmware host
+
+# baseline → collect → calibrate → evaluate on emulated machines: the paper's 675 presses, about twenty minutes.
+collect-chain: $(VENV)/.installed-test firmware
+	$(BIN)/python -u tests/end_to_end/collect_chain.py
+
+# How soon the rod is off the pad after each fault; nothing else may run meanwhile.
+collect-drills: $(VENV)/.installed-test firmware
+	FMFTS_TIMED_DRILLS=1 $(BIN)/python -m pytest -s tests/end_to_end/test_collect_faults.py
 
 # The shipped contact model, made again from the calibration set.
 model: $(VENV)/.installed-test
