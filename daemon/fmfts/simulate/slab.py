@@ -55,11 +55,18 @@ class Slab:
             )
         if not 2.0 * self.magnet_diameter_m < self.width_m - 2.0 * self.rim_m:
             raise ValueError("the span within the rim must be over twice the magnet's diameter")
+        if not self.reach_m > 0.0:
+            raise ValueError(f"a patch of {self.patch_diameter_m * 1e3:g} mm does not fit within the rim")
 
     @property
     def shear_modulus_pa(self) -> float:
         """Of small strains: µ = 2 (C10 + C01)."""
         return 2.0 * (self.c10_pa + self.c01_pa)
+
+    @property
+    def reach_m(self) -> float:
+        """How far from the centre a patch along x or y still lies within the rim."""
+        return (self.width_m - self.patch_diameter_m) / 2.0 - self.rim_m
 
     def patch_points(self, x_m: float, y_m: float) -> Array:
         """(P, 2) places in m that share a load of the patch about (x, y) equally: rings of equal area."""
