@@ -68,6 +68,9 @@ def test_model_of_five_outputs_finds_place_force_and_shear(pad: Pad, tmp_path: P
     assert (error[:2] < 0.5).all()
     assert error[2] < 0.05
     assert (error[3:] < 0.05).all()
+    beyond = np.array([(x, y, 1.2, 0.1, -0.1) for x, y in [(12, 0), (11, 11), (-10, 13), (0, -14), (14, 14)]], float)
+    away = CalibrationSet(pad, beyond, sheared_fields(pad, beyond), tuple(range(5)), "none", rest_field_of(pad))
+    assert not evaluate(away, Path("test.csv"), model, "drifting").in_range.any()
 
 
 def test_friction_that_a_model_does_not_know_is_told_with_it(pad: Pad, tmp_path: Path) -> None:

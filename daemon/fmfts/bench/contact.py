@@ -7,11 +7,12 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fmfts.bench import contact_live
+from fmfts.bench import contact_live, contact_shear
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
 from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.likelihood import invert
@@ -22,7 +23,7 @@ from fmfts.contact.model import DEFAULT_PATH, POSE_UNIT
 from fmfts.contact.response import Response
 from fmfts.pad import Pad
 
-PARTS = ("accuracy", "touch", "motion", "squeezes", "speed")
+PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "shear")
 SCENES: tuple[Scene, ...] = ("drifting", "constant")
 SPEED_RUNS = 3000
 MM = np.array([1e3, 1e3, 1.0])
@@ -68,7 +69,8 @@ def answers(model: ContactModel, tracked: Tracked) -> Answers:
 def run(options: Namespace) -> None:
     random = np.random.default_rng(options.seed)
     plain = ContactModel.load(options.model, standard_pad())
-    print(f"model {plain.hash}, {DEFAULT_PATH.stat().st_size if options.model == 'default' else ''} bytes")
+    file = DEFAULT_PATH if options.model == "default" else Path(options.model)
+    print(f"model {plain.hash}, {file.stat().st_size} bytes")
     parts: dict[str, Callable[[], dict[str, Any]]] = {
         "accuracy": lambda: accuracy(options.model, options.frames, random),
         "touch": lambda: contact_live.touch(options.hours, random),
@@ -76,6 +78,8 @@ def run(options: Namespace) -> None:
         "squeezes": lambda: contact_live.squeezes(plain, random),
         "speed": lambda: speed(options.model),
     }
+    if plain.has_shear:
+        parts = {"shear": lambda: contact_shear.shear(options.model, random), "speed": parts["speed"]}
     facts = {name: part() for name, part in parts.items() if options.part in (None, name)}
     if options.out is not None:
         options.out.write_text(json.dumps({"model": plain.hash} | facts, indent=1) + "\n")

@@ -1,0 +1,50 @@
+"""The figures of the contact model that docs/calibration.md quotes, on few frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmfts.bench.contact import accuracy
+from fmfts.bench.contact_live import motion, squeezes, touch
+from fmfts.bench.workspace import standard_pad
+from fmfts.contact import ContactModel
+
+
+def test_shipped_model_is_near_the_best_and_honest() -> None:
+    """400 frames: pairwise ratios of mean errors to 2 %, rms in deviations to 4 % (1 σ)."""
+    facts = accuracy("default", 400, np.random.default_rng(3))
+    assert (np.array(facts["noise_free"]["table"]) < [0.02, 0.02, 0.002]).all()
+    assert (np.array(facts["noise_free"]["network_centre"]) < [0.05, 0.05, 0.005]).all()
+    for scene in ("drifting", "constant"):
+        assert (np.array(facts[scene]["network_over_best"]) < 1.07 + 0.06).all()
+        assert (np.array(facts[scene]["refined_over_best"]) < 1.02 + 0.06).all()
+        within = np.array(facts[scene]["network_in_sd_within 11 mm"])
+        assert (np.abs(within - 1.0) < 0.1 + 0.1).all()
+        assert (np.array(facts[scene]["network_in_sd_beyond"]) < 1.3).all()
+    # The same noise on a field 4 % stronger: the error is that much smaller, and times the remanence it is the same.
+    np.testing.assert_allclose(facts["remanences"]["1.28 T"], 1.0, atol=0.05)
+
+
+def test_smallest_touch_is_a_few_millinewtons_at_the_centre_and_seen_at_once_at_twice_it() -> None:
+    facts = touch(0.01, np.random.default_rng(4))
+    smallest = np.array(facts["smallest_n"])
+    assert 0.01 < smallest[0, 0] < 0.03
+    assert (np.diff(smallest, axis=0) > 0.0).all()
+    np.testing.assert_allclose(smallest, smallest.T, rtol=1e-2)
+    assert np.max(facts["worst_onset_frames"]) <= 2
+    assert facts["false_contacts"] == 0  # of 8,000 frames; one in 790,000 is allowed
+
+
+def test_squeeze_is_flagged_and_its_bound_is_below_the_force() -> None:
+    facts = squeezes(ContactModel.load("default", standard_pad()), np.random.default_rng(5))
+    assert facts["2.6 N"]["flagged_within_11_mm"] > 0.99
+    for force in ("4.0 N", "6.0 N"):
+        assert facts[force]["flagged"] == 1.0
+    assert all(row["bounds_too_high"] == 0 for row in facts.values())
+
+
+def test_smoothing_leaves_sixty_percent_of_the_error_of_a_moving_finger() -> None:
+    """With refine; 4,000 frames whose errors last for four give ratios to 3 %. The network's own 2 mN stay."""
+    facts = motion(ContactModel.load("default", standard_pad(), refine=True), np.random.default_rng(6))
+    assert (np.array(facts["share"]) < 0.6 + 0.05).all()
+    assert abs(facts["lag_ms"]) < 10.0
