@@ -21,7 +21,7 @@ static bool keep(void *context, const uint8_t *line, size_t count)
     size_t decoded = reference_unstuff(line, count - 1, packet);
     require(decoded > 2 && reference_crc(packet, decoded - 2) == (packet[decoded - 2] | packet[decoded - 1] << 8),
             "what the board sends has the right CRC");
-    require(packet[0] >> 4 == WIRE_VERSION && (packet[0] & 15) >= WIRE_SAMPLE && (packet[0] & 15) <= WIRE_SELFTEST,
+    require(packet[0] >> 4 == WIRE_VERSION && (packet[0] & 15) >= WIRE_SAMPLE && (packet[0] & 15) <= WIRE_LOAD,
             "what the board sends is of a known type");
     if ((packet[0] & 15) == WIRE_REPLY) {
         replies++;
