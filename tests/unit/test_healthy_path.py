@@ -19,8 +19,9 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.contact_message import PackedMessage
 from fmfts.healthy import Kind
-from fmfts.healthy.compiled import AVAILABLE
+from fmfts.healthy.compiled import AVAILABLE, _healthy
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.named import Named
 from fmfts.pipeline import PadPipeline
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
@@ -165,6 +166,39 @@ def test_frames_leave_no_memory_behind() -> None:
     finally:
         tracemalloc.stop()
     assert grown < 5000  # the last message, and tracemalloc's own; a float kept of each frame would be twice that
+
+
+def test_a_fault_that_only_the_mean_shows_is_left_to_python() -> None:
+    """9 mG on one axis: each frame passes its gate, and a quarter of a second of them does not."""
+    config, offset = config_of(9, ambient="constant"), np.zeros((4, 3), np.int16)
+    offset[1, 0] = 6
+    frames = frames_of(config, 1.2)
+    assert both(config, frames[:150])[None] < 10
+    spoilt = [replace(frame, counts=frame.counts + offset) for frame in frames[150:]]
+    assert both(config, frames[:150] + spoilt)[None] > 30
+
+
+def test_the_memory_comes_back_whole() -> None:
+    """Whatever the oracle remembers after the same frames, down to the mean residuals."""
+    config = config_of(10)
+    baseline = simulated_baseline(config)
+    compiled, oracle = pipeline_of(config, baseline), python_only(config, baseline)
+    for frame in frames_of(config, 1.0):
+        compiled.answer(frame)
+        oracle.answer(frame)
+    compiled.hand_back()
+    memories = []
+    for pipeline in (compiled, oracle):
+        assert pipeline._estimator is not None
+        memory = Named(_healthy.MEMORY)
+        pipeline._alignment.write(memory)
+        assert pipeline._estimator._tracker.write(memory)
+        pipeline._estimator._touch.write(memory)
+        assert pipeline._estimator._last_us is not None
+        memory.put("last_us", pipeline._estimator._last_us)
+        memories.append(memory.values)
+    # A mean residual is a small difference of fields: its rounding is that of a field.
+    np.testing.assert_allclose(*memories, rtol=1e-8, atol=1e-15)
 
 
 def test_a_lifted_magnet_is_left_to_python() -> None:

@@ -52,20 +52,11 @@ def told(packets: list[Packet], unpacked: list[framing.PackedSample]) -> list[ob
     """Every sample as plain numbers, in order of arrival within its kind."""
     wire = [WireFrame(pad, sequence, time_us, 0, packed, None) for pad, sequence, time_us, _, packed in unpacked]
     raw = [temperature for _, _, _, temperature, _ in unpacked]
-    found: list[object] = [
-        (
-            f.pad_index,
-            f.sequence,
-            f.device_time_us,
-            f.gain_code,
-            t,
-            f.valid.tolist(),
-            f.fresh.tolist(),
-            f.counts.tolist(),
-            f.age_us.tolist(),
-        )
-        for f, t in zip(wire, raw, strict=True)
-    ]
+    found: list[object] = []
+    for frame, temperature in zip(wire, raw, strict=True):
+        fixed = (frame.pad_index, frame.sequence, frame.device_time_us, frame.gain_code, temperature)
+        masks = frame.valid.tolist(), frame.fresh.tolist()
+        found.append((*fixed, *masks, frame.counts.tolist(), frame.age_us.tolist()))
     for packet in packets:
         if isinstance(packet, Sample):
             count = len(packet.counts)
