@@ -32,7 +32,7 @@ from fmfts.study.learned import SEED, Nearest, Network
 from fmfts.study.pose_methods import TRAINED_ON, known_of, seen
 from fmfts.study.world import Sample, World
 
-TRAINING_STEPS = 80
+TRAINING_STEPS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def _shipped(refine: bool, bench: Bench) -> ContactFinder:
 def _inversion(bench: Bench) -> ContactFinder:
     def contact(pose: Array, covariance: Array) -> Array:
         change = (pose - bench.model.rest_pose)[:5]
-        return np.asarray(invert(bench.response, change[None], covariance[None], across=3, steps=15)[0][:3])
+        return np.asarray(invert(bench.response, change[None], covariance[None], across=2, steps=12)[0][:3])
 
     return ThroughPose(bench, contact)
 

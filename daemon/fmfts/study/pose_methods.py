@@ -21,7 +21,7 @@ from fmfts.study.method import NOTHING, Answer, Maker, Method
 from fmfts.study.world import Sample, World, drawn_world
 
 AT_LIMIT = 1
-TRAINED_ON, STEPS = 3000, 40
+TRAINED_ON, STEPS = 2000, 30
 
 
 class PoseMethod(NamedTuple):

@@ -31,10 +31,15 @@ COLUMNS = (
 )
 TURNING_DEG_PER_S = 60.0
 SCENES = {"drifting": (TURNING_DEG_PER_S, 8), "constant": (0.0, 6)}
-SECONDS, QUICK_SECONDS = 6.0, 1.0
+SECONDS, QUICK_SECONDS = 4.0, 1.0
 # The lightest press of the paper, 0.28 N: below it a place is a guess, of 2 mm and more.
 LIGHTEST_N = 0.28
-NOT_QUICK = ("spline inversion", "network from field (16, 16)", "network from field (16, 16) f64")
+# What takes long to train, or to ask.
+NOT_QUICK = (
+    *("spline inversion", "network from field (20)", "network from field (16, 16)", "network from field (16, 16) f64"),
+    *("BP 20 of pose", "BP 20 of pose, float64", "BP 20 of field"),
+    *("BP 12 × 12 of pose", "BP 12 × 12 of pose, float64", "BP 12 × 12 of field"),
+)
 
 
 class Recorded(NamedTuple):

@@ -29,7 +29,7 @@ COLUMNS = (
     *("dimension", "condition", "second", "healthy", "method", "frames", "right", "wrong", "flagged"),
     *("worst_deviations", "worst_mm"),
 )
-SECONDS, QUICK_SECONDS = 1.6, 0.8
+SECONDS, QUICK_SECONDS = 1.3, 0.8
 WRONG_M = 0.5e-3
 DAEMON = "the daemon, whole"
 COMPARED = (
