@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from fmfts import __version__, exit_codes
 from fmfts.collect import verb as collect_verb
 from fmfts.offline import calibration_verbs
+from fmfts.simulate import verb as pad_model_verb
 from fmfts.study import verb as study_verb
 
 if TYPE_CHECKING:
@@ -128,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     pose.add_argument("--noise-ut", type=float, default=0.2, help="standard deviation of a field value (0.2)")
     calibration_verbs.add_to(verb)
     collect_verb.add_to(verb)
+    pad_model_verb.add_to(verb)
     study_verb.add_to(verb)
     return parser
 

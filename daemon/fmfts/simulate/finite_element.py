@@ -18,10 +18,9 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from fmfts.pad import Array
-from fmfts.simulate.slab import Press, Slab
+from fmfts.simulate.slab import ELEMENT_M, Press, Slab
 from fmfts.simulate.slab_mesh import SlabMesh
 
-ELEMENT_M = 1e-3
 MAGNET_STIFFNESS = 1e3  # times the silicone's: the magnet bends by a thousandth of what surrounds it
 MPA = 1e-6
 RESIDUAL = 1e-5  # of the load, where an equilibrium counts as found: the pose is then right to 1e-8

@@ -7,15 +7,16 @@ distribution of force on the top face. Small strains: see docs/pad-model.md for 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.simulate.finite_element import ELEMENT_M, PressedSlab
+from fmfts.simulate.finite_element import PressedSlab
 from fmfts.simulate.mechanics import Mechanics
-from fmfts.simulate.slab import Slab
+from fmfts.simulate.slab import ELEMENT_M, Slab
 from fmfts.simulate.slab_mesh import MM, SlabMesh
 
 TABLE_SPACING_M = 1e-3
@@ -33,9 +34,13 @@ class Influence:
     response: Array
 
     @classmethod
-    def of(cls, slab: Slab, element_m: float = ELEMENT_M) -> Self:
+    def of(cls, slab: Slab, element_m: float = ELEMENT_M, show: Callable[[float], None] = lambda share: None) -> Self:
+        """`show` is told the share that is done."""
         pressed = PressedSlab(slab, element_m)
-        surface = [pressed.mesh.on_top(pressed.linear(load)).reshape(-1, 3) for load in magnet_loads(pressed.mesh)]
+        surface = []
+        for done, load in enumerate(magnet_loads(pressed.mesh)):
+            show((done + 1) / 6)
+            surface.append(pressed.mesh.on_top(pressed.linear(load)).reshape(-1, 3))
         return cls(slab, pressed.mesh, np.stack(surface, axis=-1) * SI)
 
     def of_patch(self, x_m: float, y_m: float) -> Array:

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
 from fmfts.pad import Array
-from fmfts.simulate.slab import Press, Slab
+from fmfts.simulate.slab import ELEMENT_M, Press, Slab
 from fmfts.simulate.solved_table import COLUMNS
+from fmfts.view.progress import progress_bar
 
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
@@ -37,8 +37,10 @@ def octant(largest_mm: int = GRID_MM[-1]) -> Iterator[tuple[float, float]]:
     return ((float(x), float(y)) for x in GRID_MM for y in GRID_MM if y <= x <= largest_mm)
 
 
-def normal_grid() -> list[Press]:
-    return [Press(x * 1e-3, y * 1e-3, force_n) for x, y in octant() for force_n in FORCE_N]
+def normal_grid(reach_m: float = GRID_MM[-1] * 1e-3) -> list[Press]:
+    """On as many places of a smaller or larger pad."""
+    unit_m = reach_m / GRID_MM[-1]
+    return [Press(x * unit_m, y * unit_m, force_n) for x, y in octant() for force_n in FORCE_N]
 
 
 def centre_grid() -> list[Press]:
@@ -104,18 +106,21 @@ SETS = {
 }
 
 
-def solve_into(path: Path, presses: Sequence[Press], slab: Slab) -> None:
-    """Append to the CSV at `path` the rows of `presses` that it lacks."""
+def solve_into(
+    path: Path, presses: Sequence[Press], slab: Slab, element_m: float, show: Callable[[float], None]
+) -> None:
+    """Append to the CSV at `path` the rows of `presses` that it lacks; `show` is told the share that is done."""
     from fmfts.simulate.finite_element import PressedSlab
 
-    solved = PressedSlab(slab)
+    solved = PressedSlab(slab, element_m)
     known = {tuple(row[:5]) for row in csv.reader(path.open())} if path.exists() else set()
     with path.open("a", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         if not known:
             writer.writerow(COLUMNS)
         before = Press(np.nan, np.nan, 0.0)
-        for press in track(presses, "solving"):
+        for done, press in enumerate(presses):
+            show(done / len(presses))
             key = press_columns(press)
             if tuple(key) in known:
                 continue
@@ -146,7 +151,8 @@ def main(arguments: list[str]) -> int:
     if len(arguments) != 2 or arguments[0] not in SETS:
         print(__doc__, file=sys.stderr)
         return 2
-    solve_into(Path(arguments[1]), SETS[arguments[0]](), Slab())
+    with progress_bar("solving") as show:
+        solve_into(Path(arguments[1]), SETS[arguments[0]](), Slab(), ELEMENT_M, show)
     return 0
 
 

@@ -22,7 +22,7 @@ SHEAR_EXPONENTS = np.array(
     dtype=np.intp,
 )
 
-PRESSED_PATH = Path(__file__).with_name("pressed.csv")
+PRESSED_PATH, CENTRE_PATH = (Path(__file__).with_name(f"{name}.csv") for name in ("pressed", "pressed_centre"))
 
 
 def read_solved(path: Path) -> Array:
@@ -51,14 +51,27 @@ def mirrored(rows: Array) -> Array:
     return np.asarray(whole[first], dtype=np.float64)
 
 
-def normal_mechanics(octant: Array) -> Mechanics:
-    """From rows (K, 10) without shear: places of one octant of an even grid, each with the same forces."""
+def normal_mechanics(octant: Array, centre: Array | None = None) -> Mechanics:
+    """From rows (K, 10) without shear: places of one octant of an even grid, each with the same forces.
+
+    `centre`: rows at the same forces on a grid twice as fine, wherever there are any. Elsewhere the finer table is the
+    coarser one: its splines are among those of the finer grid.
+    """
     rows = mirrored(octant)
     grid_mm, force_n = np.unique(rows[:, 0]), np.unique(rows[:, 2])
     shape = (len(grid_mm), len(grid_mm), len(force_n), 5)
     if len(rows) != np.prod(shape[:3]):
         raise ValueError(f"{len(rows)} presses at {len(grid_mm)} × {len(grid_mm)} places and {len(force_n)} forces")
-    return Mechanics.from_table(grid_mm * 1e-3, force_n, rows[:, RESPONSE].reshape(shape) * SI)
+    coarse = Mechanics.from_table(grid_mm * 1e-3, force_n, rows[:, RESPONSE].reshape(shape) * SI)
+    if centre is None:
+        return coarse
+    fine_mm = np.linspace(grid_mm[0], grid_mm[-1], 2 * len(grid_mm) - 1)
+    x_mm, y_mm, f_n = (each.ravel() for each in np.meshgrid(fine_mm, fine_mm, force_n, indexing="ij"))
+    response = coarse.response(x_mm * 1e-3, y_mm * 1e-3, f_n).reshape(len(fine_mm), len(fine_mm), len(force_n), 5)
+    added = mirrored(centre)
+    at = tuple(np.searchsorted(axis, added[:, i]) for i, axis in enumerate((fine_mm, fine_mm, force_n)))
+    response[at] = added[:, RESPONSE] * SI
+    return Mechanics.from_table(fine_mm * 1e-3, force_n, response)
 
 
 def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
@@ -79,5 +92,5 @@ def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
 
 @cache
 def pressed_mechanics() -> Mechanics:
-    """The standard pad's table, of the presses in `pressed.csv`."""
-    return normal_mechanics(read_solved(PRESSED_PATH))
+    """The standard pad's table, of the presses that ship."""
+    return normal_mechanics(read_solved(PRESSED_PATH), read_solved(CENTRE_PATH))
