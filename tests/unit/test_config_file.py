@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmfts.config import BridgeSource, Config, I2cSource, SimulatedSource
+from fmfts.config import BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
 from fmfts.config.file import ConfigError, load
 
@@ -48,9 +48,10 @@ def test_shipped_file_is_the_demo_and_shows_the_defaults() -> None:
 
 def test_examples_in_the_shipped_file_are_right_when_uncommented(tmp_path: Path) -> None:
     text = re.sub(r"^# (?=\[|\w+ = )", "", SHIPPED.read_text(), flags=re.MULTILINE)
+    (tmp_path / "touch.mcap").touch()
     config, _ = load(write(tmp_path, text))
     sources = [type(pad.source) for pad in config.pad]
-    assert sources == [SimulatedSource, BridgeSource, I2cSource]
+    assert sources == [SimulatedSource, BridgeSource, I2cSource, ReplaySource]
     assert config.bus.endpoint == "ipc:///run/fmfts"
 
 
@@ -94,8 +95,8 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + "[pad.contact]\nmodel = 3", SIMULATED + "contact.model = 3: must be text in quotes"),
         ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be text in quotes: 1 to 32 letters, digits, - or _"),
         ('[[pad]]\nname = "a"', SIMULATED + "source is missing: give a table"),
-        ('[[pad]]\nname = "a"\n[pad.source]', SIMULATED + 'source.type is missing: give one of "bridge", "i2c", "simulated"'),
-        ('[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"', SIMULATED + "source.type = 'usb': must be one of \"bridge\", \"i2c\", \"simulated\""),
+        ('[[pad]]\nname = "a"\n[pad.source]', SIMULATED + 'source.type is missing: give one of "bridge", "i2c", "replay", "simulated"'),
+        ('[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"', SIMULATED + "source.type = 'usb': must be one of \"bridge\", \"i2c\", \"replay\", \"simulated\""),
         ('[[pad]]\nname = "a"\nsource = 3', SIMULATED + "source = 3: must be a table"),
         ('[[pad]]\nname = "a"\n[pad.source]\ntype = "bridge"', SIMULATED + "source.port is missing: give text in quotes"),
         (PAD + PAD.replace('name = "a"\n', ""), "second [[pad]]: name is missing: give text in quotes"),

@@ -15,7 +15,8 @@ from mcap.reader import make_reader
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.record.file import Recorded, RecordingError, RecordingWriter, is_whole, read
-from fmfts.record.replay import Replay, frame_of
+from fmfts.record.replay import Replay
+from fmfts.sensor.replayed import frame_of
 
 COUNT = 300
 

@@ -62,7 +62,14 @@ class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="
     turning_deg_per_s: float = 20.0
 
 
-SourceConfig = BridgeSource | I2cSource | SimulatedSource
+class ReplaySource(_HardwareSource, frozen=True, tag="replay", tag_field="type", kw_only=True):
+    file: str
+    pad: PadName | None = None  # its name in the recording; None: as here
+    loop: bool = False
+    speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
+
+
+SourceConfig = BridgeSource | I2cSource | SimulatedSource | ReplaySource
 
 
 class GeometryConfig(_Section, frozen=True):

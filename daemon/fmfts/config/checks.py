@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 
-from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, SourceConfig, collect
+from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, ReplaySource, SourceConfig, collect
 from fmfts.sensor.hmc5983 import gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
@@ -59,6 +59,8 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
         simultaneous = f'trigger = "simultaneous"{" over a bridge" if isinstance(source, BridgeSource) else ""}'
         mode = simultaneous if source.trigger == "simultaneous" else f'chip = "{source.chip}" running free'
         yield ("source", "rate_hz"), f"at most {source_rate_hz(source)} with {mode}"
+    if isinstance(source, ReplaySource) and not Path(source.file).is_file():
+        yield ("source", "file"), "there is no such recording: `fmfts-daemon record FILE.mcap` makes one"
     if isinstance(source, I2cSource):
         if len(source.channels) != len(pad.geometry.sensors_mm):
             yield (

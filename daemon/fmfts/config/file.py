@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from fmfts.config import BoardUid, Config, PadName
+from fmfts.config import BoardUid, Config, PadName, ReplaySource
 from fmfts.config.checks import problem_in
 
 ENVIRONMENT = "FMFTS_CONFIG"
@@ -44,7 +44,8 @@ class ConfigError(Exception):
 def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> tuple[Config, Path]:
     """The configuration and the file that it came from: `path`, else $FMFTS_CONFIG, else DEFAULT_PATHS in order.
 
-    A relative path of a contact model, or of the keys, is taken from the file's own folder, and comes back absolute.
+    A relative path of a contact model, a recording or the keys is taken from the file's own folder, and comes back
+    absolute.
     Raises ConfigError.
     """
     file = _find(path, environ)
@@ -102,6 +103,9 @@ def _with_absolute_paths(config: Config, folder: Path) -> Config:
         if pad.contact.model != "default":
             contact = msgspec.structs.replace(pad.contact, model=str(folder / pad.contact.model))
             pad = msgspec.structs.replace(pad, contact=contact)
+        if isinstance(pad.source, ReplaySource):
+            source = msgspec.structs.replace(pad.source, file=str(folder / pad.source.file))
+            pad = msgspec.structs.replace(pad, source=source)
         pads.append(pad)
     bus = config.bus
     if bus.keys is not None:

@@ -14,6 +14,7 @@ from fmfts.config import Config, PadConfig
 from fmfts.jobs.baseline_files import StateError, stored
 from fmfts.jobs.baselines import BaselineJob, BaselineRequest, Collection, restore
 from fmfts.jobs.probing import probe_facts
+from fmfts.jobs.recorded_baseline import require_device
 from fmfts.jobs.simulated_baseline import hold_still
 from fmfts.jobs.tasks import PATIENCE_S, Selftest, Task
 from fmfts.sensor import Frame, Source, SourceError
@@ -62,6 +63,7 @@ def record_baseline(
 ) -> dict[str, Any]:
     """Record on the device itself, judge, store. `pads`: all of the file."""
     with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
+        require_device(pad)
         work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
         try:
             before = stored(work.pad)
@@ -84,6 +86,7 @@ def restore_baseline(pad: PadConfig) -> dict[str, Any]:
     """Bring the baseline before the last one back."""
     drawing = pad.pad()
     with _errors_named():
+        require_device(pad)
         return restore(drawing).facts(drawing)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from fmfts.ambient import Baseline
 from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
@@ -19,28 +18,12 @@ from fmfts.pipeline import PadPipeline
 from fmfts.pose import SOLVER
 from fmfts.record.file import RecordingError, is_whole, read
 from fmfts.scene import around, choose
-from fmfts.sensor import Frame
+from fmfts.sensor.replayed import frame_of
 
 # What is said while no frame can be used comes of the source's silence, which is no frame: it is taken as it was.
 SILENT = ("stale", "disconnected")
 # A contact's own time of leaving.
 OF_THE_MOMENT = ("boot", "t_publish_ns", "utc_ns")
-
-
-def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
-    """The frame as its source gave it."""
-    return Frame(
-        pad_index=pad_index,
-        sequence=message.sequence,
-        device_time_us=message.device_time_us,
-        host_time_ns=message.host_time_ns,
-        gain_code=message.gain_code,
-        counts=np.array(message.counts, dtype=np.int16).reshape(-1, 3),
-        age_us=np.array(message.age_us, dtype=np.uint16),
-        fresh=np.array(message.fresh, dtype=np.bool_),
-        valid=np.array(message.valid, dtype=np.bool_),
-        temperature_c=message.temperature_c,
-    )
 
 
 def essence(contact: ContactMessage) -> dict[str, Any]:

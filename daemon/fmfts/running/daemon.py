@@ -18,9 +18,10 @@ from fmfts.bus.control import ControlServer
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
-from fmfts.config import Config, PadConfig, SimulatedSource, neighbours_of
+from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.contact import ContactModel
 from fmfts.jobs.baseline_files import stored
+from fmfts.jobs.recorded_baseline import recorded_baseline
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
@@ -150,7 +151,8 @@ class Daemon:
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
         channel.config = config
         try:
-            baseline = stored(pad)
+            replays = isinstance(config.source, ReplaySource)
+            baseline = recorded_baseline(source, pad_index) if replays else stored(pad)
             if baseline is None and isinstance(config.source, SimulatedSource):
                 baseline = simulated_baseline(config, neighbours_of(config, self._pads))
                 log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)

@@ -16,6 +16,7 @@ from fmfts.config import PadConfig
 from fmfts.jobs.baseline_files import StateError
 from fmfts.jobs.baselines import BaselineJob, BaselineRequest, Recorded, Restoration
 from fmfts.jobs.probing import probe_facts
+from fmfts.jobs.recorded_baseline import require_device
 from fmfts.jobs.tasks import Selftest
 from fmfts.running.channel import Channel
 from fmfts.running.pending import Pending, fail_internally
@@ -118,6 +119,7 @@ class Verbs:
         if arguments.undo_drift:
             request.reply(**_without_drift(channel))
             return
+        require_device(self._configs[channel.name])
         if arguments.restore:
             restoration = Restoration(pad, self._executor)
             self._await_baseline(request, channel, restoration)

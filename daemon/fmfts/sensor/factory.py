@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fmfts.config import BridgeSource, I2cSource, PadConfig, SimulatedSource, neighbours_of
+from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.source import Source, SourceError
 
 # What pads of one device may differ in; all else is the device's and has to be equal.
-_OF_THE_PAD = {BridgeSource: {"pad_index"}, I2cSource: {"mux_address", "channels"}}
+_OF_THE_PAD = {
+    BridgeSource: {"pad_index"},
+    I2cSource: {"mux_address", "channels"},
+    ReplaySource: {"pad", "rate_hz", "range_gauss", "trigger", "chip"},
+}
 
 
 def open_sources(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[tuple[Source, dict[int, str]]]:
     """Each device once, with the names of its pads by their index on it.
 
-    Pads with one serial port share a Bridge, pads with one bus number share an I2C source, a simulated pad has its
-    own, which feels its neighbours among them and `around`. Nothing is opened yet that could fail or wait: that is
-    `poll`'s. SourceError names the pads that cannot share.
+    Pads with one serial port share a Bridge, pads with one bus number share an I2C source, pads of one recording a
+    Replayed, a simulated pad has its own, which feels its neighbours among them and `around`. No device is opened yet,
+    which could fail or wait: that is `poll`'s. SourceError names the pads that cannot share, or a recording's fault.
     """
     _require_one_port_a_board(pads)
     devices: dict[tuple[str, object], list[PadConfig]] = {}
@@ -31,9 +35,10 @@ def _device(pad: PadConfig) -> tuple[str, object]:
             return ("bridge", port)
         case I2cSource(bus=bus):
             return ("i2c", bus)
+        case ReplaySource(file=file):
+            return ("replay", file)
         case SimulatedSource():
             return ("simulated", pad.name)
-    raise SourceError(f"pad {pad.name!r}: a source of type {type(pad.source).__name__} cannot be opened live")
 
 
 def _open(members: list[PadConfig], pads: Sequence[PadConfig]) -> tuple[Source, dict[int, str]]:
@@ -54,6 +59,10 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.sensor.i2c import I2c
 
             return I2c(by_index)
+        case ReplaySource():
+            from fmfts.sensor.replayed import Replayed
+
+            return Replayed(by_index)
         case _:
             from fmfts.sensor.simulated import Simulated
 
