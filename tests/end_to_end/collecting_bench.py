@@ -174,14 +174,11 @@ class PressedBench:
     def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
         """A verb of fmfts-daemon, under way."""
         words: list[str | Path] = [sys.executable, "-m", "fmfts", *arguments, "--config", self.config]
-        return subprocess.Popen(
-            words,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=self.environment,
-        )
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=self.environment)
+        if "collect" in arguments:
+            put_ahead(process.pid)
+        return process
 
     def collect(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """`collect` to its end. Where a busy computer made a device late, it stopped as it should, and goes on."""
