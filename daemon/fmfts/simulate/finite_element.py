@@ -95,6 +95,7 @@ class PressedSlab:
             if iteration % PATIENCE == 0:
                 self._factor, mixing = self._factorised_tangent(u.reshape(-1, 3)), Anderson()
             u[free] = mixing.next(u[free], self._factor.solve(residual))
+        self._factor = self._rest_factor
         raise ArithmeticError(f"the finite elements found no equilibrium in {ITERATIONS} iterations: {press}")
 
     def linear(self, load: Array) -> Array:

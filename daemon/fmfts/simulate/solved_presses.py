@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.pad import Array
+from fmfts.simulate.finite_element import PressedSlab
 from fmfts.simulate.slab import ELEMENT_M, Press, Slab
 from fmfts.simulate.solved_table import COLUMNS
 from fmfts.view.progress import progress_bar
@@ -29,6 +30,7 @@ SHEAR_ALONE_N = 0.1  # without normal force, where the response is all but linea
 SHEAR_SHARE = 0.4  # of the normal force: within what skin and silicone transmit, large enough to show its curvature
 SHEAR_DIRECTIONS = 5  # as many as a quadratic form without constant has terms
 RAMP_N = 1.0  # a longer step than this is walked in two
+HALVINGS = 4
 SEED = 20260719
 
 
@@ -110,8 +112,6 @@ def solve_into(
     path: Path, presses: Sequence[Press], slab: Slab, element_m: float, show: Callable[[float], None]
 ) -> None:
     """Append to the CSV at `path` the rows of `presses` that it lacks; `show` is told the share that is done."""
-    from fmfts.simulate.finite_element import PressedSlab
-
     solved = PressedSlab(slab, element_m)
     known = {tuple(row[:5]) for row in csv.reader(path.open())} if path.exists() else set()
     with path.open("a", newline="") as file:
@@ -127,13 +127,24 @@ def solve_into(
             if (press.x_m, press.y_m) != (before.x_m, before.y_m):
                 solved.rest()
                 before = Press(press.x_m, press.y_m, 0.0)
-            if press.force_n - before.force_n > RAMP_N:
-                middle = [(a + b) / 2.0 for a, b in zip(before[2:], press[2:], strict=True)]
-                solved.solve(Press(press.x_m, press.y_m, *middle))
-            displacement_m, axis = solved.solve(press)
+            displacement_m, axis = _stepped(solved, before, press)
             before = press
             writer.writerow([*key, *pose_columns(displacement_m, axis)])
             file.flush()
+
+
+def _stepped(solved: PressedSlab, before: Press, press: Press, halvings: int = HALVINGS) -> tuple[Array, Array]:
+    """From the press `before`, where `solved` is; by the middle where a step is long, or leads nowhere."""
+    if abs(press.force_n - before.force_n) <= RAMP_N:
+        try:
+            return solved.solve(press)
+        except ArithmeticError:
+            if halvings <= 0:
+                raise
+    loads = [(a + b) / 2.0 for a, b in zip(before[2:], press[2:], strict=True)]
+    middle = Press(press.x_m, press.y_m, *loads)
+    _stepped(solved, before, middle, halvings - 1)
+    return _stepped(solved, middle, press, halvings - 1)
 
 
 def press_columns(press: Press) -> list[str]:
