@@ -13,7 +13,7 @@ from fmfts.study.kernels import default
 from fmfts.study.world import Path, drawn_world, frame_times, in_scene, pressed, presses
 
 RATES_HZ, AVERAGING = (55, 110, 220), (1, 2, 4, 8)
-LOOKED_AT_HZ = 880  # how often somebody asks where the magnet is; what they get is the newest pose
+LOOKED_AT_HZ = 1760  # how often somebody asks where the magnet is; what they get is the newest pose
 SECONDS, QUICK_SECONDS = 6.0, 2.0
 
 

@@ -16,7 +16,7 @@ from fmfts.pad import Array
 from fmfts.pose import STOP_CHI2, Batch, State, parts_of
 from fmfts.pose.problem import magnet_rows, measurement_rows
 from fmfts.pose.state import turn_between
-from fmfts.study import pareto
+from fmfts.study import pareto, rate_chart
 from fmfts.study.batches import batch_rows
 from fmfts.study.contact_methods import DAEMON, Bench, ContactMethod, contact_methods
 from fmfts.study.frame import Facts, Request, Row, Study
@@ -205,6 +205,7 @@ def _draw(study: Study, rows: Sequence[Row]) -> None:
             axes.set_title(_title(chart, scene), fontsize=9)
         pareto.name_methods(figure.add_subplot(grid[:, 2]), shown, own[0][4])
         study.draw(figure, f"-{chart}")
+    study.draw(rate_chart.draw(rows), "-rate")
 
 
 def _title(chart: str, scene: str) -> str:
