@@ -16,7 +16,8 @@ from fmfts.offline.field_table import field_columns
 from fmfts.pad import Pad
 
 PRESSES = 300
-CONFIG = '[[pad]]\nname = "standard"\n[pad.source]\ntype = "simulated"\n[pad.tolerance]\ngain = 0.005\nremanence = 0.05\n'
+SIMULATED = '[[pad]]\nname = "standard"\n[pad.source]\ntype = "simulated"\n'
+CONFIG = SIMULATED + "[pad.tolerance]\ngain = 0.005\nremanence = 0.05\n"
 
 
 def replaced(old: World, remanence_t: float) -> World:

@@ -8,7 +8,9 @@ import numpy as np
 
 from fmfts.contact.response import CHANGE, Array, Indices, Response
 
-NORMAL_POWERS = 3
+# Of the normal force: three are exact to 0.01 mm up to 2 N, five up to 4 N. Forces within a tenth of the largest are one
+# level: a gauge's scatter tells no curvature.
+NORMAL_POWERS, LEVEL_SHARE = 5, 0.1
 # Loads: normal, shear x, shear y. Shear acts in proportion, a little stronger on a squeezed pad, and in its square.
 SHEAR_EXPONENTS = ((0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 2, 0), (0, 1, 1), (0, 0, 2))
 # Weights of roughness, over that of the data: from "pass through every point" to "noise is most of it".
@@ -54,7 +56,8 @@ def _cells(coordinate_mm: Array) -> int:
 
 def _exponents(load: Array) -> Indices:
     """Monomials of a degree that the levels of the normal force determine, and of shear where there is any."""
-    levels = len(np.unique(np.round(load[load[:, 0] > 0.0, 0], 6)))
+    force = load[load[:, 0] > 0.0, 0]
+    levels = len(np.unique(np.round(force / (LEVEL_SHARE * force.max()))))
     normal = [(power, *(0,) * (load.shape[1] - 1)) for power in range(1, min(levels, NORMAL_POWERS) + 1)]
     return np.array(normal + list(SHEAR_EXPONENTS if load.shape[1] > 1 else ()), dtype=np.intp)
 
