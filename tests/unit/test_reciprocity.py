@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from fmfts.cli import main
+from fmfts.config.file import ConfigError, load
 from fmfts.exit_codes import USAGE
+from fmfts.sensor.simulated import Simulated
+from fmfts.sensor.source import SourceError
 from fmfts.simulate.finite_element import PressedSlab
 from fmfts.simulate.pad_file import read_pad_file, write_pad_file
 from fmfts.simulate.reciprocity import Influence
@@ -83,3 +86,34 @@ def test_damaged_file_is_refused(tmp_path: Path) -> None:
         path.write_bytes(damaged)
         with pytest.raises(ValueError, match="is no pad model"):
             read_pad_file(path)
+
+
+def simulated(tmp_path: Path, magnet: str = "") -> Simulated:
+    file = tmp_path / "config.toml"
+    file.write_text(
+        '[[pad]]\nname = "soft"\n[pad.source]\ntype = "simulated"\nmechanics = "pad.npz"\n[pad.magnet]\n' + magnet
+    )
+    config, _ = load(file)
+    return Simulated(config.pad[0], perfect=True)
+
+
+def test_simulated_pad_moves_as_its_file_says(tmp_path: Path) -> None:
+    table = influence().mechanics()
+    write_pad_file(tmp_path / "pad.npz", table, Slab())
+    press = [np.array([value]) for value in (5e-3, -2e-3, 0.4)]
+    built = simulated(tmp_path).built
+    position_m, axis = built.pose(*press)
+    displacement_m, expected_axis = table.displacement(*press)
+    np.testing.assert_array_equal(position_m, built.pad.rest_position_m + displacement_m)
+    np.testing.assert_array_equal(axis, expected_axis)
+
+
+def test_unusable_pad_file_is_named_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"source.mechanics.*`fmfts-daemon pad-model -o PAD.npz` makes one"):
+        simulated(tmp_path)
+    (tmp_path / "pad.npz").write_text("x_mm,y_mm")
+    with pytest.raises(SourceError, match="is no pad model"):
+        simulated(tmp_path)
+    write_pad_file(tmp_path / "pad.npz", influence().mechanics(), Slab())
+    with pytest.raises(SourceError, match="was made for a magnet of 2 × 2 mm, not of 3 × 2 mm"):
+        simulated(tmp_path, "diameter_mm = 3.0\n")

@@ -7,7 +7,16 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 
-from fmfts.config import BridgeSource, Config, I2cSource, PadConfig, ReplaySource, SourceConfig, collect
+from fmfts.config import (
+    BridgeSource,
+    Config,
+    I2cSource,
+    PadConfig,
+    ReplaySource,
+    SimulatedSource,
+    SourceConfig,
+    collect,
+)
 from fmfts.sensor.hmc5983 import gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
@@ -61,6 +70,8 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
         yield ("source", "rate_hz"), f"at most {source_rate_hz(source)} with {mode}"
     if isinstance(source, ReplaySource) and not Path(source.file).is_file():
         yield ("source", "file"), "there is no such recording: `fmfts-daemon record FILE.mcap` makes one"
+    if isinstance(source, SimulatedSource) and source.mechanics != "standard" and not Path(source.mechanics).is_file():
+        yield ("source", "mechanics"), 'neither "standard" nor a file: `fmfts-daemon pad-model -o PAD.npz` makes one'
     if isinstance(source, I2cSource):
         if len(source.channels) != len(pad.geometry.sensors_mm):
             yield (

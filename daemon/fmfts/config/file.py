@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from fmfts.config import BoardUid, Config, PadName, ReplaySource
+from fmfts.config import BoardUid, Config, PadName, ReplaySource, SimulatedSource
 from fmfts.config.checks import problem_in
 
 ENVIRONMENT = "FMFTS_CONFIG"
@@ -106,6 +106,9 @@ def _with_absolute_paths(config: Config, folder: Path) -> Config:
         if isinstance(pad.source, ReplaySource):
             source = msgspec.structs.replace(pad.source, file=str(folder / pad.source.file))
             pad = msgspec.structs.replace(pad, source=source)
+        if isinstance(pad.source, SimulatedSource) and pad.source.mechanics != "standard":
+            simulated = msgspec.structs.replace(pad.source, mechanics=str(folder / pad.source.mechanics))
+            pad = msgspec.structs.replace(pad, source=simulated)
         pads.append(pad)
     bus = config.bus
     if bus.keys is not None:

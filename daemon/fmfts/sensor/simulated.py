@@ -20,11 +20,12 @@ from fmfts.sensor.hmc5983 import (
     gain_code_for_range,
     selftest_facts,
 )
-from fmfts.sensor.source import SourceState
+from fmfts.sensor.source import SourceError, SourceState
 from fmfts.simulate.chip import NOISE_T, ChipArray
 from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
 from fmfts.simulate.mounted import MountedPad
 from fmfts.simulate.neighbour import NeighbourMagnet, seeded
+from fmfts.simulate.pad_file import mechanics_of
 
 CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
@@ -46,22 +47,29 @@ class Simulated:
         self, config: PadConfig, beside: Sequence[PadConfig] = (), *, noise_t: float = NOISE_T, perfect: bool = False
     ) -> None:
         """`beside`: pads whose magnets are felt, if they are simulated too. `perfect`: exactly as drawn, far from the
-        Earth's field. ValueError unless the source is a simulated one."""
+        Earth's field. ValueError unless the source is a simulated one; SourceError: its pad model cannot be used."""
         source = config.source
         if not isinstance(source, SimulatedSource):
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
         drawing = config.pad()
         self.state = SourceState(description=f"simulated pad, seed {source.seed}")
         self.finger: Finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
-        self.neighbours = [
-            NeighbourMagnet.beside(config, other, other.source)
-            for other in beside
-            if isinstance(other.source, SimulatedSource)
-        ]
         self.mounted = True
         self.tumbling = False
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
-        self._built = MountedPad.exact(drawing) if perfect else MountedPad.built(drawing, seeded(source, "pad"))
+        random = seeded(source, "pad")
+        try:
+            mechanics = mechanics_of(config, source)
+            self._built = (
+                MountedPad.exact(drawing, mechanics) if perfect else MountedPad.built(drawing, random, mechanics)
+            )
+            self.neighbours = [
+                NeighbourMagnet.beside(config, other, other.source)
+                for other in beside
+                if isinstance(other.source, SimulatedSource)
+            ]
+        except ValueError as error:
+            raise SourceError(str(error)) from error
         self._chips = ChipArray(
             len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, seeded(source, "chips")
         )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 
 from fmfts.pad import Array, Magnet, Pad, rotation_from_vector
 from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.mechanics import Mechanics, standard_mechanics
 
 SENSOR_PLACE_M = 0.1e-3  # one standard deviation of each error, as in the config's [pad.tolerance]
 MAGNET_PLACE_M = 0.1e-3
@@ -27,9 +27,10 @@ class MountedPad:
     gain: Array
     ambient_t: Array
     rest_axis_from_z: Array
+    mechanics: Mechanics = field(default_factory=standard_mechanics)
 
     @classmethod
-    def built(cls, drawing: Pad, random: np.random.Generator) -> Self:
+    def built(cls, drawing: Pad, random: np.random.Generator, mechanics: Mechanics | None = None) -> Self:
         """One of the pads that a workshop makes after `drawing`, in the Earth's field."""
         tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
         turn = _rotation_from_z(drawing.rest_axis) @ rotation_from_vector(tilt)
@@ -45,16 +46,18 @@ class MountedPad:
         )
         ambient = random.standard_normal(3)
         ambient_t = EARTH_T * ambient / np.linalg.norm(ambient)
-        return cls(pad, random.normal(1.0, GAIN, sensors.position_m.shape), ambient_t, turn)
+        gain = random.normal(1.0, GAIN, sensors.position_m.shape)
+        return cls(pad, gain, ambient_t, turn, mechanics or standard_mechanics())
 
     @classmethod
-    def exact(cls, drawing: Pad) -> Self:
+    def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> Self:
         """The drawing itself, far from any other field."""
-        return cls(drawing, np.ones((len(drawing.sensors), 3)), np.zeros(3), _rotation_from_z(drawing.rest_axis))
+        gain, turn = np.ones((len(drawing.sensors), 3)), _rotation_from_z(drawing.rest_axis)
+        return cls(drawing, gain, np.zeros(3), turn, mechanics or standard_mechanics())
 
     def pose(self, x_m: Array, y_m: Array, force_n: Array) -> tuple[Array, Array]:
         """Position in m (K, 3) and unit axis (K, 3) of the magnet under presses (K,)."""
-        displacement, axis = standard_mechanics().displacement(x_m, y_m, force_n)
+        displacement, axis = self.mechanics.displacement(x_m, y_m, force_n)
         return self.pad.rest_position_m + displacement, axis @ self.rest_axis_from_z.T
 
     def magnet_field(self, x_m: Array, y_m: Array, force_n: Array, magnet: Magnet | None = None) -> Array:

@@ -12,6 +12,7 @@ from fmfts.pad import Array, Placement
 from fmfts.simulate.cylinder import cylinder_field
 from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
 from fmfts.simulate.mounted import MountedPad
+from fmfts.simulate.pad_file import mechanics_of
 
 
 @dataclass(slots=True)
@@ -31,7 +32,7 @@ class NeighbourMagnet:
         placement = Placement(
             drawn.position_m + random.normal(0.0, drawn.tolerance_m, 3), drawn.rotation, drawn.tolerance_m
         )
-        built = MountedPad.built(neighbour.pad(), seeded(source, "pad"))
+        built = MountedPad.built(neighbour.pad(), seeded(source, "pad"), mechanics_of(neighbour, source))
         finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
         return cls(built, placement, neighbour.magnet.temperature_coefficient_per_k, finger)
 

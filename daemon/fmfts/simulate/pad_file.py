@@ -9,7 +9,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from fmfts.simulate.mechanics import Mechanics
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.simulate.mechanics import Mechanics, standard_mechanics
 from fmfts.simulate.slab import Slab
 
 FORMAT = "fmfts pad model 1"
@@ -48,3 +49,20 @@ def read_pad_file(path: Path) -> tuple[Mechanics, Slab]:
             return mechanics, Slab(**json.loads(str(file["slab"])))
     except (KeyError, TypeError, ValueError, IndexError, EOFError, BadZipFile) as error:
         raise ValueError(f"{path}: is no pad model ({error}): {REMEDY}") from error
+
+
+def mechanics_of(pad: PadConfig, source: SimulatedSource) -> Mechanics:
+    """The table that the config names for `pad`. ValueError says why it cannot be used."""
+    if source.mechanics == "standard":
+        return standard_mechanics()
+    try:
+        mechanics, slab = read_pad_file(Path(source.mechanics))
+    except OSError as error:
+        raise ValueError(f"pad {pad.name!r}: {source.mechanics}: cannot be read: {error.strerror}") from error
+    made_for = np.array([slab.magnet_diameter_m, slab.magnet_length_m]) * 1e3
+    if not np.allclose(made_for, [pad.magnet.diameter_mm, pad.magnet.length_mm], rtol=1e-6):
+        raise ValueError(
+            f"pad {pad.name!r}: {source.mechanics}: was made for a magnet of {made_for[0]:g} × {made_for[1]:g} mm, not "
+            f"of {pad.magnet.diameter_mm:g} × {pad.magnet.length_mm:g} mm as in [pad.magnet]: make it again"
+        )
+    return mechanics
