@@ -8,8 +8,8 @@ import numpy as np
 
 from fmfts.contact.response import CHANGE, Array, Indices, Response
 
-# Of the normal force: three are exact to 0.01 mm up to 2 N, five up to 4 N. Forces within a tenth of the largest are one
-# level: a gauge's scatter tells no curvature.
+# Of the normal force: three are exact to 0.01 mm up to 2 N, five up to 4 N. Forces within a tenth of the largest are
+# one level: a gauge's scatter tells no curvature.
 NORMAL_POWERS, LEVEL_SHARE = 5, 0.1
 # Loads: normal, shear x, shear y. Shear acts in proportion, a little stronger on a squeezed pad, and in its square.
 SHEAR_EXPONENTS = ((0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 2, 0), (0, 1, 1), (0, 0, 2))
