@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -22,7 +23,9 @@ SHEAR_EXPONENTS = np.array(
     dtype=np.intp,
 )
 
-PRESSED_PATH, CENTRE_PATH = (Path(__file__).with_name(f"{name}.csv") for name in ("pressed", "pressed_centre"))
+PRESSED_PATH, CENTRE_PATH, SHEARED_PATH = (
+    Path(__file__).with_name(f"{name}.csv") for name in ("pressed", "pressed_centre", "sheared")
+)
 
 
 def read_solved(path: Path) -> Array:
@@ -93,4 +96,5 @@ def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
 @cache
 def pressed_mechanics() -> Mechanics:
     """The standard pad's table, of the presses that ship."""
-    return normal_mechanics(read_solved(PRESSED_PATH), read_solved(CENTRE_PATH))
+    normal = normal_mechanics(read_solved(PRESSED_PATH), read_solved(CENTRE_PATH))
+    return replace(normal, sheared=sheared_mechanics(read_solved(SHEARED_PATH), normal))
