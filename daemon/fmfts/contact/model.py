@@ -21,10 +21,11 @@ from fmfts.contact.contract import (
     parse_facts,
     parse_response,
     read_versions,
+    require_whole,
 )
 from fmfts.contact.inference import OUTPUTS, Inference, last_dimensions
 from fmfts.contact.refinement import Refiner
-from fmfts.contact.response import CHANGE
+from fmfts.contact.response import CHANGE, Response
 from fmfts.pad import Array, Pad
 
 DEFAULT_PATH = Path(__file__).with_name("default.onnx")
@@ -84,8 +85,10 @@ class ContactModel:
 
     refiner: moves each answer to the most likely press, None to leave it. friction: of the finger; the shear that it
     may exert, and a model of three outputs does not know, widens the deviations. smoothing_s: memory of the
-    filter that every pad's poses pass first.
+    filter that every pad's poses pass first. response: of the pad that it was trained for, None where it holds none.
     """
+
+    response: Response | None = None
 
     def __init__(
         self,
@@ -144,7 +147,7 @@ class ContactModel:
             _check_signature(session)
             metadata = session.get_modelmeta().custom_metadata_map
             facts = parse_facts(metadata)
-            response = parse_response(metadata) if refine else None
+            response = parse_response(metadata)
             if refine and response is None:
                 raise ValueError("it holds no response of its pad: it cannot be refined ([pad.contact] refine)")
             if session.get_outputs()[0].shape[1] != len(facts.outputs):
@@ -157,8 +160,9 @@ class ContactModel:
                 f"pad {pad.name!r} has ({pad.geometry_hash}): correct [pad.geometry] and [pad.magnet], or calibrate "
                 "this pad and set [pad.contact] model"
             )
-        refiner = None if response is None else Refiner(response)
+        refiner = Refiner(response) if refine and response is not None else None
         model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction, smoothing_s)
+        model.response = response
         contact, jacobian = model._infer(model.rest_pose)  # also warms the session up
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ModelError(f"contact model {file}: it does not answer with numbers for the rest pose; {REMEDY}")
@@ -248,6 +252,7 @@ def _read(file: Path) -> bytes:
 
 
 def _check_versions(content: bytes) -> None:
+    require_whole(content)
     ir_version, opset = read_versions(content)
     if (ir_version, opset) != (IR_VERSION, OPSET):
         raise ValueError(f"it has IR version {ir_version} and opset {opset}, not {IR_VERSION} and {OPSET}")

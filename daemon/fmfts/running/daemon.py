@@ -23,6 +23,7 @@ from fmfts.contact import ContactModel
 from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.recorded_baseline import recorded_baseline
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.needs import advice
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
 from fmfts.running.schedule import Schedule
@@ -163,6 +164,9 @@ class Daemon:
         except BaselineError as error:
             log.error("%s", error)
             pipeline.refuse(str(error))
+        advised = advice(config, self._pads, model.response, pipeline.mounting)
+        if advised is not None:
+            log.info("pad '%s': %s", pad.name, advised)
         return channel
 
     def _introduce_neighbours(self, pipelines: dict[str, PadPipeline]) -> None:

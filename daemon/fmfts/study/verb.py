@@ -14,6 +14,7 @@ from fmfts import exit_codes
 STUDIES: dict[str, str] = {
     "speed-accuracy": "fmfts.study.speed_accuracy",
     "stability": "fmfts.study.stability",
+    "scene": "fmfts.study.scene",
     "paper-table3": "fmfts.study.paper_table3",
 }
 

@@ -1,0 +1,170 @@
+"""What a scene needs, on six scenes made for it. That a pad told of its neighbour beats one that is not, through the
+whole pipeline, is in test_neighbours.py."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmfts.calibrate.dataset import standard_pad
+from fmfts.calibrate.samples import Samples
+from fmfts.calibrate.simulated import rest_field_of
+from fmfts.calibrate.tracked import FrameSolver
+from fmfts.config import I2cSource, MagnetConfig, PadConfig, PlacementConfig, SceneConfig, SimulatedSource
+from fmfts.contact import ContactModel
+from fmfts.contact.response import Response
+from fmfts.needs import LOAD_SHARES, PLACES_MM, Cost, Model, Surroundings, advice, costs, placed_beside, recommended
+from fmfts.scene import NOISE_T
+from fmfts.study.frame import Request
+from fmfts.study.scene import SHIPPED, printed, run
+from fmfts.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
+from fmfts.study.scene_networks import Networks
+from fmfts.study.scene_trial import tried
+
+BENCH_TOP = SceneConfig(ambient="constant")
+# Three times larger at half the distance, of weak ferrite: neodymium would saturate the widest range tenfold.
+LARGE = MagnetConfig(diameter_mm=6.0, length_mm=6.0, remanence_t=0.1, rest_mm=(0, 0, 6))
+
+
+def pad(name: str = "one", **changes: object) -> PadConfig:
+    return PadConfig(name=name, **({"source": SimulatedSource()} | changes))  # type: ignore[arg-type]
+
+
+def beside(distance_mm: float) -> PadConfig:
+    return pad("two", placement=PlacementConfig(position_mm=(distance_mm, 0.0, 0.0)))
+
+
+@pytest.fixture(scope="module")
+def response() -> Response:
+    held = ContactModel.load("default", standard_pad()).response
+    assert held is not None
+    return held
+
+
+def up_to(response: Response, force_n: float) -> Response:
+    """The same pad, calibrated with no more than `force_n`."""
+    share = (force_n / response.scale_n) ** response.exponent.sum(axis=1)
+    return replace(response, scale_n=force_n, coefficient=response.coefficient * share[:, None])
+
+
+def best(config: PadConfig, response: Response, *others: PadConfig) -> Cost:
+    return recommended(costs(Surroundings(config, response, others=others)))
+
+
+def test_bench_top_pad_needs_six_unknowns_and_a_turning_arm_eight(response: Response) -> None:
+    assert best(pad(scene=BENCH_TOP), response).model == Model(6, False)
+    assert best(pad(), response).model == SHIPPED
+    assert best(pad(scene=SceneConfig(ambient="constant", steel_nearby=True)), response).model == SHIPPED
+
+
+@pytest.mark.parametrize("scene", [BENCH_TOP, SceneConfig()])
+def test_larger_magnet_at_half_the_distance_needs_the_cylinder_term(response: Response, scene: SceneConfig) -> None:
+    found = best(pad(magnet=LARGE, scene=scene), response)
+    assert found.model.cylinder
+    assert pad(magnet=LARGE).pad().magnet.as_cylinder  # so the daemon has it, too
+
+
+def test_neighbour_is_chosen_20_mm_away_and_not_200(response: Response) -> None:
+    assert best(pad(), response, beside(20.0)).model == Model(8, False, ("two",))
+    assert best(pad(), response, beside(200.0)).model == SHIPPED
+
+
+def test_a_third_of_a_newton_needs_a_smaller_network(response: Response) -> None:
+    """Of so light a press a frame tells less, so that a network errs by more than it before it is too small."""
+
+    def bias(force_n: float) -> float:
+        networks = Networks.of(Surroundings(pad(), up_to(response, force_n)), quick=True)
+        (row,) = networks.rows(6)
+        return float(row["bias_in_bounds"])  # type: ignore[arg-type]
+
+    assert bias(0.3) < 0.5 * bias(response.scale_n)
+
+
+def test_bus_too_slow_for_220_hz_is_told_with_what_it_carries(response: Response) -> None:
+    slow = pad(source=I2cSource(bus=1, clock_hz=100_000, rate_hz=150))
+    rate = limits(Surroundings(slow, response))[1]
+    assert "150 Hz, at most 165" in rate  # 4·146 + 20 bits at 100 kHz
+    assert "not 220" in rate
+    fast = pad(source=I2cSource(bus=1, clock_hz=400_000, rate_hz=220))
+    assert limits(Surroundings(fast, response))[1] == "rate: 220 Hz of 220"
+
+
+def test_range_holds_the_hardest_press_or_says_which_magnet_would(response: Response) -> None:
+    standard = Surroundings(pad(), response)
+    assert largest_field_gauss(standard) < 2.5
+    assert recommended_range_gauss(standard) == 2.5
+    assert recommended_range_gauss(Surroundings(pad(magnet=LARGE), response)) == 8.1
+    strong = MagnetConfig(diameter_mm=6.0, length_mm=6.0, remanence_t=1.23, rest_mm=(0, 0, 6))
+    assert "no range holds it" in limits(Surroundings(pad(magnet=strong), response))[0]
+
+
+def test_first_order_noise_is_the_bound_that_the_solver_gives(response: Response) -> None:
+    """By another way: the compiled kernel's covariance, carried through the response."""
+    config, press = pad(), np.array([[x, y, s] for x in PLACES_MM for y in PLACES_MM for s in LOAD_SHARES])
+    solver = FrameSolver(config.pad(), rest_field_of(config.pad()), "drifting", NOISE_T)
+    bound = Samples.expected(response, solver, press * [1.0, 1.0, response.scale_n]).bound
+    (cost,) = (cost for cost in costs(Surroundings(config, response)) if cost.model == Model(8, False))
+    # The solver's rest is where a dipole puts the cylinder, some µm away: a part in a thousand of every slope.
+    assert [cost.noise_mm, cost.noise_n] == pytest.approx(rms(bound).tolist(), rel=0.005)
+
+
+def test_six_unknowns_beat_the_default_on_a_bench_top(response: Response) -> None:
+    around = Surroundings(pad(scene=BENCH_TOP), response)
+    mine, default = (rms(tried(around, model, 400, 1)) for model in (Model(6, False), SHIPPED))
+    assert (mine < 0.85 * default).all()  # 0.56 of its place, 0.77 of its force
+
+
+def test_cylinder_term_beats_the_dipole_for_a_larger_magnet(response: Response) -> None:
+    around = Surroundings(pad(magnet=LARGE, scene=BENCH_TOP), response)
+    mine, dipole, default = (rms(tried(around, model, 400, 1)) for model in (Model(6, True), Model(6, False), SHIPPED))
+    assert (mine < 0.8 * dipole).all()
+    assert (mine < 0.1 * default).all()
+
+
+def test_next_larger_model_pays_where_it_is_said_to(response: Response) -> None:
+    """The factor that is printed, put into the scene, is where the recommendation turns."""
+    around = Surroundings(pad(scene=BENCH_TOP), response)
+    (line,) = (line for line in would_pay(around, recommended(costs(around))) if "times as strong" in line)
+    factor = float(line.partition("magnet ")[2].partition(" ")[0])
+    for share, cylinder in ((0.9, False), (1.1, True)):
+        stronger = Surroundings(pad(scene=BENCH_TOP), response, noise_t=around.noise_t / (factor * share))
+        assert recommended(costs(stronger)).model.cylinder is cylinder
+
+
+def test_daemon_advises_only_where_the_config_has_more_or_less(response: Response) -> None:
+    named = pad(scene=SceneConfig(neighbours=("two",)))
+    assert advice(pad(), [pad()], response, None) is None
+    assert advice(named, [named, beside(20.0)], response, None) is None
+    unnamed = advice(pad(), [pad(), beside(20.0)], response, None)
+    assert unnamed is not None
+    assert "less than its scene needs" in unnamed
+    assert "recommended: 8 unknowns, dipole, with two" in unnamed
+    far = advice(named, [named, beside(75.0)], response, None)
+    assert far is not None
+    assert "more than its scene needs" in far
+
+
+def test_only_pads_whose_place_is_known_are_beside() -> None:
+    here, unplaced, near, far = (
+        pad(),
+        pad("three"),
+        beside(20.0),
+        pad("far", placement=PlacementConfig(position_mm=(90, 0, 0))),
+    )
+    assert placed_beside(here, [here, far, unplaced, near]) == [near, far]
+
+
+def test_quick_study_says_and_draws_what_decided(tmp_path: Path) -> None:
+    facts = run(Request(pad(scene=BENCH_TOP), tmp_path, quick=True))
+    said = printed(facts)
+    assert "recommended: 6 unknowns, dipole; the config has 6 unknowns, dipole" in said
+    assert "would pay with an ambient field that changes by" in said
+    assert {path.name for path in tmp_path.iterdir()} == {f"scene.{kind}" for kind in ("csv", "json", "png", "svg")}
+
+
+def rms(errors: np.ndarray) -> np.ndarray:
+    """Of place and of force."""
+    return np.sqrt([np.mean(errors[:, :2] ** 2), np.mean(errors[:, 2] ** 2)])
