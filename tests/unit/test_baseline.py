@@ -139,6 +139,12 @@ class TestFile:
         with pytest.raises(BaselineError, match="is damaged"):
             ambient.load(path, pad)
 
+    def test_file_that_is_too_large_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
+        path, _ = self._stored(world, tmp_path)
+        path.write_bytes(path.read_bytes() + b" " * 4_000_000)
+        with pytest.raises(BaselineError, match="larger than 4 MB"):
+            ambient.load(path, pad)
+
     def test_changed_digit_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
         path, _ = self._stored(world, tmp_path)
         text = path.read_text()

@@ -196,6 +196,15 @@ def test_file_that_is_too_large_or_absent_or_no_model_is_refused(tmp_path: Path,
         ContactModel.load(str(text), pad)
 
 
+def test_model_with_weights_in_another_file_is_refused(tmp_path: Path, pad: Pad) -> None:
+    path = tmp_path / "split.onnx"
+    whole = onnx.load(str(DEFAULT_PATH))
+    onnx.save_model(whole, str(path), save_as_external_data=True, location="weights.bin", size_threshold=0)
+    assert (tmp_path / "weights.bin").stat().st_size > 1000
+    with pytest.raises(ModelError, match="external data"):
+        ContactModel.load(str(path), pad)
+
+
 def test_pad_of_other_dimensions_is_refused_and_another_magnet_strength_is_not(pad: Pad) -> None:
     other = replace(pad, rest_position_m=pad.rest_position_m + np.array([0.0, 0.0, 1e-3]))
     with pytest.raises(ModelError, match="other dimensions"):

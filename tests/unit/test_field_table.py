@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmfts.offline import field_table
 from fmfts.offline.field_table import DataError, field_columns, read
 
 HEADER = ",".join([*field_columns(1), "note"])
@@ -32,4 +33,13 @@ def test_empty_cell_is_no_number(tmp_path: Path) -> None:
 def test_row_with_another_number_of_cells_is_named(tmp_path: Path, row: str, cells: int) -> None:
     path = written(tmp_path, f"{HEADER}\n1,2,3,a\n\n{row}\n")
     with pytest.raises(DataError, match=f"field.csv: row 4 has {cells} cells, the header 4"):
+        read(path, 1)
+
+
+def test_file_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, f"{HEADER}\n1,2,3,a\n")
+    monkeypatch.setattr(field_table, "LARGEST_CHARACTERS", path.stat().st_size)
+    assert len(read(path, 1).line) == 1
+    monkeypatch.setattr(field_table, "LARGEST_CHARACTERS", path.stat().st_size - 1)
+    with pytest.raises(DataError, match="is larger than"):
         read(path, 1)

@@ -25,6 +25,7 @@ FORMAT = 1
 Array = NDArray[np.float64]
 Rows = tuple[tuple[float, float, float], ...]
 Kind = Literal["bare", "rest"]
+LARGEST_BYTES = 4_000_000
 
 
 class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -232,11 +233,15 @@ def load(path: Path, pad: Pad) -> Baseline | None:
     """The stored baseline, None where there is none; BaselineError where the file is damaged or another pad's."""
     again = "record it again (fmfts-daemon baseline)"
     try:
-        text = path.read_bytes()
+        with path.open("rb") as file:
+            text = file.read(LARGEST_BYTES + 1)
     except FileNotFoundError:
         return None
     except OSError as error:
         raise BaselineError(f"pad '{pad.name}': baseline {path} cannot be read: {error.strerror}") from error
+    if len(text) > LARGEST_BYTES:
+        larger = f"larger than {LARGEST_BYTES / 1e6:g} MB, and no baseline is"
+        raise BaselineError(f"pad '{pad.name}': baseline {path} is {larger}: {again}")
     try:
         baseline = msgspec.json.decode(text, type=Baseline)
     except msgspec.DecodeError as error:

@@ -187,6 +187,13 @@ def read_versions(model: bytes) -> tuple[int, int]:
     return ir_version, opset
 
 
+def require_whole(content: bytes) -> None:
+    """ValueError where weights lie in other files: none but the one that the configuration names is opened, and its
+    hash is all of the model's. ONNX: every TensorProto.external_data has the key "location"."""
+    if b"location" in content:
+        raise ValueError('weights in other files ("external data") are not read: save it as one file')
+
+
 def _protobuf_fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
     """Number and value of each top-level field; ValueError where the bytes end within one."""
     position = 0

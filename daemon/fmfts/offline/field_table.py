@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+LARGEST_CHARACTERS = 200_000_000  # a day of one frame a second, or a quarter of an hour of all frames
 LARGEST_FIELD_UT = 1000.0  # 10 G: the chip's largest range ends at 8.1 G
 
 
@@ -37,9 +38,12 @@ def field_columns(sensors: int) -> list[str]:
 def read(path: Path, sensors: int) -> FieldTable:
     """Raises DataError: a missing column, a cell that is no number, a field no sensor could have measured."""
     try:
-        text = path.read_text(encoding="utf-8-sig")  # some spreadsheets put a byte order mark first
+        with path.open(encoding="utf-8-sig") as file:  # some spreadsheets put a byte order mark first
+            text = file.read(LARGEST_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: cannot be read: {error}") from error
+    if len(text) > LARGEST_CHARACTERS:
+        raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
     lines = csv.DictReader(io.StringIO(text))
     header = list(lines.fieldnames or [])
     wanted = field_columns(sensors)
