@@ -20,7 +20,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd faketime)
 
-.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model clean base-packages test-packages
+.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model recordings clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -75,6 +75,10 @@ collect-drills: $(VENV)/.installed-test firmware
 # The shipped contact model, made again from the calibration set.
 model: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts.calibrate.default_model
+
+# The recordings that the tests replay, made again: a changed expectation wants a reason in its commit.
+recordings: $(VENV)/.installed-test
+	$(BIN)/python tests/data/make_recordings.py
 
 $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch] daemon/fmfts/sensor/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }

@@ -202,7 +202,7 @@ class Channel:
     def _tell_recorders(self, frame: Frame, used: bool) -> None:
         if self.config is not None and self._publisher.state_wanted(self.name):
             self._send_state(self.config)
-        self._publisher.send_frame(self.name, self._frame_message(frame, used))
+        self._publisher.send_frame(self.name, frame_message(frame, self.name, self._boot, time.time_ns(), used))
 
     def _send_state(self, config: PadConfig) -> None:
         """What cannot be recorded must not end what can be felt."""
@@ -212,22 +212,24 @@ class Channel:
             self._publisher.state_told(self.name)
             log.exception("pad '%s': its state cannot be recorded, worth reporting", self.name)
 
-    def _frame_message(self, frame: Frame, used: bool) -> FrameMessage:
-        return FrameMessage(
-            pad=self.name,
-            boot=self._boot,
-            sequence=frame.sequence,
-            device_time_us=frame.device_time_us,
-            host_time_ns=frame.host_time_ns,
-            utc_ns=time.time_ns(),
-            gain_code=frame.gain_code,
-            counts=[(x, y, z) for x, y, z in frame.counts.tolist()],
-            age_us=frame.age_us.tolist(),
-            fresh=frame.fresh.tolist(),
-            valid=frame.valid.tolist(),
-            temperature_c=frame.temperature_c,
-            used=used,
-        )
+
+def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
+    """What a recording needs of a frame; `frame_of` (sensor/replayed.py) is its inverse."""
+    return FrameMessage(
+        pad=pad,
+        boot=boot,
+        sequence=frame.sequence,
+        device_time_us=frame.device_time_us,
+        host_time_ns=frame.host_time_ns,
+        utc_ns=utc_ns,
+        gain_code=frame.gain_code,
+        counts=[(x, y, z) for x, y, z in frame.counts.tolist()],
+        age_us=frame.age_us.tolist(),
+        fresh=frame.fresh.tolist(),
+        valid=frame.valid.tolist(),
+        temperature_c=frame.temperature_c,
+        used=used,
+    )
 
 
 def _place(message: ContactMessage) -> str:

@@ -1,0 +1,123 @@
+"""Makes tests/data/recordings/*.mcap: `make recordings`, or `python tests/data/make_recordings.py [FOLDER]`.
+
+What each shows stands in recordings/README.md. Frames and contacts are those of a simulated pad on a clock that counts
+from zero, so that nothing in the files depends on when they were made.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from fmfts.ambient import Baseline
+from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
+from fmfts.contact import ContactModel
+from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.memory import state_message
+from fmfts.pipeline import PadPipeline
+from fmfts.record.file import RecordingWriter
+from fmfts.running.channel import frame_message
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+from fmfts.sensor.simulated import Simulated
+from fmfts.simulate.finger import Finger, Touch
+
+FOLDER = Path(__file__).parent / "recordings"
+RATE_HZ, SECONDS, BOOT, WHEN = 220, 3.0, "recorded", "1970-01-01T00:00:00+00:00"
+PAD = "left"
+Fault = Callable[[float, Frame], Frame]
+
+
+def taps(time_s: float) -> Touch:
+    """Three taps of 1.2 N, each 0.4 s long, at three places."""
+    number, phase_s = divmod(time_s, 0.9)
+    x_m = (-4e-3, 0.0, 5e-3)[min(int(number), 2)]
+    force_n = 1.2 * np.sin(np.pi * (phase_s - 0.3) / 0.4) ** 2 if 0.3 < phase_s < 0.7 else 0.0
+    return Touch(x_m, 2e-3, float(force_n))
+
+
+def nobody(time_s: float) -> Touch:
+    return Touch(0.0, 0.0, 0.0)
+
+
+def whole(time_s: float, frame: Frame) -> Frame:
+    return frame
+
+
+def shifted_then_silent(time_s: float, frame: Frame) -> Frame:
+    """Sensor 2 reads 18 µT too much for half a second, and sensor 0 nothing at all for another."""
+    counts, valid = frame.counts.copy(), frame.valid.copy()
+    if 0.7 < time_s < 1.2:
+        counts[2] += 120
+    if 1.8 < time_s < 2.3:
+        valid[0] = False
+    return replace(frame, counts=counts, valid=valid)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    finger: Finger
+    ambient: SceneConfig
+    turning_deg_per_s: float = 0.0
+    fault: Fault = whole
+
+
+SCENES = {
+    "taps": Scene(taps, SceneConfig(ambient="constant")),
+    "fault": Scene(nobody, SceneConfig(ambient="drifting"), fault=shifted_then_silent),
+    "turning": Scene(taps, SceneConfig(ambient="drifting"), turning_deg_per_s=60.0),
+}
+
+
+def make(name: str, path: Path) -> None:
+    """RecordingError where the file is there already."""
+    scene = SCENES[name]
+    config = PadConfig(
+        name=PAD,
+        source=SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=scene.turning_deg_per_s),
+        scene=scene.ambient,
+        tolerance=ToleranceConfig(gain=0.005),
+    )
+    drawing = config.pad()
+    tracking = choose(config.scene, config.magnet).tracking
+    pipeline = PadPipeline(drawing, ContactModel.load("default", drawing), BOOT, float(RATE_HZ), tracking)
+    pipeline.use(undated(simulated_baseline(config)))
+    source, writer = Simulated(config), RecordingWriter(path)
+    source.finger = scene.finger
+    state = msgspec.structs.replace(state_message(pipeline, config, BOOT), utc_ns=0)
+    writer.add("state", PAD, msgspec.to_builtins(state))
+    for number in range(round(SECONDS * RATE_HZ)):
+        now_ns = -(-number * 1_000_000_000 // RATE_HZ)
+        for healthy in source.poll(now_ns):
+            frame = scene.fault(number / RATE_HZ, healthy)
+            writer.add("frame", PAD, msgspec.to_builtins(frame_message(frame, PAD, BOOT, now_ns)))
+            contact = msgspec.structs.replace(pipeline.process(frame), t_publish_ns=now_ns, utc_ns=now_ns)
+            writer.add("contact", PAD, msgspec.to_builtins(contact))
+    writer.finish()
+    writer.close()
+
+
+def undated(baseline: Baseline) -> Baseline:
+    """The same as if made when the clock was at zero."""
+    assert baseline.bare is not None
+    assert baseline.rest is not None
+    bare, rest = (msgspec.structs.replace(one, utc=WHEN) for one in (baseline.bare, baseline.rest))
+    return msgspec.structs.replace(baseline, bare=bare, rest=rest).sealed()
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    for name in SCENES:
+        path = folder / f"{name}.mcap"
+        path.unlink(missing_ok=True)
+        make(name, path)
+        print(f"{path}: {path.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""The recordings of tests/data/recordings, replayed: what each must say, and how equal to what was said once."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.record.file import read
+from fmfts.record.replay import Replay, essence
+
+FOLDER = Path(__file__).parents[1] / "data" / "recordings"
+RECORDINGS = sorted(FOLDER.glob("*.mcap"))
+# docs: recordings/README.md. The model computes in single precision, all else in double.
+OF_THE_MODEL = re.compile(r"^(x|y|force|shear)_.*")
+SINGLE, DOUBLE, NEAR_ZERO = 1e-5, 1e-9, 1e-8
+LARGEST_BYTES = 300_000
+FILTERS_LEARN_S = 0.2
+
+
+def expected(path: Path) -> list[ContactMessage]:
+    return [one.message for one in read(path) if isinstance(one.message, ContactMessage)]
+
+
+def replayed(path: Path) -> list[ContactMessage]:
+    return list(Replay(path).contacts())
+
+
+def differences(said: Any, wanted: Any, name: str = "") -> list[str]:
+    """The fields that differ by more than another machine's arithmetic does."""
+    if said is None or wanted is None:
+        return [] if said is wanted else [name]
+    if isinstance(wanted, dict):
+        return [each for key in wanted for each in differences(said.get(key), wanted[key], key)]
+    if isinstance(wanted, Sequence) and not isinstance(wanted, str):
+        size = max(map(abs, wanted))
+        close = len(said) == len(wanted) and all(
+            math.isclose(a, b, rel_tol=0.0, abs_tol=DOUBLE * size) for a, b in zip(said, wanted, strict=True)
+        )
+        return [] if close else [name]
+    if isinstance(wanted, float) and isinstance(said, float):
+        of_the_model = OF_THE_MODEL.match(name) is not None
+        tolerance = {"rel_tol": SINGLE, "abs_tol": NEAR_ZERO} if of_the_model else {"rel_tol": DOUBLE}
+        return [] if math.isclose(said, wanted, **tolerance) else [name]
+    if name == "reason":  # holds rounded numbers
+        said, wanted = (re.sub(r"\d{2,}", "…", each) for each in (said, wanted))
+    return [] if said == wanted else [name]
+
+
+def seconds(contact: ContactMessage) -> float:
+    return contact.t_sample_ns * 1e-9
+
+
+def test_there_are_recordings_small_and_each_explained() -> None:
+    text = (FOLDER / "README.md").read_text()
+    assert len(RECORDINGS) >= 3
+    for path in RECORDINGS:
+        assert f"`{path.name}`" in text
+        assert path.stat().st_size < LARGEST_BYTES
+
+
+@pytest.mark.parametrize("path", RECORDINGS, ids=lambda path: path.stem)
+def test_replay_is_the_same_bit_for_bit_each_time_and_says_what_was_said(path: Path) -> None:
+    once, again, wanted = replayed(path), replayed(path), expected(path)
+    assert [essence(each) for each in once] == [essence(each) for each in again]
+    assert len(once) == len(wanted) > 600
+    differing = {
+        (contact.seq, name)
+        for contact, other in zip(once, wanted, strict=True)
+        for name in differences(essence(contact), essence(other))
+    }
+    assert not differing
+
+
+@pytest.mark.parametrize("name", ["taps", "turning"])
+def test_three_taps_are_three_touches(name: str) -> None:
+    contacts = expected(FOLDER / f"{name}.mcap")
+    assert {contact.health for contact in contacts} == {"ok"}
+    onsets = [seconds(after) for before, after in pairwise(contacts) if after.contact and not before.contact]
+    assert onsets == pytest.approx([0.3, 1.2, 2.1], abs=0.1)  # a tap begins as sin²: 50 mN after 30 ms
+    hardest = [max(each.force_n or 0.0 for each in contacts if t < seconds(each) < t + 0.5) for t in (0.25, 1.15, 2.05)]
+    assert hardest == pytest.approx([1.2, 1.2, 1.2], rel=0.15)
+
+
+def test_fault_that_comes_and_goes_is_named_and_forgiven() -> None:
+    contacts = expected(FOLDER / "fault.mcap")
+    assert not any(contact.contact for contact in contacts)
+    for contact in contacts:
+        at_s = seconds(contact)
+        if 0.72 < at_s < 1.19:
+            assert contact.health == "degraded"
+            assert "sensor 3" in contact.reason
+        if 1.82 < at_s < 2.29:
+            assert not contact.sensors_ok & 1
+        if FILTERS_LEARN_S < at_s < 0.69:
+            assert contact.health == "ok"
+    assert contacts[-1].health == "ok"
+
+
+def test_a_change_that_matters_is_a_difference() -> None:
+    contact = essence(expected(FOLDER / "taps.mcap")[100])
+    pose = contact["pose"]
+    shifted = [pose["position_m"][0] + 1e-10, *pose["position_m"][1:]]
+    assert differences(contact | {"pose": pose | {"position_m": shifted}}, contact) == ["position_m"]
+    assert differences(contact | {"force_n": contact["force_n"] + 1e-4}, contact) == ["force_n"]
+    assert differences(contact | {"health": "lost", "pose": None}, contact) == ["health", "pose"]
