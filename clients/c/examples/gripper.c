@@ -1,0 +1,61 @@
+/* Close until the pad feels LIMIT_N; open at once when it feels more, too much to measure, or nothing trustworthy.
+ * A loop of 1 kHz, as robots have them: it never waits for the pad. */
+#define _POSIX_C_SOURCE 200809L
+#include <fmfts.h>
+#include <stdio.h>
+#include <time.h>
+
+static const double limit_n = 1.0;
+enum { PERIOD_NS = 1000000 };
+
+/* NULL: nothing speaks against closing. */
+static const char *why_open(const struct fmfts_client *client, const struct fmfts_contact *contact)
+{
+    if (!fmfts_alive(client) || !fmfts_fresh(client))
+        return "nothing arrives";
+    if (contact->over_range)
+        return "more than the pad can measure";
+    if (contact->health != FMFTS_OK)
+        return fmfts_health_name(contact->health);
+    if (!fmfts_valid(client))
+        return "no trustworthy force";
+    return contact->force_n.value > limit_n ? "pressed hard enough" : NULL;
+}
+
+static void wait_for_next_period(struct timespec *at)
+{
+    at->tv_nsec += PERIOD_NS;
+    if (at->tv_nsec >= 1000000000) {
+        at->tv_nsec -= 1000000000;
+        at->tv_sec++;
+    }
+    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, at, NULL);
+}
+
+int main(int count, char **words)
+{
+    char why[FMFTS_TEXT_SIZE];
+    struct fmfts_client *client = fmfts_connect(count > 1 ? words[1] : "demo", NULL, why);
+    if (!client) {
+        fprintf(stderr, "gripper: %s\n", why);
+        return 69;
+    }
+    struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
+    enum { UNSET, CLOSED, OPEN } hand = UNSET;
+    enum fmfts_result result;
+    struct timespec period;
+    clock_gettime(CLOCK_MONOTONIC, &period);
+    while ((result = fmfts_latest(client, &contact, 0)) >= 0) {
+        const char *reason = why_open(client, &contact);
+        if (hand != (reason ? OPEN : CLOSED)) {
+            hand = reason ? OPEN : CLOSED;
+            /* Your gripper's command goes here. */
+            printf(reason ? "OPEN (%s)\n" : "CLOSE\n", reason);
+            fflush(stdout);
+        }
+        wait_for_next_period(&period);
+    }
+    printf("OPEN (%s)\n", result == FMFTS_WRONG_VERSION ? fmfts_refusal(client) : "the socket is broken");
+    fmfts_close(client);
+    return 69;
+}

@@ -1,0 +1,54 @@
+// The same gripper in C++: sleeps until something comes, and owns the client by a unique_ptr.
+#include <fmfts.h>
+
+#include <iostream>
+#include <memory>
+#include <string>
+
+namespace {
+
+constexpr double limit_n = 1.0;
+
+struct Close {
+    void operator()(fmfts_client *client) const { fmfts_close(client); }
+};
+using Client = std::unique_ptr<fmfts_client, Close>;
+
+// Empty: nothing speaks against closing.
+std::string why_open(const Client &client, const fmfts_contact &contact)
+{
+    if (!fmfts_alive(client.get()) || !fmfts_fresh(client.get()))
+        return "nothing arrives";
+    if (contact.over_range)
+        return "at least " + std::to_string(contact.force_min_n.known ? contact.force_min_n.value : 0.0) + " N";
+    if (contact.health != FMFTS_OK)
+        return std::string(fmfts_health_name(contact.health)) + ": " + contact.reason;
+    if (!fmfts_valid(client.get()))
+        return "no trustworthy force";
+    return contact.force_n.value > limit_n ? std::to_string(contact.force_n.value) + " N" : "";
+}
+
+} // namespace
+
+int main(int count, char **words)
+{
+    char why[FMFTS_TEXT_SIZE];
+    const Client client(fmfts_connect(count > 1 ? words[1] : "demo", nullptr, why));
+    if (!client) {
+        std::cerr << "gripper: " << why << '\n';
+        return 69;
+    }
+    fmfts_contact contact{};
+    std::string hand;
+    fmfts_result result;
+    while ((result = fmfts_latest(client.get(), &contact, FMFTS_ALIVE_MS)) >= 0) {
+        const std::string reason = why_open(client, contact);
+        const std::string wanted = reason.empty() ? "CLOSE" : "OPEN";
+        if (hand != wanted)
+            // Your gripper's command goes here.
+            std::cout << wanted << (reason.empty() ? "" : " (" + reason + ")") << std::endl;
+        hand = wanted;
+    }
+    std::cout << "OPEN (" << fmfts_refusal(client.get()) << ")" << std::endl;
+    return 69;
+}

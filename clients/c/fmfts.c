@@ -1,0 +1,863 @@
+/* The client in four parts: msgpack, the schema, where the daemon is and who may listen, the client. */
+#define _GNU_SOURCE
+#include "fmfts.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+#include <zmq.h>
+
+__attribute__((format(printf, 2, 3))) static bool fail(char why[FMFTS_TEXT_SIZE], const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(why, FMFTS_TEXT_SIZE, format, arguments);
+    va_end(arguments);
+    return false;
+}
+
+/* ---- msgpack (https://github.com/msgpack/msgpack/blob/master/spec.md): one head at a time ---- */
+
+enum type { NEVER, NIL, BOOLEAN, UNSIGNED, SIGNED, FLOAT, TEXT, BYTES, EXTENSION, ARRAY, MAP };
+
+struct reader {
+    const uint8_t *at, *end;
+};
+
+struct item {
+    enum type type;
+    uint64_t bits; /* of a number; 1: true; how many bytes, elements or pairs follow */
+    double number;
+    const uint8_t *bytes; /* of TEXT, BYTES and EXTENSION */
+};
+
+static uint64_t big_endian(const uint8_t *bytes, size_t count)
+{
+    uint64_t value = 0;
+    for (size_t i = 0; i < count; i++)
+        value = value << 8 | bytes[i];
+    return value;
+}
+
+static double float_of(uint64_t bits, size_t width)
+{
+    if (width == 8) {
+        double value;
+        memcpy(&value, &bits, sizeof value);
+        return value;
+    }
+    uint32_t half = (uint32_t)bits;
+    float value;
+    memcpy(&value, &half, sizeof value);
+    return (double)value;
+}
+
+/* The heads 0xC0 to 0xDF; `width`: of the number that follows the head. */
+static const struct {
+    uint8_t type, width;
+} heads[32] = {
+    {NIL, 0},       {NEVER, 0},     {BOOLEAN, 0},   {BOOLEAN, 0},   {BYTES, 1},     {BYTES, 2},    {BYTES, 4},
+    {EXTENSION, 1}, {EXTENSION, 2}, {EXTENSION, 4}, {FLOAT, 4},     {FLOAT, 8},     {UNSIGNED, 1}, {UNSIGNED, 2},
+    {UNSIGNED, 4},  {UNSIGNED, 8},  {SIGNED, 1},    {SIGNED, 2},    {SIGNED, 4},    {SIGNED, 8},   {EXTENSION, 0},
+    {EXTENSION, 0}, {EXTENSION, 0}, {EXTENSION, 0}, {EXTENSION, 0}, {TEXT, 1},      {TEXT, 2},     {TEXT, 4},
+    {ARRAY, 2},     {ARRAY, 4},     {MAP, 2},       {MAP, 4},
+};
+
+static void read_short(uint8_t head, struct item *item)
+{
+    if (head < 0x80)
+        *item = (struct item){.type = UNSIGNED, .bits = head};
+    else if (head >= 0xE0)
+        *item = (struct item){.type = SIGNED, .bits = (uint64_t)(int64_t)(head - 0x100)};
+    else if (head < 0x90)
+        *item = (struct item){.type = MAP, .bits = head & 15U};
+    else if (head < 0xA0)
+        *item = (struct item){.type = ARRAY, .bits = head & 15U};
+    else
+        *item = (struct item){.type = TEXT, .bits = head & 31U};
+}
+
+static bool read_long(struct reader *reader, uint8_t head, struct item *item)
+{
+    size_t width = heads[head & 31].width;
+    if ((size_t)(reader->end - reader->at) < width)
+        return false;
+    *item = (struct item){.type = (enum type)heads[head & 31].type, .bits = big_endian(reader->at, width)};
+    reader->at += width;
+    if (item->type == BOOLEAN)
+        item->bits = head & 1;
+    else if (item->type == SIGNED && width < 8 && item->bits >> (8 * width - 1))
+        item->bits |= UINT64_MAX << (8 * width);
+    else if (item->type == FLOAT)
+        item->number = float_of(item->bits, width);
+    else if (item->type == EXTENSION)
+        item->bits = 1 + (width ? item->bits : 1U << (head - 0xD4)); /* its type is one more byte */
+    return item->type != NEVER;
+}
+
+/* RFC 3629: the shortest form, no surrogates, at most U+10FFFF. */
+static bool is_utf8(const uint8_t *at, const uint8_t *end)
+{
+    while (at < end) {
+        uint8_t lead = *at++;
+        if (lead < 0x80)
+            continue;
+        int more = lead >= 0xF0 ? 3 : lead >= 0xE0 ? 2 : 1;
+        uint8_t low = lead == 0xE0 ? 0xA0 : lead == 0xF0 ? 0x90 : 0x80;
+        uint8_t high = lead == 0xED ? 0x9F : lead == 0xF4 ? 0x8F : 0xBF;
+        if (lead < 0xC2 || lead > 0xF4 || end - at < more || *at < low || *at > high)
+            return false;
+        for (at++; --more > 0; at++)
+            if ((*at & 0xC0) != 0x80)
+                return false;
+    }
+    return true;
+}
+
+/* The next item; of arrays and maps the head only. False where the message is cut off or is no msgpack. */
+static bool read_item(struct reader *reader, struct item *item)
+{
+    if (reader->at == reader->end)
+        return false;
+    uint8_t head = *reader->at++;
+    if (head < 0xC0 || head >= 0xE0)
+        read_short(head, item);
+    else if (!read_long(reader, head, item))
+        return false;
+    if (item->type == UNSIGNED || item->type == SIGNED)
+        item->number = item->type == SIGNED ? (double)(int64_t)item->bits : (double)item->bits;
+    if (item->type < TEXT)
+        return true;
+    /* Whatever follows takes a byte at least: more than is left cannot be. */
+    if (item->bits > (uint64_t)(reader->end - reader->at))
+        return false;
+    if (item->type <= EXTENSION) {
+        item->bytes = reader->at;
+        reader->at += item->bits;
+    }
+    return item->type != TEXT || is_utf8(item->bytes, reader->at);
+}
+
+/* One value with all that is in it, however deep. */
+static bool skip(struct reader *reader)
+{
+    for (uint64_t left = 1; left > 0; left--) {
+        struct item item;
+        if (!read_item(reader, &item))
+            return false;
+        if (item.type == ARRAY || item.type == MAP)
+            left += item.type == MAP ? 2 * item.bits : item.bits;
+        if (left > 1 + (uint64_t)(reader->end - reader->at))
+            return false;
+    }
+    return true;
+}
+
+static bool is_text(const struct item *item, const char *text)
+{
+    return item->type == TEXT && item->bits == strlen(text) && memcmp(item->bytes, text, item->bits) == 0;
+}
+
+/* ---- the schema: docs/messages.md ---- */
+
+enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE };
+
+enum { ALWAYS = -1 }; /* in place of the offset of `known`: null is refused */
+
+struct field {
+    const char *name;
+    enum kind kind;
+    ptrdiff_t known;
+    size_t value;
+};
+
+#define FIELD(kind, of, name) {#name, kind, ALWAYS, offsetof(struct of, name)}
+#define NULLABLE(kind, of, name) {#name, kind, offsetof(struct of, name.known), offsetof(struct of, name.value)}
+
+static const struct field pose_fields[] = {
+    FIELD(VECTOR, fmfts_pose, position_m),
+    FIELD(VECTOR, fmfts_pose, position_sd_m),
+    FIELD(VECTOR, fmfts_pose, axis),
+    FIELD(NUMBER, fmfts_pose, axis_sd_rad),
+    FIELD(NUMBER, fmfts_pose, remanence_t),
+    FIELD(NUMBER, fmfts_pose, remanence_sd_t),
+    NULLABLE(VECTOR, fmfts_pose, ambient_t),
+    NULLABLE(VECTOR, fmfts_pose, ambient_sd_t),
+    FIELD(NUMBER, fmfts_pose, residual_t),
+    FIELD(NUMBER, fmfts_pose, chi2),
+};
+
+/* In the daemon's order, where looking one up takes a single comparison. */
+static const struct field contact_fields[] = {
+    FIELD(WORD, fmfts_contact, pad),
+    FIELD(WORD, fmfts_contact, boot),
+    FIELD(INTEGER, fmfts_contact, seq),
+    FIELD(INTEGER, fmfts_contact, t_sample_ns),
+    FIELD(INTEGER, fmfts_contact, t_publish_ns),
+    FIELD(INTEGER, fmfts_contact, utc_ns),
+    NULLABLE(NUMBER, fmfts_contact, temperature_c),
+    FIELD(HEALTH, fmfts_contact, health),
+    FIELD(SENTENCE, fmfts_contact, reason),
+    FIELD(TOUCH, fmfts_contact, contact),
+    NULLABLE(NUMBER, fmfts_contact, x_m),
+    NULLABLE(NUMBER, fmfts_contact, x_sd_m),
+    NULLABLE(NUMBER, fmfts_contact, y_m),
+    NULLABLE(NUMBER, fmfts_contact, y_sd_m),
+    NULLABLE(NUMBER, fmfts_contact, force_n),
+    NULLABLE(NUMBER, fmfts_contact, force_sd_n),
+    NULLABLE(NUMBER, fmfts_contact, shear_x_n),
+    NULLABLE(NUMBER, fmfts_contact, shear_x_sd_n),
+    NULLABLE(NUMBER, fmfts_contact, shear_y_n),
+    NULLABLE(NUMBER, fmfts_contact, shear_y_sd_n),
+    FIELD(FLAG, fmfts_contact, over_range),
+    NULLABLE(NUMBER, fmfts_contact, force_min_n),
+    {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose)},
+    FIELD(INTEGER, fmfts_contact, sensors_ok),
+    FIELD(WORD, fmfts_contact, solver),
+    FIELD(WORD, fmfts_contact, model),
+    NULLABLE(WORD, fmfts_contact, baseline),
+};
+
+enum {
+    POSE_COUNT = sizeof pose_fields / sizeof *pose_fields,
+    CONTACT_COUNT = sizeof contact_fields / sizeof *contact_fields
+};
+
+static const char *const health_names[] = {"unknown", "ok",    "degraded",     "disturbed",
+                                           "lost",    "stale", "disconnected", "no_baseline"};
+enum { HEALTHS = sizeof health_names / sizeof *health_names };
+
+const char *fmfts_health_name(enum fmfts_health health)
+{
+    return health_names[(unsigned)health < HEALTHS ? health : 0];
+}
+
+static bool read_number(const struct item *item, double *number)
+{
+    *number = item->number;
+    return (item->type == FLOAT || item->type == UNSIGNED || item->type == SIGNED) && isfinite(item->number);
+}
+
+static bool read_integer(const struct item *item, int64_t *integer)
+{
+    *integer = (int64_t)item->bits;
+    return item->type == SIGNED ? true : item->type == UNSIGNED && item->bits <= INT64_MAX;
+}
+
+static bool read_vector(struct reader *reader, const struct item *item, double vector[3])
+{
+    if (item->type != ARRAY || item->bits != 3)
+        return false;
+    for (int i = 0; i < 3; i++) {
+        struct item component;
+        if (!read_item(reader, &component) || !read_number(&component, &vector[i]))
+            return false;
+    }
+    return true;
+}
+
+static bool read_word(const struct item *item, char word[FMFTS_WORD_SIZE])
+{
+    if (item->type != TEXT || item->bits >= FMFTS_WORD_SIZE || memchr(item->bytes, 0, item->bits))
+        return false;
+    memcpy(word, item->bytes, item->bits);
+    word[item->bits] = 0;
+    return true;
+}
+
+static bool read_sentence(const struct item *item, char sentence[FMFTS_TEXT_SIZE])
+{
+    if (item->type != TEXT)
+        return false;
+    size_t size = item->bits;
+    if (size >= FMFTS_TEXT_SIZE) {
+        size = FMFTS_TEXT_SIZE - 1;
+        while (size > 0 && (item->bytes[size] & 0xC0) == 0x80) /* never within a character */
+            size--;
+    }
+    memcpy(sentence, item->bytes, size);
+    sentence[size] = 0;
+    return true;
+}
+
+static bool read_health(const struct item *item, enum fmfts_health *health)
+{
+    *health = FMFTS_HEALTH_UNKNOWN;
+    for (int i = 1; i < HEALTHS; i++)
+        if (is_text(item, health_names[i]))
+            *health = (enum fmfts_health)i;
+    return item->type == TEXT;
+}
+
+static bool read_flag(const struct item *item, bool *flag)
+{
+    *flag = item->type == BOOLEAN && item->bits;
+    return item->type == BOOLEAN;
+}
+
+static bool read_touch(const struct item *item, enum fmfts_touch *touch)
+{
+    bool touched;
+    bool known = read_flag(item, &touched);
+    *touch = !known ? FMFTS_TOUCH_UNKNOWN : touched ? FMFTS_TOUCHED : FMFTS_UNTOUCHED;
+    return known || item->type == NIL;
+}
+
+/* Where no number is, none must be read by mistake. */
+static void set_unknown(enum kind kind, char *value)
+{
+    int numbers = kind == NUMBER ? 1 : kind == VECTOR ? 3 : 0;
+    for (int i = 0; i < numbers; i++)
+        ((double *)(void *)value)[i] = NAN;
+    for (int i = 0; kind == POSE && i < POSE_COUNT; i++)
+        set_unknown(pose_fields[i].kind, value + pose_fields[i].value);
+}
+
+static bool read_map(struct reader *reader, const struct item *map, const struct field *fields, int count, void *into,
+                     char why[FMFTS_TEXT_SIZE]);
+
+static bool read_pose(struct reader *reader, const struct item *item, struct fmfts_pose *pose,
+                      char why[FMFTS_TEXT_SIZE])
+{
+    bool read = read_map(reader, item, pose_fields, POSE_COUNT, pose, why);
+    pose->known = read;
+    return read;
+}
+
+static bool read_value(struct reader *reader, const struct item *item, enum kind kind, void *value,
+                       char why[FMFTS_TEXT_SIZE])
+{
+    switch (kind) {
+    case INTEGER:
+        return read_integer(item, value);
+    case NUMBER:
+        return read_number(item, value);
+    case FLAG:
+        return read_flag(item, value);
+    case TOUCH:
+        return read_touch(item, value);
+    case HEALTH:
+        return read_health(item, value);
+    case SENTENCE:
+        return read_sentence(item, value);
+    case WORD:
+        return read_word(item, value);
+    case VECTOR:
+        return read_vector(reader, item, value);
+    case POSE:
+        return read_pose(reader, item, value, why);
+    }
+    return false;
+}
+
+static bool read_field(struct reader *reader, const struct field *field, char *into, char why[FMFTS_TEXT_SIZE])
+{
+    static const char *const wanted[] = {
+        "an integer of 64 bits", "a finite number",       "true or false", "true, false or null", "text", "text",
+        "text of 64 bytes",      "three finite numbers", "a map"};
+    struct item item;
+    if (!read_item(reader, &item))
+        return fail(why, "cut off, or no msgpack, at %s", field->name);
+    bool known = field->known == ALWAYS || item.type != NIL;
+    if (known && !read_value(reader, &item, field->kind, into + field->value, why))
+        return *why ? false : fail(why, "%s is not %s", field->name, wanted[field->kind]);
+    if (!known)
+        set_unknown(field->kind, into + field->value);
+    if (field->known != ALWAYS)
+        *(bool *)(into + field->known) = known;
+    return true;
+}
+
+/* Its place among `fields`, searched from `expected` on; `count` where it is none of them. */
+static int find(const struct item *key, const struct field *fields, int count, int expected)
+{
+    for (int i = 0; i < count; i++) {
+        int index = (expected + i) % count;
+        if (is_text(key, fields[index].name))
+            return index;
+    }
+    return count;
+}
+
+static bool read_map(struct reader *reader, const struct item *map, const struct field *fields, int count, void *into,
+                     char why[FMFTS_TEXT_SIZE])
+{
+    if (map->type != MAP)
+        return false;
+    uint64_t seen = 0;
+    int expected = 0;
+    for (uint64_t left = map->bits; left > 0; left--) {
+        struct item key;
+        if (!read_item(reader, &key) || key.type != TEXT)
+            return fail(why, "cut off, or no msgpack map with text as keys");
+        int index = find(&key, fields, count, expected);
+        if (index == count) {
+            if (!skip(reader))
+                return fail(why, "cut off, or no msgpack");
+            continue;
+        }
+        if (!read_field(reader, &fields[index], into, why))
+            return false;
+        seen |= UINT64_C(1) << index;
+        expected = index + 1;
+    }
+    for (int i = 0; i < count; i++)
+        if (!(seen >> i & 1))
+            return fail(why, "%s is missing", fields[i].name);
+    return true;
+}
+
+/* Before anything else: in another version all the rest may mean something else. The map's head has been read. */
+static enum fmfts_result check_version(struct reader reader, uint64_t pairs, char why[FMFTS_TEXT_SIZE])
+{
+    struct item version = {.type = NIL};
+    for (; pairs > 0; pairs--) {
+        struct item key, value;
+        if (!read_item(&reader, &key))
+            break;
+        struct reader at_value = reader;
+        if (!skip(&reader))
+            break;
+        if (is_text(&key, "v") && read_item(&at_value, &value))
+            version = value;
+    }
+    if (pairs > 0 || reader.at != reader.end) {
+        fail(why, "cut off, or no msgpack, or more than one message in one");
+        return FMFTS_REFUSED;
+    }
+    if (version.type == UNSIGNED && version.bits == FMFTS_SCHEMA_VERSION)
+        return FMFTS_NEW;
+    if (version.type == UNSIGNED)
+        fail(why, "the daemon sends schema version %.17g, this client reads %d: build it with the daemon's own fmfts.c",
+             version.number, FMFTS_SCHEMA_VERSION);
+    else
+        fail(why, "the daemon names no schema version, this client reads %d", FMFTS_SCHEMA_VERSION);
+    return FMFTS_WRONG_VERSION;
+}
+
+enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_contact *contact, char why[FMFTS_TEXT_SIZE])
+{
+    struct reader reader = {body, (const uint8_t *)body + size};
+    struct item map;
+    *why = 0;
+    if (!read_item(&reader, &map) || map.type != MAP) {
+        fail(why, "not a msgpack map");
+        return FMFTS_REFUSED;
+    }
+    enum fmfts_result version = check_version(reader, map.bits, why);
+    if (version != FMFTS_NEW)
+        return version;
+    struct fmfts_contact read;
+    memset(&read, 0, sizeof read);
+    if (!read_map(&reader, &map, contact_fields, CONTACT_COUNT, &read, why))
+        return FMFTS_REFUSED;
+    *contact = read;
+    return FMFTS_NEW;
+}
+
+/* ---- where the daemon is, and who may listen: as clients/python/fmfts_client does it ---- */
+
+enum {
+    LONGEST_SOCKET_PATH = 107, /* sockaddr_un.sun_path holds 108 bytes with the closing zero */
+    ENDPOINT_SIZE = 320,
+    KEY_SIZE = 41, /* 32 bytes in Z85 (RFC 32), and the closing zero */
+    LARGEST_KEY_FILE = 4096
+};
+
+static bool starts_with(const char *text, const char *start)
+{
+    return strncmp(text, start, strlen(start)) == 0;
+}
+
+static const char *named(const char *variable)
+{
+    const char *value = getenv(variable);
+    return value && *value ? value : NULL;
+}
+
+static bool is_directory(const char *path)
+{
+    struct stat found;
+    return stat(path, &found) == 0 && S_ISDIR(found.st_mode);
+}
+
+static bool bus_in(const char *directory, char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
+{
+    if (strlen(directory) + strlen("/control") > LONGEST_SOCKET_PATH)
+        return fail(why, "%.120s… is too long for a socket: choose a shorter directory with FMFTS_BUS", directory);
+    snprintf(endpoint, ENDPOINT_SIZE, "ipc://%s/bus", directory);
+    return true;
+}
+
+static bool bus_of(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
+{
+    if (starts_with(base, "ipc:///"))
+        return bus_in(base + strlen("ipc://"), endpoint, why);
+    const char *colon = strrchr(base, ':');
+    if (starts_with(base, "tcp://") && colon > base + strlen("tcp://") && strlen(base) < ENDPOINT_SIZE) {
+        const char *port = colon + 1;
+        size_t digits = strspn(port, "0123456789");
+        long number = strtol(port, NULL, 10);
+        if (digits > 0 && port[digits] == 0 && number > 0 && number <= 65533) {
+            snprintf(endpoint, ENDPOINT_SIZE, "%s", base);
+            return true;
+        }
+    }
+    return fail(why, "'%.100s' is no base: give ipc:///absolute/directory or tcp://host:port (at most 65533)", base);
+}
+
+static const char *temporary_directory(void)
+{
+    static const char *const variables[] = {"TMPDIR", "TEMP", "TMP"};
+    for (int i = 0; i < 3; i++) {
+        const char *value = named(variables[i]);
+        if (value && is_directory(value) && access(value, W_OK | X_OK) == 0)
+            return value;
+    }
+    return "/tmp";
+}
+
+/* Made 0700, and refused where it is somebody else's: whoever can place a socket there can tell a robot any force. */
+static bool own_bus(char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
+{
+    char directory[ENDPOINT_SIZE];
+    const char *runtime = named("XDG_RUNTIME_DIR");
+    if (runtime && is_directory(runtime))
+        snprintf(directory, sizeof directory, "%s/fmfts", runtime);
+    else
+        snprintf(directory, sizeof directory, "%s/fmfts-%u", temporary_directory(), (unsigned)getuid());
+    struct stat found;
+    if ((mkdir(directory, 0700) != 0 && errno != EEXIST) || lstat(directory, &found) != 0)
+        return fail(why, "cannot use %.120s for the bus (%s): set FMFTS_BUS", directory, strerror(errno));
+    if (!S_ISDIR(found.st_mode) || found.st_uid != getuid() || found.st_mode & 077)
+        return fail(why, "%.120s is not a directory of yours alone: somebody could feed false forces through it. "
+                         "Remove it, or set FMFTS_BUS", directory);
+    return bus_in(directory, endpoint, why);
+}
+
+static bool find_bus(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
+{
+    if (!base || !*base)
+        base = named("FMFTS_BUS");
+    if (base)
+        return bus_of(base, endpoint, why);
+    if (!is_directory("/run/fmfts"))
+        return own_bus(endpoint, why);
+    if (access("/run/fmfts", X_OK) != 0)
+        return fail(why, "the service's /run/fmfts is closed to you: join its group (sudo usermod -aG fmfts $USER, "
+                         "then log in again), or name another daemon with FMFTS_BUS");
+    return bus_in("/run/fmfts", endpoint, why);
+}
+
+static bool is_loopback(const char *tcp)
+{
+    char host[ENDPOINT_SIZE];
+    snprintf(host, sizeof host, "%s", tcp + strlen("tcp://"));
+    *strrchr(host, ':') = 0;
+    if (host[0] == '[' && host[strlen(host) - 1] == ']') {
+        host[strlen(host) - 1] = 0;
+        memmove(host, host + 1, strlen(host));
+    }
+    struct in_addr four;
+    struct in6_addr six;
+    return strcmp(host, "localhost") == 0 || (inet_pton(AF_INET, host, &four) == 1 && ntohl(four.s_addr) >> 24 == 127) ||
+           (inet_pton(AF_INET6, host, &six) == 1 && IN6_IS_ADDR_LOOPBACK(&six));
+}
+
+/* The line `name = "key"` of a key file. */
+static bool key_named(const char *content, const char *name, char key[KEY_SIZE])
+{
+    for (const char *line = content; line; line = strchr(line, '\n')) {
+        line += *line == '\n';
+        size_t size = strlen(name);
+        if (strncmp(line, name, size) != 0 || !starts_with(line + size, " = \""))
+            continue;
+        const char *value = line + size + strlen(" = \"");
+        if (strcspn(value, "\"\n") == KEY_SIZE - 1 && value[KEY_SIZE - 1] == '"') {
+            memcpy(key, value, KEY_SIZE - 1);
+            key[KEY_SIZE - 1] = 0;
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool read_key_file(const char *path, char content[LARGEST_KEY_FILE + 1], char why[FMFTS_TEXT_SIZE])
+{
+    FILE *file = fopen(path, "re");
+    struct stat found;
+    if (!file || fstat(fileno(file), &found) != 0) {
+        fail(why, "key %.120s cannot be read: %s", path, strerror(errno));
+        if (file)
+            fclose(file);
+        return false;
+    }
+    setvbuf(file, NULL, _IONBF, 0); /* no copy of the secret stays in a buffer */
+    content[fread(content, 1, LARGEST_KEY_FILE, file)] = 0;
+    fclose(file);
+    /* Its owner may read and write it, a service's group may read it. */
+    if (found.st_mode & 037)
+        return fail(why, "key %.100s is open to others (mode %04o): chmod 600 %.100s", path, found.st_mode & 07777U,
+                    path);
+    return true;
+}
+
+static bool set_key(void *socket, const char *path, char why[FMFTS_TEXT_SIZE])
+{
+    static const struct {
+        const char *name;
+        int option;
+    } halves[] = {{"server", ZMQ_CURVE_SERVERKEY}, {"public", ZMQ_CURVE_PUBLICKEY}, {"secret", ZMQ_CURVE_SECRETKEY}};
+    char content[LARGEST_KEY_FILE + 1] = {0}, key[KEY_SIZE] = {0};
+    bool set = read_key_file(path, content, why);
+    for (int i = 0; set && i < 3; i++)
+        if (!key_named(content, halves[i].name, key) || zmq_setsockopt(socket, halves[i].option, key, KEY_SIZE) != 0)
+            set = fail(why, "key %.120s has no usable %s: make another with `fmfts-daemon keys new`", path,
+                       halves[i].name);
+    explicit_bzero(content, sizeof content);
+    explicit_bzero(key, sizeof key);
+    return set;
+}
+
+/* Over ipc none is asked for: the socket's permissions say who may. */
+static bool show_key(void *socket, const char *endpoint, char why[FMFTS_TEXT_SIZE])
+{
+    if (!starts_with(endpoint, "tcp://"))
+        return true;
+    const char *path = named("FMFTS_KEY");
+    if (path)
+        return set_key(socket, path, why);
+    return is_loopback(endpoint) ||
+           fail(why, "%.100s is on the network, where fmfts-daemon speaks to keys only: `fmfts-daemon keys new NAME` on "
+                     "its machine makes one, and FMFTS_KEY names the file here", endpoint);
+}
+
+/* ---- the client ---- */
+
+enum {
+    LARGEST_CONTACT = 1 << 16,
+    LARGEST_MESSAGE = 1 << 20, /* beyond this ZeroMQ hangs up */
+    HIGH_MARK = 256,           /* a second of one pad: older contacts help nobody */
+    MOST_AT_ONCE = 1024        /* messages in one fmfts_latest(), so that a flood does not hold up a control loop */
+};
+
+struct fmfts_client {
+    void *context, *socket;
+    char topic[sizeof "contact/" + FMFTS_WORD_SIZE];
+    char refusal[FMFTS_TEXT_SIZE];
+    uint64_t refused, restarts;
+    bool heard;
+    struct fmfts_contact last, next;
+    uint8_t body[LARGEST_CONTACT];
+};
+
+static bool set_option(void *socket, int option, const void *value, size_t size, char why[FMFTS_TEXT_SIZE])
+{
+    return zmq_setsockopt(socket, option, value, size) == 0 || fail(why, "ZeroMQ: %s", zmq_strerror(zmq_errno()));
+}
+
+static bool listen_to(struct fmfts_client *client, const char *endpoint, char why[FMFTS_TEXT_SIZE])
+{
+    int none = 0, high_mark = HIGH_MARK;
+    int64_t largest = LARGEST_MESSAGE;
+    client->context = zmq_ctx_new();
+    client->socket = client->context ? zmq_socket(client->context, ZMQ_SUB) : NULL;
+    if (!client->socket)
+        return fail(why, "ZeroMQ: %s", zmq_strerror(zmq_errno()));
+    /* Never ZMQ_CONFLATE: it drops the topic part. */
+    if (!set_option(client->socket, ZMQ_LINGER, &none, sizeof none, why) ||
+        !set_option(client->socket, ZMQ_RCVHWM, &high_mark, sizeof high_mark, why) ||
+        !set_option(client->socket, ZMQ_MAXMSGSIZE, &largest, sizeof largest, why) ||
+        !set_option(client->socket, ZMQ_SUBSCRIBE, client->topic, strlen(client->topic), why) ||
+        !show_key(client->socket, endpoint, why))
+        return false;
+    return zmq_connect(client->socket, endpoint) == 0 ||
+           fail(why, "cannot connect to %.120s: %s", endpoint, zmq_strerror(zmq_errno()));
+}
+
+struct fmfts_client *fmfts_connect(const char *pad, const char *endpoint, char why[FMFTS_TEXT_SIZE])
+{
+    char bus[ENDPOINT_SIZE];
+    if (!pad || !*pad || strlen(pad) >= FMFTS_WORD_SIZE) {
+        fail(why, "a pad's name has 1 to %d bytes", FMFTS_WORD_SIZE - 1);
+        return NULL;
+    }
+    if (!find_bus(endpoint, bus, why))
+        return NULL;
+    struct fmfts_client *client = calloc(1, sizeof *client);
+    if (!client) {
+        fail(why, "no memory");
+        return NULL;
+    }
+    snprintf(client->topic, sizeof client->topic, "contact/%s", pad);
+    if (listen_to(client, bus, why))
+        return client;
+    fmfts_close(client);
+    return NULL;
+}
+
+void fmfts_close(struct fmfts_client *client)
+{
+    if (!client)
+        return;
+    if (client->socket)
+        zmq_close(client->socket);
+    if (client->context)
+        zmq_ctx_term(client->context);
+    free(client);
+}
+
+static int64_t monotonic_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
+}
+
+static bool is_recent(int64_t then_ns)
+{
+    int64_t now_ns = monotonic_ns();
+    return then_ns <= now_ns && then_ns > now_ns - FMFTS_ALIVE_MS * INT64_C(1000000);
+}
+
+/* One more part of a message into `part`: its size, which may be more than `room`; negative where there is none. */
+static int receive(struct fmfts_client *client, void *part, size_t room, int *more)
+{
+    size_t size = sizeof *more;
+    int received = zmq_recv(client->socket, part, room, ZMQ_DONTWAIT);
+    *more = 0;
+    if (received >= 0)
+        zmq_getsockopt(client->socket, ZMQ_RCVMORE, more, &size);
+    return received;
+}
+
+static enum fmfts_result refuse(struct fmfts_client *client, const char *why)
+{
+    client->refused++;
+    fail(client->refusal, "%s", why);
+    return FMFTS_REFUSED;
+}
+
+static enum fmfts_result accept_body(struct fmfts_client *client, size_t size)
+{
+    char why[FMFTS_TEXT_SIZE];
+    enum fmfts_result result = fmfts_decode(client->body, size, &client->next, why);
+    if (result == FMFTS_WRONG_VERSION)
+        fail(client->refusal, "%s", why);
+    if (result == FMFTS_REFUSED)
+        return refuse(client, why);
+    if (result != FMFTS_NEW)
+        return result;
+    if (strcmp(client->next.pad, client->topic + strlen("contact/")) != 0)
+        return refuse(client, "it speaks of another pad than its topic");
+    client->restarts += client->heard && strcmp(client->next.boot, client->last.boot) != 0;
+    client->heard = true;
+    client->last = client->next;
+    return FMFTS_NEW;
+}
+
+/* One message. FMFTS_REFUSED: it was none of ours, or is not to be used. */
+static enum fmfts_result take(struct fmfts_client *client)
+{
+    char topic[sizeof client->topic];
+    int more, parts = 1;
+    int size = receive(client, topic, sizeof topic, &more);
+    if (size < 0)
+        return zmq_errno() == EAGAIN || zmq_errno() == EINTR ? FMFTS_NOTHING : FMFTS_FAILED;
+    /* ZeroMQ matches prefixes: a subscription to contact/left gets contact/left2 as well. */
+    bool ours = (size_t)size == strlen(client->topic) && memcmp(topic, client->topic, (size_t)size) == 0;
+    for (size = 0; more; parts++)
+        size = receive(client, client->body, sizeof client->body, &more);
+    if (!ours)
+        return FMFTS_REFUSED;
+    if (parts != 2)
+        return refuse(client, "not two parts, topic and body");
+    if (size < 0 || (size_t)size > sizeof client->body)
+        return refuse(client, "longer than 64 KiB");
+    return accept_body(client, (size_t)size);
+}
+
+/* FMFTS_NEW where `last` is newer than before. */
+static enum fmfts_result drain(struct fmfts_client *client)
+{
+    enum fmfts_result newest = FMFTS_NOTHING;
+    for (int i = 0; i < MOST_AT_ONCE; i++) {
+        enum fmfts_result result = take(client);
+        if (result == FMFTS_NEW)
+            newest = FMFTS_NEW;
+        else if (result == FMFTS_NOTHING)
+            break;
+        else if (result != FMFTS_REFUSED)
+            return result;
+    }
+    return newest;
+}
+
+enum fmfts_result fmfts_latest(struct fmfts_client *client, struct fmfts_contact *contact, int timeout_ms)
+{
+    int64_t deadline_ns = monotonic_ns() + timeout_ms * INT64_C(1000000);
+    for (;;) {
+        enum fmfts_result result = drain(client);
+        if (result == FMFTS_NEW && fmfts_alive(client)) {
+            *contact = client->last;
+            return FMFTS_NEW;
+        }
+        if (result < 0)
+            return result;
+        int64_t left_ns = deadline_ns - monotonic_ns();
+        if (timeout_ms >= 0 && left_ns <= 0)
+            return FMFTS_NOTHING;
+        zmq_pollitem_t readable = {.socket = client->socket, .events = ZMQ_POLLIN};
+        if (zmq_poll(&readable, 1, timeout_ms < 0 ? -1 : (long)((left_ns + 999999) / 1000000)) < 0)
+            return zmq_errno() == EINTR ? FMFTS_NOTHING : FMFTS_FAILED;
+    }
+}
+
+bool fmfts_alive(const struct fmfts_client *client)
+{
+    return client->heard && is_recent(client->last.t_publish_ns);
+}
+
+bool fmfts_fresh(const struct fmfts_client *client)
+{
+    return client->heard && is_recent(client->last.t_sample_ns);
+}
+
+bool fmfts_valid(const struct fmfts_client *client)
+{
+    return fmfts_alive(client) && fmfts_fresh(client) && fmfts_measured(&client->last);
+}
+
+uint64_t fmfts_refused(const struct fmfts_client *client)
+{
+    return client->refused;
+}
+
+uint64_t fmfts_restarts(const struct fmfts_client *client)
+{
+    return client->restarts;
+}
+
+const char *fmfts_refusal(const struct fmfts_client *client)
+{
+    return client->refusal;
+}
+
+bool fmfts_measured(const struct fmfts_contact *contact)
+{
+    bool known = contact->health == FMFTS_OK && contact->contact != FMFTS_TOUCH_UNKNOWN && contact->force_n.known;
+    bool placed = contact->contact != FMFTS_TOUCHED || (contact->x_m.known && contact->y_m.known);
+    return known && placed && !contact->over_range;
+}
+
+double fmfts_sample_age_s(const struct fmfts_contact *contact)
+{
+    return 1e-9 * (double)(monotonic_ns() - contact->t_sample_ns);
+}

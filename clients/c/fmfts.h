@@ -1,0 +1,148 @@
+/* Contacts from fmfts-daemon for a controller: where a soft tactile pad is touched, and how hard.
+ *
+ * SI units, the unit in every name; "_sd_" is one standard deviation of the value before it. Pad axes: origin in the
+ * sensor plane, z toward the finger. docs/messages.md of the daemon explains every field. MIT licence.
+ */
+#ifndef FMFTS_H
+#define FMFTS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    FMFTS_SCHEMA_VERSION = 1,
+    FMFTS_ALIVE_MS = 300, /* the daemon speaks at 10 Hz or more even when the hardware is silent: three misses */
+    FMFTS_WORD_SIZE = 65, /* names and hashes, with the closing zero; a longer one is refused */
+    FMFTS_TEXT_SIZE = 256 /* sentences, with the closing zero; a longer one is cut */
+};
+
+enum fmfts_result {
+    FMFTS_NEW = 1,            /* a contact that was not handed out before */
+    FMFTS_NOTHING = 0,        /* nothing new in time: not the same as "no contact" */
+    FMFTS_REFUSED = -1,       /* a message that must not be used */
+    FMFTS_WRONG_VERSION = -2, /* the daemon speaks another schema version: waiting does not mend it */
+    FMFTS_FAILED = -3         /* the socket is broken */
+};
+
+/* Zero is never good news: what was not filled in is not taken for health. */
+enum fmfts_health {
+    FMFTS_HEALTH_UNKNOWN = 0, /* a word of a later daemon */
+    FMFTS_OK,
+    FMFTS_DEGRADED,     /* a sensor or an axis is left out; deviations are larger */
+    FMFTS_DISTURBED,    /* a field that no pose explains: steel, a foreign magnet */
+    FMFTS_LOST,         /* no pose fits */
+    FMFTS_STALE,        /* the source is there and silent */
+    FMFTS_DISCONNECTED, /* the source is not there */
+    FMFTS_NO_BASELINE   /* nothing was subtracted, so nothing can be estimated */
+};
+
+enum fmfts_touch { FMFTS_TOUCH_UNKNOWN = 0, FMFTS_UNTOUCHED, FMFTS_TOUCHED };
+
+/* What the daemon may not know. `value` is NaN where it is not `known`, and finite where it is. */
+struct fmfts_number {
+    bool known;
+    double value;
+};
+
+struct fmfts_vector {
+    bool known;
+    double value[3];
+};
+
+struct fmfts_word {
+    bool known;
+    char value[FMFTS_WORD_SIZE];
+};
+
+/* Pose of the magnet. Nothing in it means anything unless `known`. */
+struct fmfts_pose {
+    bool known;
+    double position_m[3];
+    double position_sd_m[3];
+    double axis[3]; /* unit vector along the magnet's moment */
+    double axis_sd_rad;
+    double remanence_t;
+    double remanence_sd_t;
+    struct fmfts_vector ambient_t;
+    struct fmfts_vector ambient_sd_t;
+    double residual_t;
+    double chi2;
+};
+
+struct fmfts_contact {
+    char pad[FMFTS_WORD_SIZE];
+    char boot[FMFTS_WORD_SIZE]; /* another one: the daemon was restarted, and `seq` began again */
+    int64_t seq;                /* +1 each; a gap is what was lost, or skipped for a newer one */
+    int64_t t_sample_ns;        /* CLOCK_MONOTONIC of the daemon's machine */
+    int64_t t_publish_ns;       /* the same */
+    int64_t utc_ns;             /* t_publish_ns as a date, since 1970 */
+    struct fmfts_number temperature_c;
+    enum fmfts_health health;
+    char reason[FMFTS_TEXT_SIZE]; /* why health is not ok, for people */
+    enum fmfts_touch contact;
+    struct fmfts_number x_m, x_sd_m, y_m, y_sd_m;
+    struct fmfts_number force_n, force_sd_n;
+    struct fmfts_number shear_x_n, shear_x_sd_n, shear_y_n, shear_y_sd_n;
+    bool over_range;                 /* pressed harder than the model knows: */
+    struct fmfts_number force_min_n; /* at least this */
+    struct fmfts_pose pose;
+    int64_t sensors_ok; /* bit i: sensor i was used */
+    char solver[FMFTS_WORD_SIZE];
+    char model[FMFTS_WORD_SIZE];
+    struct fmfts_word baseline;
+};
+
+struct fmfts_client;
+
+/* Listens to one pad. NULL, and a sentence in `why`, where that cannot be.
+ *
+ * endpoint: a base, ipc:///directory or tcp://host:port; NULL: FMFTS_BUS in the environment, else the service's
+ * directory, else the user's own. Over tcp the key is shown that FMFTS_KEY names (docs/security.md).
+ * The connection is made in the background, and again after the daemon restarts: a daemon that is not there is no
+ * error, but fmfts_alive() is false. After this call nothing is allocated by the thread that calls the functions below.
+ * A client is for one thread at a time.
+ */
+struct fmfts_client *fmfts_connect(const char *pad, const char *endpoint, char why[FMFTS_TEXT_SIZE]);
+
+/* NULL is allowed. */
+void fmfts_close(struct fmfts_client *client);
+
+/* The newest contact that was not handed out before; older ones are dropped. `contact` is written for FMFTS_NEW only.
+ *
+ * Waits for up to `timeout_ms`; 0, for a control loop: takes what is here; negative: for ever. A signal ends the wait
+ * early. What was sent more than FMFTS_ALIVE_MS ago does not count as new. A message that must not be used (a key that
+ * is missing, a wrong type, a number that is not finite) is skipped and counted in fmfts_refused().
+ */
+enum fmfts_result fmfts_latest(struct fmfts_client *client, struct fmfts_contact *contact, int timeout_ms);
+
+/* All of these speak of what fmfts_latest() has taken in. */
+bool fmfts_alive(const struct fmfts_client *client); /* did the daemon speak of this pad in the last FMFTS_ALIVE_MS? */
+bool fmfts_fresh(const struct fmfts_client *client); /* was the pad sampled in the last FMFTS_ALIVE_MS? */
+bool fmfts_valid(const struct fmfts_client *client); /* alive, fresh, and measured: may it be acted upon now? */
+uint64_t fmfts_refused(const struct fmfts_client *client);
+uint64_t fmfts_restarts(const struct fmfts_client *client); /* of the daemon */
+const char *fmfts_refusal(const struct fmfts_client *client); /* why the last one was refused; "" where none was */
+
+/* May `contact` and `force_n` (and, in contact, `x_m` and `y_m`) be used as a measurement? Health is ok, touch and force
+ * are known and in range, and a touch has a place. Says nothing about age. What is not measured is not "no force". */
+bool fmfts_measured(const struct fmfts_contact *contact);
+
+/* Seconds since the sensors were sampled, on this machine's monotonic clock. */
+double fmfts_sample_age_s(const struct fmfts_contact *contact);
+
+/* "ok", "degraded", …; "unknown" for what is none of them. */
+const char *fmfts_health_name(enum fmfts_health health);
+
+/* One message body, for those with a socket of their own: FMFTS_NEW, FMFTS_REFUSED or FMFTS_WRONG_VERSION with a
+ * sentence in `why`. `contact` is written for FMFTS_NEW only. */
+enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_contact *contact, char why[FMFTS_TEXT_SIZE]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,86 @@
+"""The C client compiled as strictly as it can be, and the programs that its tests talk to."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from conftest import missing
+
+ROOT = Path(__file__).parents[2]
+CLIENT = ROOT / "clients" / "c"
+HERE = Path(__file__).parent
+STRICT = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wpedantic"]
+SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"]
+NEW, NOTHING, REFUSED, WRONG_VERSION = 1, 0, -1, -2
+
+
+def need(program: str) -> str:
+    """The path of a program; the test is skipped where it is missing, and fails on CI."""
+    found = shutil.which(program)
+    if found is None:
+        missing(program)
+    return found or ""
+
+
+def pkg_config(*words: str, environment: dict[str, str] | None = None) -> list[str]:
+    asked = subprocess.run([need("pkg-config"), *words], capture_output=True, text=True, env=environment, check=False)
+    if asked.returncode != 0:
+        missing("libzmq3-dev")
+    return asked.stdout.split()
+
+
+def run(command: Sequence[str | Path], **options: Any) -> str:
+    """What it said, having ended well."""
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return ended.stdout
+
+
+def build(output: Path, compiler: str, sources: Sequence[Path], *flags: str) -> Path:
+    """A program of the client's source and `sources`."""
+    zmq = pkg_config("--cflags", "--libs", "libzmq")
+    run([need(compiler), *STRICT, *flags, *sources, CLIENT / "fmfts.c", *zmq, "-o", output])
+    return output
+
+
+class Talker:
+    """A program that answers each thing it is told with a line of JSON; ending it badly fails the test."""
+
+    def __init__(self, *command: str | Path, environment: dict[str, str] | None = None) -> None:
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+        )
+
+    def decode(self, message: bytes) -> dict[str, Any]:
+        return self._ask(struct.pack("<I", len(message)) + message)
+
+    def latest(self, timeout_ms: int = 0) -> dict[str, Any]:
+        return self._ask(b"%d\n" % timeout_ms)
+
+    def heard(self) -> dict[str, Any]:
+        """What it says without being asked."""
+        return self._ask(b"")
+
+    def _ask(self, question: bytes) -> dict[str, Any]:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        self._process.stdin.write(question)
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        assert line, self._process.stderr.read().decode()
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        _, said = self._process.communicate(timeout=20)
+        assert kind is not None or self._process.returncode in (0, 69), said.decode()

@@ -1,0 +1,59 @@
+/* libFuzzer's target: whatever bytes come, what is accepted is whole, and the same each time. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../../clients/c/fmfts.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void require(bool condition, const char *what)
+{
+    if (!condition) {
+        fprintf(stderr, "fuzz: not so: %s\n", what);
+        abort();
+    }
+}
+
+static void require_number(const struct fmfts_number *number)
+{
+    require(number->known ? isfinite(number->value) : isnan(number->value), "a number is finite, or known to be none");
+}
+
+static void require_whole(const struct fmfts_contact *contact)
+{
+    const struct fmfts_number *numbers[] = {
+        &contact->temperature_c, &contact->x_m,       &contact->x_sd_m,       &contact->y_m,
+        &contact->y_sd_m,        &contact->force_n,   &contact->force_sd_n,   &contact->shear_x_n,
+        &contact->shear_x_sd_n,  &contact->shear_y_n, &contact->shear_y_sd_n, &contact->force_min_n};
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        require_number(numbers[i]);
+    const struct fmfts_pose *pose = &contact->pose;
+    for (int i = 0; i < 3; i++) {
+        double sum = pose->position_m[i] * 0 + pose->axis[i] * 0 + pose->position_sd_m[i] * 0;
+        require(pose->known ? sum == 0 : isnan(sum), "a pose is finite, or known to be none");
+        require(pose->known ? pose->ambient_t.known == (bool)isfinite(pose->ambient_t.value[i]) : !pose->ambient_t.known,
+                "an ambient field is finite, or known to be none");
+    }
+    require(memchr(contact->reason, 0, sizeof contact->reason) && memchr(contact->pad, 0, sizeof contact->pad) &&
+                memchr(contact->baseline.value, 0, sizeof contact->baseline.value),
+            "text ends");
+    require((unsigned)contact->health <= FMFTS_NO_BASELINE, "health is one of its words");
+    require(!fmfts_measured(contact) || contact->force_n.known, "what is measured has a force");
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    struct fmfts_contact contact, again;
+    char why[FMFTS_TEXT_SIZE];
+    memset(&contact, 0x5A, sizeof contact);
+    enum fmfts_result result = fmfts_decode(data, size, &contact, why);
+    require((result == FMFTS_NEW) == (*why == 0), "a refusal has its reason, and nothing else has");
+    if (result == FMFTS_NEW) {
+        require_whole(&contact);
+        require(fmfts_decode(data, size, &again, why) == FMFTS_NEW, "accepted once, accepted again");
+        require(memcmp(&contact, &again, sizeof again) == 0, "and the same");
+    }
+    return 0;
+}

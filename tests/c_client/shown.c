@@ -1,0 +1,103 @@
+#include "shown.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+/* What is known is finite, and what is not can not be mistaken for a number. */
+static void show_number(bool known, double value)
+{
+    if (known != (bool)isfinite(value) || known == (bool)isnan(value))
+        abort();
+    if (known)
+        printf("%.17g", value);
+    else
+        printf("null");
+}
+
+static void optional(const char *name, const struct fmfts_number *number)
+{
+    printf("\"%s\": ", name);
+    show_number(number->known, number->value);
+    printf(", ");
+}
+
+static void vector(const char *name, bool known, const double value[3])
+{
+    printf("\"%s\": %s", name, known ? "[" : "null, ");
+    for (int i = 0; i < 3; i++) {
+        if (!known && !isnan(value[i]))
+            abort();
+        if (known)
+            printf("%.17g%s", value[i], i < 2 ? ", " : "], ");
+    }
+}
+
+void show_text(const char *name, const char *text)
+{
+    printf("\"%s\": \"", name);
+    for (const char *at = text; *at; at++)
+        printf(*at == '"' || *at == '\\' || (unsigned char)*at < 0x20 ? "\\u%04x" : "%c", (unsigned char)*at);
+    printf("\", ");
+}
+
+static void integer(const char *name, int64_t value)
+{
+    printf("\"%s\": %" PRId64 ", ", name, value);
+}
+
+static void show_pose(const struct fmfts_pose *pose)
+{
+    if (!pose->known) {
+        if (!isnan(pose->position_m[2]) || !isnan(pose->remanence_t) || pose->ambient_t.known)
+            abort();
+        printf("\"pose\": null, ");
+        return;
+    }
+    printf("\"pose\": {");
+    vector("position_m", true, pose->position_m);
+    vector("position_sd_m", true, pose->position_sd_m);
+    vector("axis", true, pose->axis);
+    vector("ambient_t", pose->ambient_t.known, pose->ambient_t.value);
+    vector("ambient_sd_t", pose->ambient_sd_t.known, pose->ambient_sd_t.value);
+    printf("\"axis_sd_rad\": %.17g, \"remanence_t\": %.17g, \"remanence_sd_t\": %.17g, ", pose->axis_sd_rad,
+           pose->remanence_t, pose->remanence_sd_t);
+    printf("\"residual_t\": %.17g, \"chi2\": %.17g}, ", pose->residual_t, pose->chi2);
+}
+
+void show_contact(const struct fmfts_contact *contact)
+{
+    static const char *const touches[] = {"null", "false", "true"};
+    show_text("pad", contact->pad);
+    show_text("boot", contact->boot);
+    integer("seq", contact->seq);
+    integer("t_sample_ns", contact->t_sample_ns);
+    integer("t_publish_ns", contact->t_publish_ns);
+    integer("utc_ns", contact->utc_ns);
+    optional("temperature_c", &contact->temperature_c);
+    show_text("health", fmfts_health_name(contact->health));
+    show_text("reason", contact->reason);
+    printf("\"contact\": %s, ", touches[contact->contact]);
+    optional("x_m", &contact->x_m);
+    optional("x_sd_m", &contact->x_sd_m);
+    optional("y_m", &contact->y_m);
+    optional("y_sd_m", &contact->y_sd_m);
+    optional("force_n", &contact->force_n);
+    optional("force_sd_n", &contact->force_sd_n);
+    optional("shear_x_n", &contact->shear_x_n);
+    optional("shear_x_sd_n", &contact->shear_x_sd_n);
+    optional("shear_y_n", &contact->shear_y_n);
+    optional("shear_y_sd_n", &contact->shear_y_sd_n);
+    printf("\"over_range\": %s, ", contact->over_range ? "true" : "false");
+    optional("force_min_n", &contact->force_min_n);
+    show_pose(&contact->pose);
+    integer("sensors_ok", contact->sensors_ok);
+    show_text("solver", contact->solver);
+    show_text("model", contact->model);
+    if (contact->baseline.known)
+        show_text("baseline", contact->baseline.value);
+    else
+        printf("\"baseline\": null, ");
+    printf("\"measured\": %s, ", fmfts_measured(contact) ? "true" : "false");
+}

@@ -1,0 +1,136 @@
+"""The example controllers, built as users build them, on a pad that the running daemon simulates."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Self
+
+import pytest
+
+from c_client.built import CLIENT, HERE, NEW, SANITIZED, STRICT, Talker, build, need, pkg_config, run
+from end_to_end.processes import RunningDaemon
+
+PRESSED_CONFIG = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+turning_deg_per_s = 0.0
+"""
+PATIENCE_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The client under a prefix of its own, as `make install-c-client` puts it."""
+    folder = tmp_path_factory.mktemp("installed")
+    need("cmake")
+    pkg_config("--exists", "libzmq")
+    run(["cmake", "-S", CLIENT, "-B", folder / "build", f"-DCMAKE_INSTALL_PREFIX={folder}/usr"])
+    run(["cmake", "--build", folder / "build"])
+    run(["cmake", "--install", folder / "build"])
+    return folder / "usr"
+
+
+@pytest.fixture(scope="module")
+def with_cmake(installed: Path) -> Path:
+    """Where the examples are, built by find_package."""
+    folder = installed.parent / "examples"
+    run(["cmake", "-S", CLIENT / "examples", "-B", folder, f"-DCMAKE_PREFIX_PATH={installed}"])
+    run(["cmake", "--build", folder])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
+    """The simulated pad records its baselines at once, and is pressed by the script."""
+    with RunningDaemon(tmp_path_factory.mktemp("daemon"), PRESSED_CONFIG) as daemon:
+        yield daemon
+
+
+class Gripper:
+    """A running example; what it said so far is in `lines`."""
+
+    def __init__(self, program: Path, environment: dict[str, str]) -> None:
+        self.lines: list[str] = []
+        self._said = b""
+        self._process = subprocess.Popen(
+            [program, "left"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+        )
+        assert self._process.stdout is not None
+        os.set_blocking(self._process.stdout.fileno(), False)
+
+    def says(self, *wanted: str) -> None:
+        """From now on, lines that contain these, in any order."""
+        since, until = len(self.lines), time.monotonic() + PATIENCE_S
+        while not all(any(words in line for line in self.lines[since:]) for words in wanted):
+            assert self._process.poll() is None, self.lines
+            assert time.monotonic() < until, self.lines
+            time.sleep(0.02)
+            assert self._process.stdout is not None
+            self._said += self._process.stdout.read() or b""
+            self.lines = self._said.decode().splitlines()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        _, said = self._process.communicate(timeout=20)
+        assert b"ERROR" not in said, said.decode()
+
+
+@pytest.mark.parametrize(("name", "pressed"), [("gripper", "OPEN (pressed hard enough)"), ("gripper-cpp", " N)")])
+def test_gripper_opens_when_the_pad_is_pressed_and_when_the_daemon_hangs(
+    with_cmake: Path, daemon: RunningDaemon, name: str, pressed: str
+) -> None:
+    with Gripper(with_cmake / name, daemon.environment) as gripper:
+        gripper.says(pressed)
+        gripper.says("CLOSE")
+        daemon.process.send_signal(signal.SIGSTOP)
+        try:
+            gripper.says("OPEN (nothing arrives)")
+        finally:
+            daemon.process.send_signal(signal.SIGCONT)
+        gripper.says("CLOSE")
+
+
+@pytest.mark.parametrize(
+    ("compiler", "standard", "source"), [("gcc", "-std=c11", "gripper.c"), ("g++", "-std=c++17", "gripper.cpp")]
+)
+def test_gripper_built_by_pkg_config_opens_when_nothing_arrives(
+    installed: Path, tmp_path: Path, compiler: str, standard: str, source: str
+) -> None:
+    surroundings = os.environ | {"PKG_CONFIG_PATH": str(installed / "lib/pkgconfig")}
+    flags = pkg_config("--cflags", "--libs", "fmfts", environment=surroundings)
+    warnings = [flag for flag in STRICT if not flag.startswith("-std")]
+    gripper = tmp_path / "gripper"
+    run([need(compiler), standard, *warnings, *SANITIZED, CLIENT / "examples" / source, *flags, "-o", gripper])
+    silent = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}
+    with Gripper(gripper, silent) as running:
+        running.says("OPEN (nothing arrives)")
+
+
+def test_c_client_hears_the_daemon_as_the_python_client_does(daemon: RunningDaemon, tmp_path: Path) -> None:
+    program = build(tmp_path / "listen", "gcc", [HERE / "listen.c", HERE / "shown.c"], *SANITIZED)
+    with daemon.subscribe("contact") as messages, Talker(program, "left", daemon.base) as client:
+        heard = {}
+        until = time.monotonic() + PATIENCE_S
+        while len(heard) < 50 and time.monotonic() < until:
+            answer = client.latest(1000)
+            if answer["result"] == NEW:
+                heard[answer["seq"]] = answer
+        compared = 0
+        while compared < 50 and (message := messages.receive(1.0)) is not None:
+            answer = heard.get(message.body["seq"])
+            if answer is not None:
+                wanted = {name: value for name, value in message.body.items() if name != "v"}
+                assert {name: answer[name] for name in wanted} == wanted
+                compared += 1
+    assert compared == 50
+    assert answer["refused"] == 0
