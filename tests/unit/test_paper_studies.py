@@ -12,7 +12,7 @@ from fmfts.calibrate.dataset import standard_pad
 from fmfts.cli import main
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulate.mechanics import standard_mechanics
-from fmfts.study import paper_inputs
+from fmfts.study import experiment, paper_inputs
 from fmfts.study.frame import Facts, Request, Row
 from fmfts.study.paper_inputs import Readings
 from fmfts.study.paper_table3 import printed, run, table
@@ -104,3 +104,18 @@ def test_missing_presses_are_named_with_the_command_that_solves_them(
     config.write_text('[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n')
     assert main(["study", "paper-table3", "--config", str(config), "--out", str(tmp_path)]) == 65
     assert "python -m fmfts.simulate.solved_presses test-normal" in capsys.readouterr().err
+
+
+def test_experiment_blames_what_was_not_estimated(tmp_path: Path) -> None:
+    """Three of twenty pads: a baseline that is only subtracted leaves the mounting's errors in the contact."""
+    facts = experiment.run(Request(PAD, tmp_path, quick=True))
+    mae = {(row["causes"], row["baseline"]): (row["mae_x_mm"], row["mae_f_n"]) for row in facts["table"]}
+    for column in (0, 1):
+        assert mae["all", "drawing"][column] > 5.0 * mae["all", "bare + rest"][column]
+        assert mae["sensors placed", "drawing"][column] > 5.0 * mae["sensors placed", "bare + rest"][column]
+    # Nothing estimated can know how stiff a pad is: the force is off by as much, the place is not.
+    assert mae["stiffness", "bare + rest"][1] > 3.0 * mae["none", "bare + rest"][1]
+    assert mae["stiffness", "bare + rest"][0] == pytest.approx(mae["none", "bare + rest"][0], abs=0.01)
+    assert mae["remanence", "bare + rest"][0] == pytest.approx(mae["none", "bare + rest"][0], abs=0.02)
+    assert "mae_x_mm 2.845" in experiment.printed(facts)
+    assert (tmp_path / "paper-table4-figure11.svg").is_file()

@@ -16,6 +16,7 @@ STUDIES: dict[str, str] = {
     "stability": "fmfts.study.stability",
     "scene": "fmfts.study.scene",
     "paper-table3": "fmfts.study.paper_table3",
+    "paper-table4": "fmfts.study.experiment",
 }
 
 
