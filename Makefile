@@ -3,6 +3,7 @@
 # make test    set up what the tests need, then run them all
 # make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
+# make install-c-client      the client for controllers in C and C++, into PREFIX
 # make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
 # make bench   what a solve costs, how accurate and sure it is, how soon a frame is published; cold-starts: half an hour
 
@@ -18,7 +19,7 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 # The kernel's I2C interface, emulated, is served by the system's own Python.
-TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd faketime)
+TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd faketime libzmq3-dev cmake pkg-config)
 
 .PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model recordings clean base-packages test-packages
 
@@ -56,10 +57,11 @@ bench: $(VENV)/.installed
 cold-starts: $(VENV)/.installed
 	@$(BIN)/python -m fmfts.bench convergence --draws 250000
 
-# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's.
+# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's, the C client's.
 fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
+	$(MAKE) fuzz-c-client
 
 firmware:
 	@$(MAKE) --no-print-directory -C firmware host
@@ -95,7 +97,7 @@ base-packages:
 	@$(call need,$(BASE_PACKAGES),exit 1)
 
 test-packages:
-	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path are skipped" >&2)
+	@$(call need,$(TEST_PACKAGES),echo "without it tests are skipped, those of the I2C path and of the C client among them" >&2)
 
 # Debian packages that are missing: installed as root; else the line to run, and what follows from doing without.
 define need
@@ -111,6 +113,7 @@ define need
 endef
 
 include systemd/install.mk
+include $(wildcard clients/c/client.mk)
 
 clean:
 	rm -rf $(VENV) build *.egg-info firmware/build
