@@ -93,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     keys.add_argument("-o", "--output", type=Path, metavar="FILE", help="of the client's key (NAME.key)")
     record = verb("record", _record, "write what a running daemon says, raw frames included", LISTENERS_CONFIG)
     record.add_argument("output", type=Path, metavar="FILE.mcap", help="must not exist yet")
-    record.add_argument("--pad", metavar="NAME", help="only this pad")
+    record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
     record.add_argument("--seconds", type=float, help="end after this time; else Ctrl-C ends it")
     facts(record)
     replay = verb("replay", _replay, "put a recording's frames through the pipeline again, and compare")

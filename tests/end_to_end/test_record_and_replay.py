@@ -31,6 +31,11 @@ seed = 2
 neighbours = ["left"]
 [pad.placement]
 position_mm = [45, 0, 0]
+[[pad]]
+name = "far"
+[pad.source]
+type = "simulated"
+seed = 3
 """
 PATIENCE_S = 20.0
 
@@ -41,9 +46,9 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
         yield daemon
 
 
-def recorder(daemon: RunningDaemon, output: Path) -> subprocess.Popen[str]:
+def recorder(daemon: RunningDaemon, output: Path, *options: str) -> subprocess.Popen[str]:
     """One that has begun to write."""
-    words = [sys.executable, "-m", "fmfts", "record", output, "--json"]
+    words = [sys.executable, "-m", "fmfts", "record", output, "--json", *options]
     process = subprocess.Popen(words, env=daemon.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + PATIENCE_S
     while not (output.exists() and sum(1 for _ in read(output)) > 100):
@@ -53,13 +58,23 @@ def recorder(daemon: RunningDaemon, output: Path) -> subprocess.Popen[str]:
     return process
 
 
-def test_replay_of_a_recording_begun_in_the_middle_is_identical(daemon: RunningDaemon, tmp_path: Path) -> None:
-    process = recorder(daemon, tmp_path / "a.mcap")
+@pytest.mark.parametrize(
+    ("options", "pads"),
+    [
+        pytest.param((), ["far", "left", "right"], id="all"),
+        pytest.param(("--pad", "left"), ["left", "right"], id="one that has a neighbour"),
+        pytest.param(("--pad", "far"), ["far"], id="one alone, whose frames were judged in C"),
+    ],
+)
+def test_replay_of_a_recording_begun_in_the_middle_is_identical(
+    daemon: RunningDaemon, tmp_path: Path, options: tuple[str, ...], pads: list[str]
+) -> None:
+    process = recorder(daemon, tmp_path / "a.mcap", *options)
     time.sleep(2.0)
     process.send_signal(signal.SIGTERM)
     said, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, complaint
-    assert json.loads(said)["pads"] == ["left", "right"]
+    assert json.loads(said)["pads"] == pads
     replayed = daemon.command("replay", tmp_path / "a.mcap", "--json")
     assert replayed.returncode == 0, replayed
     facts = json.loads(replayed.stdout)

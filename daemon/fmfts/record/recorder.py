@@ -22,7 +22,9 @@ class Recorder:
     """Writes what a daemon says, from each pad's state on: frames before it could not be replayed."""
 
     def __init__(self, output: Path, pad: str | None, endpoint: str | Endpoints | None) -> None:
-        """EndpointError, RecordingError."""
+        """pad: None for all; else it and all that it feels. EndpointError, RecordingError."""
+        self._group = None if pad is None else with_neighbours(pad, endpoint)
+        pad = pad if self._group == {pad} else None
         # The bus first: then every frame that is recorded has its contact.
         self._bus = Subscription(("contact", "event", "status"), pad, endpoint)
         try:
@@ -78,6 +80,8 @@ class Recorder:
                 self._take(message)
 
     def _take(self, message: Message) -> None:
+        if self._group is not None and message.pad not in self._group:
+            return
         if message.kind == "state":
             self._with_state.add(message.pad)
         elif message.kind == "frame" and message.pad not in self._with_state:
@@ -87,3 +91,19 @@ class Recorder:
             self.missed += seq - self._next_seq.get(key, seq)
             self._next_seq[key] = seq + 1
         self._writer.add(message.kind, message.pad, message.body)
+
+
+def with_neighbours(pad: str, endpoint: str | Endpoints | None) -> set[str]:
+    """A pad, its neighbours, theirs and so on: each one's contacts depend on where its neighbours' magnets are, so that
+    none could be replayed without the others. A pad that sends no frames tells nobody of its neighbours."""
+    group, asked = {pad}, set[str]()
+    while unasked := group - asked:
+        name = min(unasked)
+        asked.add(name)
+        with Subscription(("frame", "state"), name, endpoint) as messages:
+            until_s = time.monotonic() + PATIENCE_S
+            while (message := messages.receive(until_s - time.monotonic())) is not None:
+                if message.kind == "state":
+                    group |= set(message.body["config"]["scene"]["neighbours"])
+                    break
+    return group
