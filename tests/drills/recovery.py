@@ -18,6 +18,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from drills.control_fuzz import fuzzed_control
 from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_write, wedged_bus
 from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
 
@@ -112,6 +113,7 @@ DRILLS: dict[str, tuple[Callable[[Path, Any], Facts], float]] = {
     "write": (killed_in_a_write, 100),
     "deaf": (deaf_subscriber, 60.0),
     "clock": (clock_set_back, 10.0),
+    "control": (fuzzed_control, 100_000),
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from conftest import missing
-from drills import daemon_drills, recovery
+from drills import control_fuzz, daemon_drills, recovery
 from end_to_end import test_i2c_bus
 
 
@@ -43,3 +43,7 @@ def test_a_wall_clock_that_jumps_disturbs_nothing(tmp_path: Path) -> None:
     if not list(Path("/usr/lib").glob("*/faketime/libfaketime.so.1")):
         missing("libfaketime (Debian package faketime)")
     daemon_drills.clock_set_back(tmp_path, 1.0)
+
+
+def test_random_requests_are_answered_and_change_nothing(tmp_path: Path) -> None:
+    control_fuzz.fuzzed_control(tmp_path, 10_000)

@@ -15,6 +15,7 @@ import msgspec
 import pytest
 import zmq
 
+from drills.control_fuzz import random_request
 from fmfts.bus.control import LARGEST_REQUEST, VERBS, BadRequestError, ControlServer, Request
 from fmfts.bus.lock import BusError
 from fmfts_client import RefusedError, UnreachableError, request
@@ -213,21 +214,6 @@ def test_requests_that_arrive_while_an_answer_is_sent_are_not_lost(server: Contr
 def test_second_server_is_refused(server: ControlServer, base: str) -> None:
     with pytest.raises(BusError, match="another fmfts-daemon"):
         ControlServer(f"{base}/control")
-
-
-def random_request(random: random.Random) -> bytes:
-    """Anything from noise over damaged requests to well-formed ones."""
-    choice = random.random()
-    if choice < 0.3:
-        return random.randbytes(random.randrange(60))
-    content: dict[Any, Any] = {"id": random.randrange(1000), "verb": random.choice([*VERBS, "x", None, 3])}
-    for _ in range(random.randrange(4)):
-        value = random.choice([None, 1, -1.5, math.inf, "text", [1, [2]], {"a": {}}, b"\xff", True])
-        content[random.choice(["pad", "id", "verb", "mode", "é", 7])] = value
-    payload = bytearray(msgpack.packb(content))
-    if choice < 0.6:
-        payload[random.randrange(len(payload))] = random.randrange(256)
-    return bytes(payload)
 
 
 def test_ten_thousand_random_requests_each_get_one_answer(server: ControlServer, dealer: Dealer) -> None:

@@ -1,0 +1,76 @@
+"""Random requests to a running daemon: each is answered, nothing changes, and contacts keep coming."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import zmq
+
+from drills.rig import PATIENCE_S, resident_kb
+from end_to_end.processes import RunningDaemon
+from fmfts.bus.control import VERBS
+
+BATCH = 100  # less than the daemon takes in a turn of its loop: none waits for another's answer
+GROWN_KB = 8_000  # a leak of a request's 60 bytes would be this after 130,000 of them
+CHANGING = ("baseline", "selftest")
+SIMULATED = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+finger = "none"
+"""
+
+
+def random_request(dice: random.Random, harmless: bool = False) -> bytes:
+    """Anything from noise over damaged requests to well-formed ones; harmless: none that changes anything."""
+    choice = dice.random()
+    if choice < 0.3:
+        return dice.randbytes(dice.randrange(60))
+    content: dict[Any, Any] = {"id": dice.randrange(1000), "verb": dice.choice([*VERBS, "x", None, 3])}
+    for _ in range(dice.randrange(4)):
+        value = dice.choice([None, 1, -1.5, math.inf, "text", [1, [2]], {"a": {}}, b"\xff", True])
+        content[dice.choice(["pad", "id", "verb", "mode", "é", 7])] = value
+    if harmless and content["verb"] in CHANGING:
+        content["surplus"] = 1
+    payload = bytearray(msgpack.packb(content))
+    if choice < 0.6:
+        payload[dice.randrange(len(payload))] = dice.randrange(256)
+    return bytes(payload)
+
+
+def fuzzed_control(folder: Path, count: int) -> dict[str, Any]:
+    """`count` requests, a hundred at a time."""
+    dice, answers = random.Random(1), Counter[str]()
+    with RunningDaemon(folder, SIMULATED) as daemon, zmq.Context.instance().socket(zmq.DEALER) as socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(f"{daemon.base}/control")
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        before, memory_kb = _lasting(daemon), resident_kb(daemon.process.pid)
+        for _ in range(count // BATCH):
+            for _ in range(BATCH):
+                socket.send(random_request(dice, harmless=True))
+            for _ in range(BATCH):
+                assert socket.poll(PATIENCE_S * 1e3), (answers, daemon.log.read_text())
+                answer = msgpack.unpackb(socket.recv())
+                answers["error" if "error" in answer else "ok"] += 1
+        assert daemon.process.poll() is None, daemon.log.read_text()
+        assert _lasting(daemon) == before
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        grown_kb = resident_kb(daemon.process.pid) - memory_kb
+        assert "Traceback" not in daemon.log.read_text()
+    facts = {"requests": answers.total(), **answers, "memory_grown_kb": grown_kb}
+    assert answers.total() == count // BATCH * BATCH, facts
+    assert min(answers["ok"], answers["error"]) > count // 50, facts  # most are refused, but not all
+    assert grown_kb < GROWN_KB, facts
+    return facts
+
+
+def _lasting(daemon: RunningDaemon) -> list[dict[str, Any]]:
+    """What must not change of each pad, health aside: a busy computer may delay a frame."""
+    return [{key: value for key, value in pad.items() if key != "health"} for pad in daemon.request("pads")["pads"]]
