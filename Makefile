@@ -97,7 +97,7 @@ base-packages:
 	@$(call need,$(BASE_PACKAGES),exit 1)
 
 test-packages:
-	@$(call need,$(TEST_PACKAGES),echo "without it tests are skipped, those of the I2C path and of the C client among them" >&2)
+	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path and of the C client are skipped" >&2)
 
 # Debian packages that are missing: installed as root; else the line to run, and what follows from doing without.
 define need
