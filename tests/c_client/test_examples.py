@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import time
@@ -31,7 +32,17 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("installed")
     need("cmake")
     pkg_config("--exists", "libzmq")
-    run(["cmake", "-S", CLIENT, "-B", folder / "build", f"-DCMAKE_INSTALL_PREFIX={folder}/usr"])
+    run(
+        [
+            "cmake",
+            "-S",
+            CLIENT,
+            "-B",
+            folder / "build",
+            f"-DCMAKE_INSTALL_PREFIX={folder}/usr",
+            "-DCMAKE_INSTALL_LIBDIR=lib",
+        ]
+    )
     run(["cmake", "--build", folder / "build"])
     run(["cmake", "--install", folder / "build"])
     return folder / "usr"
@@ -114,6 +125,14 @@ def test_gripper_built_by_pkg_config_opens_when_nothing_arrives(
     silent = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"}
     with Gripper(gripper, silent) as running:
         running.says("OPEN (nothing arrives)")
+
+
+def test_example_of_the_readme_compiles_against_the_installed_client(installed: Path, tmp_path: Path) -> None:
+    (code,) = re.findall(r"^```c\n(.*?)^```", (CLIENT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
+    (tmp_path / "example.c").write_text(code)
+    surroundings = os.environ | {"PKG_CONFIG_PATH": str(installed / "lib/pkgconfig")}
+    flags = pkg_config("--cflags", "--libs", "fmfts", environment=surroundings)
+    run([need("clang"), *STRICT, tmp_path / "example.c", *flags, "-o", tmp_path / "example"])
 
 
 def test_c_client_hears_the_daemon_as_the_python_client_does(daemon: RunningDaemon, tmp_path: Path) -> None:
