@@ -98,7 +98,8 @@ def test_rest_that_stays_is_left_where_it_is() -> None:
 
 
 def test_rate_is_never_exceeded() -> None:
-    run = life(300.0, share=lambda time_s: 0.997)
+    """0.15 % at once are 11 µm. Twice as much would be a touch, of which nothing is learnt."""
+    run = life(300.0, share=lambda time_s: 0.9985)
     steps = np.diff(run.sizes_m)
     assert max(run.sizes_m) > 5e-6
     assert steps.max() <= RATE_M_PER_S * 21.0
