@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -171,6 +172,36 @@ def test_nesting_to_any_depth_is_skipped(c_client: Talker) -> None:
     assert head[0] == 0xDE
     deep = b"\xde" + (pairs + 1).to_bytes(2, "big") + b"\xa1z" + b"\x91" * 60000 + b"\xc0" + body[3:]
     assert c_client.decode(deep)["result"] == NEW
+
+
+def test_number_that_is_none_is_refused_wherever_it_stands(c_client: Talker) -> None:
+    message = msgpack.unpackb(encode(contact_message()))
+    places = [(message, name) for name, value in message.items() if isinstance(value, float)]
+    places += [(message["pose"], name) for name, value in message["pose"].items() if isinstance(value, float)]
+    places += [(value, 2) for value in message["pose"].values() if isinstance(value, list)]
+    assert len(places) > 15
+    for place, name in places:
+        good = place[name]
+        for bad in (math.nan, math.inf, -math.inf):
+            place[name] = bad
+            assert c_client.decode(msgpack.packb(message))["result"] == REFUSED, name
+        place[name] = good
+    assert read(c_client.decode(msgpack.packb(message)))["measured"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"over_range": True},
+        {"health": "degraded"},
+        {"health": "lost"},
+        {"contact": None},
+        {"force_n": None},
+        {"x_m": None},
+    ],
+)
+def test_what_is_not_measured_is_not_called_so(c_client: Talker, change: dict[str, Any]) -> None:
+    assert not read(c_client.decode(encode(contact_message(**change))))["measured"]
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
