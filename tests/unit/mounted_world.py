@@ -13,7 +13,7 @@ from fmfts.pad import Pad, Tolerance
 from fmfts.pose import State
 from fmfts.sensor.frame import Frame
 from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 
 NOISE_T = 2e-7
 FRAMES = 660

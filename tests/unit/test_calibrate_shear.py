@@ -15,7 +15,7 @@ from fmfts.contact import ContactModel
 from fmfts.offline.evaluate import evaluate
 from fmfts.offline.field_table import DataError
 from fmfts.pad import Pad
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 
 Array = NDArray[np.float64]
 # A pad that answers shear evenly: what a newton of it moves and tilts the magnet. The real one's: docs/pad-model.md.

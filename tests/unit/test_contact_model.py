@@ -29,7 +29,7 @@ from fmfts.contact.model import DEFAULT_PATH
 from fmfts.contact.response import bound_of
 from fmfts.pad import Pad
 from fmfts.simulate.chip import NOISE_T
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fmfts.simulate.finite_element import PressedSlab
-from fmfts.simulate.mechanics import standard_mechanics
 from fmfts.simulate.slab import Press, Slab
 from fmfts.simulate.slab_mesh import SlabMesh
 
@@ -60,15 +59,6 @@ def test_answer_does_not_depend_on_the_way_to_it() -> None:
     slab.solve(Press(4e-3, 0.0, 1.2, 0.3))
     returned_m, _ = slab.solve(Press(4e-3, 0.0, 0.6))
     np.testing.assert_allclose(returned_m, direct_m, atol=1e-5 * np.linalg.norm(direct_m))
-
-
-def test_light_presses_agree_with_the_independent_calibration_set() -> None:
-    """That set turns its pressure with the surface: at 0.28 N it differs from a dead load by 1.7 %, more with force."""
-    slab = PressedSlab(Slab())
-    displacement_m, axis = slab.solve(Press(8e-3, 6e-3, 0.2827))
-    expected_m, expected_axis = standard_mechanics().displacement(*(np.array([v]) for v in (8e-3, 6e-3, 0.2827)))
-    np.testing.assert_allclose(displacement_m, expected_m[0], rtol=0.03)
-    np.testing.assert_allclose(axis[:2], expected_axis[0, :2], rtol=0.02)
 
 
 def test_press_too_hard_for_the_slab_is_an_error() -> None:

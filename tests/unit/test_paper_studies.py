@@ -11,7 +11,7 @@ import pytest
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.cli import main
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 from fmfts.study import experiment, paper_inputs
 from fmfts.study.frame import Facts, Request, Row
 from fmfts.study.paper_inputs import Readings

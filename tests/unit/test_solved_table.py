@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from fmfts.pad import Array
-from fmfts.simulate.mechanics import TABLE_PATH
 from fmfts.simulate.solved_presses import centre_grid, normal_grid, normal_test, press_columns, shear_grid, shear_test
 from fmfts.simulate.solved_table import (
     CENTRE_PATH,
@@ -16,16 +13,16 @@ from fmfts.simulate.solved_table import (
     RESPONSE,
     SI,
     normal_mechanics,
-    pressed_mechanics,
     read_solved,
+    standard_mechanics,
 )
 
-SIMULATE = Path(TABLE_PATH).parent
+SIMULATE = PRESSED_PATH.parent
 
 
 def errors(rows: Array) -> Array:
     """(K, 5) table less finite elements, in m and as numbers."""
-    found = pressed_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, *rows[:, 2:5].T)
+    found = standard_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, *rows[:, 2:5].T)
     return np.asarray(found - rows[:, RESPONSE] * SI, dtype=np.float64)
 
 
@@ -53,7 +50,7 @@ def test_sheared_presses_are_within_three_thousandths_too() -> None:
 def test_shear_adds_what_it_adds() -> None:
     """Of that alone the table is right to 1 % rms: a hundredth of what would be lost without it."""
     rows = read_solved(SIMULATE / "test_shear.csv")
-    normal = pressed_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, rows[:, 2])
+    normal = standard_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, rows[:, 2])
     added = rows[:, RESPONSE] * SI - normal
     for part in (slice(0, 3), slice(3, 5)):
         assert np.linalg.norm(errors(rows)[:, part]) < 0.01 * np.linalg.norm(added[:, part])

@@ -6,7 +6,7 @@ import numpy as np
 
 from fmfts.pad import Array, Magnet, Pad
 from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 
 
 def pressed_fields(pad: Pad, press: Array, magnet: Magnet | None = None) -> Array:

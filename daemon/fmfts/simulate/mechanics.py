@@ -1,28 +1,19 @@
-"""How the magnet moves when the pad is pressed: a smooth table, until a finite-element model replaces it.
+"""How the magnet moves when the pad is pressed: a smooth table of presses solved by finite elements.
 
-`mechanics.csv` holds the magnet's displacement and axis for presses on a 15 × 15 grid of 2 mm at three forces,
-recovered from the calibration set by `python -m fmfts.calibrate.mechanics`. In between: cubic splines over x and y, and
-a cubic in the force through zero, so an unloaded pad is exactly at rest. Beyond the largest force the displacement goes
-on along its tangent; beyond the grid's edge a press counts as one on the edge.
-
-Error: none at the table's 675 poses (it interpolates them). Between them at most a few µm: with every second row and
-column of the grid left out, so over twice the spacing, the poses left out are met to 2.9 µm and 0.18 mrad rms, 24 µm
-and 1.4 mrad at worst, and the error of cubic splines falls with the fourth power of the spacing.
+Between its places: cubic splines over x and y; a polynomial in the force through zero, so an unloaded pad is exactly at
+rest. Beyond the largest force the displacement goes on along its tangent; beyond the grid's edge a press counts as one
+on the edge. Where the standard pad's table comes from, and how far it errs: docs/pad-model.md.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pad import Array
-
-TABLE_PATH = Path(__file__).with_name("mechanics.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,18 +97,3 @@ def _spline_collocation(count: int) -> Array:
         matrix[knot + 1, knot : knot + 3] = 1 / 6, 4 / 6, 1 / 6
     matrix[0, :5] = matrix[-1, -5:] = 1, -4, 6, -4, 1
     return matrix
-
-
-@cache
-def standard_mechanics() -> Mechanics:
-    """The table that ships, read once."""
-    return read_table(TABLE_PATH)
-
-
-def read_table(path: Path) -> Mechanics:
-    """`path`: CSV with x_mm, y_mm, force_n, dx_um, dy_um, dz_um, axis_x, axis_y in grid order, force fastest."""
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
-    grid_m = np.unique(table[:, 0]) * 1e-3
-    force_n = np.unique(table[:, 2])
-    response = table[:, 3:].reshape(len(grid_m), len(grid_m), len(force_n), 5) * [1e-6, 1e-6, 1e-6, 1.0, 1.0]
-    return Mechanics.from_table(grid_m, force_n, response)

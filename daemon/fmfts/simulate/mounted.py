@@ -9,7 +9,8 @@ import numpy as np
 
 from fmfts.pad import Array, Magnet, Pad, rotation_from_vector
 from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mechanics import Mechanics, standard_mechanics
+from fmfts.simulate.mechanics import Mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 
 SENSOR_PLACE_M = 0.1e-3  # one standard deviation of each error, as in the config's [pad.tolerance]
 MAGNET_PLACE_M = 0.1e-3

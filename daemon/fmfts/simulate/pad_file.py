@@ -10,8 +10,9 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulate.mechanics import Mechanics, standard_mechanics
+from fmfts.simulate.mechanics import Mechanics
 from fmfts.simulate.slab import Slab
+from fmfts.simulate.solved_table import standard_mechanics
 
 FORMAT = "fmfts pad model 1"
 REMEDY = "`fmfts-daemon pad-model -o FILE.npz` makes one"

@@ -94,7 +94,7 @@ def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
 
 
 @cache
-def pressed_mechanics() -> Mechanics:
+def standard_mechanics() -> Mechanics:
     """The standard pad's table, of the presses that ship."""
     normal = normal_mechanics(read_solved(PRESSED_PATH), read_solved(CENTRE_PATH))
     return replace(normal, sheared=sheared_mechanics(read_solved(SHEARED_PATH), normal))

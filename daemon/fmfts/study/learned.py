@@ -18,7 +18,7 @@ from fmfts.calibrate.regressors import BackPropagation, RadialBasis
 from fmfts.calibrate.simulated import pressed_fields
 from fmfts.contact.contract import IR_VERSION, OPSET
 from fmfts.pad import Array
-from fmfts.simulate.mechanics import standard_mechanics
+from fmfts.simulate.solved_table import standard_mechanics
 from fmfts.study.world import World
 
 EXAMPLES, LARGEST_N, EDGE_MM = 6000, 2.4, 14.0

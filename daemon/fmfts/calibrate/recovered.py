@@ -1,19 +1,11 @@
-"""Make `simulate/mechanics.csv`: the magnet poses behind a calibration set, recovered with the exact cylinder.
-
-python -m fmfts.calibrate.mechanics tests/data/calibration_1.23T.csv
-"""
+"""The magnet poses behind a calibration set, recovered with the exact cylinder: to compare two pads' mechanics."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 
-from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.pad import Array, Pad
 from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mechanics import TABLE_PATH
 
 STEP = np.array([1e-7, 1e-7, 1e-7, 1e-5, 1e-5])  # m and rad: central differences of the field, exact to 1e-9
 
@@ -44,32 +36,3 @@ def recover_poses(field_t: Array, pad: Pad) -> Array:
     if worst > 2e-9:
         raise ValueError(f"a pose leaves {worst * 1e6:.4f} µT unexplained: is this the field of pad {pad.name!r}?")
     return pose
-
-
-def main(arguments: list[str]) -> int:
-    if len(arguments) != 1:
-        print(__doc__, file=sys.stderr)
-        return 2
-    calibration = read_calibration_set(Path(arguments[0]))
-    response = recover_poses(calibration.field_t, calibration.pad)
-    columns = [
-        calibration.x_m * 1e3,
-        calibration.y_m * 1e3,
-        calibration.force_n,
-        response[:, :3] * 1e6,
-        response[:, 3:],
-    ]
-    np.savetxt(
-        TABLE_PATH,
-        np.round(np.column_stack(columns), 7) + 0.0,
-        fmt=["%g", "%g", "%g", "%.4f", "%.4f", "%.4f", "%.7f", "%.7f"],
-        delimiter=",",
-        header="x_mm,y_mm,force_n,dx_um,dy_um,dz_um,axis_x,axis_y",
-        comments="",
-    )
-    print(f"{TABLE_PATH}: {len(response)} poses")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,43 @@
+"""The standard pad's calibration set: the paper's 675 presses, fields of the exact cylinder, noise-free.
+
+    python -m fmfts.calibrate.standard_set tests/data/calibration_1.23T.csv
+
+The force is what a load cell under the probe reads (docs/pad-model.md).
+"""
+
+from __future__ import annotations
+
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from fmfts.calibrate.dataset import standard_pad
+from fmfts.calibrate.simulated import pressed_fields
+from fmfts.contact.contract import OUTPUT_ORDER
+from fmfts.offline.field_table import field_columns
+from fmfts.pad import Array
+
+PLACES_MM = range(-14, 15, 2)
+FORCE_N = (0.2827, 1.131, 1.9792)  # 10, 40 and 70 kPa on a patch of 6 mm
+
+
+def rows() -> Array:
+    """(675, 15) x, y in mm, force in N, fields in µT."""
+    pad = standard_pad()
+    press = np.array(list(product(PLACES_MM, PLACES_MM, FORCE_N)), dtype=np.float64)
+    return np.column_stack([press, pressed_fields(pad, press).reshape(len(press), -1) * 1e6])
+
+
+def main(arguments: list[str]) -> int:
+    if len(arguments) != 1:
+        print(__doc__, file=sys.stderr)
+        return 2
+    header = ",".join([*OUTPUT_ORDER, *field_columns(len(standard_pad().sensors))])
+    np.savetxt(Path(arguments[0]), rows(), fmt="%.6g", delimiter=",", header=header, comments="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
