@@ -64,15 +64,21 @@ class Talker:
         return self._ask(b"%d\n" % timeout_ms)
 
     def heard(self) -> dict[str, Any]:
-        """What it says without being asked."""
-        return self._ask(b"")
+        """What it says without being asked; there will be no questions."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.stdin = None
+        return self._answer()
 
     def _ask(self, question: bytes) -> dict[str, Any]:
         assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        assert self._process.stderr is not None
         self._process.stdin.write(question)
         self._process.stdin.flush()
+        return self._answer()
+
+    def _answer(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
         line = self._process.stdout.readline()
         assert line, self._process.stderr.read().decode()
         answer: dict[str, Any] = json.loads(line)
