@@ -5,7 +5,6 @@ from __future__ import annotations
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field
 from math import cos, pi
 
@@ -29,6 +28,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.memory import restore, snapshot
 from fmfts.pipeline import PadPipeline
 from fmfts.scene import choose
 from fmfts.sensor import Frame
@@ -89,18 +89,23 @@ class Healthy:
         self.config = pad_config(ambient, seed)
         self.finger = FINGERS[touch]
         self.model = model
-        self._pipeline = pipeline_of(self.config, model)
+        before = pipeline_of(self.config, model)
         source = DrillSource(self.config)
         self.truth = Truth(source.built, self.finger)
         self.frames = record(source, self.finger, WARM_S + FAULT_S + AFTER_S)
         self.begin = round(WARM_S * RATE_HZ)
         self.end = round((WARM_S + FAULT_S) * RATE_HZ)
         for frame in self.frames[: self.begin]:
-            self._pipeline.process(frame)
+            before.process(frame)
+        self._baseline, self._mounting, self._memory = before.baseline, before.mounting, snapshot(before)
 
     def pipeline(self) -> PadPipeline:
         """As it is when the fault begins."""
-        return deepcopy(self._pipeline, {id(self.model): self.model})
+        pipeline = without_baseline(self.config, self.model)
+        assert self._baseline is not None
+        pipeline.use(self._baseline, self._mounting)
+        restore(pipeline, self._memory)
+        return pipeline
 
     def frames_with(self, fault: Fault) -> list[Frame]:
         if fault.field is None:
@@ -137,10 +142,14 @@ def named_right(message: ContactMessage, fault: Fault) -> bool:
 
 
 def pipeline_of(config: PadConfig, model: ContactModel) -> PadPipeline:
-    tracking = choose(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking)
+    pipeline = without_baseline(config, model)
     pipeline.use(simulated_baseline(config))
     return pipeline
+
+
+def without_baseline(config: PadConfig, model: ContactModel) -> PadPipeline:
+    tracking = choose(config.scene, config.magnet).tracking
+    return PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking)
 
 
 def drilled(
