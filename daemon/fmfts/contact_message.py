@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from math import hypot, sqrt
 from typing import Any
 
 import msgspec
@@ -31,6 +32,7 @@ class Reading:
     estimate: PoseEstimate | None = None
     contact: ContactEstimate | None = None
     touching: bool | None = None
+    unfelt_n: float = 0.0
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):
@@ -99,7 +101,7 @@ class Sender:
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:
-            estimates |= _contact_fields(reading.contact, reading.touching)
+            estimates |= _contact_fields(reading.contact, reading.touching, reading.unfelt_n)
         if reading.estimate is not None and mounting is not None:
             estimates["pose"] = _pose_message(reading.estimate, mounting)
         return ContactMessage(
@@ -120,7 +122,7 @@ class Sender:
         )
 
 
-def _contact_fields(contact: ContactEstimate, touching: bool) -> dict[str, Any]:
+def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -> dict[str, Any]:
     """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
     if contact.refused:  # neither place nor force: what shear does cannot be told from them there
         return {"contact": touching}
@@ -132,7 +134,7 @@ def _contact_fields(contact: ContactEstimate, touching: bool) -> dict[str, Any]:
         "force_sd_n": contact.force_sd_n,
     }
     if not touching:
-        return force
+        return force | {"force_sd_n": quiet_force_sd_n(contact.force_sd_n, unfelt_n)}
     force |= _shear_fields(contact)
     return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
 
@@ -143,6 +145,17 @@ def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
     (x_n, y_n), deviation_n = contact.shear_n.tolist(), np.sqrt(np.diagonal(contact.covariance)[3:])
     x_sd_n, y_sd_n = deviation_n.tolist()
     return {"shear_x_n": x_n, "shear_x_sd_n": x_sd_n, "shear_y_n": y_n, "shear_y_sd_n": y_sd_n}
+
+
+def quiet_force_sd_n(force_sd_n: float, unfelt_n: float) -> float:
+    """Where no touch is felt, there may be any up to the weakest that would be, wherever on the pad it is felt least:
+    an even spread."""
+    return hypot(force_sd_n, unfelt_n / sqrt(3.0))
+
+
+def felt_force_sd_n(quiet_sd_n: float, unfelt_n: float) -> float:
+    """The deviation of a press in the middle of the pad again: the other way round."""
+    return sqrt(max(quiet_sd_n**2 - unfelt_n**2 / 3.0, 0.0))
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:

@@ -22,12 +22,14 @@ from fmfts.pose import (
     PoseEstimate,
     SensorErrors,
     State,
+    Status,
     Tracker,
     TrackingModel,
     as_drawn,
     change_from,
     displacement,
     repeats_allowed,
+    solve,
     widened,
 )
 from fmfts.pose.constancy import Constancy
@@ -71,6 +73,11 @@ class PadPipeline:
     @property
     def model_hash(self) -> str:
         return self._model.hash
+
+    @property
+    def unfelt_n(self) -> float:
+        """The largest force somewhere on the pad that is not felt as a touch."""
+        return 0.0 if self._estimator is None else self._estimator.unfelt_n
 
     @property
     def mounting(self) -> Mounting | None:
@@ -172,6 +179,7 @@ class Estimator:
         change_error = self.mounting.change_error(self._tracker.estimated)
         self._change_error_rows = change_error.reshape(5, -1)
         self._touch = TouchDetector(rate_hz)
+        self.unfelt_n = 0.0 if baseline.rest is None else self._weakest_touch_n(mounted)
         self._smoother = Smoother(model.smoothing_s)
         self._last_us: int | None = None
         self._lifted_s = 0.0
@@ -179,7 +187,7 @@ class Estimator:
         if baseline.rest is not None:
             self._path = HealthyPath.of(
                 *(drawing, self.mounting, tracking, temperature_c, model, self._touch),
-                *(change_error, self._repeats_allowed, stopped_us),
+                *(change_error, self._repeats_allowed, stopped_us, self.unfelt_n),
             )
 
     def hand_over(self, alignment: Alignment) -> HealthyPath | None:
@@ -222,7 +230,21 @@ class Estimator:
             self._lifted_s = self._lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
         if self._lifted_s >= LIFTED_S:
             return Reading("no_baseline", self._refuted(), track.used, track.estimate)
-        return Reading(track.health, track.reason, track.used, track.estimate, contact, touching)
+        return Reading(track.health, track.reason, track.used, track.estimate, contact, touching, self.unfelt_n)
+
+    def _weakest_touch_n(self, mounted: Pad) -> float:
+        """Below this a touch at the pad's least sensitive place passes for none."""
+        rest = self.mounting.rest
+        estimate = solve(
+            self.mounting.rest_field_t,
+            mounted,
+            rest,
+            deviation_t=np.hypot(self.mounting.noise_t, self.mounting.systematic_t),
+            free=self._tracker.estimated,
+        )
+        if estimate.status is not Status.CONVERGED:
+            return 0.0
+        return self._model.unfelt_n(as_drawn(estimate, rest, self._drawing)[2], self._touch.onset_chi2)
 
     def _honest(self, estimate: PoseEstimate) -> PoseEstimate:
         """As uncertain as what mounting leaves open makes the pose's change from rest."""

@@ -154,13 +154,13 @@ def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pyte
 def test_calibrated_model_serves_and_its_report_stands_beside_it(
     tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """From the verb to the verb, small: layers of 4 know places to a millimetre within 8 mm, and say how well."""
+    """From the verb to the verb, small: layers of 8 know places to a millimetre within 8 mm, and say how well."""
     data = str(written(tmp_path, lambda rows: None, count=225))
     target = tmp_path / "small.onnx"
-    arguments = ["calibrate", data, "-o", str(target), "--config", config, "--hidden", "4", "--presses", "1500"]
+    arguments = ["calibrate", data, "-o", str(target), "--config", config, "--hidden", "8", "--presses", "1500"]
     assert main(arguments) == 0
     report = json.loads(target.with_suffix(".json").read_text())
-    assert report["hidden"] == 4
+    assert report["hidden"] == 8
     first = target.read_bytes()
     assert main(arguments) == 0
     assert target.read_bytes() == first  # the same weights, to the bit

@@ -194,3 +194,31 @@ def test_slow_pad_is_not_called_silent_between_its_frames() -> None:
         assert len(bench.sent) == sent
         bench.channel.tick(time.monotonic_ns() + 700_000_000)
     assert bench.sent[-1].health == "stale"
+
+
+@pytest.mark.parametrize("ambient", ["constant", "drifting"])
+def test_press_in_a_corner_that_is_not_felt_is_within_what_is_said_of_force(ambient: str) -> None:
+    """0.3 N at (14, 14) mm move the magnet by 8 µm: no touch is felt, and none must be ruled out to 0.02 N."""
+    config = config_of(seed=3, ambient=ambient)
+    pipeline = pipeline_of(config, simulated_baseline(config))
+    for frame in frames_of(config, steady_finger(14e-3, 14e-3, 0.3), 0.7):
+        message = pipeline.process(frame)
+        if message.contact is False:
+            assert message.force_n is not None
+            assert message.force_sd_n is not None
+            assert abs(message.force_n - 0.3) < 5.0 * message.force_sd_n
+
+
+def test_weakest_felt_touch_is_where_the_pad_feels_least() -> None:
+    """Half of it at a corner is no touch of the χ² test, twice of it is one."""
+    config = config_of(ambient="constant")
+    pad = config.pad()
+    model = ContactModel.load("default", pad)
+    covariance = np.diag([1e-5, 1e-5, 6e-6, 2e-3, 2e-3, 0.0]) ** 2  # of a pose at rest (physics of the pad)
+    unfelt_n, response = model.unfelt_n(covariance, 40.0), model.response
+    assert response is not None
+    scale = np.sqrt(np.diagonal(covariance)[:5]) * [1e3, 1e3, 1e3, 1.0, 1.0]
+    for share, felt in ((0.5, False), (2.0, True)):
+        press = np.zeros((1, 2 + response.loads))
+        press[0, :3] = 14.0, 14.0, share * unfelt_n
+        assert (np.sum((response.change(press)[0] / scale) ** 2) > 40.0) is np.bool_(felt)

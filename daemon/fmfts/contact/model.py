@@ -10,22 +10,11 @@ from typing import Self
 import numpy as np
 import onnxruntime
 
-from fmfts.contact.contract import (
-    IR_VERSION,
-    OPSET,
-    OUTPUT_ORDER,
-    SHEAR_OUTPUT_ORDER,
-    SIZE_LIMIT_BYTES,
-    Facts,
-    ModelError,
-    parse_facts,
-    parse_response,
-    read_versions,
-    require_whole,
-)
-from fmfts.contact.inference import OUTPUTS, Inference, last_dimensions
+from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, Facts, ModelError, parse_facts, parse_response
+from fmfts.contact.inference import Inference
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
+from fmfts.contact.verified import check_signature, check_versions, read, session_of
 from fmfts.pad import Array, Pad
 
 DEFAULT_PATH = Path(__file__).with_name("default.onnx")
@@ -42,6 +31,8 @@ POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a 
 CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
 # Keeps the covariance of a pose that somebody calls certain one that can be inverted: 0.1 µm and 0.1 mrad, in square.
 TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
+# Places along each side of the pad where the weakest touch is looked for.
+UNFELT_PLACES = 15
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
 EVEN_SPREAD = 1.0 / np.sqrt(12.0)
 
@@ -141,10 +132,10 @@ class ContactModel:
         """The model at `path` ("default": the one that ships) for `pad`; ModelError names what is wrong with it."""
         file = DEFAULT_PATH if path == "default" else Path(path)
         try:
-            content = _read(file)
-            _check_versions(content)
-            session = _session(content)
-            _check_signature(session)
+            content = read(file)
+            check_versions(content)
+            session = session_of(content)
+            check_signature(session)
             metadata = session.get_modelmeta().custom_metadata_map
             facts = parse_facts(metadata)
             response = parse_response(metadata)
@@ -204,6 +195,25 @@ class ContactModel:
             self.has_shear and self._outside(contact),
         )
 
+    def unfelt_n(self, covariance: Array, chi2: float) -> float:
+        """The largest force on the pad that changes a resting pose by less than `chi2`: at a corner, usually.
+
+        covariance (6, 6): of position in m and axis, of one frame at rest. Zero for a model that holds no response.
+        """
+        if self.response is None:
+            return 0.0
+        whole = (covariance * POSE_UNIT * POSE_UNIT[:, None])[:CHANGE, :CHANGE] + TINY
+        x_mm, y_mm = np.meshgrid(*(np.linspace(*side, UNFELT_PLACES) for side in self._sides_mm), indexing="ij")
+        press = np.zeros((x_mm.size, 2 + self.response.loads))
+        press[:, 0], press[:, 1] = x_mm.ravel(), y_mm.ravel()
+        by_force = self.response.change_and_slope(press)[1][:, :, 2]
+        chi2_of_one_newton = np.einsum("ki,ij,kj->k", by_force, np.linalg.inv(whole), by_force)
+        return float(np.sqrt(chi2 / chi2_of_one_newton.min()))
+
+    @property
+    def _sides_mm(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        return self.facts.envelope.x_mm, self.facts.envelope.y_mm
+
     def _outside(self, contact: Array) -> bool:
         """Is the place beyond where the model was asked to answer?"""
         reach = np.array([self.facts.envelope.x_mm, self.facts.envelope.y_mm]) * 1e-3
@@ -238,50 +248,3 @@ class ContactModel:
         self.inference.pose[:] = pose
         self.inference.run()
         return self.inference.contact.astype(np.float64), self.inference.jacobian.astype(np.float64)
-
-
-def _read(file: Path) -> bytes:
-    try:
-        with file.open("rb") as stream:
-            content = stream.read(SIZE_LIMIT_BYTES + 1)
-    except OSError as error:
-        raise ValueError(f"it cannot be read ({error.strerror})") from error
-    if len(content) > SIZE_LIMIT_BYTES:
-        raise ValueError(f"it is larger than {SIZE_LIMIT_BYTES / 1e6:g} MB, no contact model is")
-    return content
-
-
-def _check_versions(content: bytes) -> None:
-    require_whole(content)
-    ir_version, opset = read_versions(content)
-    if (ir_version, opset) != (IR_VERSION, OPSET):
-        raise ValueError(f"it has IR version {ir_version} and opset {opset}, not {IR_VERSION} and {OPSET}")
-
-
-def _session(content: bytes) -> onnxruntime.InferenceSession:
-    """One thread that never spins: at onnxruntime's defaults a pad's 220 inferences a second keep a core busy."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    options.inter_op_num_threads = 1
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.log_severity_level = 4  # what goes wrong is raised, and said in our own words
-    try:
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors have no other common base
-        raise ValueError(f"onnxruntime does not load it ({str(error).splitlines()[0]})") from error
-
-
-def _check_signature(session: onnxruntime.InferenceSession) -> None:
-    inputs, outputs = session.get_inputs(), session.get_outputs()
-    names = [tensor.name for tensor in (*inputs, *outputs)]
-    if names != ["pose", *OUTPUTS]:
-        raise ValueError(f"its tensors are {', '.join(names)}, not pose → contact, jacobian")
-    width = outputs[0].shape[-1]
-    wanted = last_dimensions(width if width in (len(OUTPUT_ORDER), len(SHEAR_OUTPUT_ORDER)) else len(OUTPUT_ORDER))
-    for tensor in (*inputs, *outputs):
-        if tensor.type != "tensor(float)":
-            raise ValueError(f"{tensor.name} is a {tensor.type}, not a tensor(float)")
-        last = wanted[tensor.name]
-        if len(tensor.shape) != 1 + len(last) or tensor.shape[1:] != last or isinstance(tensor.shape[0], int):
-            raise ValueError(f"{tensor.name} has the shape {tensor.shape}, not {['N', *last]}")

@@ -67,5 +67,9 @@ fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *quest
     if (!isfinite(place[2]) || !all_numbers(numbers, !isnan(numbers->temperature_c[0]), !isnan(facts->ambient_t[0]))) {
         return FMFTS_NO_NUMBER;
     }
-    return question->touching == 0.0 ? FMFTS_QUIET : over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
+    if (question->touching == 0.0) {
+        numbers->force_sd_n[0] = hypot(force_sd, facts->unfelt_n[0] / sqrt(3.0));
+        return FMFTS_QUIET;
+    }
+    return over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }

@@ -73,9 +73,15 @@ def put_tracking(facts: Named, mounting: Mounting, model: TrackingModel, rest_te
 
 
 def put_contact(
-    facts: Named, mounting: Mounting, drawing: Pad, change_error: Array, touch: TouchDetector, model: ContactModel
+    facts: Named,
+    mounting: Mounting,
+    drawing: Pad,
+    change_error: Array,
+    touch: TouchDetector,
+    model: ContactModel,
+    unfelt_n: float,
 ) -> None:
-    """change_error (5, 5, M): see Leftover.change_error."""
+    """change_error (5, 5, M): see Leftover.change_error. unfelt_n: see ContactModel.unfelt_n."""
     facts.put("leftovers", change_error.shape[-1])
     facts.put("change_error", change_error)
     facts.put("onset_chi2", touch.onset_chi2)
@@ -91,6 +97,7 @@ def put_contact(
     facts.put("lifted_above_mm", model.facts.envelope.pose_max[2] + HYSTERESIS_MM)
     facts.put("lifted_deviations", LIFTED_DEVIATIONS)
     facts.put("force_max_n", model.facts.envelope.force_max_n)
+    facts.put("unfelt_n", unfelt_n)
     facts.put("spread_m", model.spread_m)
     facts.put("force_bins", model.own_deviation.shape[0])
     facts.put("force_bin_n", model.force_bins_n)

@@ -81,6 +81,7 @@ enum {
     X(lifted_above_mm, 1)                                                                                              \
     X(lifted_deviations, 1)                                                                                            \
     X(force_max_n, 1)                                                                                                  \
+    X(unfelt_n, 1)                                                                                                     \
     X(spread_m, 2)                                                                                                     \
     X(force_bins, 1)                                                                                                   \
     X(force_bin_n, FMFTS_BINS)  /* upper ends of all bins but the last */                                              \

@@ -70,6 +70,7 @@ class HealthyPath:
         change_error: Array,
         repeats_allowed: Array,
         stopped_us: float,
+        unfelt_n: float,
     ) -> Self | None:
         """None where nothing compiled is there, or the contact model's error tables are larger than it has room for, or
         the model tells shear or refines."""
@@ -79,7 +80,7 @@ class HealthyPath:
         try:
             put_sensors(facts, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
             put_tracking(facts, mounting, tracking, rest_temperature_c)
-            put_contact(facts, mounting, drawing, change_error, touch, model)
+            put_contact(facts, mounting, drawing, change_error, touch, model, unfelt_n)
             put_message(facts, mounting, drawing.magnet.remanence_t)
         except ValueError:
             return None

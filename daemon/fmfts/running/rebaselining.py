@@ -8,7 +8,7 @@ import numpy as np
 
 from fmfts.ambient import Baseline, DriftFollower, Mounting, Quiet
 from fmfts.bus.messages import ContactMessage
-from fmfts.contact_message import PackedMessage
+from fmfts.contact_message import PackedMessage, felt_force_sd_n
 from fmfts.healthy import Kind
 from fmfts.memory import follow
 from fmfts.pad import DriftLimits
@@ -39,7 +39,7 @@ class Rebaselining:
         self._frames += 1
         if isinstance(answer, PackedMessage) and answer.kind is Kind.QUIET and self._frames % LOOKED_AT:
             return False
-        reading = _quiet(answer.message if isinstance(answer, PackedMessage) else answer)
+        reading = _quiet(answer.message if isinstance(answer, PackedMessage) else answer, self._pipeline.unfelt_n)
         if reading is None:
             self._follower.disturbed()
             return False
@@ -52,12 +52,12 @@ class Rebaselining:
         return True
 
 
-def _quiet(message: ContactMessage) -> Quiet | None:
-    """None where it does not say for sure that nothing touches."""
+def _quiet(message: ContactMessage, unfelt_n: float) -> Quiet | None:
+    """None where it does not say for sure that nothing touches, as far as the middle of the pad can tell."""
     pose, force_n, force_sd_n = message.pose, message.force_n, message.force_sd_n
     if message.health != "ok" or message.contact is not False or message.over_range:
         return None
     if pose is None or force_n is None or force_sd_n is None:
         return None
     place, axis = np.array(pose.position_m), np.array(pose.axis)
-    return Quiet(message.t_sample_ns * 1e-9, place, axis, force_n, force_sd_n)
+    return Quiet(message.t_sample_ns * 1e-9, place, axis, force_n, felt_force_sd_n(force_sd_n, unfelt_n))
