@@ -8,13 +8,14 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmfts import __version__, exit_codes
+from fmfts.bus import keys_verb
 from fmfts.collect import verb as collect_verb
-from fmfts.offline import calibration_verbs
+from fmfts.offline import calibration_verbs, pose_verb
+from fmfts.record import verbs as record_verbs
 from fmfts.simulate import verb as pad_model_verb
 from fmfts.study import verb as study_verb
 
@@ -87,46 +88,13 @@ def _parser() -> argparse.ArgumentParser:
     facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
     facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
     facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
-    keys = verb("keys", _keys, "make and list the keys that let clients in over the network")
-    keys.add_argument("action", choices=("new", "forget", "list"))
-    keys.add_argument("name", nargs="?", metavar="NAME", help="of the client")
-    keys.add_argument("-o", "--output", type=Path, metavar="FILE", help="of the client's key (NAME.key)")
-    record = verb("record", _record, "write what a running daemon says, raw frames included", LISTENERS_CONFIG)
-    record.add_argument("output", type=Path, metavar="FILE.mcap", help="must not exist yet")
-    record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
-    record.add_argument("--seconds", type=float, help="end after this time; else Ctrl-C ends it")
-    facts(record)
-    replay = verb("replay", _replay, "put a recording's frames through the pipeline again, and compare")
-    replay.add_argument("recording", type=Path, metavar="FILE.mcap")
-    replay.add_argument("--model", action="append", default=[], metavar="FILE", help="that it was recorded with")
-    replay.add_argument("--contacts", action="store_true", help="print each contact as a line of JSON")
-    facts(replay)
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=float, help="end after this time, with a summary")
     facts(listen)
-    pose = verb("pose", _pose, "solve the magnet's pose for every row of a CSV file of fields")
-    pose.add_argument("fields", type=Path, metavar="FIELD.csv")
-    pose.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: standard output")
-    pose.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
-    pose.add_argument("--baseline", type=Path, metavar="FILE", help="fields are raw: subtract this baseline")
-    pose.add_argument("--sequence", action="store_true", help="start each row from the one before, not from rest")
-    pose.add_argument(
-        "--unknowns",
-        type=int,
-        choices=(5, 6, 8, 9),
-        default=6,
-        help="5: the pose; 6: and the moment; 8: pose and ambient field; 9: all (6)",
-    )
-    pose.add_argument("--octupole", action="store_true", help="the magnet is a cylinder, not a dipole")
-    pose.add_argument(
-        "--gradient-ut-per-mm",
-        type=float,
-        default=0.0,
-        help="the ambient field has a gradient: its standard deviation (0.3: steel, or a magnet 60 mm away)",
-    )
-    pose.add_argument("--neighbours", action="store_true", help="the magnets of the pad's scene.neighbours may move")
-    pose.add_argument("--noise-ut", type=float, default=0.2, help="standard deviation of a field value (0.2)")
+    keys_verb.add_to(verb)
+    record_verbs.add_to(verb, LISTENERS_CONFIG)
+    pose_verb.add_to(verb)
     calibration_verbs.add_to(verb)
     collect_verb.add_to(verb)
     pad_model_verb.add_to(verb)
@@ -146,7 +114,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _config(options: argparse.Namespace) -> Config:
+def configuration(options: argparse.Namespace) -> Config:
     from fmfts.config.file import ConfigError, load
 
     try:
@@ -157,11 +125,11 @@ def _config(options: argparse.Namespace) -> Config:
     return config
 
 
-def _base(options: argparse.Namespace) -> str | None:
+def serving_base(options: argparse.Namespace) -> str | None:
     """Where the daemon of `--config` serves; None: at the default. Listening needs no configuration."""
     from fmfts_client.endpoints import named_base
 
-    return named_base(None if options.config is None else _config(options).bus.endpoint)
+    return named_base(None if options.config is None else configuration(options).bus.endpoint)
 
 
 def _one_pad(config: Config, name: str | None) -> PadConfig:
@@ -177,12 +145,12 @@ def _one_pad(config: Config, name: str | None) -> PadConfig:
 
 def configured_pad(options: argparse.Namespace) -> PadConfig:
     """The pad that `--config` and `--pad` name; VerbError where they do not."""
-    return _one_pad(_config(options), options.pad)
+    return _one_pad(configuration(options), options.pad)
 
 
 def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
     """All pads of the file."""
-    return _config(options).pad
+    return configuration(options).pad
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -194,7 +162,7 @@ def _run(options: argparse.Namespace) -> int:
     from fmfts.service.realtime import RealtimeError
     from fmfts_client.endpoints import EndpointError
 
-    config = _config(options)
+    config = configuration(options)
     try:
         with Daemon(config) as daemon:
             daemon.run()
@@ -229,7 +197,7 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     from fmfts.jobs import oneshot
     from fmfts.view.facts import print_facts
 
-    config = _config(options)
+    config = configuration(options)
     pad = _one_pad(config, options.pad)
     try:
         facts = oneshot.ask_daemon(verb, config, pad=pad.name, **arguments)
@@ -247,7 +215,7 @@ def _probe(options: argparse.Namespace) -> int:
     from fmfts.jobs import oneshot
     from fmfts.view.facts import print_facts
 
-    config = _config(options)
+    config = configuration(options)
     try:
         facts = oneshot.ask_daemon("probe", config) or oneshot.probe(config)
     except oneshot.RefusedError as error:
@@ -261,11 +229,11 @@ def _probe(options: argparse.Namespace) -> int:
 def _status(options: argparse.Namespace) -> int:
     from fmfts.view.status import status
 
-    return status(as_json=options.json, endpoint=_base(options))
+    return status(as_json=options.json, endpoint=serving_base(options))
 
 
 def _check_config(options: argparse.Namespace) -> int:
-    config = _config(options)
+    config = configuration(options)
     if options.json:
         import msgspec
 
@@ -275,99 +243,7 @@ def _check_config(options: argparse.Namespace) -> int:
     return 0
 
 
-def _keys(options: argparse.Namespace) -> int:
-    from fmfts.bus.keys import KeyFolder
-    from fmfts.bus.lock import BusError
-
-    folder = _config(options).bus.keys
-    if folder is None:
-        raise VerbError(exit_codes.CONFIG, '[bus] keys names no folder for them (keys = "/etc/fmfts/keys")')
-    if (options.name is None) != (options.action == "list"):
-        raise VerbError(exit_codes.USAGE, f"keys {options.action}: {'no' if options.name else 'a'} NAME is needed")
-    store = KeyFolder(Path(folder))
-    try:
-        if options.action == "new":
-            output = options.output or Path(f"{options.name}.key")
-            store.add(options.name, output)
-            print(f"{output}: carry it to the client by a safe way, and name it there in FMFTS_KEY")
-        elif options.action == "forget":
-            store.forget(options.name)
-        else:
-            print("\n".join(store.clients()))
-    except BusError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
-    return 0
-
-
-def _record(options: argparse.Namespace) -> int:
-    from fmfts.record.file import RecordingError
-    from fmfts.record.recorder import Recorder
-    from fmfts.view.facts import print_facts
-    from fmfts_client import EndpointError, SchemaError
-
-    try:
-        with closing(Recorder(options.output, options.pad, _base(options))) as recorder:
-            facts = recorder.run(options.seconds)
-    except (RecordingError, EndpointError, SchemaError) as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
-    print_facts(facts, as_json=options.json)
-    return 0
-
-
-def _replay(options: argparse.Namespace) -> int:
-    import msgspec
-
-    from fmfts.record.file import RecordingError
-    from fmfts.record.replay import Replay
-    from fmfts.view.facts import print_facts
-
-    try:
-        replay = Replay(options.recording, options.model)
-        for contact in replay.contacts():
-            if options.contacts:
-                print(msgspec.json.encode(contact).decode())
-    except RecordingError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    if not options.contacts:
-        print_facts(replay.facts(), as_json=options.json)
-    return exit_codes.DATA if replay.comparison.different else 0
-
-
 def _listen(options: argparse.Namespace) -> int:
     from fmfts.view.listen import listen
 
-    return listen(options.pad, options.seconds, as_json=options.json, endpoint=_base(options))
-
-
-def _pose(options: argparse.Namespace) -> int:
-    from fmfts.offline import field_table
-    from fmfts.offline.pose import PoseOptions, solve_table
-    from fmfts.scene import unseen
-
-    config = _config(options)
-    of_file = _one_pad(config, options.pad)
-    pad = of_file.pad()
-    if not options.noise_ut > 0.0:
-        raise VerbError(exit_codes.USAGE, f"--noise-ut is {options.noise_ut}: it must be greater than zero")
-    try:
-        table = field_table.read(options.fields, len(pad.sensors))
-        solving = PoseOptions(
-            options.baseline,
-            options.sequence,
-            options.noise_ut * 1e-6,
-            options.unknowns,
-            options.octupole,
-            options.gradient_ut_per_mm * 1e-3,
-            unseen(of_file, config.pad) if options.neighbours else (),
-        )
-        columns = solve_table(table, pad, solving)
-        if options.output is None:
-            field_table.write(columns, sys.stdout)
-        else:
-            with options.output.open("w", newline="") as out:
-                field_table.write(columns, out)
-    except field_table.DataError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except OSError as error:
-        raise VerbError(exit_codes.DATA, f"{options.output}: {error.strerror}") from error
-    return 0
+    return listen(options.pad, options.seconds, as_json=options.json, endpoint=serving_base(options))
