@@ -447,3 +447,19 @@ def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path:
     only_named = with_facts(lambda facts: facts.update(outputs=SHEAR_OUTPUT_ORDER))
     with pytest.raises(ModelError, match="own error is not told for each"):
         ContactModel.load(edited(tmp_path, only_named), pad)
+
+
+def test_place_beyond_the_pad_is_as_vague_as_the_pad_is_wide(model: ContactModel) -> None:
+    """Light and noisy poses are put there; the Jacobian of a network beyond its training says too little."""
+    random = np.random.default_rng(5)
+    beyond = 0
+    for _ in range(300):
+        position_m = np.array([0.0, 0.0, 12e-3]) + random.normal(0.0, [15e-6, 15e-6, 6e-6])
+        tilt = random.normal(0.0, 3e-3, 2)
+        axis = np.array([*tilt, np.sqrt(1.0 - tilt @ tilt)])
+        estimate = model.estimate(position_m, axis, np.diag([15e-6, 15e-6, 6e-6, 3e-3, 3e-3, 0.0]) ** 2)
+        for place_m, deviation_m in ((estimate.x_m, estimate.x_sd_m), (estimate.y_m, estimate.y_sd_m)):
+            if abs(place_m) > 14e-3:
+                beyond += 1
+                assert deviation_m == pytest.approx(28e-3 / np.sqrt(12.0))
+    assert beyond > 10

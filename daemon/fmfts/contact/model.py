@@ -107,8 +107,8 @@ class ContactModel:
         whole = np.stack(own.tables, axis=-1) * self._unit
         self.own_deviation = np.hypot(0.0 * whole if refiner else whole, self._friction_deviation(friction))
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
-        width_m = np.diff([facts.envelope.x_mm, facts.envelope.y_mm], axis=1)[:, 0] * 1e-3
-        self.spread_m = width_m * EVEN_SPREAD
+        self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
+        self.spread_m = np.diff(self.edges_m, axis=1)[:, 0] * EVEN_SPREAD
 
     @property
     def plain(self) -> bool:
@@ -216,8 +216,7 @@ class ContactModel:
 
     def _outside(self, contact: Array) -> bool:
         """Is the place beyond where the model was asked to answer?"""
-        reach = np.array([self.facts.envelope.x_mm, self.facts.envelope.y_mm]) * 1e-3
-        return bool((contact[:2] < reach[:, 0]).any() or (contact[:2] > reach[:, 1]).any())
+        return bool((contact[:2] < self.edges_m[:, 0]).any() or (contact[:2] > self.edges_m[:, 1]).any())
 
     def _share_inside(self, pose: Array, slack: Array) -> float:
         """The largest share, at most 1, of the displacement from rest that stays in the envelope widened by `slack`.
@@ -242,7 +241,12 @@ class ContactModel:
         own = np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
         spread = carried * self._unit * self._unit[:, None] + own
         shrink = np.append(np.minimum(1.0, self.spread_m / np.sqrt(np.diagonal(spread)[:2])), np.ones(len(contact) - 2))
-        return contact, spread * shrink * shrink[:, None]
+        spread = spread * shrink * shrink[:, None]
+        # Beyond the pad's edge the model was never trained, and its Jacobian means nothing.
+        for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):
+            spread[axis], spread[:, axis] = 0.0, 0.0
+            spread[axis, axis] = self.spread_m[axis] ** 2
+        return contact, spread
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
         self.inference.pose[:] = pose

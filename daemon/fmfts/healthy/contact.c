@@ -33,7 +33,12 @@ static void spread_of(const fmfts_facts *facts, const fmfts_question *question, 
                 sum += row[k] * question->covariance[POSE * k + l] * row[l];
             }
         }
-        variance[i] = i < 2 ? fmin(sum, facts->spread_m[i] * facts->spread_m[i]) : sum;
+        variance[i] = sum;
+    }
+    for (int i = 0; i < 2; i++) {
+        double even = facts->spread_m[i] * facts->spread_m[i];
+        bool beyond = contact[i] < facts->edges_m[2 * i] || contact[i] > facts->edges_m[2 * i + 1];
+        variance[i] = beyond ? even : fmin(variance[i], even);
     }
 }
 

@@ -98,6 +98,7 @@ def put_contact(
     facts.put("lifted_deviations", LIFTED_DEVIATIONS)
     facts.put("force_max_n", model.facts.envelope.force_max_n)
     facts.put("unfelt_n", unfelt_n)
+    facts.put("edges_m", model.edges_m)
     facts.put("spread_m", model.spread_m)
     facts.put("force_bins", model.own_deviation.shape[0])
     facts.put("force_bin_n", model.force_bins_n)

@@ -82,6 +82,7 @@ enum {
     X(lifted_deviations, 1)                                                                                            \
     X(force_max_n, 1)                                                                                                  \
     X(unfelt_n, 1)                                                                                                     \
+    X(edges_m, 4)               /* of x, of y: where training ended */                                                 \
     X(spread_m, 2)                                                                                                     \
     X(force_bins, 1)                                                                                                   \
     X(force_bin_n, FMFTS_BINS)  /* upper ends of all bins but the last */                                              \
