@@ -72,7 +72,7 @@ collect-chain: $(VENV)/.installed-test firmware
 
 # How soon the rod is off the pad after each fault; nothing else may run meanwhile.
 collect-drills: $(VENV)/.installed-test firmware
-	FMFTS_TIMED_DRILLS=1 $(BIN)/python -m pytest -s tests/end_to_end/test_collect_faults.py
+	FMFTS_TIMED_DRILLS=1 $(BIN)/python -m pytest -s tests/end_to_end/test_collect.py tests/end_to_end/test_collect_faults.py
 
 # The shipped contact model, made again from the calibration set.
 model: $(VENV)/.installed-test

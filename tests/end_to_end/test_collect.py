@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from end_to_end.collecting_bench import PressedBench
+
+# Emulated stage, gauge and board run in real time: on a busy computer they are late, and work stops as it should.
+pytestmark = pytest.mark.skipif(
+    "FMFTS_TIMED_DRILLS" not in os.environ, reason="wants an idle computer: make collect-drills"
+)
 
 TWO_PLACES = "[lattice]\nfirst_mm = [-4, 2]\nspacing_mm = 6\ncount = [2, 1]\nforces_n = [0.6, 1.2]\n"
 
