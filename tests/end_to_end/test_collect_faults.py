@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from end_to_end.collecting_bench import PressedBench, was_late
+from end_to_end.test_collect import plan, record_baseline, rows
 
 # Emulated stage, gauge and board run in real time: on a busy computer they are late, and work stops as it should.
 pytestmark = pytest.mark.skipif(
     "FMFTS_TIMED_DRILLS" not in os.environ, reason="wants an idle computer: make collect-drills"
 )
-from end_to_end.test_collect import plan, record_baseline, rows
 
 REFUSED, STOPPED = 65, 69
 # Reading and deciding takes 20 ms, a millimetre at 20 mm/s 50 ms; the rest is for a busy computer. Only `make
