@@ -50,7 +50,7 @@ def grbl_bench(tmp_path: Path, recorded: Path) -> Iterator[PressedBench]:
         yield bench
 
 
-def until(there: Callable[[], bool], patience_s: float = 60.0) -> float:
+def until(there: Callable[[], bool], patience_s: float = 30.0) -> float:
     """Seconds until it is so."""
     begun_s = time.monotonic()
     while not there():
