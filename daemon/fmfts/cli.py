@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fmfts import __version__, exit_codes
 from fmfts.bus import keys_verb
@@ -18,22 +18,10 @@ from fmfts.offline import calibration_verbs, pose_verb
 from fmfts.record import verbs as record_verbs
 from fmfts.simulate import verb as pad_model_verb
 from fmfts.study import verb as study_verb
-
-if TYPE_CHECKING:
-    from fmfts.config import Config, PadConfig
+from fmfts.verb import VerbError, configuration, pad_named, serving_base
 
 DEFAULT_CONFIG = "default: see the README, Configuration"
 LISTENERS_CONFIG = "the daemon's, where it names an endpoint; needless otherwise"
-
-log = logging.getLogger("fmfts")
-
-
-class VerbError(Exception):
-    """Ends the command with `code` and one sentence."""
-
-    def __init__(self, code: int, sentence: str) -> None:
-        super().__init__(sentence)
-        self.code = code
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -114,45 +102,6 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def configuration(options: argparse.Namespace) -> Config:
-    from fmfts.config.file import ConfigError, load
-
-    try:
-        config, path = load(options.config)
-    except ConfigError as error:
-        raise VerbError(exit_codes.CONFIG, str(error)) from error
-    log.info("configuration: %s", path)
-    return config
-
-
-def serving_base(options: argparse.Namespace) -> str | None:
-    """Where the daemon of `--config` serves; None: at the default. Listening needs no configuration."""
-    from fmfts_client.endpoints import named_base
-
-    return named_base(None if options.config is None else configuration(options).bus.endpoint)
-
-
-def _one_pad(config: Config, name: str | None) -> PadConfig:
-    known = {pad.name: pad for pad in config.pad}
-    if name is None and len(known) == 1:
-        return config.pad[0]
-    if name not in known:
-        raise VerbError(
-            exit_codes.USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}"
-        )
-    return known[name]
-
-
-def configured_pad(options: argparse.Namespace) -> PadConfig:
-    """The pad that `--config` and `--pad` name; VerbError where they do not."""
-    return _one_pad(configuration(options), options.pad)
-
-
-def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
-    """All pads of the file."""
-    return configuration(options).pad
-
-
 def _run(options: argparse.Namespace) -> int:
     from fmfts.bus.lock import BusError
     from fmfts.contact import ModelError
@@ -198,7 +147,7 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     from fmfts.view.facts import print_facts
 
     config = configuration(options)
-    pad = _one_pad(config, options.pad)
+    pad = pad_named(config, options.pad)
     try:
         facts = oneshot.ask_daemon(verb, config, pad=pad.name, **arguments)
         if facts is None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
 from fmfts import exit_codes
-
-AddVerb = Callable[..., argparse.ArgumentParser]
+from fmfts.verb import AddVerb, VerbError, configuration
 
 
 def add_to(verb: AddVerb) -> None:
@@ -22,7 +20,6 @@ def add_to(verb: AddVerb) -> None:
 def _keys(options: argparse.Namespace) -> int:
     from fmfts.bus.keys import KeyFolder
     from fmfts.bus.lock import BusError
-    from fmfts.cli import VerbError, configuration
 
     folder = configuration(options).bus.keys
     if folder is None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from fmfts import exit_codes
-
-AddVerb = Callable[..., argparse.ArgumentParser]
+from fmfts.verb import AddVerb, VerbError, configured_pad
 
 
 def add_to(verb: AddVerb) -> None:
@@ -28,7 +26,6 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _collect(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad
     from fmfts.collect.errors import CollectError, RefusedError
     from fmfts.config.file import load
     from fmfts.view.facts import print_facts
@@ -49,8 +46,6 @@ def _ask(text: str) -> None:
 
 
 def _done(options: argparse.Namespace, config: Any, pad: Any) -> dict[str, Any]:
-    from fmfts.cli import VerbError
-
     if options.weigh_g is not None:
         from fmfts.collect.feed import open_feed
         from fmfts.collect.weigh import weigh

@@ -5,13 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from fmfts import exit_codes
-
-AddVerb = Callable[..., argparse.ArgumentParser]
-NEEDS = "this verb needs what `pip install 'fmfts[calibrate]'` installs"
+from fmfts.verb import AddVerb, VerbError, configured_pad, lacking
 
 
 def add_to(verb: AddVerb) -> None:
@@ -35,14 +32,12 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad
-
     pad = configured_pad(options)
     try:
         from fmfts.calibrate.training import Options
         from fmfts.offline.calibrate import make_model
     except ImportError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{error}: {NEEDS}") from error
+        raise lacking(error, "calibrate") from error
     from fmfts.offline.field_table import DataError
 
     if options.hidden is not None and not 2 <= options.hidden <= 64:
@@ -72,13 +67,11 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad
-
     pad = configured_pad(options)
     try:
         from fmfts.offline.evaluate import evaluate
     except ImportError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{error}: {NEEDS}") from error
+        raise lacking(error, "calibrate") from error
     from fmfts.calibrate.dataset import read_labelled
     from fmfts.calibrate.evaluation import printed
     from fmfts.contact import ContactModel, ModelError
@@ -105,12 +98,10 @@ def _evaluate(options: argparse.Namespace) -> int:
 
 
 def _draw(found: object, target: Path) -> None:
-    from fmfts.cli import VerbError
-
     try:
         from fmfts.offline.evaluation_plot import draw
     except ImportError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{error}: --plot needs `pip install 'fmfts[plot]'`") from error
+        raise lacking(error, "plot") from error
     try:
         draw(found, target)  # type: ignore[arg-type]
     except (OSError, ValueError) as error:
@@ -118,8 +109,6 @@ def _draw(found: object, target: Path) -> None:
 
 
 def _noise_t(options: argparse.Namespace) -> float:
-    from fmfts.cli import VerbError
-
     if not 0.0 < options.noise_ut < 100.0:
         raise VerbError(exit_codes.USAGE, f"--noise-ut is {options.noise_ut}: greater than zero, in µT")
     return float(options.noise_ut) * 1e-6

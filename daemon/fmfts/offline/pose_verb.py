@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from fmfts import exit_codes
-
-AddVerb = Callable[..., argparse.ArgumentParser]
+from fmfts.verb import AddVerb, VerbError, configured_pad, configured_pads
 
 
 def add_to(verb: AddVerb) -> None:
@@ -39,7 +37,6 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _pose(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad, configured_pads
     from fmfts.offline import field_table
     from fmfts.offline.pose import PoseOptions, solve_table
     from fmfts.scene import unseen

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 from fmfts import exit_codes
-
-AddVerb = Callable[..., argparse.ArgumentParser]
+from fmfts.verb import AddVerb, VerbError, serving_base
 
 
 def add_to(verb: AddVerb, listeners_config: str) -> None:
@@ -27,7 +25,6 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
 
 
 def _record(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, serving_base
     from fmfts.record.file import RecordingError
     from fmfts.record.recorder import Recorder
     from fmfts.view.facts import print_facts
@@ -45,7 +42,6 @@ def _record(options: argparse.Namespace) -> int:
 def _replay(options: argparse.Namespace) -> int:
     import msgspec
 
-    from fmfts.cli import VerbError
     from fmfts.record.file import RecordingError
     from fmfts.record.replay import Replay
     from fmfts.view.facts import print_facts

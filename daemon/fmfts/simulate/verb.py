@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmfts import exit_codes
+from fmfts.verb import AddVerb, VerbError, configured_pad, lacking
 
 if TYPE_CHECKING:
     from fmfts.config import PadConfig
     from fmfts.simulate.mechanics import Mechanics
     from fmfts.simulate.slab import Slab
-
-AddVerb = Callable[..., argparse.ArgumentParser]
-NEEDS = "this verb needs what `pip install 'fmfts[pad-model]'` installs"
 
 
 def add_to(verb: AddVerb) -> None:
@@ -43,8 +40,6 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _pad_model(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad
-
     config = configured_pad(options)
     try:
         slab = _slab(options, config)
@@ -55,7 +50,7 @@ def _pad_model(options: argparse.Namespace) -> int:
 
         mechanics = _mechanics(options, slab)
     except ImportError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{error}: {NEEDS}") from error
+        raise lacking(error, "pad-model") from error
     except (ArithmeticError, ValueError) as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     from fmfts.simulate.pad_file import write_pad_file

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
 from fmfts import exit_codes
+from fmfts.verb import AddVerb, VerbError, configured_pad, configured_pads, lacking
 
 # Each is a module with `run(request: Request) -> Facts`, and `printed(facts: Facts) -> str`.
 STUDIES: dict[str, str] = {
@@ -20,7 +20,7 @@ STUDIES: dict[str, str] = {
 }
 
 
-def add_to(verb: Callable[..., argparse.ArgumentParser]) -> None:
+def add_to(verb: AddVerb) -> None:
     """`verb` makes a parser from a name, a handler and a line of help."""
     study = verb("study", _study, "compare methods on this pad: CSV, JSON, PNG and SVG")
     study.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=" | ".join(STUDIES))
@@ -32,7 +32,6 @@ def add_to(verb: Callable[..., argparse.ArgumentParser]) -> None:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from fmfts.cli import VerbError, configured_pad, configured_pads
     from fmfts.offline.field_table import DataError
 
     pad = configured_pad(options)
@@ -41,7 +40,7 @@ def _study(options: argparse.Namespace) -> int:
     try:
         study = import_module(STUDIES[options.study])
     except ImportError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{error}: it needs `pip install 'fmfts[study]'`") from error
+        raise lacking(error, "study") from error
     from fmfts.study.frame import Request, say
 
     try:
