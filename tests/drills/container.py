@@ -94,6 +94,9 @@ class Container:
     def __exit__(self, *_: object) -> None:
         self.shut_down()
         shutil.rmtree(self.root)
+        # What systemd-nspawn leaves behind, where /run is no file system of its own.
+        self.root.with_name(f".#{self.root.name}.lck").unlink(missing_ok=True)
+        shutil.rmtree(f"/run/systemd/nspawn/propagate/{self.name}", ignore_errors=True)
 
 
 def wait_for(condition: Callable[[], object], what: str, patience_s: float = 180.0) -> float:

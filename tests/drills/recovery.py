@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,12 +25,15 @@ from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_wr
 from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
 
 Facts = dict[str, Any]
-RECOVERED_S = 1.0  # after the device is there again
+LONGEST_S = {"replug": 1.0}  # judged by `make drills` alone: what else runs on a computer delays a recovery, too
 BURST_BYTES = 1000
 
 
 def replug(folder: Path, cycles: int) -> Facts:
-    """The plug is pulled for between 0 and 1.2 s, and each time the board comes back as another pty."""
+    """The plug is pulled for between 0 and 1.2 s, and each time the board comes back as another pty.
+
+    Every third time the name is another device's meanwhile, which is silent, as a port's number may be.
+    """
     chance = random.Random(1)
     with calibrated(folder) as (daemon, host, ear):
         before, memory_kb = descriptors(daemon.process.pid), resident_kb(daemon.process.pid)
@@ -37,8 +42,9 @@ def replug(folder: Path, cycles: int) -> Facts:
             if cycle % 100 == 99:
                 print(f"replug: {cycle + 1}, {summary(recoveries)}", file=sys.stderr, flush=True)
             host.kill()
-            ear.until(is_not_ok)
-            ear.listen(chance.uniform(0.0, 1.2))
+            with silent_device(host.port) if cycle % 3 == 2 else nullcontext():
+                ear.until(is_not_ok)
+                ear.listen(chance.uniform(0.0, 1.2))
             host = plugged_in(folder)
             recoveries.append(ear.until(is_ok))
         grown_kb = resident_kb(daemon.process.pid) - memory_kb
@@ -48,6 +54,16 @@ def replug(folder: Path, cycles: int) -> Facts:
     assert leaked == 0, facts
     assert not ear.wrong_numbers, ear.wrong_numbers[:3]
     return facts
+
+
+@contextmanager
+def silent_device(port: Path) -> Iterator[None]:
+    board, other = os.openpty()
+    port.symlink_to(os.ttyname(other))
+    os.close(other)
+    yield
+    port.unlink()
+    os.close(board)
 
 
 def reset_in_a_frame(folder: Path, cycles: int) -> Facts:
@@ -122,11 +138,17 @@ def main() -> None:
     options.add_argument("drills", nargs="*", default=list(DRILLS), metavar="DRILL", help=", ".join(DRILLS))
     options.add_argument("--share", type=float, default=1.0, help="of the full number of cycles, bytes or seconds")
     arguments = options.parse_args()
+    late = []
     for name in arguments.drills:
         drill, full = DRILLS[name]
         with tempfile.TemporaryDirectory(prefix="fmfts-") as folder:
             amount = type(full)(full * arguments.share)
-            print(json.dumps({name: drill(Path(folder), amount)}), flush=True)
+            facts = drill(Path(folder), amount)
+            print(json.dumps({name: facts}), flush=True)
+            if name in LONGEST_S and facts["longest_s"] > LONGEST_S[name]:
+                late.append(name)
+    if late:
+        sys.exit(f"recovered too late: {', '.join(late)}")
 
 
 if __name__ == "__main__":

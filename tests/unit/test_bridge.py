@@ -47,9 +47,9 @@ def pad(port: Path, name: str = "left", sensors: int = 4, **source: object) -> P
     )
 
 
-def run(bridge: Bridge, *boards: Board, until: Callable[[], object]) -> list:
-    """Poll as the pipeline does, with the board answering in between; the frames that came."""
-    frames = []
+def run(bridge: Bridge, *boards: Board, until: Callable[[], object], frames: list | None = None) -> list:
+    """Poll as the pipeline does, with the board answering in between; the frames that came, as soon as they come."""
+    frames = [] if frames is None else frames
     end = time.monotonic() + PATIENCE_S
     while not until():
         assert time.monotonic() < end, f"still waiting: {bridge.state}"
@@ -72,7 +72,7 @@ def test_frames_arrive_with_their_numbers_and_a_time_not_in_the_future(board: Bo
     board.send(board.sample(valid=0b1011, fresh=0b0001, age_us=np.array([0, 10, 65535, 4544], np.uint16)))
     arrived: list = []
     before_ns = time.monotonic_ns()
-    run(bridge, board, until=lambda: arrived.extend(bridge.poll(time.monotonic_ns())) or arrived)
+    run(bridge, board, until=lambda: arrived, frames=arrived)
     (frame,) = arrived
     assert frame.counts.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]]
     assert frame.valid.tolist() == [True, True, False, True]
@@ -151,7 +151,7 @@ def test_errors_are_counted_and_good_frames_go_on(board: Board) -> None:
     os.write(board.master, b"\x05garbage\0")
     board.stream(1)
     frames: list = []
-    run(bridge, board, until=lambda: frames.extend(bridge.poll(time.monotonic_ns())) or len(frames) == 5)
+    run(bridge, board, until=lambda: len(frames) == 5, frames=frames)
     assert [frame.sequence for frame in frames] == [0, 1, 2, 8, 10]
     assert bridge.state.crc_errors == 1
     assert bridge.state.garbage_bytes == 8
@@ -214,6 +214,25 @@ def test_what_is_plugged_in_is_opened_at_once_however_long_it_was_away(tmp_path:
     with plugged(tmp_path / "port"):
         bridge.poll(now_ns)
         assert bridge.fileno() is not None
+        bridge.close()
+
+
+def test_a_silent_port_that_lost_its_name_to_the_board_is_not_waited_for(tmp_path: Path) -> None:
+    """A port's number goes to whoever comes first: between two plugs it may have been another device's."""
+    port = tmp_path / "port"
+    with plugged(tmp_path / "other") as other, plugged(tmp_path / "again") as board:
+        port.symlink_to(os.readlink(other.link))
+        bridge = Bridge({0: pad(port)})
+        start_ns = now_ns = time.monotonic_ns()
+        bridge.poll(now_ns)
+        assert bridge.fileno() is not None
+        port.unlink()
+        port.symlink_to(os.readlink(board.link))
+        while not bridge.state.connected:
+            now_ns = bridge.deadline_ns() or now_ns
+            assert now_ns - start_ns < 1_000_000_000, bridge.state
+            bridge.poll(now_ns)
+            board.serve()
         bridge.close()
 
 
@@ -281,7 +300,7 @@ def test_one_board_serves_several_pads_and_ignores_those_not_configured(tmp_path
         connected(bridge, board)
         board.stream(2)
         frames: list = []
-        run(bridge, board, until=lambda: frames.extend(bridge.poll(time.monotonic_ns())) or len(frames) == 4)
+        run(bridge, board, until=lambda: len(frames) == 4, frames=frames)
         assert sorted(frame.pad_index for frame in frames) == [0, 0, 2, 2]
         bridge.close()
 

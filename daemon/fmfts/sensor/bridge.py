@@ -21,7 +21,7 @@ from fmfts.sensor.source import SourceError, SourceState
 READ_BYTES = 65536
 FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
-LOOK_NS = 50_000_000  # has anything been plugged in? No port is opened for that
+LOOK_NS = 50_000_000  # has anything been plugged in, or pulled? No port is opened for that
 SILENCE_NS = 1_500_000_000  # a board says its status every second, whatever else it does
 REOPEN_NS = 5_000_000_000  # some adapters recover only so
 IDENTIFY_NS = 1_500_000_000  # what a port gets to show that it holds the right board
@@ -61,6 +61,8 @@ class Bridge:
             return min(self._attempt_ns, self._look_ns)
         patience_ns = SILENCE_NS if self.state.connected else REOPEN_NS
         times = [self._quiet_since_ns + patience_ns, self._link.due_ns]
+        if not self.state.connected:
+            times.append(self._look_ns)
         if not self._link.is_right_board:
             times.append(self._opened_ns + IDENTIFY_NS)
         return min(when for when in times if when is not None)
@@ -169,9 +171,11 @@ class Bridge:
         return frames
 
     def _judge(self, now_ns: int) -> None:
-        """Connected, silent, or the wrong board?"""
+        """Connected, silent, the wrong board, or the wrong device altogether?"""
         link = self._link
-        if not link.is_right_board:
+        if not self.state.connected and self._has_lost_its_name(now_ns):
+            self._disconnect(f"{self._port} is no longer the device that was opened: plug the board in again", now_ns)
+        elif not link.is_right_board:
             if link.hello is not None:
                 self._found[self._port] = f"holds board {link.hello.uid.hex()}"
                 self._give_port_up(now_ns)
@@ -186,6 +190,13 @@ class Bridge:
             self._candidates.clear()
             self.state.description = f"bridge on {self._port}"
             self.state.connect(now_ns)
+
+    def _has_lost_its_name(self, now_ns: int) -> bool:
+        """A silent port need not be waited for where what has its name now was plugged in since."""
+        if now_ns < self._look_ns:
+            return False
+        self._look_ns = now_ns + LOOK_NS
+        return self._serial is not None and not serial_port.is_named(self._port, self._serial)
 
     def _silent(self, now_ns: int) -> None:
         quiet_s = (now_ns - self._quiet_since_ns) / 1e9

@@ -26,7 +26,7 @@ STUCK_NS = 300_000_000  # no transfer of ours takes a millisecond
 KILL_NS = 2_000_000_000
 SILENCE_NS = 3_000_000_000  # alive, in no call, and yet without a word; starting takes up to a second
 FIRST_BACKOFF_NS = 200_000_000
-LONGEST_BACKOFF_NS = 2_000_000_000
+LONGEST_BACKOFF_NS = 1_000_000_000
 WARNING_NS = 3_000_000_000
 CLOSE_S = 1.0
 

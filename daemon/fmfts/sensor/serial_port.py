@@ -49,6 +49,14 @@ def presence(paths: Iterable[Path | str]) -> frozenset[tuple[str, int, int, int]
     return frozenset(there)
 
 
+def is_named(port: str, device: serial.Serial) -> bool:
+    """False where the port's name has gone, or is another device's by now."""
+    try:
+        return os.path.samestat(os.stat(port), os.fstat(device.fileno()))
+    except OSError:
+        return False
+
+
 def close(device: serial.Serial) -> None:
     """Close without waiting for bytes that an unplugged adapter will never send."""
     with suppress(termios.error, OSError):  # nothing is left to flush where the device has gone
