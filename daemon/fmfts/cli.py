@@ -20,8 +20,15 @@ from fmfts.simulate import verb as pad_model_verb
 from fmfts.study import verb as study_verb
 from fmfts.verb import VerbError, configuration, pad_named, serving_base
 
-DEFAULT_CONFIG = "default: see the README, Configuration"
+DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
 LISTENERS_CONFIG = "the daemon's, where it names an endpoint; needless otherwise"
+EPILOG = """\
+A new pad: check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
+With a running daemon, probe, selftest and baseline go through it.
+
+exit codes: 0 done; 1 the self-test failed; 2 usage; 65 data, device or daemon refused; 69 device, daemon, place to
+store or a Python package absent; 78 bad configuration; 130 interrupted
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,12 +36,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from fmfts.service.log import configure
 
     options = _parser().parse_args(arguments)
-    configure(logging.INFO if options.verb == "run" else logging.WARNING)
+    command = f"fmfts-daemon {options.verb}"
+    if options.verb == "run":
+        configure()
+    else:
+        configure(logging.WARNING, command=command)
     try:
         code: int = options.handler(options)
         return code
     except VerbError as failure:
-        print(f"fmfts-daemon {options.verb}: {failure}", file=sys.stderr)
+        print(f"{command}: {failure}", file=sys.stderr)
         return failure.code
     except KeyboardInterrupt:
         return 130
@@ -45,7 +56,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="fmfts-daemon", description="Contact location and force from a magnet pad.")
+    parser = argparse.ArgumentParser(
+        prog="fmfts-daemon",
+        description="Contact location and force from a magnet pad.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--version", action=_Version)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
 
@@ -182,13 +198,23 @@ def _status(options: argparse.Namespace) -> int:
 
 
 def _check_config(options: argparse.Namespace) -> int:
+    from fmfts.contact import ModelError
+    from fmfts.running.daemon import load_models
+
     config = configuration(options)
+    try:
+        models = load_models(config)
+    except ModelError as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
     if options.json:
         import msgspec
 
         print(json.dumps(msgspec.to_builtins(config), indent=1))
     else:
         print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
+        for pad in config.pad:
+            kind = pad.source.__struct_config__.tag
+            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
     return 0
 
 

@@ -193,6 +193,13 @@ def test_summary_counts_what_was_lost_felt_and_missing() -> None:
     assert "2 touches, hardest 2.50 N" in tally.sentence()
 
 
+def test_pad_that_was_never_sampled_has_no_latency() -> None:
+    tally = Tally("demo")
+    tally.add(contact(t_publish_ns=time.monotonic_ns(), t_sample_ns=0, health="disconnected"))
+    assert tally.facts()["latency_max_s"] is None
+    assert "sampled" not in now_line(tally)
+
+
 def test_old_news_are_shown_as_silence() -> None:
     tally = Tally("demo")
     tally.add(contact(t_publish_ns=time.monotonic_ns() - 1_000_000_000))

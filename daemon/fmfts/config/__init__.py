@@ -19,6 +19,8 @@ from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Toleranc
 
 Vector = tuple[float, float, float]
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
+# Thinner is not made; thicker is no fingertip. Whoever writes less means metres.
+MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
 PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
 
@@ -50,7 +52,7 @@ class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type",
 
 class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_only=True):
     bus: Annotated[int, Meta(ge=0)]
-    mux_address: Annotated[int, Meta(ge=0x70, le=0x77)] = 0x70
+    mux_address: int = 0x70
     channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)
     clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
 
@@ -79,8 +81,8 @@ class GeometryConfig(_Section, frozen=True):
 
 
 class MagnetConfig(_Section, frozen=True):
-    diameter_mm: PositiveFloat = 2.0
-    length_mm: PositiveFloat = 2.0
+    diameter_mm: MagnetSize = 2.0
+    length_mm: MagnetSize = 2.0
     remanence_t: Annotated[float, Meta(gt=0, le=2)] = 1.23
     rest_mm: Vector = (0, 0, 12)
     rest_axis: Vector = (0, 0, 1)

@@ -20,6 +20,7 @@ from fmfts.config import (
 from fmfts.sensor.hmc5983 import gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
+from fmfts_client.keys import is_loopback
 
 Key = str | int
 Problem = tuple[tuple[Key, ...], str]  # keys that lead to the value, and what is wrong with it
@@ -28,6 +29,7 @@ FEWEST_SENSORS, MOST_SENSORS = 3, 8
 CLOSEST_MM = 2.0  # a magnet this near has touched the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
 SENSOR_SPACING_MM = 1.0
+FIRST_MUX = 0x70
 MOST_NEIGHBOURS = 3  # four magnets are what the solver's state holds
 MAGNETS_APART_MM = 5.0  # nearer, they would be in each other's rubber
 
@@ -38,11 +40,14 @@ def problem_in(config: Config) -> Problem | None:
 
 
 def _problems(config: Config) -> Iterator[Problem]:
-    if config.bus.endpoint is not None:
+    base = config.bus.endpoint
+    if base is not None:
         try:
-            Endpoints.from_base(config.bus.endpoint)
+            Endpoints.from_base(base)
         except EndpointError as error:
             yield ("bus", "endpoint"), str(error)
+        if base.startswith("tcp://") and config.bus.keys is None and not is_loopback(base):
+            yield ("bus", "endpoint"), "other machines are let in with keys alone: set bus.keys (docs/security.md)"
     if not config.pad:
         yield ("pad",), "at least one [[pad]] is needed"
     for number, pad in enumerate(config.pad):
@@ -73,6 +78,8 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and not Path(source.mechanics).is_file():
         yield ("source", "mechanics"), 'neither "standard" nor a file: `fmfts-daemon pad-model -o PAD.npz` makes one'
     if isinstance(source, I2cSource):
+        if not FIRST_MUX <= source.mux_address <= FIRST_MUX + 7:
+            yield ("source", "mux_address"), "a TCA9548A is at 0x70 to 0x77 (112 to 119), as its pins A0 to A2 say"
         if len(source.channels) != len(pad.geometry.sensors_mm):
             yield (
                 ("source", "channels"),
@@ -94,7 +101,10 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
         yield ("geometry", "sensors_mm"), f"at most {MOST_SENSORS} sensors: a mux has eight channels"
     for (first, one), (second, other) in combinations(enumerate(places), 2):
         if math.dist(one, other) < SENSOR_SPACING_MM:
-            yield ("geometry", "sensors_mm", second), f"is where sensor {first} is already"
+            yield (
+                ("geometry", "sensors_mm", second),
+                f"is within {SENSOR_SPACING_MM:g} mm of sensor {first} (these are millimetres)",
+            )
     rotations = pad.geometry.sensor_rotations_deg
     if rotations and len(rotations) != len(places):
         yield (
@@ -107,8 +117,12 @@ def _rest(pad: PadConfig) -> Iterator[Problem]:
     rest, axis = pad.magnet.rest_mm, pad.magnet.rest_axis
     if math.hypot(*axis) < 1e-6:
         yield ("magnet", "rest_axis"), "a direction is needed, and this has none"
-    if rest[2] <= max((place[2] for place in pad.geometry.sensors_mm), default=0.0):
-        yield ("magnet", "rest_mm"), "the magnet rests above the sensors: its z must be greater than theirs"
+    half_mm = min(pad.magnet.diameter_mm, pad.magnet.length_mm) / 2.0
+    if rest[2] - max((place[2] for place in pad.geometry.sensors_mm), default=0.0) < half_mm:
+        yield (
+            ("magnet", "rest_mm"),
+            f"the magnet rests above the sensors: its z must be greater than theirs by {half_mm:g} mm, half its size",
+        )
     distance_mm = min((math.dist(rest, place) for place in pad.geometry.sensors_mm), default=math.inf)
     if distance_mm < CLOSEST_MM:
         yield ("magnet", "rest_mm"), f"at least {CLOSEST_MM} mm from every sensor, not {distance_mm:.3g} mm"

@@ -178,7 +178,7 @@ class BaselineJob:
         if self._result is not None:  # computing ends by itself
             return ""
         problem = self._collection.problem(now_s)
-        return f"{problem}; no baseline was recorded" if problem else ""
+        return f"no baseline was recorded: {problem}" if problem else ""
 
 
 class Restoration:

@@ -46,9 +46,9 @@ def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | 
         with progress_bar(verb) as told:
             return request(verb, endpoint=endpoints, progress=lambda facts: told(facts.get("share", 0.0)), **arguments)
     except RefusedByDaemon as error:
-        raise RefusedError(str(error)) from error
+        raise RefusedError(str(error).removeprefix(f"{verb}: ")) from error
     except (ControlError, EndpointError, BusError) as error:
-        raise AbsentError(str(error)) from error
+        raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
 
 
 def record_baseline(

@@ -40,8 +40,10 @@ def read(path: Path, sensors: int) -> FieldTable:
     try:
         with path.open(encoding="utf-8-sig") as file:  # some spreadsheets put a byte order mark first
             text = file.read(LARGEST_CHARACTERS + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read: {error}") from error
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
     if len(text) > LARGEST_CHARACTERS:
         raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
     lines = csv.DictReader(io.StringIO(text))

@@ -64,6 +64,8 @@ def _pose(options: argparse.Namespace) -> int:
                 field_table.write(columns, out)
     except field_table.DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
+    except BrokenPipeError:  # whoever read the output has seen enough
+        raise
     except OSError as error:
         raise VerbError(exit_codes.DATA, f"{options.output}: {error.strerror}") from error
     return 0

@@ -53,7 +53,7 @@ class Daemon:
         """Opens models, baselines and endpoints; raises their errors. Devices may come later."""
         self._boot = secrets.token_hex(4)
         endpoints = for_daemon(config.bus.endpoint)
-        models = _models(config)
+        models = load_models(config)
         for pad in config.pad:
             log.info("pad '%s': contact model %s, SHA-256 %s…", pad.name, pad.contact.model, models[pad.name].hash)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
@@ -158,7 +158,7 @@ class Daemon:
                 baseline = simulated_baseline(config, neighbours_of(config, self._pads))
                 log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
             if baseline is None:
-                log.warning("pad '%s': no baseline yet: fmfts-daemon baseline", pad.name)
+                log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
             else:
                 channel.use(baseline)
         except BaselineError as error:
@@ -191,8 +191,8 @@ class Daemon:
         self._stopping = True
 
 
-def _models(config: Config) -> dict[str, ContactModel]:
-    """By pad; pads of one structure share theirs."""
+def load_models(config: Config) -> dict[str, ContactModel]:
+    """By pad; pads of one structure share theirs. ModelError where one is not of its pad."""
     loaded: dict[tuple[object, ...], ContactModel] = {}
     models = {}
     for pad in config.pad:

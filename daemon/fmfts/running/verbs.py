@@ -135,7 +135,7 @@ class Verbs:
             arguments.refine,
         )
         if not channel.source.state.connected:
-            raise BadRequestError(f"pad '{channel.name}': {channel.source.state.reason}: nothing to record")
+            raise BadRequestError(f"pad '{channel.name}': no baseline was recorded: {channel.source.state.reason}")
         channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
         self._await_baseline(request, channel, channel.job)
 

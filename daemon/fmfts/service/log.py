@@ -20,12 +20,23 @@ class JournalFormatter(logging.Formatter):
         return "\n".join(f"<{priority}>{line}" for line in super().format(record).splitlines() or [""])
 
 
-def configure(level: int = logging.INFO, stream: TextIO | None = None, environ: Mapping[str, str] = os.environ) -> None:
-    """Send the log to `stream` (stderr). Replaces what an earlier call set up."""
+def configure(
+    level: int = logging.INFO,
+    stream: TextIO | None = None,
+    environ: Mapping[str, str] = os.environ,
+    *,
+    command: str = "",
+) -> None:
+    """Send the log to `stream` (stderr). Replaces what an earlier call set up.
+
+    command: which a person waits for; what it has to say bears its name, not the time.
+    """
     stream = sys.stderr if stream is None else stream
     handler = logging.StreamHandler(stream)
     if is_journal(stream, environ):
         handler.setFormatter(JournalFormatter("%(message)s"))
+    elif command:
+        handler.setFormatter(logging.Formatter(f"{command}: %(message)s"))
     else:
         handler.setFormatter(logging.Formatter("%(asctime)s.%(msecs)03d %(levelname)s %(message)s", "%H:%M:%S"))
     logging.basicConfig(level=level, handlers=[handler], force=True)

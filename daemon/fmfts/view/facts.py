@@ -64,6 +64,8 @@ def _number(value: Any, unit: Unit) -> str:
         return (
             f"{round(value * unit.factor, unit.decimals) + 0.0:.{unit.decimals}f}"  # + 0.0: there is no minus nothing
         )
+    if isinstance(value, list | tuple) and value and isinstance(value[0], str):
+        return "; ".join(value)
     if isinstance(value, list | tuple):
         return "(" + ", ".join(_number(entry, unit) for entry in value) + ")" if value else "none"
     return str(value)

@@ -136,8 +136,8 @@ def _figures(contact: Contact, status: Status | None, rate_hz: float | None, arr
     nominal = "" if status is None else f" of {status.rate_nominal_hz:g}"
     figures.add_row("rate", "–" if rate_hz is None else f"{rate_hz:.1f}{nominal} Hz")
     sending_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
-    figures.add_row("latency", f"{sending_ms:.2f} ms to publish")
-    if arrival_s is not None:
+    figures.add_row("latency", f"{sending_ms:.2f} ms to publish" if contact.t_sample_ns else "–")
+    if arrival_s is not None and contact.t_sample_ns:
         figures.add_row("", f"{arrival_s * 1e3:.2f} ms to here")
     used = [str(sensor + 1) for sensor in range(8) if contact.sensors_ok >> sensor & 1]
     figures.add_row("sensors", " ".join(used) or "none")

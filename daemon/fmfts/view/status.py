@@ -25,7 +25,7 @@ def status(*, as_json: bool = False, out: TextIO | None = None, endpoint: str | 
         pads = request("status", endpoint=endpoint, timeout_s=TIMEOUT_S).get("pads", [])
         reports = [Status.from_message(pad) for pad in pads]
     except (ControlError, EndpointError, MessageError) as error:
-        log.error("%s", error)
+        log.error("%s", str(error).removeprefix("status: "))
         return exit_codes.UNAVAILABLE
     if as_json:
         print(json.dumps({"pads": pads}, indent=1), file=out)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict, deque
 
 from fmfts_client import ALIVE_S, Contact, Status
@@ -32,12 +31,13 @@ class Tally:
     def add(self, contact: Contact) -> None:
         before, self.contact = self.contact, contact
         self.messages += 1
-        self.arrival_s = contact.sample_age_s
+        self.arrival_s = None if contact.clock_ahead_ns is None else contact.sample_age_s
         self._first_ns = self._first_ns or contact.t_publish_ns
         self._published_ns.append(contact.t_publish_ns)
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
             self._published_ns.popleft()
-        if before is None or contact.t_sample_ns != before.t_sample_ns:  # not said again while the source is silent
+        said_before = before is not None and contact.t_sample_ns == before.t_sample_ns
+        if contact.t_sample_ns and not said_before:
             self._latencies_s.append((contact.t_publish_ns - contact.t_sample_ns) * 1e-9)
         if before is not None:
             self._compare(before, contact)
@@ -128,7 +128,8 @@ def now_line(tally: Tally) -> str:
         parts.append("contact")
     if tally.rate_hz is not None:
         parts.append(f"{tally.rate_hz:.1f} Hz")
-    sample_to_publish_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
-    sample_to_now_ms = (time.monotonic_ns() - contact.t_sample_ns) * 1e-6
-    parts.append(f"sampled {sample_to_publish_ms:.2f} ms before publishing, {sample_to_now_ms:.1f} ms ago")
+    if contact.t_sample_ns:
+        sample_to_publish_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
+        ago = "" if contact.clock_ahead_ns is None else f", {contact.sample_age_s * 1e3:.1f} ms ago"
+        parts.append(f"sampled {sample_to_publish_ms:.2f} ms before publishing{ago}")
     return "  ".join(parts)
