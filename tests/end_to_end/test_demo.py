@@ -18,9 +18,19 @@ PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
 
 
 def started(command: tuple[str | Path, ...]) -> subprocess.Popen[str]:
-    """In a process group of its own, as a shell starts it: Ctrl-C goes to all of them."""
+    """In a process group of its own, as a shell starts it: Ctrl-C goes to all of them.
+
+    nohup, under which the tests may run, would leave the demo deaf to a hangup.
+    """
     pipe = subprocess.PIPE
-    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
+    return subprocess.Popen(
+        command,
+        stdout=pipe,
+        stderr=pipe,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    )
 
 
 def child_of(process: subprocess.Popen[str]) -> int:
