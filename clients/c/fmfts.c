@@ -458,6 +458,7 @@ enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_conta
     memset(&read, 0, sizeof read);
     if (!read_map(&reader, &map, contact_fields, CONTACT_COUNT, &read, why))
         return FMFTS_REFUSED;
+    read.clock_ahead_s.known = true;
     *contact = read;
     return FMFTS_NEW;
 }
@@ -648,8 +649,19 @@ enum {
     MOST_AT_ONCE = 1024        /* messages in one fmfts_latest(), so that a flood does not hold up a control loop */
 };
 
+/* By how much this machine's monotonic clock is ahead of another's. Each message arrives later than it was sent, and
+ * hardly ever by less than the least so far: that is the clocks' own difference, with the shortest way over the network
+ * in it. What waited in a queue differs by more, and so is seen to be old. Nothing is known until messages have come for
+ * a while: a backlog is taken in at once. Another `boot` may be after another start of that machine. */
+struct sender_clock {
+    double ahead_s, first_s, last_s;
+    char boot[FMFTS_WORD_SIZE];
+};
+
 struct fmfts_client {
     void *context, *socket;
+    bool remote;
+    struct sender_clock clock;
     char topic[sizeof "contact/" + FMFTS_WORD_SIZE];
     char refusal[FMFTS_TEXT_SIZE];
     uint64_t refused, restarts;
@@ -678,6 +690,8 @@ static bool listen_to(struct fmfts_client *client, const char *endpoint, char wh
         !set_option(client->socket, ZMQ_SUBSCRIBE, client->topic, strlen(client->topic), why) ||
         !show_key(client->socket, endpoint, why))
         return false;
+    /* tcp may come from anywhere, through a tunnel even from loopback. */
+    client->remote = starts_with(endpoint, "tcp://");
     return zmq_connect(client->socket, endpoint) == 0 ||
            fail(why, "cannot connect to %.120s: %s", endpoint, zmq_strerror(zmq_errno()));
 }
@@ -721,10 +735,42 @@ static int64_t monotonic_ns(void)
     return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
 }
 
-static bool is_recent(int64_t then_ns)
+/* As floating-point numbers, for a peer may send any time. */
+static double age_s(const struct fmfts_contact *contact, int64_t then_ns)
 {
-    int64_t now_ns = monotonic_ns();
-    return then_ns <= now_ns && then_ns > now_ns - FMFTS_ALIVE_MS * INT64_C(1000000);
+    double age_s = 1e-9 * ((double)monotonic_ns() - (double)then_ns);
+    return contact->clock_ahead_s.known ? age_s - contact->clock_ahead_s.value : INFINITY;
+}
+
+static bool is_recent(const struct fmfts_contact *contact, int64_t then_ns)
+{
+    double seconds = age_s(contact, then_ns);
+    return seconds >= 0 && seconds < 1e-3 * FMFTS_ALIVE_MS;
+}
+
+static void hear_clock(struct sender_clock *clock, const struct fmfts_contact *contact)
+{
+    static const double drift = 500e-6; /* of two crystals, and what NTP slews: so fast the least seen is let go */
+    double now_s = 1e-9 * (double)monotonic_ns(), ahead_s = now_s - 1e-9 * (double)contact->t_publish_ns;
+    if (strcmp(clock->boot, contact->boot) != 0) {
+        memcpy(clock->boot, contact->boot, sizeof clock->boot);
+        clock->ahead_s = ahead_s;
+        clock->first_s = clock->last_s = now_s;
+    }
+    clock->ahead_s += drift * (now_s - clock->last_s);
+    if (ahead_s < clock->ahead_s)
+        clock->ahead_s = ahead_s;
+    clock->last_s = now_s;
+}
+
+/* Of which clock the times in `next` are. */
+static void place_in_time(struct fmfts_client *client)
+{
+    if (!client->remote)
+        return;
+    hear_clock(&client->clock, &client->next);
+    bool known = client->clock.last_s - client->clock.first_s >= 1e-3 * FMFTS_ALIVE_MS;
+    client->next.clock_ahead_s = (struct fmfts_number){known, known ? client->clock.ahead_s : NAN};
 }
 
 /* One more part of a message into `part`: its size, which may be more than `room`; negative where there is none. */
@@ -757,6 +803,7 @@ static enum fmfts_result accept_body(struct fmfts_client *client, size_t size)
         return result;
     if (strcmp(client->next.pad, client->topic + strlen("contact/")) != 0)
         return refuse(client, "it speaks of another pad than its topic");
+    place_in_time(client);
     client->restarts += client->heard && strcmp(client->next.boot, client->last.boot) != 0;
     client->heard = true;
     client->last = client->next;
@@ -822,12 +869,12 @@ enum fmfts_result fmfts_latest(struct fmfts_client *client, struct fmfts_contact
 
 bool fmfts_alive(const struct fmfts_client *client)
 {
-    return client->heard && is_recent(client->last.t_publish_ns);
+    return client->heard && is_recent(&client->last, client->last.t_publish_ns);
 }
 
 bool fmfts_fresh(const struct fmfts_client *client)
 {
-    return client->heard && is_recent(client->last.t_sample_ns);
+    return client->heard && is_recent(&client->last, client->last.t_sample_ns);
 }
 
 bool fmfts_valid(const struct fmfts_client *client)
@@ -859,5 +906,5 @@ bool fmfts_measured(const struct fmfts_contact *contact)
 
 double fmfts_sample_age_s(const struct fmfts_contact *contact)
 {
-    return 1e-9 * (double)(monotonic_ns() - contact->t_sample_ns);
+    return age_s(contact, contact->t_sample_ns);
 }

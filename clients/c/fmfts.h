@@ -78,7 +78,7 @@ struct fmfts_contact {
     char pad[FMFTS_WORD_SIZE];
     char boot[FMFTS_WORD_SIZE]; /* another one: the daemon was restarted, and `seq` began again */
     int64_t seq;                /* +1 each; a gap is what was lost, or skipped for a newer one */
-    int64_t t_sample_ns;        /* CLOCK_MONOTONIC of the daemon's machine */
+    int64_t t_sample_ns;        /* CLOCK_MONOTONIC of the daemon's machine: fmfts_sample_age_s() tells its age here */
     int64_t t_publish_ns;       /* the same */
     int64_t utc_ns;             /* t_publish_ns as a date, since 1970 */
     struct fmfts_number temperature_c;
@@ -95,6 +95,9 @@ struct fmfts_contact {
     char solver[FMFTS_WORD_SIZE];
     char model[FMFTS_WORD_SIZE];
     struct fmfts_word baseline;
+    /* Not sent: by how much this machine's CLOCK_MONOTONIC is ahead of the daemon's. 0 over ipc, which is one machine;
+     * over tcp learnt from what arrives, and not known until messages have come for FMFTS_ALIVE_MS. */
+    struct fmfts_number clock_ahead_s;
 };
 
 struct fmfts_client;
@@ -132,7 +135,8 @@ const char *fmfts_refusal(const struct fmfts_client *client); /* why the last on
  * are known and in range, and a touch has a place. Says nothing about age. What is not measured is not "no force". */
 bool fmfts_measured(const struct fmfts_contact *contact);
 
-/* Seconds since the sensors were sampled, on this machine's monotonic clock. */
+/* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. From another
+ * machine, the shortest way over the network is left out. */
 double fmfts_sample_age_s(const struct fmfts_contact *contact);
 
 /* "ok", "degraded", …; "unknown" for what is none of them. */

@@ -22,6 +22,7 @@ int main(int count, char **words)
         if (result == FMFTS_NEW) {
             show_contact(&contact);
             printf("\"sample_age_s\": %.9f, ", fmfts_sample_age_s(&contact));
+            printf("\"clock_ahead_s\": %.9f, ", contact.clock_ahead_s.value);
         }
         printf("\"alive\": %s, ", fmfts_alive(client) ? "true" : "false");
         printf("\"fresh\": %s, ", fmfts_fresh(client) ? "true" : "false");

@@ -192,6 +192,46 @@ def test_only_a_known_key_hears_over_tcp(program: Path, tmp_path: Path) -> None:
         gate.close()
 
 
+def far(publisher: Publisher, ahead_s: float, waited_s: float = 0.0, boot: str = BOOT) -> None:
+    """A contact, sampled 5 ms before it was sent, by a daemon whose clock is `ahead_s` behind this machine's."""
+    sent_ns = time.monotonic_ns() - int((ahead_s + waited_s) * 1e9)
+    publisher.send_contact("demo", contact_message(t_publish_ns=sent_ns, t_sample_ns=sent_ns - 5_000_000, boot=boot))
+
+
+@pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
+def test_clock_of_another_machine_is_learnt_from_what_arrives(program: Path, ahead_s: float) -> None:
+    """That machine was started an hour after this one or before it, and later once more."""
+    base = f"tcp://127.0.0.1:{20000 + os.getpid() % 20000}"
+    publisher = Publisher(Endpoints.from_base(base), BOOT)
+
+    def settled(client: Talker, boot: str, ahead_s: float) -> dict[str, Any]:
+        def heard() -> dict[str, Any]:
+            far(publisher, ahead_s, boot=boot)
+            return client.latest(20)
+
+        return eventually(heard, lambda answer: answer.get("boot") == boot)
+
+    try:
+        with Talker(program, "demo", base) as client:
+            answer = settled(client, BOOT, ahead_s)
+            assert answer["valid"]
+            assert 0.005 <= answer["sample_age_s"] < 0.3
+            assert answer["clock_ahead_s"] == pytest.approx(ahead_s, abs=0.1)  # what a busy machine adds
+            while client.latest(50)["result"] == NEW:
+                pass
+            far(publisher, ahead_s, waited_s=0.4)
+            answer = client.latest(200)
+            assert (answer["result"], answer["alive"]) == (NOTHING, False)
+            assert settled(client, "two", ahead_s + 90_000.0)["restarts"] == 1
+            # All that it said before it died, read at once.
+            for _ in range(20):
+                far(publisher, ahead_s, boot="three")
+            time.sleep(0.5)
+            assert not client.latest(100)["alive"]
+    finally:
+        publisher.close()
+
+
 def refused(program: Path, *words: str, **changes: str) -> str:
     environment = {name: value for name, value in os.environ.items() if name not in ("FMFTS_BUS", "FMFTS_KEY")}
     with Talker(program, *words, environment=environment | changes) as client:

@@ -19,7 +19,7 @@ RATE_TOLERANCE = 0.1
 
 
 class Client:
-    """Contacts of `pad` from the daemon on this machine.
+    """Contacts of `pad`.
 
     `endpoint`: a base as in FMFTS_BUS, or Endpoints; the defaults where None. The connection is made in the
     background and again after the daemon restarts, so a daemon that is not there is no error: `alive` is False.
@@ -114,7 +114,7 @@ class Client:
                 if message.kind == "status":
                     self.status = Status.from_message(message.body)
                 else:
-                    return self._take(Contact.from_message(message.body))
+                    return self._take(Contact.from_message(message.body, message.clock_ahead_s))
             except MessageError as error:
                 self._subscription.refuse(error)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Optional
 
-from fmfts_client.fields import check_version, parse
+from fmfts_client.fields import NOT_SENT, check_version, parse
 
 Vector = tuple[float, float, float]
 
@@ -59,12 +60,17 @@ class Contact:
     solver: str
     model: str
     baseline: Optional[str]
+    # Of this machine, over the one of the times above; None: not known.
+    clock_ahead_s: Optional[float] = field(default=0.0, metadata=NOT_SENT)
 
     @classmethod
-    def from_message(cls, message: dict[str, Any]) -> Contact:
-        """The contact in a decoded `contact/<pad>` message; MessageError where anything in it is wrong."""
+    def from_message(cls, message: dict[str, Any], clock_ahead_s: Optional[float] = 0.0) -> Contact:
+        """The contact in a decoded `contact/<pad>` message; MessageError where anything in it is wrong.
+
+        clock_ahead_s: as in `Message`; 0 for a daemon on this machine.
+        """
         check_version(message)
-        return parse(cls, message)
+        return parse(cls, message, clock_ahead_s=clock_ahead_s)
 
     @property
     def valid(self) -> bool:
@@ -79,13 +85,18 @@ class Contact:
 
     @property
     def sample_age_s(self) -> float:
-        """Seconds since the sensors were sampled, on this machine's monotonic clock."""
-        return (time.monotonic_ns() - self.t_sample_ns) * 1e-9
+        """Seconds since the sensors were sampled; infinite while the clock of another machine is not known."""
+        return self._age_s(self.t_sample_ns)
 
     @property
     def publish_age_s(self) -> float:
-        """Seconds since the daemon sent this, on this machine's monotonic clock."""
-        return (time.monotonic_ns() - self.t_publish_ns) * 1e-9
+        """Seconds since the daemon sent this. From another machine, the shortest way over the network is left out."""
+        return self._age_s(self.t_publish_ns)
+
+    def _age_s(self, then_ns: int) -> float:
+        if self.clock_ahead_s is None:
+            return math.inf
+        return (time.monotonic_ns() - then_ns) * 1e-9 - self.clock_ahead_s
 
 
 @dataclass(frozen=True)

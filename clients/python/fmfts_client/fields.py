@@ -9,6 +9,8 @@ from functools import cache
 from typing import Any, Callable, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 SCHEMA_VERSION = 1
+# Marks a field that a client adds to what was sent.
+NOT_SENT = {"sent": False}
 
 T = TypeVar("T")
 Check = Callable[[Any], Any]
@@ -31,14 +33,14 @@ def check_version(message: Mapping[str, object]) -> None:
         )
 
 
-def parse(kind: type[T], message: object) -> T:
-    """`message` as a `kind` (a dataclass); keys that `kind` does not know are ignored.
+def parse(kind: type[T], message: object, **not_sent: object) -> T:
+    """`message` as a `kind` (a dataclass), with what was not sent; keys that `kind` does not know are ignored.
 
     Raises MessageError for a missing key, a wrong type (True is not a number), NaN and infinity.
     """
     if not isinstance(message, Mapping):
         raise MessageError(f"{kind.__name__}: not a map but {_shown(message)}")
-    values = {}
+    values: dict[str, Any] = dict(not_sent)
     for name, check in _checks(cast(Hashable, kind)):
         if name not in message:
             raise MessageError(f"{kind.__name__}: {name} is missing")
@@ -52,7 +54,7 @@ def parse(kind: type[T], message: object) -> T:
 @cache
 def _checks(kind: Any) -> tuple[tuple[str, Check], ...]:
     hints = get_type_hints(kind)
-    return tuple((field.name, _check_for(hints[field.name])) for field in fields(kind))
+    return tuple((field.name, _check_for(hints[field.name])) for field in fields(kind) if field.metadata != NOT_SENT)
 
 
 def _check_for(hint: Any) -> Check:

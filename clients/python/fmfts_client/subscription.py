@@ -11,6 +11,7 @@ from typing import Any, Optional, Union
 import msgpack  # type: ignore[import-untyped]
 import zmq
 
+from fmfts_client.clock import SenderClock
 from fmfts_client.endpoints import EndpointError, Endpoints, for_client
 from fmfts_client.fields import MessageError, SchemaError, check_version
 from fmfts_client.keys import show_key
@@ -21,11 +22,15 @@ OF_RECORDERS = {"frame", "state"}
 
 @dataclass(frozen=True)
 class Message:
-    """`kind`: first word of the topic ("contact", "event", "status", "frame", "state"). `body`: the decoded map."""
+    """`kind`: first word of the topic ("contact", "event", "status", "frame", "state"). `body`: the decoded map.
+
+    clock_ahead_s: how far this machine's monotonic clock is ahead of the one of the times in `body`; None: not known.
+    """
 
     kind: str
     pad: str
     body: dict[str, Any]
+    clock_ahead_s: Optional[float] = 0.0
 
 
 class Subscription:
@@ -62,6 +67,8 @@ class Subscription:
         except EndpointError:
             self._socket.close()
             raise
+        # ipc stays on one machine, with one clock; tcp may come from anywhere, through a tunnel even from loopback.
+        self._clock = SenderClock() if endpoint.startswith("tcp://") else None
         self._socket.connect(endpoint)
 
     @property
@@ -102,12 +109,20 @@ class Subscription:
             check_version(body)
             if body.get("pad") != pad:
                 raise MessageError(f"{kind}/{pad}: speaks of pad {body.get('pad')!r}")
-            return Message(kind, pad, body)
+            return Message(kind, pad, body, self._clock_ahead_s(body))
         except SchemaError:
             raise
         except (ValueError, msgpack.UnpackException) as error:  # MessageError and wrong UTF-8 are ValueErrors
             self.refuse(error)
             return None
+
+    def _clock_ahead_s(self, body: dict[str, Any]) -> Optional[float]:
+        if self._clock is None:
+            return 0.0
+        boot, sent_ns = body.get("boot"), body.get("t_publish_ns")
+        if type(boot) is str and type(sent_ns) is int:
+            self._clock.heard(boot, sent_ns * 1e-9, time.monotonic())
+        return self._clock.ahead_s
 
     def close(self) -> None:
         self._socket.close()

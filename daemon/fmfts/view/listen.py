@@ -97,7 +97,7 @@ def _messages(subscription: Subscription, output: _Output, end: float | None) ->
 
 def _count(tallies: dict[str, Tally], message: Message) -> None:
     if message.kind == "contact":
-        contact = Contact.from_message(message.body)
+        contact = Contact.from_message(message.body, message.clock_ahead_s)
         tallies.setdefault(message.pad, Tally(message.pad)).add(contact)
     elif message.kind == "status":
         status = Status.from_message(message.body)

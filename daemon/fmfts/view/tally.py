@@ -31,7 +31,7 @@ class Tally:
     def add(self, contact: Contact) -> None:
         before, self.contact = self.contact, contact
         self.messages += 1
-        self.arrival_s = None if contact.clock_ahead_ns is None else contact.sample_age_s
+        self.arrival_s = None if contact.clock_ahead_s is None else contact.sample_age_s
         self._first_ns = self._first_ns or contact.t_publish_ns
         self._published_ns.append(contact.t_publish_ns)
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
@@ -130,6 +130,6 @@ def now_line(tally: Tally) -> str:
         parts.append(f"{tally.rate_hz:.1f} Hz")
     if contact.t_sample_ns:
         sample_to_publish_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
-        ago = "" if contact.clock_ahead_ns is None else f", {contact.sample_age_s * 1e3:.1f} ms ago"
+        ago = "" if contact.clock_ahead_s is None else f", {contact.sample_age_s * 1e3:.1f} ms ago"
         parts.append(f"sampled {sample_to_publish_ms:.2f} ms before publishing{ago}")
     return "  ".join(parts)
