@@ -325,6 +325,16 @@ def serving_status(base: str, *pads: Any) -> Iterator[None]:
         server.close()
 
 
+def test_pad_that_the_daemon_does_not_have_is_named(base: str) -> None:
+    out = io.StringIO()
+    with serving_status(base, {"pad": "left"}, {"pad": "right"}):
+        assert listen("nobody", 0.1, out, endpoint=base) == exit_codes.UNAVAILABLE
+    assert out.getvalue().splitlines() == [
+        f"waiting for pad nobody on {base}/bus …",
+        f"nothing arrived from {base}/bus: no pad 'nobody'; the daemon there has left, right",
+    ]
+
+
 def test_status_is_a_column_for_each_pad(base: str) -> None:
     out = io.StringIO()
     bad = status_message(pad="left", health="disconnected", reason="no such port [by-id]", connected=False)

@@ -20,9 +20,21 @@ from rich.text import Text
 from fmfts import exit_codes
 from fmfts.view.picture import render_contact
 from fmfts.view.tally import Tally, now_line
-from fmfts_client import Contact, EndpointError, Event, Message, MessageError, SchemaError, Status, Subscription
+from fmfts_client import (
+    Contact,
+    ControlError,
+    EndpointError,
+    Event,
+    Message,
+    MessageError,
+    SchemaError,
+    Status,
+    Subscription,
+    request,
+)
 
 PICTURES_PER_SECOND = 12
+ANSWER_S = 0.5  # of a daemon that is asked why nothing came
 log = logging.getLogger(__name__)
 
 
@@ -52,7 +64,7 @@ def listen(
     out = sys.stdout if out is None else out
     try:
         with Subscription(("contact", "event", "status"), pad, endpoint) as subscription, _stopped_by_signals():
-            return _listen(subscription, seconds, out, as_json)
+            return _listen(subscription, pad, seconds, out, as_json)
     except (EndpointError, SchemaError) as error:
         log.error("%s", error)
         return exit_codes.UNAVAILABLE
@@ -61,9 +73,12 @@ def listen(
         return 0
 
 
-def _listen(subscription: Subscription, seconds: float | None, out: TextIO, as_json: bool) -> int:
+def _listen(subscription: Subscription, pad: str | None, seconds: float | None, out: TextIO, as_json: bool) -> int:
     tallies: dict[str, Tally] = {}
-    output: _Output = _Json(out) if as_json else _Pictures(tallies, out) if out.isatty() else _Lines(tallies, out)
+    waiting = f"waiting for {'fmfts-daemon' if pad is None else f'pad {pad}'} on {subscription.endpoints.bus} …"
+    output: _Output = (
+        _Json(out) if as_json else _Pictures(tallies, waiting, out) if out.isatty() else _Lines(tallies, waiting, out)
+    )
     end = None if seconds is None else time.monotonic() + seconds
     try:
         for message in _messages(subscription, output, end):
@@ -77,7 +92,7 @@ def _listen(subscription: Subscription, seconds: float | None, out: TextIO, as_j
         pass  # the usual end
     finally:
         output.end()
-    _summarise(tallies, subscription, out, as_json)
+    _summarise(tallies, subscription, pad, out, as_json)
     if seconds is not None and not tallies:
         return exit_codes.UNAVAILABLE
     return 0
@@ -107,7 +122,9 @@ def _count(tallies: dict[str, Tally], message: Message) -> None:
         Event.from_message(message.body)
 
 
-def _summarise(tallies: dict[str, Tally], subscription: Subscription, out: TextIO, as_json: bool) -> None:
+def _summarise(
+    tallies: dict[str, Tally], subscription: Subscription, pad: str | None, out: TextIO, as_json: bool
+) -> None:
     if as_json:
         facts = [tallies[pad].facts() for pad in sorted(tallies)]
         print(json.dumps({"topic": "summary", "pads": facts, "refused": subscription.refused}), file=out)
@@ -115,10 +132,18 @@ def _summarise(tallies: dict[str, Tally], subscription: Subscription, out: TextI
     for pad in sorted(tallies):
         print(tallies[pad].sentence(), file=out)
     if not tallies:
-        print(f"nothing arrived from {subscription.endpoints.bus}: is fmfts-daemon running?", file=out)
+        print(f"nothing arrived from {subscription.endpoints.bus}: {_why_silent(subscription, pad)}", file=out)
     if subscription.refused:
         print(f"{subscription.refused} messages refused; the last: {subscription.refusal}", file=out)
     out.flush()
+
+
+def _why_silent(subscription: Subscription, pad: str | None) -> str:
+    try:
+        known = [each["pad"] for each in request("pads", endpoint=subscription.endpoints, timeout_s=ANSWER_S)["pads"]]
+    except ControlError:
+        return "is fmfts-daemon running?"
+    return "no frame yet" if pad is None or pad in known else f"no pad {pad!r}; the daemon there has {', '.join(known)}"
 
 
 @contextmanager
@@ -139,8 +164,9 @@ def _event_line(message: Message) -> str:
 class _Pictures:
     interval_s = 1.0 / PICTURES_PER_SECOND
 
-    def __init__(self, tallies: dict[str, Tally], out: TextIO) -> None:
+    def __init__(self, tallies: dict[str, Tally], waiting: str, out: TextIO) -> None:
         self._tallies = tallies
+        self._waiting = waiting
         self._event = ""
         self._live = Live(console=Console(file=out, markup=False, highlight=False), auto_refresh=False)
         self._live.start()
@@ -152,7 +178,7 @@ class _Pictures:
     def refresh(self) -> None:
         compact = len(self._tallies) > 1
         pictures = [self._picture(self._tallies[pad], compact) for pad in sorted(self._tallies)]
-        shown = Columns(pictures) if pictures else Text("waiting for fmfts-daemon …")
+        shown = Columns(pictures) if pictures else Text(self._waiting)
         self._live.update(Group(shown, Text(self._event or " ", "bright_black", no_wrap=True)), refresh=True)
 
     def end(self) -> None:
@@ -167,8 +193,9 @@ class _Pictures:
 class _Lines:
     interval_s = 1.0
 
-    def __init__(self, tallies: dict[str, Tally], out: TextIO) -> None:
+    def __init__(self, tallies: dict[str, Tally], waiting: str, out: TextIO) -> None:
         self._tallies = tallies
+        self._waiting = waiting
         self._out = out
 
     def message(self, message: Message) -> None:
@@ -176,8 +203,8 @@ class _Lines:
             print(_event_line(message), file=self._out, flush=True)
 
     def refresh(self) -> None:
-        for pad in sorted(self._tallies):
-            print(now_line(self._tallies[pad]), file=self._out, flush=True)
+        for line in [now_line(self._tallies[pad]) for pad in sorted(self._tallies)] or [self._waiting]:
+            print(line, file=self._out, flush=True)
 
     def end(self) -> None:
         """Nothing to put back."""
