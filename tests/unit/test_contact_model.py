@@ -25,8 +25,8 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactEstimate, ContactModel, ModelError
 from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES, parse_response
-from fmfts.contact.model import DEFAULT_PATH
 from fmfts.contact.response import bound_of
+from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulate.chip import NOISE_T
 from fmfts.simulate.solved_table import standard_mechanics

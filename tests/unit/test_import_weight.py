@@ -17,6 +17,17 @@ def test_running_daemon_imports_nothing_heavy(module: str) -> None:
     assert found.stdout.split() == []
 
 
+def test_running_daemon_does_without_onnxruntime_where_the_model_is_compiled() -> None:
+    code = (
+        "import sys, fmfts.running.daemon; from fmfts.config import PadConfig, SimulatedSource; "
+        "from fmfts.contact import ContactModel; "
+        "pad = PadConfig(name='a', source=SimulatedSource()).pad(); "
+        "print(ContactModel.load('default', pad).inference.by, 'onnxruntime' in sys.modules)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() in (["compiled", "False"], ["onnxruntime", "True"])
+
+
 def test_reader_process_of_a_bus_does_without_the_model() -> None:
     code = (
         "import sys, fmfts.sensor.i2c_reader; print(*(name for name in ('onnxruntime', 'zmq') if name in sys.modules))"

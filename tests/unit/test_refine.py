@@ -17,9 +17,9 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import _refine
 from fmfts.contact.contract import RESPONSE_KEY, parse_response
-from fmfts.contact.model import DEFAULT_PATH
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import Response, most_likely
+from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulate.chip import NOISE_T
 

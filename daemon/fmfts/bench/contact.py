@@ -7,7 +7,6 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,12 @@ from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts.contact import ContactEstimate, ContactModel
-from fmfts.contact.model import DEFAULT_PATH, POSE_UNIT
+from fmfts.contact.model import POSE_UNIT
 from fmfts.contact.response import Response
+from fmfts.contact.verified import path_of
 from fmfts.pad import Pad
 
-PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "shear")
+PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "friction", "shear")
 SCENES: tuple[Scene, ...] = ("drifting", "constant")
 SPEED_RUNS = 3000
 MM = np.array([1e3, 1e3, 1.0])
@@ -69,7 +69,7 @@ def answers(model: ContactModel, tracked: Tracked) -> Answers:
 def run(options: Namespace) -> None:
     random = np.random.default_rng(options.seed)
     plain = ContactModel.load(options.model, standard_pad())
-    file = DEFAULT_PATH if options.model == "default" else Path(options.model)
+    file = path_of(options.model)
     print(f"model {plain.hash}, {file.stat().st_size} bytes")
     parts: dict[str, Callable[[], dict[str, Any]]] = {
         "accuracy": lambda: accuracy(options.model, options.frames, random),
@@ -77,6 +77,7 @@ def run(options: Namespace) -> None:
         "motion": lambda: contact_live.motion(plain, random),
         "squeezes": lambda: contact_live.squeezes(plain, random),
         "speed": lambda: speed(options.model),
+        "friction": lambda: contact_shear.friction(options.model, random),
     }
     if plain.has_shear:
         parts = {"shear": lambda: contact_shear.shear(options.model, random), "speed": parts["speed"]}

@@ -6,7 +6,6 @@ RESPONSE_KEY; `Facts` and `PackedResponse` are their schemas.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
@@ -168,59 +167,3 @@ def parse_response(metadata: dict[str, str]) -> Response | None:
         coefficient.reshape(packed.shape),
         packed.friction,
     )
-
-
-def read_versions(model: bytes) -> tuple[int, int]:
-    """IR version and version of the default operator set of a serialised ONNX ModelProto (onnx.proto, fields 1 and 8).
-
-    onnxruntime does not tell them, and the onnx package is no runtime dependency. ValueError if it is no protobuf.
-    """
-    ir_version, opset = 0, 0
-    for field, value in _protobuf_fields(model):
-        if field == 1 and isinstance(value, int):
-            ir_version = value
-        elif field == 8 and isinstance(value, bytes):
-            entry = dict(_protobuf_fields(value))
-            version = entry.get(2, 0)
-            if entry.get(1, b"") in (b"", b"ai.onnx") and isinstance(version, int):
-                opset = version
-    return ir_version, opset
-
-
-def require_whole(content: bytes) -> None:
-    """ValueError where weights lie in other files: none but the one that the configuration names is opened, and its
-    hash is all of the model's. ONNX: every TensorProto.external_data has the key "location"."""
-    if b"location" in content:
-        raise ValueError('weights in other files ("external data") are not read: save it as one file')
-
-
-def _protobuf_fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Number and value of each top-level field; ValueError where the bytes end within one."""
-    position = 0
-
-    def varint() -> int:
-        nonlocal position
-        value, shift = 0, 0
-        while True:
-            if position >= len(message) or shift > 63:
-                raise ValueError("it is not an ONNX file, or a truncated one")
-            byte = message[position]
-            position += 1
-            value |= (byte & 0x7F) << shift
-            shift += 7
-            if byte < 0x80:
-                return value
-
-    while position < len(message):
-        key = varint()
-        wire_type = key & 7
-        if wire_type == 0:
-            yield key >> 3, varint()
-            continue
-        if wire_type not in (1, 2, 5):
-            raise ValueError("it is not an ONNX file")
-        size = {1: 8, 5: 4}[wire_type] if wire_type != 2 else varint()
-        if position + size > len(message):
-            raise ValueError("it is truncated")
-        yield key >> 3, message[position : position + size]
-        position += size

@@ -1,35 +1,53 @@
-"""One inference with buffers that are bound once: what `session.run` costs besides the model is saved."""
+"""One pose in, the contact and its Jacobian out, through buffers that are made once."""
 
 from __future__ import annotations
 
+import os
+from abc import ABC, abstractmethod
+
 import numpy as np
-import onnxruntime
+from numpy.typing import NDArray
+
+try:
+    from fmfts.contact import _network
+except ImportError:  # no compiler was there when the package was built
+    _network = None  # type: ignore[assignment]
 
 POSE = 6
-OUTPUTS = ["contact", "jacobian"]
+# FMFTS_SOLVER=numpy leaves everything compiled aside, for comparisons.
+LARGEST_HIDDEN = 0 if _network is None or os.environ.get("FMFTS_SOLVER") == "numpy" else _network.MAX_HIDDEN
 
 
-def last_dimensions(outputs: int) -> dict[str, list[int]]:
-    """Of the tensors of a model with so many outputs, without the batch's."""
-    return {"pose": [POSE], "contact": [outputs], "jacobian": [outputs, POSE]}
-
-
-class Inference:
+class Inference(ABC):
     """Write `pose` (6,), `run`, read `contact` (m,) and `jacobian` (m, 6): float32, in the model's units.
+
+    by: what evaluates it, "compiled" or "onnxruntime".
 
     One pose at a time: onnxruntime rounds differently in a batch, by the row's place in it, and what a pad publishes
     would depend on when other pads' frames happened to arrive. A recording could not be replayed bit by bit.
     """
 
-    def __init__(self, session: onnxruntime.InferenceSession, outputs: int = 3) -> None:
+    by: str
+
+    def __init__(self, outputs: int) -> None:
         self.pose = np.zeros(POSE, dtype=np.float32)
         self.contact = np.zeros(outputs, dtype=np.float32)
         self.jacobian = np.zeros((outputs, POSE), dtype=np.float32)
-        self._session = session
-        self._binding = session.io_binding()
-        for name, array in (("pose", self.pose), ("contact", self.contact), ("jacobian", self.jacobian)):
-            bind = self._binding.bind_output if name in OUTPUTS else self._binding.bind_input
-            bind(name, "cpu", 0, np.float32, [1, *array.shape], array.ctypes.data)
+
+    @abstractmethod
+    def run(self) -> None: ...
+
+
+class CompiledInference(Inference):
+    """network.c. network: see recognition.py; ValueError where it is none."""
+
+    by = "compiled"
+
+    def __init__(self, network: NDArray[np.float32]) -> None:
+        super().__init__(outputs=int(network[1]))
+        self.network = network.tobytes()
+        self._buffers = self.pose.data, self.contact.data, self.jacobian.ravel().data
+        self.run()
 
     def run(self) -> None:
-        self._session.run_with_iobinding(self._binding)
+        _network.infer(self.network, *self._buffers)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
 import numpy as np
-import onnxruntime
 
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, Facts, ModelError, parse_facts, parse_response
 from fmfts.contact.inference import Inference
+from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
-from fmfts.contact.verified import check_signature, check_versions, read, session_of
+from fmfts.contact.verified import DEFAULT_PATH as DEFAULT_PATH
+from fmfts.contact.verified import check_versions, compared, inference_of, path_of, read
 from fmfts.pad import Array, Pad
 
-DEFAULT_PATH = Path(__file__).with_name("default.onnx")
 REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
 
 # A pose or force must be this many deviations outside the envelope to be called over range, …
@@ -83,14 +82,14 @@ class ContactModel:
 
     def __init__(
         self,
-        session: onnxruntime.InferenceSession,
+        inference: Inference,
         facts: Facts,
         digest: str,
         refiner: Refiner | None,
         friction: float,
         smoothing_s: float,
     ) -> None:
-        self.inference = Inference(session, len(facts.outputs))
+        self.inference = inference
         self.facts = facts
         self.hash = digest
         self.refiner = refiner
@@ -130,19 +129,18 @@ class ContactModel:
         cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0, smoothing_s: float = 0.0
     ) -> Self:
         """The model at `path` ("default": the one that ships) for `pad`; ModelError names what is wrong with it."""
-        file = DEFAULT_PATH if path == "default" else Path(path)
+        file = path_of(path)
         try:
             content = read(file)
-            check_versions(content)
-            session = session_of(content)
-            check_signature(session)
-            metadata = session.get_modelmeta().custom_metadata_map
-            facts = parse_facts(metadata)
-            response = parse_response(metadata)
+            parsed = parse(content)
+            check_versions(parsed)
+            inference = inference_of(content, parsed.graph)
+            facts, response = parse_facts(parsed.metadata), parse_response(parsed.metadata)
             if refine and response is None:
                 raise ValueError("it holds no response of its pad: it cannot be refined ([pad.contact] refine)")
-            if session.get_outputs()[0].shape[1] != len(facts.outputs):
+            if len(inference.contact) != len(facts.outputs):
                 raise ValueError("it has another number of outputs than its metadata says")
+            inference = compared(inference, content, facts)
         except ValueError as error:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         if facts.geometry_hash != pad.geometry_hash:
@@ -152,7 +150,7 @@ class ContactModel:
                 "this pad and set [pad.contact] model"
             )
         refiner = Refiner(response) if refine and response is not None else None
-        model = cls(session, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction, smoothing_s)
+        model = cls(inference, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction, smoothing_s)
         model.response = response
         contact, jacobian = model._infer(model.rest_pose)  # also warms the session up
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):

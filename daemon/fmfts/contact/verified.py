@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
-import onnxruntime
+from fmfts.contact.comparison import NotComparedError, difference
+from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
+from fmfts.contact.inference import LARGEST_HIDDEN, CompiledInference, Inference
+from fmfts.contact.onnx_file import Graph, OnnxFile
+from fmfts.contact.recognition import network_of
 
-from fmfts.contact.contract import (
-    IR_VERSION,
-    OPSET,
-    OUTPUT_ORDER,
-    SHEAR_OUTPUT_ORDER,
-    SIZE_LIMIT_BYTES,
-    read_versions,
-    require_whole,
-)
-from fmfts.contact.inference import OUTPUTS, last_dimensions
+DEFAULT_PATH = Path(__file__).with_name("default.onnx")
+
+log = logging.getLogger(__name__)
+
+_differences: dict[bytes, str | None] = {}  # by network: pads of one structure are asked about once
+
+
+def path_of(model: str) -> Path:
+    """Of `[pad.contact] model`; "default" is the one that ships."""
+    return DEFAULT_PATH if model == "default" else Path(model)
 
 
 def read(file: Path) -> bytes:
@@ -29,37 +34,41 @@ def read(file: Path) -> bytes:
     return content
 
 
-def check_versions(content: bytes) -> None:
-    require_whole(content)
-    ir_version, opset = read_versions(content)
-    if (ir_version, opset) != (IR_VERSION, OPSET):
-        raise ValueError(f"it has IR version {ir_version} and opset {opset}, not {IR_VERSION} and {OPSET}")
+def check_versions(model: OnnxFile) -> None:
+    if (model.ir_version, model.opset) != (IR_VERSION, OPSET):
+        raise ValueError(f"it has IR version {model.ir_version} and opset {model.opset}, not {IR_VERSION} and {OPSET}")
 
 
-def session_of(content: bytes) -> onnxruntime.InferenceSession:
-    """One thread that never spins: at onnxruntime's defaults a pad's 220 inferences a second keep a core busy."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    options.inter_op_num_threads = 1
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.log_severity_level = 4  # what goes wrong is raised, and said in our own words
+def inference_of(content: bytes, graph: Graph) -> Inference:
+    """By the compiled network where it knows the graph. ValueError where nothing can evaluate it."""
+    network = network_of(graph)
+    if network is not None and network[0] <= LARGEST_HIDDEN:
+        return CompiledInference(network)
+    return _by_onnxruntime(content)
+
+
+def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
+    """`inference`, or onnxruntime's where the compiled network was held against it and is not the same."""
+    if not isinstance(inference, CompiledInference):
+        return inference
+    if inference.network not in _differences:
+        _differences[inference.network] = _difference(inference, content, facts)
+    different = _differences[inference.network]
+    if different is None:
+        return inference
+    log.error("the compiled contact model is not used: %s; worth reporting", different)
+    return _by_onnxruntime(content)
+
+
+def _difference(inference: CompiledInference, content: bytes, facts: Facts) -> str | None:
     try:
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors have no other common base
-        raise ValueError(f"onnxruntime does not load it ({str(error).splitlines()[0]})") from error
+        return difference(inference, content, facts)
+    except NotComparedError as error:
+        log.warning("the compiled contact model could not be compared with onnxruntime: %s", error)
+        return None
 
 
-def check_signature(session: onnxruntime.InferenceSession) -> None:
-    inputs, outputs = session.get_inputs(), session.get_outputs()
-    names = [tensor.name for tensor in (*inputs, *outputs)]
-    if names != ["pose", *OUTPUTS]:
-        raise ValueError(f"its tensors are {', '.join(names)}, not pose → contact, jacobian")
-    width = outputs[0].shape[-1]
-    wanted = last_dimensions(width if width in (len(OUTPUT_ORDER), len(SHEAR_OUTPUT_ORDER)) else len(OUTPUT_ORDER))
-    for tensor in (*inputs, *outputs):
-        if tensor.type != "tensor(float)":
-            raise ValueError(f"{tensor.name} is a {tensor.type}, not a tensor(float)")
-        last = wanted[tensor.name]
-        if len(tensor.shape) != 1 + len(last) or tensor.shape[1:] != last or isinstance(tensor.shape[0], int):
-            raise ValueError(f"{tensor.name} has the shape {tensor.shape}, not {['N', *last]}")
+def _by_onnxruntime(content: bytes) -> Inference:
+    from fmfts.contact.session import SessionInference  # 30 MB that most daemons do without
+
+    return SessionInference(content)

@@ -4,16 +4,17 @@
 #include <Python.h>
 #include <string.h>
 
+#include "../contact/network.h"
 #include "healthy.h"
 
-/* What a frame is on its way from `judge` to `conclude`: the memory that it will leave, if its contact is a number. */
+enum { POSE = 6, CONTACT = 3, INTEGERS = 4 };
+
+/* What a frame is on its way to its message, the memory included that it will leave if its contact is a number. */
 typedef struct {
     fmfts_memory next;
     fmfts_question question;
     fmfts_numbers numbers;
 } fmfts_passage;
-
-enum { POSE = 6, CONTACT = 3, INTEGERS = 4 };
 
 static int has_size(const Py_buffer *buffer, size_t size, const char *what)
 {
@@ -31,50 +32,119 @@ static void release(Py_buffer *buffers, int count)
     }
 }
 
-/* judge(facts, memory, passage, pose, (gain_code, valid, fresh, readings), time_us, temperature_c) → the instant in µs, or
- * None where the frame is not healthy. `pose` (6,) float32: what to ask the contact model. */
+/* What a frame comes with. FACTS … PASSAGE and READINGS are of the pad; MODEL is the network, or the pose to ask about. */
+enum { FACTS_BUFFER, MEMORY_BUFFER, PASSAGE_BUFFER, MODEL_BUFFER, READINGS_BUFFER, FRAME_BUFFERS };
+typedef struct {
+    Py_buffer b[FRAME_BUFFERS];
+    fmfts_frame frame;
+} fmfts_call;
+
+/* (facts, memory, passage, model, (gain_code, valid, fresh, readings), time_us, temperature_c); to be released anyway. */
+static int take(PyObject *args, const char *format, fmfts_call *call)
+{
+    unsigned long long time_us;
+    Py_buffer *b = call->b;
+    memset(call, 0, sizeof *call);
+    if (!PyArg_ParseTuple(args, format, &b[0], &b[1], &b[2], &b[3], &call->frame.gain_code, &call->frame.valid,
+                          &call->frame.fresh, &b[4], &time_us, &call->frame.temperature_c)) {
+        return 0;
+    }
+    call->frame.readings = b[READINGS_BUFFER].buf;
+    call->frame.time_us = (double)time_us;
+    return has_size(&b[FACTS_BUFFER], sizeof(fmfts_facts), "facts") &&
+           has_size(&b[MEMORY_BUFFER], sizeof(fmfts_memory), "memory") &&
+           has_size(&b[PASSAGE_BUFFER], sizeof(fmfts_passage), "passage");
+}
+
+/* The frame as far as the question to the contact model; false where it is not healthy. */
+static int question_of(const fmfts_call *call)
+{
+    const fmfts_facts *facts = call->b[FACTS_BUFFER].buf;
+    fmfts_passage *passage = call->b[PASSAGE_BUFFER].buf;
+    const fmfts_frame *frame = &call->frame;
+    fmfts_field field;
+    fmfts_pose pose;
+    memcpy(&passage->next, call->b[MEMORY_BUFFER].buf, sizeof passage->next);
+    if (!(facts->sensors[0] >= 1 && facts->sensors[0] <= FMFTS_SENSORS &&
+          call->b[READINGS_BUFFER].len == FMFTS_READING_BYTES * (Py_ssize_t)facts->sensors[0] &&
+          fmfts_align(facts, &passage->next, frame, &field) &&
+          fmfts_track(facts, &passage->next, &field, frame->temperature_c, &pose) &&
+          fmfts_watch(facts, &passage->next, &field) &&
+          fmfts_ask(facts, &passage->next, &pose, &passage->question, &passage->numbers))) {
+        return 0;
+    }
+    passage->numbers.temperature_c[0] = frame->temperature_c;
+    passage->question.instant_us = field.instant_us;
+    return 1;
+}
+
+static void pose_of(const fmfts_call *call, float *pose)
+{
+    const fmfts_passage *passage = call->b[PASSAGE_BUFFER].buf;
+    for (int i = 0; i < POSE; i++) {
+        pose[i] = (float)passage->question.pose[i];
+    }
+}
+
+/* What is said of the contact model's answer: (instant, kind), or None where it is no number. Only then does `memory`
+ * stay what it was. */
+static PyObject *answer(const fmfts_facts *facts, fmfts_memory *memory, fmfts_passage *passage, const float *contact,
+                        const float *jacobian)
+{
+    fmfts_contact kind = fmfts_answer(facts, &passage->question, contact, jacobian, &passage->numbers);
+    if (kind == FMFTS_NO_NUMBER) {
+        return Py_NewRef(Py_None);
+    }
+    *memory = passage->next;
+    return Py_BuildValue("(Li)", (long long)passage->question.instant_us, (int)kind);
+}
+
+/* judge(facts, memory, passage, network, packed, time_us, temperature_c) → (instant in µs, kind of contact), or None where
+ * the frame is not healthy, and `memory` stays what it was. network: a vector of network.h. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
-    Py_buffer b[5] = {{0}};
-    unsigned long long time_us;
-    fmfts_frame frame;
+    fmfts_call call;
+    fmfts_network network;
     PyObject *result = NULL;
     (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*w*w*(IIIy*)Kd", &b[0], &b[1], &b[2], &b[3], &frame.gain_code, &frame.valid,
-                          &frame.fresh, &b[4], &time_us, &frame.temperature_c)) {
-        return NULL;
-    }
-    const fmfts_facts *facts = b[0].buf;
-    if (has_size(&b[0], sizeof(fmfts_facts), "facts") && has_size(&b[1], sizeof(fmfts_memory), "memory") &&
-        has_size(&b[2], sizeof(fmfts_passage), "passage") && has_size(&b[3], POSE * sizeof(float), "pose")) {
-        fmfts_passage *passage = b[2].buf;
-        fmfts_field field;
-        fmfts_pose pose;
-        frame.readings = b[4].buf;
-        frame.time_us = (double)time_us;
-        memcpy(&passage->next, b[1].buf, sizeof passage->next);
-        int healthy = facts->sensors[0] >= 1 && facts->sensors[0] <= FMFTS_SENSORS &&
-                      b[4].len == FMFTS_READING_BYTES * (Py_ssize_t)facts->sensors[0] &&
-                      fmfts_align(facts, &passage->next, &frame, &field) &&
-                      fmfts_track(facts, &passage->next, &field, frame.temperature_c, &pose) &&
-                      fmfts_watch(facts, &passage->next, &field) &&
-                      fmfts_ask(facts, &passage->next, &pose, &passage->question, &passage->numbers);
-        if (healthy) {
-            for (int i = 0; i < POSE; i++) {
-                ((float *)b[3].buf)[i] = (float)passage->question.pose[i];
-            }
-            passage->numbers.temperature_c[0] = frame.temperature_c;
-            result = PyLong_FromLongLong((long long)field.instant_us);
-        } else {
+    if (take(args, "y*w*w*y*(IIIy*)Kd", &call)) {
+        const Py_buffer *model = &call.b[MODEL_BUFFER];
+        float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
+        if (!fmfts_view_network(model->buf, (size_t)model->len / sizeof(float), &network) ||
+            network.outputs != CONTACT) {
+            PyErr_SetString(PyExc_ValueError, "network: none of three outputs");
+        } else if (!question_of(&call)) {
             result = Py_NewRef(Py_None);
+        } else {
+            pose_of(&call, pose);
+            fmfts_infer(&network, pose, contact, jacobian);
+            result = answer(call.b[FACTS_BUFFER].buf, call.b[MEMORY_BUFFER].buf, call.b[PASSAGE_BUFFER].buf, contact,
+                            jacobian);
         }
     }
-    release(b, 5);
+    release(call.b, FRAME_BUFFERS);
     return result;
 }
 
-/* conclude(facts, memory, passage, contact, jacobian) → the kind of contact. Unless it is NO_NUMBER, `memory` becomes
- * what the frame leaves. */
+/* ask(facts, memory, passage, pose, packed, time_us, temperature_c) → is the frame healthy so far? pose (6,) float32: what
+ * somebody else is to be asked about, for `conclude`. */
+static PyObject *ask(PyObject *module, PyObject *args)
+{
+    fmfts_call call;
+    PyObject *result = NULL;
+    (void)module;
+    if (take(args, "y*w*w*w*(IIIy*)Kd", &call) && has_size(&call.b[MODEL_BUFFER], POSE * sizeof(float), "pose")) {
+        int healthy = question_of(&call);
+        if (healthy) {
+            pose_of(&call, call.b[MODEL_BUFFER].buf);
+        }
+        result = PyBool_FromLong(healthy);
+    }
+    release(call.b, FRAME_BUFFERS);
+    return result;
+}
+
+/* conclude(facts, memory, passage, contact, jacobian) → as `judge`, with another's answer to its question. */
 static PyObject *conclude(PyObject *module, PyObject *args)
 {
     Py_buffer b[5] = {{0}};
@@ -86,13 +156,7 @@ static PyObject *conclude(PyObject *module, PyObject *args)
     if (has_size(&b[0], sizeof(fmfts_facts), "facts") && has_size(&b[1], sizeof(fmfts_memory), "memory") &&
         has_size(&b[2], sizeof(fmfts_passage), "passage") && has_size(&b[3], CONTACT * sizeof(float), "contact") &&
         has_size(&b[4], CONTACT * POSE * sizeof(float), "jacobian")) {
-        fmfts_passage *passage = b[2].buf;
-        fmfts_contact contact =
-            fmfts_answer(b[0].buf, &passage->question, b[3].buf, b[4].buf, &passage->numbers);
-        if (contact != FMFTS_NO_NUMBER) {
-            memcpy(b[1].buf, &passage->next, sizeof passage->next);
-        }
-        result = PyLong_FromLong(contact);
+        result = answer(b[0].buf, b[1].buf, b[2].buf, b[3].buf, b[4].buf);
     }
     release(b, 5);
     return result;
@@ -147,8 +211,9 @@ static PyObject *message(PyObject *module, PyObject *args)
 }
 
 static PyMethodDef methods[] = {
-    {"judge", judge, METH_VARARGS, "A frame as far as the contact model; see path.py."},
-    {"conclude", conclude, METH_VARARGS, "The contact model's answer to it; see path.py."},
+    {"judge", judge, METH_VARARGS, "A frame as far as its contact; see path.py."},
+    {"ask", ask, METH_VARARGS, "A frame as far as the question to another's contact model; see path.py."},
+    {"conclude", conclude, METH_VARARGS, "Another's answer to that question; see path.py."},
     {"message", message, METH_VARARGS, "What is published of it; see template.py."},
     {NULL, NULL, 0, NULL},
 };
@@ -185,8 +250,7 @@ static int set_constants(PyObject *module)
     return add_layout(module, "FACTS", FACTS, FMFTS_COUNT(FACTS)) < 0 ||
                    add_layout(module, "MEMORY", MEMORY, FMFTS_COUNT(MEMORY)) < 0 ||
                    add_layout(module, "NUMBERS", NUMBERS, FMFTS_COUNT(NUMBERS)) < 0 ||
-                   PyModule_AddIntConstant(module, "PASSAGE_BYTES", sizeof(fmfts_passage)) < 0 ||
-                   PyModule_AddIntConstant(module, "NO_NUMBER", FMFTS_NO_NUMBER) < 0
+                   PyModule_AddIntConstant(module, "PASSAGE_BYTES", sizeof(fmfts_passage)) < 0
                ? -1
                : 0;
 }

@@ -4,9 +4,18 @@ FACTS: dict[str, int]
 MEMORY: dict[str, int]
 NUMBERS: dict[str, int]
 PASSAGE_BYTES: int
-NO_NUMBER: int
 
 def judge(
+    facts: Buffer,
+    memory: Buffer,
+    passage: Buffer,
+    network: Buffer,
+    packed: tuple[int, int, int, bytes],
+    time_us: int,
+    temperature_c: float,
+    /,
+) -> tuple[int, int] | None: ...
+def ask(
     facts: Buffer,
     memory: Buffer,
     passage: Buffer,
@@ -15,8 +24,10 @@ def judge(
     time_us: int,
     temperature_c: float,
     /,
-) -> int | None: ...
-def conclude(facts: Buffer, memory: Buffer, passage: Buffer, contact: Buffer, jacobian: Buffer, /) -> int: ...
+) -> bool: ...
+def conclude(
+    facts: Buffer, memory: Buffer, passage: Buffer, contact: Buffer, jacobian: Buffer, /
+) -> tuple[int, int] | None: ...
 def message(
     template: bytes, places: bytes, passage: Buffer, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, /
 ) -> bytes: ...

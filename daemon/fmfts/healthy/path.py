@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fmfts.ambient import Mounting
 from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact.inference import CompiledInference
 from fmfts.healthy.compiled import AVAILABLE, _healthy
 from fmfts.healthy.facts import put_contact, put_message, put_sensors, put_tracking
 from fmfts.healthy.template import Template
@@ -28,7 +29,6 @@ class Kind(IntEnum):
     QUIET = 0
     TOUCHED = 1
     OVER_RANGE = 2
-    NO_NUMBER = 3
 
 
 class Judged(NamedTuple):
@@ -48,12 +48,12 @@ class HealthyPath:
     """
 
     def __init__(self, facts: Named, model: ContactModel) -> None:
-        inference = model.inference
-        self._facts = facts
-        self._facts_buffer, self._run = facts.buffer, inference.run
-        self._pose, self._contact, self._jacobian = (
-            array.data.cast("B") for array in (inference.pose, inference.contact, inference.jacobian.ravel())
-        )
+        self._facts_buffer = facts.buffer
+        self._model = model.inference
+        self._model_buffers = [
+            array.data.cast("B") for array in (self._model.pose, self._model.contact, self._model.jacobian.ravel())
+        ]
+        self._network = model.inference.network if isinstance(model.inference, CompiledInference) else None
         self._memory = Named(_healthy.MEMORY)
         self._memory_buffer = self._memory.buffer
         self._passage = np.zeros(_healthy.PASSAGE_BYTES // 8).data
@@ -88,20 +88,15 @@ class HealthyPath:
 
     def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
         """None where the frame is not healthy in every respect: the memory then is as it was."""
-        instant_us = _healthy.judge(
-            self._facts_buffer,
-            self._memory_buffer,
-            self._passage,
-            self._pose,
-            packed,
-            device_time_us,
-            np.nan if temperature_c is None else temperature_c,
-        )
-        if instant_us is None:
-            return None
-        self._run()
-        kind = _healthy.conclude(self._facts_buffer, self._memory_buffer, self._passage, self._contact, self._jacobian)
-        return None if kind == Kind.NO_NUMBER else Judged(instant_us, KINDS[kind])
+        pad = self._facts_buffer, self._memory_buffer, self._passage
+        frame = packed, device_time_us, np.nan if temperature_c is None else temperature_c
+        judged = None
+        if self._network is not None:
+            judged = _healthy.judge(*pad, self._network, *frame)
+        elif _healthy.ask(*pad, self._model_buffers[0], *frame):
+            self._model.run()
+            judged = _healthy.conclude(*pad, *self._model_buffers[1:])
+        return None if judged is None else Judged(judged[0], KINDS[judged[1]])
 
     def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
         """The last judged frame's."""

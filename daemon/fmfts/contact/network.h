@@ -1,0 +1,38 @@
+/* The contact network of graph.py, contact and Jacobian, without onnxruntime.
+ *
+ * Single precision, as the graph has it, in an order of operations of its own, which is the same on every machine and for
+ * every pose. Re-entrant: no allocation, no globals. Arrays are row-major.
+ */
+#ifndef FMFTS_NETWORK_H
+#define FMFTS_NETWORK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum {
+    FMFTS_NETWORK_POSE = 6,
+    FMFTS_SCALED = 5,
+    FMFTS_FEATURES = 2 * FMFTS_SCALED,
+    FMFTS_MAX_HIDDEN = 256,
+    FMFTS_MAX_OUTPUTS = 5,
+};
+
+/* Views into one vector of floats. */
+typedef struct {
+    size_t hidden, outputs;
+    float softening;
+    const float *rest;     /* [pose] */
+    const float *by_scale; /* [pose][scaled] */
+    const float *w1, *b1;  /* [features][hidden], [hidden] */
+    const float *w2, *b2;  /* [hidden][hidden] */
+    const float *w3, *b3;  /* [hidden][outputs] */
+} fmfts_network;
+
+/* The vector is hidden, outputs, softening, and the arrays in the order above. False where its sizes are none of such a
+ * network. */
+bool fmfts_view_network(const float *vector, size_t count, fmfts_network *network);
+
+/* contact [outputs] and jacobian [outputs][pose] at pose [pose], all in the model's units. */
+void fmfts_infer(const fmfts_network *network, const float *pose, float *contact, float *jacobian);
+
+#endif

@@ -1,0 +1,119 @@
+"""What a serialised ONNX model says: onnxruntime tells neither versions nor weights, and the onnx package is no runtime
+dependency. Field numbers are those of onnx.proto."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.contact.graph import Node
+from fmfts.contact.protobuf import MalformedError, Message
+
+Constant = NDArray[Any]  # float32 or int64
+
+FLOAT, INT64 = 1, 7  # TensorProto.DataType
+ELEMENT: dict[int, np.dtype[Any]] = {FLOAT: np.dtype("<f4"), INT64: np.dtype("<i8")}
+DEFAULT_DOMAIN = ("", "ai.onnx")
+EXTERNAL = 'weights in other files ("external data") are not read: save it as one file'
+# What stands in a field of a message: every place of a model where a tensor can be.
+INSIDE = {
+    "model": {7: "graph", 20: "training", 25: "function"},
+    "training": {1: "graph", 2: "graph"},
+    "graph": {1: "node", 5: "tensor", 15: "sparse"},
+    "function": {7: "node", 11: "attribute"},
+    "node": {5: "attribute"},
+    "attribute": {5: "tensor", 6: "graph", 10: "tensor", 11: "graph", 22: "sparse", 23: "sparse"},
+    "sparse": {1: "tensor", 2: "tensor"},
+}
+EXTERNAL_DATA, DATA_LOCATION = 13, 14  # of a tensor
+DEEPEST = 8  # graphs within attributes of graphs
+
+
+class Port(NamedTuple):
+    """An input or output of a graph; shape: of each dimension its size, or its name where that is open."""
+
+    name: str
+    element: int
+    shape: tuple[str | int, ...]
+
+
+class Graph(NamedTuple):
+    """nodes: with a Concat's axis; None where one has other attributes, is of another domain, or has several outputs.
+    constants: those of float32 and int64."""
+
+    nodes: tuple[tuple[Node, int | None], ...] | None
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    constants: dict[str, Constant]
+
+
+class OnnxFile(NamedTuple):
+    """opset: version of the default operator set."""
+
+    ir_version: int
+    opset: int
+    metadata: dict[str, str]
+    graph: Graph
+
+
+def parse(content: bytes) -> OnnxFile:
+    """ValueError where it is no ONNX model, or has weights in other files: none but the one that the configuration
+    names is opened, and its hash is all of the model's."""
+    try:
+        _require_whole("model", content)
+        model = Message(content)
+        return OnnxFile(
+            model.integer(1),
+            max((each.integer(2) for each in model.messages(8) if each.text(1) in DEFAULT_DOMAIN), default=0),
+            {each.text(1): each.text(2) for each in model.messages(14)},
+            _graph(model.message(7)),
+        )
+    except MalformedError as error:
+        raise ValueError(f"it is not an ONNX file, or a truncated one ({error})") from error
+
+
+def _graph(graph: Message) -> Graph:
+    nodes = [_node(each) for each in graph.messages(1)]
+    plain = tuple(node for node in nodes if node is not None)
+    return Graph(
+        plain if len(plain) == len(nodes) else None,
+        tuple(_port(each) for each in graph.messages(11)),
+        tuple(_port(each) for each in graph.messages(12)),
+        {each.text(8): value for each in graph.messages(5) if (value := _constant(each)) is not None},
+    )
+
+
+def _node(node: Message) -> tuple[Node, int | None] | None:
+    outputs, attributes = node.texts(2), {each.text(1): each.integer(3) for each in node.messages(5)}
+    if len(outputs) != 1 or node.text(7) not in DEFAULT_DOMAIN or attributes.keys() - {"axis"}:
+        return None
+    return Node(node.text(4), tuple(node.texts(1)), outputs[0]), attributes.get("axis")
+
+
+def _port(value: Message) -> Port:
+    tensor = value.message(2).message(1)
+    dimensions = tensor.message(2).messages(1)
+    shape = tuple(each.integer(1) if 1 in each else each.text(2) for each in dimensions)
+    return Port(value.text(1), tensor.integer(1), shape)
+
+
+def _constant(tensor: Message) -> Constant | None:
+    """None where it is of another type, or not written as raw data, which this does not read."""
+    element, shape, raw = ELEMENT.get(tensor.integer(2)), tensor.integers(1), tensor.part(9)
+    if element is None or max(shape, default=0) > len(raw) or len(raw) != element.itemsize * math.prod(shape):
+        return None
+    return np.frombuffer(raw, element).reshape(shape)
+
+
+def _require_whole(kind: str, content: bytes, depth: int = 0) -> None:
+    if depth > DEEPEST:
+        raise ValueError("its graphs are nested deeper than any contact model's")
+    message = Message(content)
+    if kind == "tensor" and (EXTERNAL_DATA in message or any(message.integers(DATA_LOCATION))):
+        raise ValueError(EXTERNAL)
+    for number, inner in INSIDE.get(kind, {}).items():
+        for part in message.parts(number):
+            _require_whole(inner, part, depth + (inner == "graph"))
