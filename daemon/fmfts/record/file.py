@@ -62,7 +62,9 @@ class RecordingWriter:
             self._writer.start(PROFILE)
             self.flush()
         except FileExistsError as error:
-            raise RecordingError(f"{path}: {error.strerror}: no recording is written over; give another name") from error
+            raise RecordingError(
+                f"{path}: {error.strerror}: no recording is written over; give another name"
+            ) from error
         except OSError as error:
             raise RecordingError(f"{path}: {error.strerror}") from error
 
