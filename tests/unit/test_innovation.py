@@ -113,3 +113,16 @@ def test_living_axis_repeats_itself_less_often_than_allowed() -> None:
 def test_axis_whose_noise_is_rounded_away_may_stand_still() -> None:
     step_t = 1e-4 / 230
     assert np.isinf(repeats_allowed(np.full((4, 3), step_t / np.sqrt(12)), step_t)).all()
+
+
+def test_what_the_mean_shows_and_is_no_alarm_makes_the_answer_less_certain(pad: Pad) -> None:
+    """0.9 mG of a field from elsewhere: now below and now above what 99.9999 % of sound means stay under."""
+
+    def deviation(added_t: np.ndarray) -> float:
+        watched = Watched(pad, "constant")
+        watched.run(110)
+        published = [track.estimate for track in watched.run(330, added_t)[110:] if track.health == "ok"]
+        assert len(published) > 100
+        return float(np.mean([np.sqrt(estimate.covariance[2, 2]) for estimate in published if estimate]))
+
+    assert deviation(np.tile([5e-8, -5e-8, 6e-8], (4, 1))) > 1.1 * deviation(NOTHING)

@@ -112,6 +112,7 @@ enum {
     X(since, 1)                                                                                                        \
     X(sound, 1)                                                                                                        \
     X(was_sound, 1)             /* at any judgement since Python handed over */                                        \
+    X(lasting_misfit, 1)                                                                                               \
     X(passed, 1)                /* frames since then */                                                                \
     X(touched, 1)                                                                                                      \
     X(quiet_frames, 1)

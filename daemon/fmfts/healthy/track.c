@@ -87,8 +87,9 @@ bool fmfts_track(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
     memcpy(memory->state, state, sizeof state);
     memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
     memory->misfit[0] += (found.chi2 / facts->freedom[0] - memory->misfit[0]) / facts->misfit_frames[0];
+    double misfit = fmax(memory->misfit[0], memory->lasting_misfit[0]);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
-        pose->covariance[i] *= fmax(memory->misfit[0], 1.0);
+        pose->covariance[i] *= misfit;
     }
     memory->last_us[0] = field->instant_us;
     memory->passed[0] += 1.0;

@@ -154,6 +154,7 @@ bool fmfts_watch(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
     if (!chi2_of(&problem, &chi2) || !(chi2 < facts->alarm_chi2[0])) {
         return false;
     }
+    memory->lasting_misfit[0] = fmax(chi2 / facts->sound_chi2[0], 1.0);
     memory->sound[0] = chi2 < facts->sound_chi2[0];
     memory->was_sound[0] = fmax(memory->was_sound[0], memory->sound[0]);
     return true;

@@ -53,6 +53,7 @@ class Innovations:
         self._pushed = 0
         self._since = 0
         self.sound = True  # at the last judgement
+        self.misfit = 1.0  # then: χ² over what a sound mean stays under, at least 1; of a mean that is no alarm
 
     def write(self, memory: Named) -> None:
         """For the compiled path."""
@@ -63,6 +64,7 @@ class Innovations:
         memory.put("pushed", self._pushed)
         memory.put("since", self._since)
         memory.put("sound", self.sound)
+        memory.put("lasting_misfit", self.misfit)
         memory.put("was_sound", False)
 
     def read(self, memory: Named) -> None:
@@ -72,6 +74,7 @@ class Innovations:
         self._frames = memory["frames"][:count].copy()
         self.change[:], self._pushed = memory["change"], int(memory.number("pushed"))
         self._since, self.sound = int(memory.number("since")), bool(memory.number("sound"))
+        self.misfit = memory.number("lasting_misfit")
 
     def forget(self) -> None:
         self._mean[:], self._frames[:], self._pushed = 0.0, 0.0, 0
@@ -100,6 +103,7 @@ class Innovations:
         ready = self._frames >= 2 * JUDGED_EVERY
         unknowns = jacobian.shape[1]
         freedom = int(ready.sum()) - unknowns
+        self.misfit = 1.0
         if freedom < 1:
             return None
         # The running mean of n frames, and once the memory is full the exponential one, which holds 2·memory − 1.
@@ -114,6 +118,7 @@ class Innovations:
         chi2 = float(seen @ seen)
         self.sound = chi2 < quantile(SOUND, freedom)
         if chi2 < quantile(SOUND if forgiving else FALSE_ALARM, freedom):
+            self.misfit = max(chi2 / quantile(SOUND, freedom), 1.0)
             return None
         return _explained(seen, parity, foreign[ready], np.flatnonzero(ready) // 3, chi2)
 

@@ -176,7 +176,7 @@ class Tracker:
         return Prior(replace(self._last, log_moment=moment), covariance)
 
     def _accept(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Go on from this estimate, and publish it as uncertain as frames of late misfit.
+        """Go on from this estimate, and publish it as uncertain as frames of late misfit, or their mean does.
 
         Where residuals are larger than their deviations say, something is off that is not found yet, and errors are
         larger by as much. R. T. Birge, "The calculation of errors by the method of least squares", Phys. Rev. 40
@@ -188,7 +188,8 @@ class Tracker:
         self._warmth_variance = self._new_warmth
         self._since_good_s = 0.0
         self._disturbed_frames = 0
-        return replace(estimate, covariance=max(self._misfit, 1.0) * estimate.covariance)
+        lasting = 1.0 if self._watch is None else self._watch.misfit
+        return replace(estimate, covariance=max(self._misfit, lasting) * estimate.covariance)
 
     def _solve(self, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool = False) -> PoseEstimate:
         """From the last pose; if that does not fit, from rest as well."""

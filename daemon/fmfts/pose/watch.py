@@ -53,6 +53,11 @@ class Watch:
         return None if self._finding is None else self._finding.sensor
 
     @property
+    def misfit(self) -> float:
+        """By how much variances are larger than they seem, as far as what lasts tells; 1 where nothing does."""
+        return self._innovations.misfit
+
+    @property
     def _clearly_heard(self) -> bool:
         return len(self._heard) == 1
 
