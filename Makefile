@@ -72,11 +72,14 @@ collect-chain: $(VENV)/.installed-test firmware
 
 # How soon the rod is off the pad after each fault; nothing else may run meanwhile.
 collect-drills: $(VENV)/.installed-test firmware
-	FMFTS_TIMED_DRILLS=1 $(BIN)/python -m pytest -s tests/end_to_end/test_collect.py tests/end_to_end/test_collect_faults.py
+	$(BIN)/python -m pytest -s tests/end_to_end/collect_drills.py
 
-# The shipped contact model, made again from the calibration set.
+# The shipped contact models, made again: from the calibration set, and from presses with shear.
+SOLVED := $(addprefix daemon/fmfts/simulate/,pressed.csv pressed_centre.csv sheared.csv)
 model: $(VENV)/.installed-test
-	$(BIN)/python -m fmfts.calibrate.default_model
+	mkdir -p build
+	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
+	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
 
 # The recordings that the tests replay, made again: a changed expectation wants a reason in its commit.
 recordings: $(VENV)/.installed-test

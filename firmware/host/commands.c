@@ -21,6 +21,7 @@ const char commands_help[] =
     "  truncate                              the next packet loses its second half, closing zero included\n"
     "  reset                                 restart the core as a software reset does\n"
     "  time US                               jump the board's time forward\n"
+    "  run US                                with --stepped: let so much time pass\n"
     "  quit\n";
 
 enum { WORDS_MAX = 16, NUMBERS_MAX = 3 * SAMPLER_SENSORS_MAX };
@@ -199,6 +200,45 @@ static const char *jump(struct session *session, struct words *words, struct pla
     return NULL;
 }
 
+void session_pass(struct session *session, uint64_t ns)
+{
+    uint8_t request[256];
+    size_t count;
+    while ((count = line_receive(&session->line, request, sizeof request)) > 0)
+        device_receive(&session->emulation.device, request, count);
+    session->paced_ns += ns;
+    emulation_run_until(&session->emulation, session->paced_ns + session->jumped_ns);
+    line_flush(&session->line);
+}
+
+struct span {
+    struct session *session;
+    uint64_t left_ns;
+};
+
+static void pass_span(void *context)
+{
+    struct span *span = context;
+    while (span->left_ns > 0) {
+        uint64_t tick_ns = span->left_ns < TICK_NS ? span->left_ns : TICK_NS;
+        session_pass(span->session, tick_ns);
+        span->left_ns -= tick_ns;
+    }
+}
+
+static const char *run(struct session *session, struct words *words, struct place place)
+{
+    (void)place;
+    double us;
+    if (!session->stepped)
+        return "time passes by itself: start with --stepped";
+    if (!number(words->word[1], 0, 1e9, &us))
+        return wrong_number;
+    struct span span = {session, (uint64_t)us * 1000};
+    line_flush_during(&session->line, pass_span, &span);
+    return NULL;
+}
+
 static const char *quit(struct session *session, struct words *words, struct place place)
 {
     (void)words, (void)place;
@@ -223,6 +263,7 @@ static const struct command {
     {"truncate", 1, false, false, cut},
     {"reset", 1, false, false, reset},
     {"time", 2, false, false, jump},
+    {"run", 2, false, false, run},
     {"quit", 1, false, false, quit},
 };
 

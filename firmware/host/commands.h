@@ -10,9 +10,16 @@
 struct session {
     struct emulation emulation;
     struct line line;
-    uint64_t jumped_ns; // virtual time that did not pass in real time
+    uint64_t paced_ns;  // virtual time that passed tick by tick
+    uint64_t jumped_ns; // virtual time that did not
+    bool stepped;       // it passes by `run` alone
     bool quit;
 };
+
+enum { TICK_NS = 1000000 };
+
+// Lets so much virtual time pass: requests in, the core running, packets out.
+void session_pass(struct session *session, uint64_t ns);
 
 extern const char commands_help[];
 

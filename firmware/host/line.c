@@ -4,8 +4,12 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <stdlib.h>
+#include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
+
+// The kernel's buffer holds 4095 bytes, and where nobody reads it stays full.
+enum { ARRIVAL_US = 20, ARRIVAL_TRIES = 5000, READABLE_MOST = 4000 };
 
 int line_open(struct line *line)
 {
@@ -56,8 +60,32 @@ void line_flush(struct line *line)
         ssize_t written = count ? write(line->master, bytes, count) : 0;
         if (written <= 0)
             return;
+        line->sent += (size_t)written;
         ring_drop(&line->ring, (size_t)written);
     }
+}
+
+static size_t readable(int slave)
+{
+    int count = 0;
+    return ioctl(slave, FIONREAD, &count) < 0 ? 0 : (size_t)count;
+}
+
+static bool arrived(size_t count, size_t due)
+{
+    return count >= due || count >= READABLE_MOST;
+}
+
+void line_flush_during(struct line *line, void (*pass)(void *context), void *context)
+{
+    line_flush(line); // whoever has gone is noticed before this process holds the other side itself
+    int slave = line->open ? open(line->path, O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC) : -1;
+    size_t due = slave < 0 ? 0 : readable(slave) - line->sent;
+    pass(context);
+    for (int i = 0; slave >= 0 && i < ARRIVAL_TRIES && !arrived(readable(slave), due + line->sent); i++)
+        usleep(ARRIVAL_US);
+    if (slave >= 0)
+        close(slave);
 }
 
 size_t line_receive(struct line *line, uint8_t *bytes, size_t count)

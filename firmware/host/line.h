@@ -13,6 +13,7 @@ struct line {
     char path[64];
     bool open; // somebody holds the other side
     bool cut_next;
+    size_t sent; // bytes, ever
     struct ring ring;
     uint8_t bytes[4096];
 };
@@ -25,6 +26,10 @@ bool line_send(void *context, const uint8_t *bytes, size_t count);
 
 // Moves waiting bytes into the pty and notices who comes and goes. Never blocks.
 void line_flush(struct line *line);
+
+// Moves them while `pass` lets time go by, and returns when the other side can read them: the kernel hands them over
+// some time later, which a busy computer draws out.
+void line_flush_during(struct line *line, void (*pass)(void *context), void *context);
 
 // Bytes from the other side; 0 when there are none. Never blocks.
 size_t line_receive(struct line *line, uint8_t *bytes, size_t count);

@@ -14,21 +14,23 @@
 
 #include "commands.h"
 
-enum { TICK_NS = 1000000, SECOND_NS = 1000000000 };
+enum { SECOND_NS = 1000000000 };
 
 static const char usage[] =
-    "usage: fmfts-host [--pads N] [--uid HEX24] [--link PATH] [--speed FACTOR]\n"
+    "usage: fmfts-host [--pads N] [--uid HEX24] [--link PATH] [--speed FACTOR | --stepped]\n"
     "Streams an emulated board on a pty, whose path it prints, until standard input closes or SIGTERM comes.\n"
     "  --pads N        pads on the board, 1 to 3 (1)\n"
     "  --uid HEX24     the board's 96-bit id (686f73740000000000000001)\n"
     "  --link PATH     make PATH a symbolic link to the pty, and remove it at the end\n"
-    "  --speed FACTOR  board seconds per second, 0.01 to 20 (1)\n";
+    "  --speed FACTOR  board seconds per second, 0.01 to 20 (1)\n"
+    "  --stepped       time passes only by the command `run`: what a busy computer cannot make late\n";
 
 struct options {
     uint8_t pads;
     uint8_t uid[WIRE_UID_SIZE];
     const char *link;
     double speed;
+    bool stepped;
 };
 
 static volatile sig_atomic_t terminated;
@@ -69,7 +71,8 @@ static struct options parse_options(int count, char **words)
     static const struct option known[] = {
         {"pads", required_argument, NULL, 'p'},  {"uid", required_argument, NULL, 'u'},
         {"link", required_argument, NULL, 'l'},  {"speed", required_argument, NULL, 's'},
-        {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
+        {"stepped", no_argument, NULL, 'S'},     {"help", no_argument, NULL, 'h'},
+        {NULL, 0, NULL, 0},
     };
     struct options options = {.pads = 1, .uid = {'h', 'o', 's', 't', [11] = 1}, .speed = 1.0};
     for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
@@ -81,6 +84,8 @@ static struct options parse_options(int count, char **words)
             options.link = optarg;
         else if (option == 's')
             options.speed = parse_number("speed", optarg, 0.01, 20, "a factor from 0.01 to 20");
+        else if (option == 'S')
+            options.stepped = true;
         else {
             fprintf(option == 'h' ? stdout : stderr, "%s%s", usage, option == 'h' ? commands_help : "");
             exit(option == 'h' ? 0 : 2);
@@ -124,13 +129,13 @@ static void execute_line(struct session *session, char *command)
     say(wrong ? "error: " : "ok", wrong ? wrong : "");
 }
 
-// Executes the commands that have come. False: standard input is closed.
-static bool take_commands(struct session *session)
+// Executes the commands that have come within the patience (-1: any). False: standard input is closed.
+static bool take_commands(struct session *session, int patience_ms)
 {
     static char text[8192];
     static size_t kept;
     struct pollfd in = {.fd = STDIN_FILENO, .events = POLLIN};
-    if (poll(&in, 1, 0) != 1)
+    if (poll(&in, 1, patience_ms) != 1)
         return true;
     ssize_t count = read(STDIN_FILENO, text + kept, sizeof text - kept);
     if (count <= 0)
@@ -166,16 +171,12 @@ static void sleep_until(uint64_t ns)
 
 static void stream(struct session *session, double speed)
 {
-    uint64_t tick_ns = monotonic_ns(), paced_ns = 0;
-    while (!terminated && !session->quit && take_commands(session)) {
-        uint8_t request[256];
-        size_t count;
-        while ((count = line_receive(&session->line, request, sizeof request)) > 0)
-            device_receive(&session->emulation.device, request, count);
-        emulation_run_until(&session->emulation, paced_ns + session->jumped_ns);
-        line_flush(&session->line);
+    uint64_t tick_ns = monotonic_ns();
+    while (!terminated && !session->quit && take_commands(session, session->stepped ? -1 : 0)) {
+        if (session->stepped)
+            continue;
+        session_pass(session, (uint64_t)(TICK_NS * speed));
         tick_ns += TICK_NS;
-        paced_ns += (uint64_t)(TICK_NS * speed);
         uint64_t now_ns = monotonic_ns();
         if (now_ns > tick_ns + SECOND_NS)
             tick_ns = now_ns; // the machine slept: the board did too
@@ -201,6 +202,7 @@ int main(int count, char **words)
         return 1;
     }
     emulation_init(&session.emulation, options.pads, options.uid, line_send, &session.line);
+    session.stepped = options.stepped;
     say("pty: ", session.line.path);
     stream(&session, options.speed);
     if (options.link)

@@ -1,10 +1,8 @@
-"""An ASCII force gauge on a pty or in datagrams: a rate, noise, delay, and drop-outs."""
+"""An ASCII force gauge on a pty or in datagrams: a rate, noise, delay, and drop-outs. Its time passes by `turn`."""
 
 from __future__ import annotations
 
 import socket
-import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +10,6 @@ from typing import Self
 
 import numpy as np
 
-from emulator.priority import put_ahead
 from emulator.pty_port import PtyPort
 
 
@@ -39,23 +36,20 @@ class ForceGauge:
         self._offset_n = offset_n
         self._random = np.random.default_rng(seed)
         self._past: deque[tuple[float, float]] = deque()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._now = self._due = 0.0
 
     def __enter__(self) -> Self:
-        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
+        """Nothing runs."""
 
-    def _run(self) -> None:
-        put_ahead(threading.get_native_id())
-        due = time.monotonic()
-        while not self._ended.wait(max(0.0, due - time.monotonic())):
-            due = max(due + 1.0 / self._rate_hz, time.monotonic() - 0.1)
-            force_n = self._delayed(time.monotonic())
+    def turn(self, seconds: float) -> None:
+        """Let so much time pass."""
+        self._now += seconds
+        force_n = self._delayed(self._now)
+        while self._due <= self._now:
+            self._due += 1.0 / self._rate_hz
             if not self.silent and self._random.random() >= self.dropout:
                 shown = force_n + self._offset_n + self.noise_n * self._random.standard_normal()
                 self._write(f"ST,GS,{shown:+08.4f} N\r\n".encode())

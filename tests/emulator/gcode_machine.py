@@ -1,25 +1,21 @@
 """A three-axis G-code machine on a pty: Marlin's or GRBL's protocol, finite speed, backlash, limit switches, stalls.
 
-Written from the projects' own documentation, and sharing no code with the driver that it tests. `speed` makes its time
-run faster: feeds are multiplied by it.
+Written from the projects' own documentation, and sharing no code with the driver that it tests. Its time passes by
+`turn`; `speed` makes it run faster: feeds are multiplied by it.
 """
 
 from __future__ import annotations
 
 import math
 import re
-import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from emulator.priority import put_ahead
 from emulator.pty_port import PtyPort
 
-TICK_S = 0.001
 HOMING_MM_PER_S = 50.0
 Place = list[float]
 
@@ -54,17 +50,12 @@ class GcodeMachine:
         self._held: deque[str] = deque()  # Marlin: lines that wait for a move to end
         self._relative = self._alarm = False
         self._rest = b""
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:
         self._say("Grbl 1.1h ['$' for help]" if self._grbl else "start")
-        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
         self.port.unplug()
 
     @property
@@ -72,16 +63,12 @@ class GcodeMachine:
         """Where the rod really is."""
         return [told + self.backlash_mm * above for told, above in zip(self._told, self._from_above, strict=True)]
 
-    def _run(self) -> None:
-        put_ahead(threading.get_native_id())
-        before = time.monotonic()
-        while not self._ended.is_set():
-            self._hear(self.port.read(TICK_S))
-            now = time.monotonic()
-            self._advance((now - before) * self._speed)
-            before = now
-            while self._held and not self._moves:
-                self._marlin(self._held.popleft())
+    def turn(self, seconds: float) -> None:
+        """Hear what has come, and move on for so long."""
+        self._hear(self.port.read(0.0))
+        self._advance(seconds * self._speed)
+        while self._held and not self._moves:
+            self._marlin(self._held.popleft())
 
     def _hear(self, data: bytes) -> None:
         for byte in data:

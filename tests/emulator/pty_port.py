@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import select
+import sys
+import termios
+import time
 import tty
 from pathlib import Path
 
+FULL = 4000  # the kernel's buffer holds 4095, and a line that nobody reads stays full
+PATIENCE_S = 0.2
+
 
 class PtyPort:
-    """`link` is where it is found. Unplugged, whoever has it open gets a hang-up."""
+    """`link` is where it is found. Unplugged, whoever has it open gets a hang-up. lockstep: nobody reads while
+    this end writes, and what it wrote can be read when `write` returns.
+    """
 
     def __init__(self, link: Path) -> None:
         self.master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self.master, False)
+        link.unlink(missing_ok=True)  # of a bench that was killed
         link.symlink_to(os.ttyname(self._slave))
-        self._rest = b""
+        self.lockstep = False
 
     def read(self, timeout_s: float) -> bytes:
         """What has come, after at most so long."""
@@ -31,10 +41,18 @@ class PtyPort:
         """What does not fit is lost, as on a line that nobody reads."""
         if self.master < 0:
             return
+        there = self._readable()
         try:
-            os.write(self.master, data)
+            written = os.write(self.master, data)
         except BlockingIOError:
             return
+        # The kernel hands over later, and a busy computer draws that out.
+        end_s = time.monotonic() + PATIENCE_S
+        while self.lockstep and self._readable() < min(there + written, FULL) and time.monotonic() < end_s:
+            time.sleep(0.0)
+
+    def _readable(self) -> int:
+        return int.from_bytes(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)), sys.byteorder)
 
     def unplug(self) -> None:
         for end in (self.master, self._slave):

@@ -1,8 +1,9 @@
 """A bench to collect on: an emulated machine moves a rod, the pad gives way, the gauge feels it, the board sees it.
 
 Every device speaks its own protocol on its own pty, the board is the firmware's host build; nothing is shared with the
-daemon but the pad's mechanics. `speed`: how much faster than its feeds the machine moves; board and gauge run in real
-time.
+daemon but the pad's mechanics. All devices share one time. It passes while the collector, in this process, waits: then
+nothing can be late, however busy this computer is, and a quarter of an hour at the bench takes a minute. Or, for the
+real process, by the real clock. `speed`: how much faster than its feeds the machine moves.
 """
 
 from __future__ import annotations
@@ -12,8 +13,12 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
+from unittest.mock import patch
 
 import numpy as np
 
@@ -21,17 +26,21 @@ from emulator.force_gauge import SerialForceGauge
 from emulator.gcode_machine import GcodeMachine
 from emulator.priority import put_ahead
 from end_to_end.processes import FirmwareHost
-from fmfts.config import PadConfig, SimulatedSource
+from fmfts.collect.clock import Clock, Monotonic
+from fmfts.collect.feed import DeviceFeed, open_feed
+from fmfts.collect.work import collect
+from fmfts.config import Config, PadConfig, SimulatedSource
+from fmfts.config.file import load
+from fmfts.jobs.baseline_files import stored
+from fmfts.jobs.baselines import BaselineJob, BaselineRequest
 from fmfts.simulate.cylinder import cylinder_field
 from fmfts.simulate.mounted import MountedPad
 
 ORIGIN_MM, SURFACE_MM, CLEAR_MM = (100.0, 100.0), 10.0, 12.0
 HALF_SPAN_MM = 17.0
-CENTRE_MM_PER_N, EDGE_MM_PER_N = (
-    1.0,
-    0.15,
-)  # how far the rod sinks in: the slab bends in the middle, and is soft anywhere
+CENTRE_MM_PER_N, EDGE_MM_PER_N = 1.0, 0.15  # the rod sinks in: the slab bends in the middle, and is soft anywhere
 UPDATE_S = 0.004
+TICK_S = 0.001
 EARTH_T = np.array([2.1e-5, -0.4e-5, 4.3e-5])
 GAUGE_RATE_HZ = 160.0
 
@@ -65,8 +74,31 @@ NEWTON_PER_COUNT, COUNTS_AT_ZERO = -2.1e-6, 81234  # a cell that counts down, an
 LOAD_CELL = f'type = "hx711"\nnewton_per_count = {NEWTON_PER_COUNT}'
 
 
+class SimulatedClock:
+    """A Clock that is never waited for. grain_s: what passes at least when somebody sleeps."""
+
+    def __init__(self, passed: Callable[[float], None], grain_s: float) -> None:
+        self._passed = passed
+        self._grain_us = round(grain_s * 1e6)
+        self._now_us = 1_000_000_000
+
+    def now_ns(self) -> int:
+        return self._now_us * 1000
+
+    def sleep(self, seconds: float) -> None:
+        us = max(round(seconds * 1e6), self._grain_us)
+        while us > 0:
+            step_us = min(us, self._grain_us)
+            self._now_us += step_us
+            self._passed(step_us * 1e-6)
+            us -= step_us
+
+
 class PressedBench:
-    """The pad under the rod. `pad` may be moved: what the board sees changes then, as after a knock."""
+    """The pad under the rod. `pad` may be moved: what the board sees changes then, as after a knock.
+
+    real_time: by the real clock, in a thread of its own; else time passes in `clock` alone.
+    """
 
     def __init__(
         self,
@@ -79,9 +111,11 @@ class PressedBench:
         dropout: float = 0.02,
         speed: float = 10.0,
         limit_n: float = 4.5,
-        silence_ms: float = 1000.0,  # nothing else may run on a machine that is to hold 100
+        silence_ms: float = 100.0,
         chip_noise_ut: float = 0.2,
         load_cell: bool = False,
+        real_time: bool = False,
+        grain_s: float = 0.002,
     ) -> None:
         self.folder = folder
         self.knock_m = np.zeros(3)
@@ -89,14 +123,18 @@ class PressedBench:
         self.mounted = True  # else there is no magnet: for a bare baseline
         self.beside = False  # the rod presses on something that is not the pad
         self.force_n = 0.0
-        self.truth: list[tuple[int, float, float, float]] = []  # monotonic ns, x and y in mm, force, at each change
+        self.truth: list[tuple[int, float, float, float]] = []  # ns, x and y in mm, force, at each change
+        self.latest_s = 0.0  # how late this bench itself was, at most
+        self.lifted_after_s: float | None = None  # from the fault of `when_pressing` until nothing touches
+        self._fault: Callable[[], object] | None = None
+        self._fault_ns: int | None = None
+        self._without_board = False
         self._pad = MountedPad.exact(PadConfig(name="left", source=SimulatedSource()).pad())
         self._told: tuple[float, ...] | None = None
         self._chip_noise_ut = chip_noise_ut
-        self.board = FirmwareHost(folder)
-        put_ahead(self.board.pid)
+        self._stepped = not real_time
+        self.board = FirmwareHost(folder, *(["--stepped"] if self._stepped else []))
         self.machine = GcodeMachine(folder / "machine", dialect, backlash_mm=backlash_mm, speed=speed)
-        self.machine.on_moved = self._moved
         self.gauge = SerialForceGauge(
             folder / "gauge",
             lambda: self.force_n,
@@ -105,6 +143,7 @@ class PressedBench:
             delay_s=delay_s,
             dropout=dropout,
         )
+        self.machine.port.lockstep = self.gauge.port.lockstep = self._stepped
         self.config = folder / "config.toml"
         gauge = LOAD_CELL if load_cell else SERIAL_GAUGE.format(folder=folder, delay_ms=delay_s * 1e3)
         facts = {"folder": folder, "dialect": dialect, "gauge": gauge, "limit_n": limit_n, "silence_ms": silence_ms}
@@ -114,19 +153,24 @@ class PressedBench:
         self._load_cell = load_cell
         self._telling = threading.Lock()
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._show, daemon=True)
+        self._thread = threading.Thread(target=self._keep_time, daemon=True)
+        self.clock: Clock = SimulatedClock(self._pass, grain_s) if self._stepped else Monotonic()
+        self.machine.on_moved = self._moved
 
     def __enter__(self) -> Self:
         self.board.tell(f"noise 0 {self._chip_noise_ut}")
         self._tell_field()
-        self._thread.start()
         self.machine.__enter__()
         self.gauge.__enter__()
+        if not self._stepped:
+            put_ahead(self.board.pid)
+            self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
-        self._thread.join()
+        if not self._stepped:
+            self._thread.join()
         self.gauge.__exit__()
         self.machine.__exit__()
         self.board.__exit__()
@@ -139,32 +183,90 @@ class PressedBench:
     def rod_is_up(self) -> bool:
         return self._rod_mm[2] >= SURFACE_MM
 
+    def unplug_board(self) -> None:
+        self._without_board = True
+        self.board.kill()
+
+    def when_pressing(self, fault: Callable[[], object]) -> None:
+        """What happens once, on the way to the second force."""
+        self._fault = fault
+
+    def _keep_time(self) -> None:
+        put_ahead(threading.get_native_id())
+        before_s = time.monotonic()
+        while not self._ended.wait(TICK_S):
+            now_s = time.monotonic()
+            self.latest_s = max(self.latest_s, now_s - before_s - TICK_S)
+            self._pass(now_s - before_s)
+            before_s = now_s
+
+    def _pass(self, seconds: float) -> None:
+        """The time of all devices; the board's own process keeps its own where time is real."""
+        self.machine.turn(seconds)
+        self.gauge.turn(seconds)
+        self._tell_field()
+        if self._stepped and not self._without_board:
+            self.tell(f"run {round(seconds * 1e6)}")
+        if self._fault is not None and self.force_n > 0.5:
+            self._fault_ns, fault, self._fault = self.clock.now_ns(), self._fault, None
+            fault()
+        if self._fault_ns is not None and self.lifted_after_s is None and self.rod_is_up():
+            self.lifted_after_s = (self.clock.now_ns() - self._fault_ns) * 1e-9
+
     def _moved(self, place: list[float]) -> None:
         self._rod_mm = place
         x_mm, y_mm = place[0] - ORIGIN_MM[0], place[1] - ORIGIN_MM[1]
         self.force_n = max(0.0, SURFACE_MM - place[2]) / mm_per_n(x_mm, y_mm) * self.stiffening
         now = (x_mm, y_mm, self.force_n)
         if not self.truth or self.truth[-1][1:] != now:
-            self.truth.append((time.monotonic_ns(), *now))
-
-    def _show(self) -> None:
-        put_ahead(threading.get_native_id())
-        while not self._ended.wait(UPDATE_S):
-            self._tell_field()
+            self.truth.append((self.clock.now_ns(), *now))
 
     def _tell_field(self) -> None:
         x_mm, y_mm = self._rod_mm[0] - ORIGIN_MM[0], self._rod_mm[1] - ORIGIN_MM[1]
         force_n = 0.0 if self.beside else self.force_n
-        now = (x_mm, y_mm, force_n, *self.knock_m, self.mounted)
-        if now == self._told:
+        # A rod that touches nothing changes nothing, wherever it travels.
+        now = (x_mm * (force_n > 0.0), y_mm * (force_n > 0.0), force_n, *self.knock_m, self.mounted)
+        if now == self._told or self._without_board:
             return
         self._told = now
-        magnet_t = self.magnet_field_t(x_mm * 1e-3, y_mm * 1e-3, force_n) if self.mounted else np.zeros((4, 3))
+        magnet_t = self.magnet_field_t(now[0] * 1e-3, now[1] * 1e-3, force_n) if self.mounted else np.zeros((4, 3))
         field_t = self._pad.sensed(magnet_t + EARTH_T)
         with self._telling:
             self.board.field(field_t)
             if self._load_cell:
                 self.board.tell(f"load {round(self.force_n / NEWTON_PER_COUNT) + COUNTS_AT_ZERO}")
+
+    def record_baseline(self, *, bare: bool = False) -> None:
+        """In simulated time."""
+        pad = self._loaded().pad[0]
+        self.mounted = not bare
+        self.clock.sleep(0.1)
+        with self._surroundings(), ThreadPoolExecutor(max_workers=1) as executor:
+            feed = open_feed(self._loaded(), pad)
+            assert isinstance(feed, DeviceFeed)
+            wanted = BaselineRequest(pad.pad(), pad.tolerance.si(), bare=bare, replaced=False, duration_s=1.0)
+            job = BaselineJob(wanted, stored(wanted.pad), feed.source, executor)
+            while job.facts() is None:
+                self.clock.sleep(0.005)
+                for frame in feed.poll(self.clock.now_ns()):
+                    job.take(frame)
+            feed.close()
+        self.mounted = True
+        self.clock.sleep(0.1)
+
+    def collect(self, plan: str | Path, output: Path) -> dict[str, Any]:
+        """The verb's own work, in simulated time. CollectError as from it."""
+        config = self._loaded()
+        with self._surroundings():
+            return collect(config, config.pad[0], str(plan), output, by_hand=False, clock=self.clock)
+
+    def _loaded(self) -> Config:
+        return load(self.config)[0]
+
+    @contextmanager
+    def _surroundings(self) -> Iterator[None]:
+        with patch.dict(os.environ, self.environment):
+            yield
 
     def magnet_field_t(self, x_m: float, y_m: float, force_n: float) -> np.ndarray:
         """(4, 3) at the sensors."""
@@ -180,14 +282,6 @@ class PressedBench:
             put_ahead(process.pid)
         return process
 
-    def collect(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        """`collect` to its end. Where a busy computer made a device late, it stopped as it should, and goes on."""
-        for _ in range(5):
-            done = self.command("collect", *arguments)
-            if not was_late(done.stderr):
-                break
-        return done
-
     def command(self, *arguments: str | Path, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
         """A verb of fmfts-daemon, to its end."""
         with self.start(*arguments) as process:
@@ -199,13 +293,18 @@ class PressedBench:
         return subprocess.CompletedProcess(process.args, process.returncode, out, errors)
 
 
-def was_late(errors: str) -> bool:
-    """Not what a test did: nobody ran the emulated devices for a while, or whoever should have heard them."""
-    signs = ("frames were lost", "no frame for", "the gauge is silent", "frames arrived of", "did not end")
-    return any(sign in errors for sign in signs)
-
-
 def mm_per_n(x_mm: float, y_mm: float) -> float:
     """How far the rod sinks in at a place."""
     bend = max(0.0, 1.0 - (x_mm / HALF_SPAN_MM) ** 2) * max(0.0, 1.0 - (y_mm / HALF_SPAN_MM) ** 2)
     return EDGE_MM_PER_N + (CENTRE_MM_PER_N - EDGE_MM_PER_N) * bend**2
+
+
+def main() -> None:
+    """FOLDER PLAN TABLE: collect on a bench in FOLDER, in a process that may be killed."""
+    folder, plan, table = map(Path, sys.argv[1:])
+    with PressedBench(folder, speed=1.0) as bench:
+        bench.collect(plan, table)
+
+
+if __name__ == "__main__":
+    main()

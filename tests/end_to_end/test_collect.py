@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from end_to_end.collecting_bench import PressedBench
-
-# Emulated stage, gauge and board run in real time: on a busy computer they are late, and work stops as it should.
-pytestmark = pytest.mark.skipif(
-    "FMFTS_TIMED_DRILLS" not in os.environ, reason="wants an idle computer: make collect-drills"
-)
 
 TWO_PLACES = "[lattice]\nfirst_mm = [-4, 2]\nspacing_mm = 6\ncount = [2, 1]\nforces_n = [0.6, 1.2]\n"
 
@@ -32,19 +26,13 @@ def rows(path: Path, *, unloaded: bool = False) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(lines) if (row["press"] == "0") == unloaded]
 
 
-def record_baseline(bench: PressedBench) -> None:
-    recorded = bench.command("baseline", "--rest", "--duration-s", "1")
-    assert recorded.returncode == 0, recorded.stderr
-
-
 @pytest.mark.parametrize(("dialect", "load_cell"), [("marlin", False), ("grbl", True)])
 def test_a_plan_is_collected_with_no_hand_on_it(tmp_path: Path, dialect: str, load_cell: bool) -> None:
     with PressedBench(tmp_path, dialect, load_cell=load_cell) as bench:
-        record_baseline(bench)
-        done = bench.collect(plan(tmp_path), "-o", tmp_path / "data.csv", "--json")
-        assert done.returncode == 0, done.stderr
+        bench.record_baseline()
+        facts = bench.collect(plan(tmp_path), tmp_path / "data.csv")
         assert bench.rod_is_up()
-    assert json.loads(done.stdout)["collected"] == 4
+    assert facts["collected"] == 4
     collected = rows(tmp_path / "data.csv")
     for row, (x_mm, force_n) in zip(collected, [(-4, 0.6), (-4, 1.2), (2, 0.6), (2, 1.2)], strict=True):
         assert (float(row["x_mm"]), float(row["y_mm"])) == (x_mm, 2.0)

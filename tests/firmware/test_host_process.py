@@ -202,3 +202,18 @@ def test_wrong_option_is_a_usage_error(arguments: list[str]) -> None:
     run = subprocess.run([ROOT / "firmware/build/fmfts-host", *arguments], capture_output=True, text=True, input="")
     assert run.returncode == 2
     assert run.stderr
+
+
+def test_stepped_board_sends_what_its_time_allows_and_nothing_by_itself() -> None:
+    with HostBoard("--stepped") as board:
+        assert board.command("run 500000") == "ok"
+        while list(board.samples(0.2)):  # until all of it is read
+            pass
+        assert list(board.samples(0.3)) == []
+        assert board.command("run 50000") == "ok"
+        # 50 ms at 220 Hz, ± one conversion at each end
+        assert len(list(board.samples(0.2))) == pytest.approx(11, abs=2)
+
+
+def test_board_whose_time_runs_is_not_stepped(board: HostBoard) -> None:
+    assert board.command("run 1000") == "error: time passes by itself: start with --stepped"

@@ -153,7 +153,7 @@ class Cell:
     def counts(self) -> list[tuple[int, int]]:
         return [(time.monotonic_ns(), self.count + round(self._random.normal(0.0, 20.0)))]
 
-    def poll(self) -> list[Frame]:
+    def poll(self, now_ns: int) -> list[Frame]:
         return []
 
     def board_uid(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -26,8 +25,8 @@ class Feed(Protocol):
     description: str
     counts: Counts | None
 
-    def poll(self) -> Sequence[Frame]:
-        """The pad's frames since the last call."""
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        """The pad's frames since the last call. now_ns: by the clock that frames bear."""
 
     def board_uid(self) -> str:
         """The 24 hex digits of the board, "" where it has none or has not told."""
@@ -49,21 +48,21 @@ class DeviceFeed:
 
     def __init__(self, pad: PadConfig) -> None:
         try:
-            ((self._source, names),) = open_sources([pad])
+            ((self.source, names),) = open_sources([pad])
         except SourceError as error:
             raise AbsentError(str(error)) from error
         self._pad_index = next(iter(names))
-        self.description = self._source.state.description
-        self.counts = _load_cell(self._source)
+        self.description = self.source.state.description
+        self.counts = _load_cell(self.source)
 
-    def poll(self) -> list[Frame]:
-        return [frame for frame in self._source.poll(time.monotonic_ns()) if frame.pad_index == self._pad_index]
+    def poll(self, now_ns: int) -> list[Frame]:
+        return [frame for frame in self.source.poll(now_ns) if frame.pad_index == self._pad_index]
 
     def board_uid(self) -> str:
-        return str(self._source.state.board.get("uid", ""))
+        return str(self.source.state.board.get("uid", ""))
 
     def close(self) -> None:
-        self._source.close()
+        self.source.close()
 
 
 class DaemonFeed:
@@ -77,7 +76,7 @@ class DaemonFeed:
         self._endpoints = endpoints
         self._subscription = Subscription(("frame",), pad, endpoints)
 
-    def poll(self) -> list[Frame]:
+    def poll(self, now_ns: int) -> list[Frame]:
         frames = []
         while (message := self._subscription.receive(0)) is not None:
             frames.append(frame_of(msgspec.convert(message.body, FrameMessage)))

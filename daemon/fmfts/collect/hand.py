@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import sys
-import time
 from collections.abc import Callable
 from typing import TextIO
 
@@ -74,8 +73,8 @@ class Hand:
         """A hand needs no closing."""
 
     def _raw_force_n(self) -> float:
-        since_ns = time.monotonic_ns() - round(HEARD_S * 1e9)
-        forces = [reading.force_n for reading in self._watch.readings if reading.time_ns >= since_ns]
+        since_ns = self._watch.clock.now_ns() - round(HEARD_S * 1e9)
+        forces = self._watch.forces_since(since_ns)
         return sum(forces) / len(forces) if forces else float("nan")
 
     def _held(self, there: Callable[[], bool]) -> None:
@@ -84,8 +83,9 @@ class Hand:
 
         def steady() -> bool:
             nonlocal begun_s
-            begun_s = (begun_s or time.monotonic()) if there() else None
-            return begun_s is not None and time.monotonic() - begun_s >= STEADY_S
+            now_s = self._watch.clock.now_ns() * 1e-9
+            begun_s = (begun_s or now_s) if there() else None
+            return begun_s is not None and now_s - begun_s >= STEADY_S
 
         if not self._watch.until(steady, PATIENCE_S):
             raise StoppedError(f"nobody pressed for {PATIENCE_S:g} s")

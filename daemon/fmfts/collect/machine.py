@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 import re
-import time
 from collections.abc import Callable
 
+from fmfts.collect.clock import Clock
 from fmfts.collect.dialect import DIALECTS, Answer, Dialect, Place
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.config.collect import StageConfig
@@ -27,11 +27,12 @@ SENT_S = 0.1  # closing the port throws away what is not sent yet, and five byte
 class Machine:
     """`listen` is called all the time while something is waited for, and may raise: then `halt` and `rise`."""
 
-    def __init__(self, config: StageConfig) -> None:
+    def __init__(self, config: StageConfig, clock: Clock) -> None:
         self.place: Place | None = None  # where it last said to stand
         self.trouble = ""
         self.listen: Callable[[], None] = lambda: None
         self._config = config
+        self._clock = clock
         self._dialect: Dialect = DIALECTS[config.dialect]
         self._answers_due = 0
         self._standing = False
@@ -45,9 +46,9 @@ class Machine:
 
     def begin(self) -> None:
         """Set up and home. AbsentError where it does not answer, StoppedError where it does not get home."""
-        end_s = time.monotonic() + BOOT_S
+        end_s = self._now_s() + BOOT_S
         while not self._answers():
-            if time.monotonic() > end_s:
+            if self._now_s() > end_s:
                 raise AbsentError(
                     f"stage: {self._config.port} does not answer: is it a {self._config.dialect} machine, at "
                     f"{self._config.baud} baud?"
@@ -83,8 +84,8 @@ class Machine:
             self._halted(locked)
             self._answers_due = 0
             self._send(*self._dialect.rise(mm, mm_per_s), *self._dialect.settle)
-            end_s = time.monotonic() + mm / mm_per_s + LATE_S
-            while before is not None and time.monotonic() < end_s:
+            end_s = self._now_s() + mm / mm_per_s + LATE_S
+            while before is not None and self._now_s() < end_s:
                 self.trouble = ""  # of before: what counts now is whether it rises
                 if self._wait(lambda: self.place is not None and self.place[2] > before[2] + 0.5 * mm, HALTED_S):
                     return True
@@ -107,7 +108,7 @@ class Machine:
             self._write(self._dialect.emergency)
         except AbsentError:
             return  # it has gone: there is nobody left to tell
-        time.sleep(SENT_S)
+        self._clock.sleep(SENT_S)
 
     def close(self) -> None:
         serial_port.close(self._port)
@@ -136,20 +137,23 @@ class Machine:
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> bool:
         """Until `done`, trouble, or the time is over."""
-        end_s = time.monotonic() + seconds
-        ask_s = time.monotonic()
+        end_s = self._now_s() + seconds
+        ask_s = self._now_s()
         while True:
             self._read()
             if done() or self.trouble:
                 return done()
-            now_s = time.monotonic()
+            now_s = self._now_s()
             if now_s >= end_s:
                 return False
             if self._dialect.ask and now_s >= ask_s and self._answers_due == 0:
                 ask_s = now_s + ASK_S
                 self._write(self._dialect.ask)
             self.listen()
-            time.sleep(TURN_S)
+            self._clock.sleep(TURN_S)
+
+    def _now_s(self) -> float:
+        return self._clock.now_ns() * 1e-9
 
     def _send(self, *lines: str) -> None:
         if lines:
@@ -161,7 +165,7 @@ class Machine:
             try:
                 data = data[os.write(self._port.fileno(), data) :]
             except BlockingIOError:
-                time.sleep(TURN_S)
+                self._clock.sleep(TURN_S)
             except OSError as error:
                 raise AbsentError(f"stage: {self._config.port} is gone ({error.strerror})") from error
 

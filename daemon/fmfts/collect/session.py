@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -115,7 +114,7 @@ class Session:
         """Listen for a row's time, and judge; again where it made none."""
         why = ""
         for _ in range(ATTEMPTS):
-            begun_ns = time.monotonic_ns()
+            begun_ns = self._watch.clock.now_ns()
             self._watch.wait(self._timing.average_s + self._timing.delay_s + ARRIVAL_S)
             try:
                 return judged(begun_ns, begun_ns + round(self._timing.average_s * 1e9))

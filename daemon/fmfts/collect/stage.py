@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 
 from fmfts.collect.errors import RefusedError, StoppedError
@@ -29,7 +28,7 @@ class Stage:
         self._config = config
         self._watch = watch
         self._tolerance = tolerance
-        self._machine = Machine(config)
+        self._machine = Machine(config, watch.clock)
         self._surface_mm: float | None = None
         self._n_per_mm = 0.0
         self._last: tuple[float, float] | None = None  # z, force of the last step
@@ -95,15 +94,12 @@ class Stage:
 
     def _settled_force_n(self) -> float:
         """The mean of READINGS that are younger than the last move; the first may still have felt its end."""
-        since_ns = time.monotonic_ns()
+        since_ns = self._watch.clock.now_ns()
         watch = self._watch
 
-        def younger() -> list[float]:
-            return [reading.force_n for reading in watch.readings if reading.time_ns >= since_ns]
-
-        if not watch.until(lambda: len(younger()) > READINGS, PATIENCE_S):
+        if not watch.until(lambda: len(watch.forces_since(since_ns)) > READINGS, PATIENCE_S):
             raise StoppedError(f"the gauge gave fewer than {READINGS + 1} readings in {PATIENCE_S:g} s")
-        return sum(younger()[-READINGS:]) / READINGS - watch.tare_n
+        return sum(watch.forces_since(since_ns)[-READINGS:]) / READINGS - watch.tare_n
 
     def _learn(self, force_n: float) -> None:
         """How stiff it is, and where the surface lies, from this step and the last."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 
-import numpy as np
-
+from fmfts.collect.clock import Clock, Monotonic
 from fmfts.collect.errors import AbsentError, CollectError, StoppedError
 from fmfts.collect.feed import Feed
 from fmfts.collect.gauge import Gauge, Reading
@@ -32,24 +31,26 @@ class Limits:
 class Watch:
     """Hears frames and forces at once. On guard, whatever must not happen under a rod raises StoppedError."""
 
-    def __init__(self, feed: Feed, gauge: Gauge | None, limits: Limits) -> None:
+    def __init__(self, feed: Feed, gauge: Gauge | None, limits: Limits, clock: Clock | None = None) -> None:
         self.frames: deque[Frame] = deque()
         self.readings: deque[Reading] = deque()  # as the gauge gives them
         self.tare_n = 0.0
         self.on_guard = False
+        self.clock = clock or Monotonic()
         self._feed = feed
         self._gauge = gauge
         self._limits = limits
-        self._heard_frame_s = self._heard_force_s = self._turned_s = time.monotonic()
+        self._heard_frame_s = self._heard_force_s = self._turned_s = self._now_s()
         self._sequence: int | None = None
 
     def turn(self) -> None:
         """Take in what has come. StoppedError on guard; AbsentError where a device has gone."""
-        now_s = time.monotonic()
+        now_ns = self.clock.now_ns()
+        now_s = now_ns * 1e-9
         slept = now_s - self._turned_s > SLEPT_S
         self._turned_s = now_s
-        lost = self._take_frames(now_s)
-        self._take_readings(now_s)
+        lost = self._take_frames(now_ns)
+        self._take_readings(now_ns)
         self._forget(now_s)
         if self.on_guard:
             self._judge(lost, now_s, slept)
@@ -60,14 +61,14 @@ class Watch:
 
     def until(self, done: Callable[[], bool], seconds: float) -> bool:
         """Listen until `done`, at most for so long; whether it was done."""
-        end_s = time.monotonic() + seconds
+        end_s = self._now_s() + seconds
         while True:
             self.turn()
             if done():
                 return True
-            if time.monotonic() >= end_s:
+            if self._now_s() >= end_s:
                 return False
-            time.sleep(TURN_S)
+            self.clock.sleep(TURN_S)
 
     def begin(self) -> None:
         """Wait until both are there. AbsentError where one does not come."""
@@ -78,10 +79,10 @@ class Watch:
                 f"no force from {self._gauge.description} within {FIRST_S:g} s: is it on, are baud and pattern right?"
             )
 
-    def force_n(self, since_ns: int) -> float | None:
-        """The mean force since then, less the tare; None where there is no reading yet."""
-        forces = [reading.force_n for reading in self.readings if reading.time_ns >= since_ns]
-        return float(np.mean(forces)) - self.tare_n if forces else None
+    def forces_since(self, since_ns: int) -> list[float]:
+        """As the gauge gave them, in their order."""
+        newest = takewhile(lambda reading: reading.time_ns >= since_ns, reversed(self.readings))
+        return [reading.force_n for reading in newest][::-1]
 
     def newest_force_n(self) -> float | None:
         return self.readings[-1].force_n - self.tare_n if self.readings else None
@@ -93,30 +94,33 @@ class Watch:
             [reading for reading in self.readings if begun_ns <= reading.time_ns < ended_ns],
         )
 
-    def _take_frames(self, now_s: float) -> str:
+    def _now_s(self) -> float:
+        return self.clock.now_ns() * 1e-9
+
+    def _take_frames(self, now_ns: int) -> str:
         """What was lost on the way, "" where nothing was."""
         lost = ""
-        for frame in self._feed.poll():
+        for frame in self._feed.poll(now_ns):
             if self._sequence is not None and frame.sequence != self._sequence + 1:
                 missing = frame.sequence - self._sequence - 1
                 lost = f"{missing} frames were lost" if missing > 0 else "the board was reset"
             self._sequence = frame.sequence
             self.frames.append(frame)
-            self._heard_frame_s = now_s
+            self._heard_frame_s = now_ns * 1e-9
         return lost
 
-    def _take_readings(self, now_s: float) -> None:
+    def _take_readings(self, now_ns: int) -> None:
         if self._gauge is None:
             return
         try:
-            readings = self._gauge.poll(time.monotonic_ns())
+            readings = self._gauge.poll(now_ns)
         except CollectError as error:
             if self.on_guard:
                 raise StoppedError(str(error)) from error
             raise
         if readings:
             self.readings.extend(readings)
-            self._heard_force_s = now_s
+            self._heard_force_s = now_ns * 1e-9
 
     def _judge(self, lost: str, now_s: float, slept: bool) -> None:
         if lost:

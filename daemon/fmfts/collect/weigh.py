@@ -50,12 +50,12 @@ def weigh(feed: Feed, weights_g: Sequence[float], ready: Callable[[str], None]) 
 
 def _listen(feed: Feed) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     assert feed.counts is not None
-    feed.poll()
+    feed.poll(time.monotonic_ns())
     feed.counts()  # what came before the weight
     counts: list[int] = []
     end_s = time.monotonic() + LISTEN_S
     while time.monotonic() < end_s:
-        feed.poll()
+        feed.poll(time.monotonic_ns())
         counts += [count for _, count in feed.counts()]
         time.sleep(TURN_S)
     if len(counts) < FEWEST:

@@ -9,6 +9,7 @@ from typing import Any
 
 from fmfts.ambient import BaselineError
 from fmfts.collect.average import Unmoved
+from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.feed import open_feed
 from fmfts.collect.gauge import Gauge, open_gauge
@@ -28,8 +29,13 @@ from fmfts.pad import Pad
 FRAMES_A_ROW = 64  # a mean of fewer is refused
 
 
-def collect(config: Config, pad: PadConfig, plan_name: str, output: Path, by_hand: bool) -> dict[str, Any]:
-    """Work off what of the plan is not in `output` yet; facts of what there is then. CollectError ends it early."""
+def collect(
+    config: Config, pad: PadConfig, plan_name: str, output: Path, by_hand: bool, clock: Clock | None = None
+) -> dict[str, Any]:
+    """Work off what of the plan is not in `output` yet; facts of what there is then. CollectError ends it early.
+
+    clock: None for the computer's.
+    """
     try:
         plan = read_plan(plan_name)
     except PlanError as error:
@@ -42,7 +48,10 @@ def collect(config: Config, pad: PadConfig, plan_name: str, output: Path, by_han
         require_within_reach(stage, plan.presses)
     unmoved = unmoved_since_baseline(drawing, settings)
     header = Header(FORMAT, plan.name, plan.fingerprint, pad.name, drawing.geometry_hash)
-    with Table(output, len(drawing.sensors), header) as table, _heard(config, pad, by_hand) as (watch, board_uid):
+    with (
+        Table(output, len(drawing.sensors), header) as table,
+        _heard(config, pad, by_hand, clock) as (watch, board_uid),
+    ):
         picture = Picture(plan, table.done)
         with shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
             watch.begin()
@@ -72,7 +81,7 @@ def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
 
 
 @contextmanager
-def _heard(config: Config, pad: PadConfig, by_hand: bool) -> Iterator[tuple[Watch, Any]]:
+def _heard(config: Config, pad: PadConfig, by_hand: bool, clock: Clock | None) -> Iterator[tuple[Watch, Any]]:
     """Frames and forces; who presses by hand is warned by nothing and needs no limit."""
     settings = config.collect
     feed = open_feed(config, pad)
@@ -80,7 +89,7 @@ def _heard(config: Config, pad: PadConfig, by_hand: bool) -> Iterator[tuple[Watc
     try:
         gauge = None if settings.gauge is None else open_gauge(settings.gauge, feed.counts)
         limit_n = None if by_hand or settings.stage is None else settings.stage.force_limit_n
-        yield Watch(feed, gauge, Limits(limit_n, settings.silence_ms * 1e-3)), feed.board_uid
+        yield Watch(feed, gauge, Limits(limit_n, settings.silence_ms * 1e-3), clock), feed.board_uid
     finally:
         feed.close()
         if gauge is not None:
