@@ -15,6 +15,7 @@ from fmfts.pad import Pad
 sys.path.insert(0, str(Path(__file__).parent))
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
+settings.register_profile("few", settings.get_profile("deterministic"), max_examples=10)  # for emulated machines
 settings.load_profile("deterministic")
 
 
