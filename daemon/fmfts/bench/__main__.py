@@ -5,7 +5,19 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fmfts.bench import accuracy, baselines, contact, convergence, faults, latency, moment, neighbours, speed, turning
+from fmfts.bench import (
+    accuracy,
+    baselines,
+    contact,
+    convergence,
+    faults,
+    latency,
+    moment,
+    neighbours,
+    resident,
+    speed,
+    turning,
+)
 from fmfts.pose import SOLVER
 
 
@@ -15,7 +27,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact | "
-        "latency",
+        "latency | resident",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
@@ -24,6 +36,8 @@ def main() -> None:
     verb.set_defaults(run=accuracy.run)
     verb = verbs.add_parser("convergence", help="cold starts, and how many go wrong unnoticed")
     verb.add_argument("--draws", type=int, default=20000, help="for each model and number of sensors")
+    verb.add_argument("--sensors", type=int, nargs="+", choices=(4, 3), default=(4, 3))
+    verb.add_argument("--unknowns", type=int, nargs="+", choices=(6, 8), default=(6, 8))
     verb.set_defaults(run=convergence.run)
     verb = verbs.add_parser("faults", help="broken sensors and foreign fields: seen when, named right, wrong how often")
     verb.add_argument("--quick", action="store_true", help="a few sensors and axes, half a minute")
@@ -60,6 +74,11 @@ def main() -> None:
     verb.add_argument("--size", type=int, default=860, help="bytes of the echo's message: a contact's")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth with pads (needs matplotlib)")
     verb.set_defaults(run=latency.run)
+    verb = verbs.add_parser("resident", help="whether the daemon's memory grows, a row each minute")
+    verb.add_argument("--pads", type=int, default=4)
+    verb.add_argument("--seconds", type=float, default=3600.0)
+    verb.add_argument("--every", type=float, default=60.0, metavar="SECONDS", help="a row")
+    verb.set_defaults(run=resident.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")

@@ -14,8 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from multiprocessing.context import SpawnContext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from fmfts import ambient
 from fmfts.bench import latency_rig as rig
 from fmfts.config import MagnetConfig, PadConfig, SimulatedSource
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.sensor.framing import encode
 
 WARM_UP_S = 1.0
 Times = NDArray[np.int64]
@@ -53,14 +53,13 @@ class Rig:
     count: int
     lines: list[bytes]
     folder: Path
-    context: SpawnContext = field(default_factory=lambda: multiprocessing.get_context("spawn"))
 
     def run(self, start: Callable[[list[str]], int], stop: Callable[[], None], is_echo: bool) -> Run:
         """start: a process that reads these ports, its id."""
         endpoint = f"ipc://{self.folder}/bus"
-        board_pipe, board = self._spawn(rig.boards, self.lines, self.count)
+        board_pipe, board = spawn(rig.boards, self.lines, self.count)
         pid = start(board_pipe.recv())
-        listener_pipe, listener = self._spawn(rig.subscriber, endpoint, self.count)
+        listener_pipe, listener = spawn(rig.subscriber, endpoint, self.count)
         if not listener_pipe.poll(60):
             raise SystemExit("not every pad was heard within a minute")
         listener_pipe.recv()
@@ -86,7 +85,7 @@ class Rig:
 
         def start(ports: list[str]) -> int:
             nonlocal pipe, process
-            pipe, process = self._spawn(rig.echo, f"ipc://{self.folder}/bus", ports, size)
+            pipe, process = spawn(rig.echo, f"ipc://{self.folder}/bus", ports, size)
             assert process.pid is not None
             return int(process.pid)
 
@@ -97,19 +96,11 @@ class Rig:
         return self.run(start, stop, is_echo=True)
 
     def daemon(self) -> Run:
-        store_baselines(self.folder, self.count)
         process: subprocess.Popen[bytes] | None = None
-        log = self.folder / "log"
 
         def start(ports: list[str]) -> int:
             nonlocal process
-            config = self.folder / "config.toml"
-            config.write_text(config_text(self.folder, ports))
-            environ = os.environ | {"XDG_STATE_HOME": str(self.folder), "FMFTS_BUS": f"ipc://{self.folder}"}
-            with log.open("wb") as output:
-                process = subprocess.Popen(
-                    [sys.executable, "-m", "fmfts", "run", "--config", config], env=environ, stderr=output
-                )
+            process = start_daemon(self.folder, ports)
             return process.pid
 
         def stop() -> None:
@@ -119,14 +110,27 @@ class Rig:
 
         return self.run(start, stop, is_echo=False)
 
-    def _spawn(self, target: Callable[..., None], *args: Any) -> tuple[Any, Any]:
-        ours, theirs = self.context.Pipe()
-        process = self.context.Process(target=target, args=(theirs, *args), daemon=True)
-        process.start()
-        return ours, process
+
+def spawn(target: Callable[..., None], *args: Any) -> tuple[Any, Any]:
+    """Our end of a pipe, and the process that got the other one."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=target, args=(theirs, *args), daemon=True)
+    process.start()
+    return ours, process
 
 
-def config_text(folder: Path, ports: list[str]) -> str:
+def start_daemon(folder: Path, ports: list[str]) -> subprocess.Popen[bytes]:
+    """One pad on each port, with baselines; its socket and its log are in `folder`."""
+    store_baselines(folder, len(ports))
+    config = folder / "config.toml"
+    config.write_text(config_text(ports))
+    environ = os.environ | {"XDG_STATE_HOME": str(folder), "FMFTS_BUS": f"ipc://{folder}"}
+    with (folder / "log").open("wb") as output:
+        return subprocess.Popen([sys.executable, "-m", "fmfts", "run", "--config", config], env=environ, stderr=output)
+
+
+def config_text(ports: list[str]) -> str:
     pads = [
         f'[[pad]]\nname = "p{index}"\nsource = {{ type = "bridge", port = "{port}" }}\n'
         "magnet = { temperature_coefficient_per_k = 0.0 }\n"
@@ -207,7 +211,7 @@ def run(options: argparse.Namespace) -> None:
     print("µs from a frame's last byte on the pty; CPU in % of one core; RSS in MB, and its growth after the warm-up")
     columns = f"{'to publish: p50 p99 p99.9 max':>35} | {'to subscriber: p50 p99 p99.9 max':>35}"
     print(f"{'':12} | {columns} |    CPU    RSS   grew | lost")
-    lines = rig.packets(pad_of(0), WARM_UP_S + options.seconds)
+    lines = [encode(sample) for sample in rig.samples(pad_of(0), WARM_UP_S + options.seconds)]
     runs: dict[str, list[tuple[int, Run]]] = {"echo": [], "daemon": []}
     for count in options.pads:
         for _ in range(options.rounds):

@@ -7,10 +7,12 @@ import select
 import struct
 import time
 import tty
+from contextlib import suppress
 from multiprocessing.connection import Connection
 
 import numpy as np
 import zmq
+from msgspec.structs import replace
 
 from fmfts.config import PadConfig
 from fmfts.sensor.framing import Decoder, encode
@@ -27,14 +29,14 @@ CYCLE_S = 16.0  # of the scripted finger
 READ_BYTES = 65536
 
 
-def packets(config: PadConfig, seconds: float) -> list[bytes]:
+def samples(config: PadConfig, seconds: float) -> list[Sample]:
     """What a board sends of a pad that is tapped, pressed and slid on, number by number; repeated after CYCLE_S."""
     source = Simulated(config)
-    lines: list[bytes] = []
+    found: list[Sample] = []
     period_ns = round(1e9 / RATE_HZ)
     for step in range(round(seconds * RATE_HZ)):
         for frame in source.poll(step * period_ns):
-            number = len(lines)
+            number = len(found)
             masks = [sum(1 << i for i in np.flatnonzero(mask).tolist()) for mask in (frame.valid, frame.fresh)]
             time_us = frame.device_time_us + 1_000_000
             sample = Sample(
@@ -49,19 +51,15 @@ def packets(config: PadConfig, seconds: float) -> list[bytes]:
                 counts=frame.counts,
                 age_us=frame.age_us,
             )
-            lines.append(encode(sample))
-    return lines
+            found.append(sample)
+    return found
 
 
 def boards(pipe: Connection, lines: list[bytes], count: int) -> None:
     """`count` boards with the same frames, each in its own phase. Sends the ports, waits for "go", sends when each
     frame's bytes were handed to the pty (count, frames) in ns, and how many found no room."""
-    ends = [os.openpty() for _ in range(count)]
-    for ours, theirs in ends:
-        tty.setraw(theirs)
-        os.set_blocking(ours, False)
+    ends, answers = _ptys(count)
     pipe.send([os.ttyname(theirs) for _, theirs in ends])
-    answers = {ours: Decoder() for ours, _ in ends}
     while not pipe.poll(0.02):
         _answer(answers)
     pipe.recv()
@@ -82,6 +80,38 @@ def boards(pipe: Connection, lines: list[bytes], count: int) -> None:
             _answer(answers)
     pipe.send((written_ns, lost))
     pipe.recv()
+
+
+def steady_boards(pipe: Connection, cycle: list[Sample], count: int) -> None:
+    """`count` boards that send the same frames over and over until told to stop. Sends the ports."""
+    ends, answers = _ptys(count)
+    pipe.send([os.ttyname(theirs) for _, theirs in ends])
+    period_ns, start_ns, number = 1e9 / RATE_HZ, time.monotonic_ns(), 0
+    while not pipe.poll(0):
+        line = encode(repeated(cycle, number))
+        time.sleep(max(start_ns + round(number * period_ns) - time.monotonic_ns(), 0) * 1e-9)
+        for ours, _ in ends:
+            with suppress(BlockingIOError):
+                os.write(ours, line)
+        number += 1
+        if number % 50 == 0:
+            _answer(answers)
+
+
+def repeated(cycle: list[Sample], number: int) -> Sample:
+    """The frame of that number, the cycle being sent over and over."""
+    rounds, place = divmod(number, len(cycle))
+    passed_us = rounds * round(len(cycle) * 1e6 / RATE_HZ)
+    return replace(cycle[place], sequence=number, time_us=cycle[place].time_us + passed_us)
+
+
+def _ptys(count: int) -> tuple[list[tuple[int, int]], dict[int, Decoder]]:
+    """Our end and theirs of each, and what reads the requests that come."""
+    ends = [os.openpty() for _ in range(count)]
+    for ours, theirs in ends:
+        tty.setraw(theirs)
+        os.set_blocking(ours, False)
+    return ends, {ours: Decoder() for ours, _ in ends}
 
 
 def _answer(answers: dict[int, Decoder]) -> None:
