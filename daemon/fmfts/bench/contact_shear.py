@@ -1,4 +1,4 @@
-"""What shear can be told, by place: the deviations that one frame allows, the condition, and the model's own errors."""
+"""Shear: what a model of five outputs can tell of it, by place; and what it does to one of three, which cannot."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
-from fmfts.calibrate.evaluation import rounded
+from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.samples import Samples
-from fmfts.calibrate.simulated import rest_field_of
+from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
@@ -18,6 +18,10 @@ FORCE_N = 2.0
 STEP_MM = 2.0
 FRICTION = 0.2
 FRAMES = 200
+# What a model of three outputs is asked: what presses slips at this share of its force, or at none.
+COEFFICIENTS = (0.0, 0.3)
+SLIPPING_FRAMES, RELIABLE_MM, LIGHTEST_N, FIRMEST_N = 2000, 11.0, 0.28, 1.98
+WRONG_DEVIATIONS = 5.0
 
 
 def shear(path: str, random: np.random.Generator) -> dict[str, Any]:
@@ -65,3 +69,46 @@ def _condition(response: Response, press: Array) -> float:
     _, slope = response.change_and_slope(press)
     at_rest = solver.at(solver.rest_pose[None]).deviation[0]
     return float(np.linalg.cond(slope[0] / at_rest[:, None]))
+
+
+def friction(path: str, random: np.random.Generator) -> dict[str, Any]:
+    """Errors of a model of three outputs under shear up to the cone of friction, beside what it says of them."""
+    from fmfts.bench.contact import answers
+
+    pad = standard_pad()
+    solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
+    facts: dict[str, Any] = {}
+    print(
+        f"2 mG, within {RELIABLE_MM:g} mm, {LIGHTEST_N} to {FIRMEST_N} N, shear anywhere in the cone of the finger's "
+        "friction\nfriction of   errors: x, y (mm), F (N)      in the model's deviations   an error beyond 5"
+    )
+    for of_finger in COEFFICIENTS:
+        press = _slipping(of_finger, random)
+        field = pressed_fields(pad, press)
+        tracked = solver.solved(field + random.normal(0.0, NOISE_T, field.shape))
+        for of_model in COEFFICIENTS:
+            said = answers(ContactModel.load(path, pad, friction=of_model), tracked)
+            error = said.found - press[:, :3]
+            share = np.abs(error) / said.deviation
+            mae = [rounded(value) for value in np.abs(error).mean(axis=0)]
+            in_sd = [rms(share[:, column]) for column in range(3)]
+            wrong = rounded(float((share > WRONG_DEVIATIONS).any(axis=1).mean()))
+            name = f"finger {of_finger:g}, model {of_model:g}"
+            facts[name] = {"mae": mae, "in_sd": in_sd, "wrong": wrong}
+            errors, deviations = ("".join(f"{value:9.4f}" for value in row) for row in (mae, in_sd))
+            print(f"{name:23}{errors}  {deviations}  {wrong:9.2%}")
+    return facts
+
+
+def _slipping(coefficient: float, random: np.random.Generator) -> Array:
+    """(K, 5) presses spread over the disc, shear over the cone's."""
+    radius, angle = RELIABLE_MM * np.sqrt(random.uniform(0, 1, SLIPPING_FRAMES)), _angles(random)
+    force_n, towards = random.uniform(LIGHTEST_N, FIRMEST_N, SLIPPING_FRAMES), _angles(random)
+    shear_n = coefficient * force_n * np.sqrt(random.uniform(0, 1, SLIPPING_FRAMES))
+    return np.column_stack(
+        [radius * np.cos(angle), radius * np.sin(angle), force_n, shear_n * np.cos(towards), shear_n * np.sin(towards)]
+    )
+
+
+def _angles(random: np.random.Generator) -> Array:
+    return random.uniform(0.0, 2.0 * np.pi, SLIPPING_FRAMES)

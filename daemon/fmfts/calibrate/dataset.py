@@ -81,7 +81,7 @@ def read_labelled(
     table = read(path, len(pad.sensors))
     press = _labels(path, table, pad_size_mm)
     _require_fields(path, table, pad)
-    unloaded = press[:, 2] == 0.0
+    unloaded = (press[:, 2:] == 0.0).all(axis=1)
     _require_consistent(path, table, press)
     mounting = None if baseline is None else mounting_of(baseline, pad)
     field = table.field_t if mounting is None else np.array([mounting.magnet_field(one) for one in table.field_t])

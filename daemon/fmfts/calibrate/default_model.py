@@ -1,8 +1,10 @@
-"""Make the contact model that ships, with a report of how good it is: the same file every time.
+"""Make the contact models that ship, each with a report of how good it is: the same files every time.
 
-    python -m fmfts.calibrate.default_model [CALIBRATION.csv [OUTPUT.onnx]]
+    python -m fmfts.calibrate.default_model CALIBRATION.csv SHEARED.csv [FOLDER]
 
-It is `fmfts-daemon calibrate` for the standard pad, with the size that k-fold selection chose (docs/calibration.md).
+default.onnx is `fmfts-daemon calibrate CALIBRATION.csv --sheared SHEARED.csv` for the standard pad, shear.onnx is
+`fmfts-daemon calibrate SHEARED.csv --shear`, with the sizes that k-fold selection chose (docs/calibration.md).
+`make model` makes both.
 """
 
 from __future__ import annotations
@@ -13,19 +15,26 @@ from pathlib import Path
 
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.training import Options, calibrate
-from fmfts.contact.model import DEFAULT_PATH
+from fmfts.contact.verified import DEFAULT_PATH
 
-CALIBRATION = Path("tests/data/calibration_1.23T.csv")
-HIDDEN = 24
+HIDDEN, SHEAR_HIDDEN = 24, 24
 
 
 def main(arguments: list[str]) -> int:
-    source = Path(arguments[0]) if arguments else CALIBRATION
-    target = Path(arguments[1]) if len(arguments) > 1 else DEFAULT_PATH
-    made = calibrate(str(source), read_calibration_set(source), Options(hidden=HIDDEN), print)
-    target.write_bytes(made.model)
-    target.with_suffix(".json").write_text(json.dumps(made.report, indent=1) + "\n")
-    print(f"{target}: {made.report['model']}, {len(made.model)} bytes")
+    if len(arguments) not in (2, 3):
+        print(__doc__, file=sys.stderr)
+        return 2
+    (plain, sheared), folder = arguments[:2], Path(arguments[2]) if len(arguments) > 2 else DEFAULT_PATH.parent
+    normal_set, sheared_set = (read_calibration_set(Path(path)) for path in (plain, sheared))
+    made = {
+        "default": calibrate(plain, normal_set, Options(hidden=HIDDEN), print, (sheared, sheared_set)),
+        "shear": calibrate(sheared, sheared_set, Options(hidden=SHEAR_HIDDEN, shear=True), print),
+    }
+    for name, one in made.items():
+        target = folder / f"{name}.onnx"
+        target.write_bytes(one.model)
+        target.with_suffix(".json").write_text(json.dumps(one.report, indent=1) + "\n")
+        print(f"{target}: {one.report['model']}, {len(one.model)} bytes")
     return 0
 
 

@@ -10,8 +10,8 @@ from fmfts.simulate.solved_table import standard_mechanics
 
 
 def pressed_fields(pad: Pad, press: Array, magnet: Magnet | None = None) -> Array:
-    """(K, N, 3) noise-free fields in sensor axes under presses (K, 3): x, y in mm, force in N."""
-    displacement_m, axis = standard_mechanics().displacement(press[:, 0] * 1e-3, press[:, 1] * 1e-3, press[:, 2])
+    """(K, N, 3) noise-free fields in sensor axes under presses (K, 3 or 5): x, y in mm, force and shear in N."""
+    displacement_m, axis = standard_mechanics().displacement(*(press[:, :2] * 1e-3).T, *press[:, 2:].T)
     return magnet_fields(pad, displacement_m, axis, magnet)
 
 

@@ -1,9 +1,10 @@
 """Presses solved by finite elements → a calibration set: the fields that the standard pad's sensors would see.
 
-    python -m fmfts.calibrate.solved_set SOLVED.csv … -o SET.csv [--mirrored] [--remanence-t 1.23]
+    python -m fmfts.calibrate.solved_set SOLVED.csv … -o SET.csv [--mirrored] [--largest-force-n 2] [--remanence-t 1.23]
 
 SOLVED.csv has x_mm, y_mm, force_n, shear_x_n, shear_y_n and the magnet's dx_um, dy_um, dz_um, axis_x, axis_y, as
 `fmfts.simulate.solved_presses` writes it. --mirrored adds what the square pad's mirrors and quarter turns make of each.
+--largest-force-n leaves out what presses harder.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("solved", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--mirrored", action="store_true")
+    parser.add_argument("--largest-force-n", type=float, default=np.inf)
     parser.add_argument("--remanence-t", type=float, default=1.23)
     options = parser.parse_args(arguments)
     try:
@@ -42,6 +44,7 @@ def main(arguments: list[str]) -> int:
     except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 65
+    rows = rows[rows[:, 2] <= options.largest_force_n]
     pad = standard_pad(options.remanence_t)
     table = labelled(mirrored(rows) if options.mirrored else rows, pad)
     header = ",".join([*SHEAR_OUTPUT_ORDER, *field_columns(len(pad.sensors))])

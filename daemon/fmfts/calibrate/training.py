@@ -35,7 +35,7 @@ PRESSES, HELD_OUT = 20000, 12000
 # Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
 # out is learnt, so that a press beyond is found to be beyond.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
-SMALL_SHEAR_N = 0.05
+SMALL_SHEAR = 0.1  # of the normal force: its effect is still in proportion
 # A field that leaves more than this unexplained is no field of this pad: noise is 0.2 µT, the dipole's error as much.
 LARGEST_RESIDUAL_T = 5e-6
 Say = Callable[[str], None]
@@ -61,22 +61,54 @@ class Calibrated:
     report: dict[str, Any]
 
 
-def calibrate(path: str, calibration: CalibrationSet, options: Options, say: Say) -> Calibrated:
-    """`path` names the set in errors. DataError: a field that is none of this pad's."""
+@dataclass(frozen=True, slots=True)
+class LabelledPoses:
+    """A set with its poses, and the smooth response through them; shear and all, where the set has it."""
+
+    calibration: CalibrationSet
+    solver: FrameSolver
+    tracked: Tracked
+    roughness: float
+    response: Response
+
+    @classmethod
+    def of(cls, path: str, calibration: CalibrationSet, options: Options, say: Say) -> LabelledPoses:
+        """`path` names the set in errors. DataError: a field that is none of this pad's."""
+        solver = solver_of(calibration, options.scene, options.noise_t)
+        say(f"{path}: solving {len(calibration.press)} poses; magnet of {solver.remanence_t:.4f} T")
+        tracked = solved(path, calibration, solver)
+        change = tracked.pose[:, :5] - solver.rest_pose[:5]
+        say("fitting the pad's response")
+        roughness = best_roughness(calibration.press, change, tracked.deviation)
+        response = fit_response(calibration.press, change, tracked.deviation, roughness)
+        return cls(calibration, solver, tracked, roughness, response)
+
+
+def calibrate(
+    path: str,
+    calibration: CalibrationSet,
+    options: Options,
+    say: Say,
+    sheared: tuple[str, CalibrationSet] | None = None,
+) -> Calibrated:
+    """`path` names the set in errors. DataError: a field that is none of this pad's.
+
+    sheared: another set of the same pad, and its path: from it a model of three outputs learns what shear does to its
+    answers, where `calibration` has none.
+    """
     if options.shear:
         calibration = _where_shear_can_be_told(path, calibration)
-    solver = solver_of(calibration, options.scene, options.noise_t)
-    say(f"solving {len(calibration.press)} poses; magnet of {solver.remanence_t:.4f} T")
-    tracked = solved(path, calibration, solver)
-    change = tracked.pose[:, :5] - solver.rest_pose[:5]
-    say("fitting the pad's response")
-    roughness = best_roughness(calibration.press, change, tracked.deviation)
-    fitted = fit_response(calibration.press, change, tracked.deviation, roughness)
-    response = fitted if options.shear else fitted.without_shear()
+    known = LabelledPoses.of(path, calibration, options, say)
+    solver, tracked = known.solver, known.tracked
+    response = known.response if options.shear else known.response.without_shear()
+    if sheared is not None:
+        known_shear = LabelledPoses.of(sheared[0], _where_shear_can_be_told(*sheared), options, say)
+    else:
+        known_shear = known
     hidden, candidates = options.hidden, list[Candidate]()
     if hidden is None:
         say("comparing networks on left-out presses")
-        candidates = compare(solver, calibration.press, tracked, roughness, sheared=options.shear)
+        candidates = compare(solver, calibration.press, tracked, known.roughness, sheared=options.shear)
         chosen = smallest_within_noise(candidates)
         hidden = chosen.hidden
         assert hidden is not None
@@ -84,12 +116,13 @@ def calibrate(path: str, calibration: CalibrationSet, options: Options, say: Say
     say(f"training two layers of {hidden} on {options.presses} presses with noise")
     network = train(response, solver, hidden, options.presses)
     normal = _rows_for(response, calibration.press)
-    facts = describe(calibration, solver, tracked, response, network, friction_error(network, fitted, solver))
+    facts = describe(calibration, solver, tracked, response, network, friction_error(network, known_shear))
     model = export(network, facts, response)
     judged = calibration.press[normal, : 2 + response.loads]
     report = {
         "model": hashlib.sha256(model).hexdigest()[:12],
         "calibration_set_sha256": calibration.digest,
+        "sheared_set_sha256": None if facts.friction_error is None else known_shear.calibration.digest,
         "presses": len(calibration.press),
         "remanence_t": rounded(solver.remanence_t),
         "scene": options.scene,
@@ -97,7 +130,7 @@ def calibrate(path: str, calibration: CalibrationSet, options: Options, say: Say
         "hidden": hidden,
         "parameters": network.layers.parameters,
         "file_bytes": len(model),
-        "roughness": roughness,
+        "roughness": known.roughness,
         "on_the_calibration_set": rows(judged, network(tracked.pose[normal])),
         "on_new_presses_with_noise": _on_new_presses(network, response, solver),
         "compared": [candidate.facts() for candidate in candidates],
@@ -130,16 +163,20 @@ def _rows_for(response: Response, press: Array) -> NDArray[np.bool_]:
     return np.asarray((press[:, 3:] == 0.0).all(axis=1), dtype=np.bool_)
 
 
-def friction_error(network: ContactNetwork, fitted: Response, solver: FrameSolver) -> ErrorTables | None:
+def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables | None:
     """What a newton of shear does to the answers of a network that does not know it, on average over directions."""
+    fitted, solver = known.response, known.solver
     if fitted.loads == 1 or len(network.layers.bias[-1]) > 3:
         return None
     press = presses_within(fitted.without_shear(), HELD_OUT // 4, np.random.default_rng(6), beyond=1.0)
+    press = press[press[:, 2] > 0.0]
     still = Samples.expected(fitted, solver, np.column_stack([press, np.zeros((len(press), 2))]))
+    # In proportion to the force, as friction is: the place that is found depends on the loads' direction.
+    shear_n = SMALL_SHEAR * press[:, 2:]
     errors = []
-    for shear_n in SMALL_SHEAR_N * np.array([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]):
-        moved = Samples.expected(fitted, solver, np.column_stack([press, np.tile(shear_n, (len(press), 1))]))
-        errors.append((network(moved.pose) - network(still.pose)) / SMALL_SHEAR_N)
+    for direction in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        moved = Samples.expected(fitted, solver, np.column_stack([press, shear_n * direction]))
+        errors.append((network(moved.pose) - network(still.pose)) / shear_n)
     return error_tables(np.tile(press, (len(errors), 1)), np.concatenate(errors))
 
 

@@ -13,10 +13,24 @@ from fmfts.pad import Pad
 
 
 def make_model(
-    source: Path, target: Path, pad: Pad, pad_size_mm: float, baseline: Path | None, options: Options, say: Say
+    source: Path,
+    target: Path,
+    pad: Pad,
+    pad_size_mm: float,
+    baseline: Path | None,
+    options: Options,
+    say: Say,
+    sheared: Path | None = None,
 ) -> dict[str, Any]:
-    """Writes `target` and its report, `target` with .json; the report. DataError for a set that is not right."""
-    made = calibrate(str(source), read_calibration_set(source, pad, pad_size_mm, baseline), options, say)
+    """Writes `target` and its report, `target` with .json; the report. DataError for a set that is not right.
+
+    sheared: another set, for what shear does to a model that does not tell it.
+    """
+    known = read_calibration_set(source, pad, pad_size_mm, baseline)
+    known_shear = None
+    if sheared is not None:
+        known_shear = str(sheared), read_calibration_set(sheared, pad, pad_size_mm, baseline)
+    made = calibrate(str(source), known, options, say, known_shear)
     target.write_bytes(made.model)
     target.with_suffix(".json").write_text(json.dumps(made.report, indent=1) + "\n")
     say("on the calibration set, as it is:\n" + printed(made.report["on_the_calibration_set"]))

@@ -18,6 +18,9 @@ def add_to(verb: AddVerb) -> None:
     calibrate.add_argument("-o", "--output", type=Path, metavar="MODEL.onnx", required=True)
     calibrate.add_argument("--presses", type=int, default=20000, metavar="N", help="to train on (20000)")
     calibrate.add_argument("--shear", action="store_true", help="tell tangential force as well, within 8 mm")
+    calibrate.add_argument(
+        "--sheared", type=Path, metavar="SET.csv", help="presses with shear: what it costs who cannot tell it"
+    )
     calibrate.add_argument("--hidden", type=int, metavar="N", help="size of its layers (default: selection decides)")
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
@@ -44,6 +47,8 @@ def _calibrate(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.USAGE, f"--hidden is {options.hidden}: from 2 to 64")
     if options.presses < 100:
         raise VerbError(exit_codes.USAGE, f"--presses is {options.presses}: at least 100")
+    if options.shear and options.sheared is not None:
+        raise VerbError(exit_codes.USAGE, "--sheared is for models that do not tell shear: leave it or --shear out")
     training = Options(
         scene=pad.scene.ambient,
         noise_t=_noise_t(options),
@@ -53,7 +58,14 @@ def _calibrate(options: argparse.Namespace) -> int:
     )
     try:
         report = make_model(
-            options.data, options.output, pad.pad(), options.pad_size_mm, options.baseline, training, _say
+            options.data,
+            options.output,
+            pad.pad(),
+            options.pad_size_mm,
+            options.baseline,
+            training,
+            _say,
+            options.sheared,
         )
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
