@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
+import queue
 import sys
+import threading
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TextIO
 
 # syslog(3); the journal reads the number in front of a line (sd-daemon(3))
@@ -20,6 +24,60 @@ class JournalFormatter(logging.Formatter):
         return "\n".join(f"<{priority}>{line}" for line in super().format(record).splitlines() or [""])
 
 
+LINES_WAITING = 1000
+# A service's stop may take longer; a person's patience not much.
+LAST_LINES_S = 1.0
+
+
+class PatientHandler(logging.Handler):
+    """Lines are written by a thread of their own: a disk or a journal that stalls for seconds holds up no contact.
+
+    What would wait behind LINES_WAITING others is left out and counted.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__()
+        self._descriptor = descriptor
+        self._lines: queue.Queue[str] = queue.Queue(LINES_WAITING)
+        self._left_out = 0
+        threading.Thread(target=self._write, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            if self._left_out:
+                self._lines.put_nowait(self._told_left_out())
+                self._left_out = 0
+            self._lines.put_nowait(self.format(record))
+        except queue.Full:
+            self._left_out += 1
+
+    def flush(self) -> None:
+        """Called at exit, too: until all is written, or nobody takes it for a second."""
+        self._wait()
+        if self._left_out:
+            with suppress(queue.Full):
+                self._lines.put_nowait(self._told_left_out())
+                self._left_out = 0
+            self._wait()
+
+    def _wait(self) -> None:
+        end = time.monotonic() + LAST_LINES_S
+        while self._lines.unfinished_tasks and time.monotonic() < end:
+            time.sleep(0.001)
+
+    def _told_left_out(self) -> str:
+        text = f"{self._left_out} lines were left out here: the log was not taken in time"
+        return self.format(logging.makeLogRecord({"levelno": logging.WARNING, "levelname": "WARNING", "msg": text}))
+
+    def _write(self) -> None:
+        while True:
+            data = memoryview(f"{self._lines.get()}\n".encode(errors="backslashreplace"))
+            with suppress(OSError):  # there is nobody to be told that the log cannot be written
+                while data:
+                    data = data[os.write(self._descriptor, data) :]
+            self._lines.task_done()
+
+
 def configure(
     level: int = logging.INFO,
     stream: TextIO | None = None,
@@ -29,10 +87,10 @@ def configure(
 ) -> None:
     """Send the log to `stream` (stderr). Replaces what an earlier call set up.
 
-    command: which a person waits for; what it has to say bears its name, not the time.
+    command: which a person waits for; what it has to say bears its name, not the time. None: a service.
     """
     stream = sys.stderr if stream is None else stream
-    handler = logging.StreamHandler(stream)
+    handler = logging.StreamHandler(stream) if command else PatientHandler(stream.fileno())
     if is_journal(stream, environ):
         handler.setFormatter(JournalFormatter("%(message)s"))
     elif command:

@@ -1,0 +1,88 @@
+"""The daemon's log, where nobody takes it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from end_to_end.processes import PATIENCE_S
+from fmfts_client import Client
+
+SIMULATED = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+"""
+MANY_LINES = """
+import logging
+from fmfts.service import log
+log.configure()
+for number in range(5000):
+    logging.info("line %d", number)
+print("done", flush=True)
+"""
+F_SETPIPE_SZ = 1031  # fcntl(2)
+FILLING = b"." * 4096
+
+
+@contextmanager
+def full_pipe() -> Iterator[tuple[int, int]]:
+    """(read end, write end) of a pipe that takes no more, as a journal that hangs."""
+    reading, writing = os.pipe()
+    fcntl.fcntl(writing, F_SETPIPE_SZ, len(FILLING))
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, FILLING)
+    os.set_blocking(writing, True)
+    yield reading, writing
+    os.close(reading)
+    with suppress(OSError):
+        os.close(writing)
+
+
+def everything(reading: int) -> str:
+    heard = b""
+    while data := os.read(reading, 65536):
+        heard += data
+    return heard.replace(FILLING, b"").decode()
+
+
+def test_contacts_come_while_nobody_takes_the_log(tmp_path: Path) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text(SIMULATED)
+    environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": str(tmp_path)}
+    with full_pipe() as (_, writing):
+        command = [sys.executable, "-m", "fmfts", "run", "--config", str(config)]
+        daemon = subprocess.Popen(command, stderr=writing, env=environment)
+        os.close(writing)
+        try:
+            with Client("left", f"ipc://{tmp_path}") as pad:
+                assert pad.latest(timeout_s=PATIENCE_S) is not None
+            daemon.send_signal(signal.SIGTERM)
+            assert daemon.wait(PATIENCE_S) == 0
+        finally:
+            daemon.kill()
+            daemon.wait()
+
+
+def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
+    with full_pipe() as (reading, writing):
+        program = subprocess.Popen([sys.executable, "-c", MANY_LINES], stderr=writing, stdout=subprocess.PIPE)
+        os.close(writing)
+        assert program.stdout is not None
+        assert program.stdout.readline() == b"done\n", "who logs is not held up"
+        heard = everything(reading)
+        program.communicate()
+    written = len(re.findall(r"line \d+$", heard, re.MULTILINE))
+    (left_out,) = re.findall(r"(\d+) lines were left out", heard)
+    assert written + int(left_out) == 5000
+    assert 1000 <= written < 5000
