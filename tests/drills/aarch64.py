@@ -66,8 +66,8 @@ def run_tests(tree: Path, folder: Path) -> int:
     print(subprocess.run([*python, "-c", which], check=True, capture_output=True, text=True).stdout, end="", flush=True)
     files = [f"tests/unit/test_{name}.py" for name in TESTS]
     deselected = " and ".join(f"not {name}" for name in STARTS_ANOTHER_PYTHON)
-    return subprocess.run([*python, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--hypothesis-profile=few", "-k", deselected, *files],
-                          cwd=ROOT, check=False).returncode  # fmt: skip
+    options = ["-q", "-p", "no:cacheprovider", "--hypothesis-profile=few", "-k", deselected]
+    return subprocess.run([*python, "-m", "pytest", *options, *files], cwd=ROOT, check=False).returncode
 
 
 def main() -> int:
