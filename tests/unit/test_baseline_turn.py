@@ -12,8 +12,8 @@ from mounted_world import TOLERANCE, World, frames_of, turned
 
 from fmfts import ambient
 from fmfts.ambient import BaselineError, make_bare, make_rest, make_turn, means
-from fmfts.ambient.baseline import StoredTurn
 from fmfts.ambient.gains import relative_deviation
+from fmfts.ambient.stored import StoredTurn
 from fmfts.ambient.turn import Turn, gains_from_turn
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.jobs.baselines import BaselineRequest
