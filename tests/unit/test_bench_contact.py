@@ -44,7 +44,7 @@ def test_squeeze_is_flagged_and_its_bound_is_below_the_force() -> None:
 
 
 def test_smoothing_leaves_sixty_percent_of_the_error_of_a_moving_finger() -> None:
-    """With refine; 4,000 frames whose errors last for four give ratios to 3 %. The network's own 2 mN stay."""
-    facts = motion(ContactModel.load("default", standard_pad(), refine=True), np.random.default_rng(6))
+    """4,000 frames whose errors last for eight give ratios to 4 %."""
+    facts = motion(ContactModel.load("default", standard_pad()), np.random.default_rng(6))
     assert (np.array(facts["share"]) < 0.6 + 0.05).all()
     assert abs(facts["lag_ms"]) < 10.0

@@ -17,7 +17,7 @@ from fmfts.pose import STOP_CONVERGED, Tracker, as_drawn, solve
 from fmfts.scene import choose
 
 RATE_HZ = 220.0
-MEMORY_S = 0.02
+MEMORY_S = 0.04
 SPEED_MM_PER_S = 10.0
 PLACES_MM = (0.0, 4.0, 8.0, 11.0, 14.0)
 SQUEEZES_N = (2.2, 2.6, 3.0, 4.0, 6.0)

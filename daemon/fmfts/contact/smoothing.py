@@ -1,10 +1,11 @@
 """[pad.contact] smoothing_ms: a filter of the pose, for fingers that move slowly and numbers that are calm.
 
-Least squares with a memory that fades, through a pose and its speed (Morrison, "Introduction to sequential smoothing
-and prediction", 1969; an α-β filter): a finger that moves evenly is followed without lag, and a change of speed within
-the memory. A pose that jumps by more than noise explains is believed at once, so a press is seen as early as without.
-Deviations stay those of a single frame: how much of them is the same in every frame (gains, places, the ambient field)
-is not known here, and they must not be too small.
+Least squares with a memory that fades, through a pose, its speed and acceleration (Morrison, "Introduction to
+sequential smoothing and prediction", 1969; an α-β-γ filter): a finger that moves evenly is followed without lag, and so
+is the magnet below it, which sinks and rises in a curve as the finger crosses the pad. A pose that jumps by more than
+noise explains is believed at once, so a press is seen as early as without. Deviations stay those of a single frame: how
+much of them is the same in every frame (gains, places, the ambient field) is not known here, and they must not be too
+small.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ class Smoother:
         self._jump_chi2 = quantile(JUMP_PROBABILITY, COMPONENTS)
         self._pose: Array | None = None
         self._speed = np.zeros(6)
+        self._acceleration = np.zeros(6)
 
     def update(self, position_m: Array, axis: Array, covariance: Array, elapsed_s: float) -> tuple[Array, Array, Array]:
         """A pose and its covariance (6, 6), `elapsed_s` after the one before, as smoothed."""
@@ -33,12 +35,16 @@ class Smoother:
             return position_m, axis, covariance
         pose = np.concatenate([position_m, axis])
         fading = float(np.exp(-elapsed_s / self._memory_s))
-        predicted = None if self._pose is None else self._pose + self._speed * elapsed_s
+        predicted = None
+        if self._pose is not None:
+            predicted = self._pose + (self._speed + self._acceleration * elapsed_s / 2.0) * elapsed_s
         if predicted is None or elapsed_s <= 0.0 or self._jumped(pose - predicted, covariance):
-            self._pose, self._speed = pose, np.zeros(6)
+            self._pose, self._speed, self._acceleration = pose, np.zeros(6), np.zeros(6)
             return position_m, axis, covariance
-        smoothed = predicted + (1.0 - fading**2) * (pose - predicted)
-        self._speed = self._speed + (1.0 - fading) ** 2 / elapsed_s * (pose - predicted)
+        innovation, fresh = pose - predicted, 1.0 - fading
+        smoothed = predicted + (1.0 - fading**3) * innovation
+        self._speed += self._acceleration * elapsed_s + 1.5 * fresh**2 * (1.0 + fading) / elapsed_s * innovation
+        self._acceleration += fresh**3 / elapsed_s**2 * innovation
         self._pose = np.concatenate([smoothed[:3], smoothed[3:] / np.linalg.norm(smoothed[3:])])
         return self._pose[:3], self._pose[3:], covariance
 
