@@ -119,7 +119,7 @@ class GcodeMachine:
         elif line == "$H":
             self._told, self._from_above = list(self.home), [False] * 3
         elif line.startswith("$J="):
-            if self._moves and "G91" in line:
+            if self._moves:
                 self._say("error:8")  # stricter than GRBL, which would take it for a queue
                 return
             self._queue(line, "G91" in line)

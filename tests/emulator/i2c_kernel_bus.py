@@ -1,4 +1,5 @@
-"""An emulated /dev/i2c-7 with two muxes of four HMC5983 each, for real smbus2 clients under umockdev's preload.
+"""Emulated I2C buses for real smbus2 clients under umockdev's preload: /dev/i2c-7 with two muxes of four HMC5983 each,
+and /dev/i2c-8, which no order concerns, with one.
 
 Run by the system's Python (it needs gir1.2-umockdev-1.0). Prints the test bed's directory, then obeys one JSON object
 a line on stdin and prints "done" after each:
@@ -27,7 +28,8 @@ from chips import Bus, Hmc5983, NackError, Tca9548a  # noqa: E402
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR, I2C_SMBUS = 0x0703, 0x0705, 0x0707, 0x0720
 FUNCTIONS = 0x0EFF0001  # what a plain I2C adapter of Linux offers: I2C and emulated SMBus
 READ = 0x0001
-DEVICE = "P: /devices/platform/soc/i2c-7/i2c-dev/i2c-7\nN: i2c-7\nE: DEVNAME=/dev/i2c-7\nE: SUBSYSTEM=i2c-dev\n"
+DEVICE = "P: /devices/platform/soc/i2c-{0}/i2c-dev/i2c-{0}\nN: i2c-{0}\nE: DEVNAME=/dev/i2c-{0}\nE: SUBSYSTEM=i2c-dev\n"
+MUXES = {7: 2, 8: 1}  # by bus
 POINTER, MESSAGE = 8, 16  # bytes of a pointer and of struct i2c_msg on a 64-bit kernel
 
 
@@ -133,8 +135,29 @@ def obey(kernel: KernelBus, order: dict) -> str:
 
 
 def main() -> None:
+    testbed = UMockdev.Testbed.new()
+    kernels = {number: KernelBus(Bus(some_muxes(count))) for number, count in MUXES.items()}
+    for number, kernel in kernels.items():
+        testbed.add_from_string(DEVICE.format(number))
+        testbed.attach_ioctl(f"/dev/i2c-{number}", kernel)
+    loop = GLib.MainLoop()
+
+    def on_order(*_: object) -> bool:
+        line = sys.stdin.readline()
+        if not line:
+            loop.quit()
+            return False
+        print(obey(kernels[7], json.loads(line)), flush=True)
+        return True
+
+    GLib.io_add_watch(sys.stdin.fileno(), GLib.IO_IN | GLib.IO_HUP, on_order)
+    print(testbed.get_root_dir(), flush=True)
+    loop.run()
+
+
+def some_muxes(count: int) -> list[Tca9548a]:
     start = time.monotonic()
-    muxes = [
+    return [
         Tca9548a(
             0x70 + m,
             {
@@ -147,25 +170,8 @@ def main() -> None:
                 for channel in range(4)
             },
         )
-        for m in range(2)
+        for m in range(count)
     ]
-    kernel = KernelBus(Bus(muxes))
-    testbed = UMockdev.Testbed.new()
-    testbed.add_from_string(DEVICE)
-    testbed.attach_ioctl("/dev/i2c-7", kernel)
-    loop = GLib.MainLoop()
-
-    def on_order(*_: object) -> bool:
-        line = sys.stdin.readline()
-        if not line:
-            loop.quit()
-            return False
-        print(obey(kernel, json.loads(line)), flush=True)
-        return True
-
-    GLib.io_add_watch(sys.stdin.fileno(), GLib.IO_IN | GLib.IO_HUP, on_order)
-    print(testbed.get_root_dir(), flush=True)
-    loop.run()
 
 
 main()

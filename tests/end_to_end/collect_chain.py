@@ -1,15 +1,14 @@
 """`make collect-chain`: baseline → collect → calibrate → evaluate on emulated machines, with no hand on it.
 
-Collects a plan, keeps what was really pressed beside it, and says what each imperfection of the bench costs: the same
-calibration is done from what was collected, from the same with true places, with true forces, with noise-free fields,
-and from ideal data.
+Collects the paper's plan with all imperfections of the bench, with each alone, and with none; calibrates from each and
+from ideal data; and says what each costs on held-out presses. What is in the folder already is not made again: stopped
+or killed, the same command goes on.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import json
 import sys
 import tempfile
 import time
@@ -18,142 +17,94 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from end_to_end.collecting_bench import PressedBench
+from end_to_end import collect_judging as judging
+from end_to_end.collecting_bench import PressedBench, exact_pad, magnet_field_t
 from fmfts.collect.plan import read_plan
 
-MACHINE_SPEED = 10.0
-CALIBRATION = ("--hidden", "16", "--presses", "6000")  # what only has to compare need not be the best
-BACKLASH_MM = 0.05
+GRAIN_S = 0.005
 FIELDS = [f"b{sensor}{axis}_ut" for sensor in range(1, 5) for axis in "xyz"]
+BACKLASH = {"backlash_mm": 0.05}
+NOISE = {"noise_n": 0.005, "dropout": 0.02}
+DELAY = {"delay_s": 0.02}
+FIELD_NOISE = {"chip_noise_ut": 0.2}
+NONE = {"backlash_mm": 0.0, "noise_n": 0.0, "dropout": 0.0, "delay_s": 0.0, "chip_noise_ut": 0.0}
+# What the bench is like; the last two are what the collector would make of it if it were not told.
+CASES = {
+    "all": BACKLASH | NOISE | DELAY | FIELD_NOISE,
+    "backlash": BACKLASH,
+    "gauge noise": NOISE,
+    "gauge delay": DELAY,
+    "field noise": FIELD_NOISE,
+    "none": {},
+    "backlash left": BACKLASH | {"overshoot_mm": 0.0},
+    "gauge delay left": DELAY | {"told_delay_s": 0.0},
+}
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--plan", default="simulation")
     parser.add_argument("--dialect", default="marlin", choices=("marlin", "grbl"))
-    parser.add_argument("--out", type=Path, help="keep the tables in this folder")
+    parser.add_argument("--out", type=Path, help="the folder of all files (default: a new one)")
+    parser.add_argument("--trainings", type=int, default=5, help="of the network, from each of two tables")
     options = parser.parse_args()
     folder = options.out or Path(tempfile.mkdtemp(prefix="fmfts-collect-"))
-    with PressedBench(folder, options.dialect, speed=MACHINE_SPEED, backlash_mm=BACKLASH_MM, silence_ms=100.0) as bench:
-        print(f"bench: {options.dialect}, machine {MACHINE_SPEED:g} times as fast as its feeds; tables in {folder}")
-        bench.mounted = False
-        time.sleep(0.1)  # until the board has heard of it
-        carry_out(bench, "baseline", "--bare")
-        bench.mounted = True
-        time.sleep(0.1)
-        carry_out(bench, "baseline", "--rest")
-        collect(bench, options.plan, folder / "collected.csv")
-        truth = np.array(bench.truth)
-        variants(bench, folder, truth)
-        judge(bench, folder)
-    return 0
+    folder.mkdir(parents=True, exist_ok=True)
+    begun_s = time.monotonic()
+    print(f"{options.dialect}; all files are in {folder}")
+    ideal = write_ideal(folder / "ideal.csv", options.plan)
+    held_out = write_ideal(folder / "held-out.csv", "test-simulation")
+    tables = {"ideal": ideal} | {case: collected(case, folder, options.plan, options.dialect) for case in CASES}
+    judging.compare_responses(tables, held_out)
+    both = {name: tables[name] for name in ("ideal", "all")}
+    judging.run_the_verbs(both, held_out, folder / "all" / "config.toml")
+    judging.compare_trainings(both, held_out, options.trainings, folder / "trainings.json")
+    print(f"the chain took {(time.monotonic() - begun_s) / 60.0:.0f} minutes")
 
 
-def carry_out(bench: PressedBench, *arguments: str | Path) -> str:
-    done = bench.command(*arguments, timeout_s=7200.0)
-    if done.returncode:
-        raise SystemExit(f"{arguments[0]}: {done.stderr}")
-    return done.stdout
-
-
-def collect(bench: PressedBench, plan: str, output: Path) -> None:
-    """To its end; a busy computer may make a device fall silent, and then the work is gone on with."""
-    begun_s, stops = time.monotonic(), []
-    for _ in range(20):
-        done = bench.command("collect", plan, "-o", output, timeout_s=7200.0)
-        if done.returncode == 0:
-            break
-        stops.append(done.stderr.strip().splitlines()[-1])
-    else:
-        raise SystemExit("\n".join(stops))
+def collected(case: str, folder: Path, plan: str, dialect: str) -> Path:
+    """The table of a case, as far as it is not there yet collected now; says how true it is."""
+    own = folder / case.replace(" ", "-")
+    own.mkdir(exist_ok=True)
+    table, begun_s = own / "collected.csv", time.monotonic()
+    with PressedBench(own, dialect, grain_s=GRAIN_S, **(NONE | CASES[case])) as bench:
+        begun_ns = bench.clock.now_ns()
+        if not (own / "state").exists():
+            bench.record_baseline(bare=True)
+            bench.record_baseline()
+        facts = bench.collect(plan, table)
+        bench_s = (bench.clock.now_ns() - begun_ns) * 1e-9
     print(
-        f"collected in {time.monotonic() - begun_s:.0f} s; stopped and gone on with {len(stops)} times",
-        *stops,
-        sep="\n  ",
+        f"{case}: {facts['collected']} of {facts['presses']} presses, {bench_s:.0f} s at the bench in "
+        f"{time.monotonic() - begun_s:.0f} s; fields {off_by_ut(table):.3f} µT rms off the true ones of their labels",
+        flush=True,
     )
+    return table
 
 
-def variants(bench: PressedBench, folder: Path, truth: np.ndarray) -> None:
-    """What was collected with one imperfection after the other taken away."""
-    with (folder / "collected.csv").open() as lines:
-        table = list(csv.DictReader(lines))
-    rows = [row for row in table if row["press"] != "0"]
-    unloaded = [row for row in table if row["press"] == "0"]
-    windows = {}
-    for line in (folder / "collected.frames.jsonl").read_text().splitlines():
-        record = json.loads(line)
-        times = [frame["host_time_ns"] for frame in record["frames"]]
-        windows[record["press"]] = (times[0], times[-1])
-    pressed = np.array([true_press(truth, *windows[int(row["press"])]) for row in rows])
-    label = np.array([[float(row[name]) for name in ("x_mm", "y_mm", "force_n")] for row in rows])
-    delayed = np.array([true_press(truth, *(t - 20_000_000 for t in windows[int(row["press"])])) for row in rows])
-    error = label - pressed
-    print(f"labels: place off by {np.abs(error[:, :2]).mean():.4f} mm (largest {np.abs(error[:, :2]).max():.4f})")
-    print(
-        f"labels: force off by {np.std(error[:, 2]) * 1e3:.2f} mN rms (largest {np.abs(error[:, 2]).max() * 1e3:.2f})"
-    )
-    print(f"        20 ms of delay, were they not configured: {np.std(delayed[:, 2] - pressed[:, 2]) * 1e3:.3f} mN rms")
-    field = np.array([bench.magnet_field_t(x * 1e-3, y * 1e-3, force).ravel() * 1e6 for x, y, force in pressed])
-    measured = fields_of(rows)
-    at_rest = fields_of(unloaded).mean(axis=0)
-    true_rest = bench.magnet_field_t(0.0, 0.0, 0.0).ravel() * 1e6
-    write(folder / "true-places.csv", np.column_stack([pressed[:, :2], label[:, 2]]), measured, at_rest)
-    write(folder / "true-forces.csv", np.column_stack([label[:, :2], pressed[:, 2]]), measured, at_rest)
-    write(folder / "true-fields.csv", label, field, true_rest)
-    write(folder / "ideal.csv", pressed, field, true_rest)
-    # Without the overshoot every second row of the plan is reached from above, and stands BACKLASH_MM off.
-    beside = pressed.copy()
-    beside[np.round(label[:, 1] / 2.0 + 7.0) % 2 == 1, 0] -= BACKLASH_MM
-    write(folder / "backlash-left.csv", beside, field, true_rest)
-    late = pressed.copy()
-    late[:, 2] = delayed[:, 2]
-    write(folder / "delay-left.csv", late, field, true_rest)
+def off_by_ut(table: Path) -> float:
+    with table.open() as lines:
+        rows = [row for row in csv.DictReader(lines) if row["press"] != "0"]
+    pad = exact_pad()
+    off_ut = [
+        magnet_field_t(pad, float(row["x_mm"]) * 1e-3, float(row["y_mm"]) * 1e-3, float(row["force_n"])).ravel() * 1e6
+        - [float(row[name]) for name in FIELDS]
+        for row in rows
+    ]
+    return float(np.sqrt(np.mean(np.square(off_ut))))
 
 
-def held_out(bench: PressedBench, path: Path) -> None:
-    """Ideal data at the places and forces of a test plan."""
-    presses = read_plan("test-simulation").presses
-    labels = np.array([[press.x_m * 1e3, press.y_m * 1e3, press.force_n] for press in presses])
-    fields = np.array([bench.magnet_field_t(p.x_m, p.y_m, p.force_n).ravel() * 1e6 for p in presses])
-    write(path, labels, fields, bench.magnet_field_t(0.0, 0.0, 0.0).ravel() * 1e6)
-
-
-def judge(bench: PressedBench, folder: Path) -> None:
-    """The same calibration from each table, and its errors on the held-out presses."""
-    held_out(bench, folder / "held-out.csv")
-    errors: dict[str, np.ndarray] = {}
-    for name in ("ideal", "collected", "true-places", "true-forces", "true-fields", "backlash-left", "delay-left"):
-        model = folder / f"{name}.onnx"
-        carry_out(bench, "calibrate", folder / f"{name}.csv", "-o", model, *CALIBRATION)
-        found = carry_out(bench, "evaluate", folder / "held-out.csv", "--model", model, "--json")
-        whole = next(row for row in json.loads(found)["regions"] if row["region"] == "all")
-        errors[name] = np.array([whole[f"mae_{what}"] for what in ("x_mm", "y_mm", "force_n")])
-        ratio = errors[name] / errors["ideal"]
-        x, y, force = errors[name]
-        of_ideal = " ".join(f"{value:.3f}" for value in ratio)
-        print(f"{name:14s} mean absolute error: x {x:.4f} mm, y {y:.4f} mm, {force:.5f} N; of ideal's: {of_ideal}")
-
-
-def true_press(truth: np.ndarray, begun_ns: int, ended_ns: int) -> np.ndarray:
-    """x, y (mm) and force, the mean over that time."""
-    at = np.linspace(begun_ns, ended_ns, 20)
-    index = np.searchsorted(truth[:, 0], at, side="right") - 1
-    return truth[index, 1:].mean(axis=0)
-
-
-def fields_of(rows: list[dict[str, str]]) -> np.ndarray:
-    return np.array([[float(row[name]) for name in FIELDS] for row in rows])
-
-
-def write(path: Path, labels: np.ndarray, field_ut: np.ndarray, rest_ut: np.ndarray) -> None:
-    """As `collect` writes it, the unloaded pad first."""
+def write_ideal(path: Path, plan: str) -> Path:
+    """The very presses of a plan with the very fields, as `collect` writes them, the unloaded pad first."""
+    pad = exact_pad()
     with path.open("w", newline="") as out:
         writer = csv.writer(out)
         writer.writerow(["x_mm", "y_mm", "force_n", *FIELDS])
-        writer.writerow([0, 0, 0, *(f"{value:.5f}" for value in rest_ut)])
-        for label, field in zip(labels, field_ut, strict=True):
-            writer.writerow([f"{value:.5f}" for value in (*label, *field)])
+        for x_m, y_m, force_n in [(0.0, 0.0, 0.0), *((p.x_m, p.y_m, p.force_n) for p in read_plan(plan).presses)]:
+            field_ut = magnet_field_t(pad, x_m, y_m, force_n).ravel() * 1e6
+            writer.writerow([f"{value:.5f}" for value in (x_m * 1e3, y_m * 1e3, force_n, *field_ut)])
+    return path
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -33,6 +33,7 @@ from fmfts.config import Config, PadConfig, SimulatedSource
 from fmfts.config.file import load
 from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.baselines import BaselineJob, BaselineRequest
+from fmfts.pad import Array
 from fmfts.simulate.cylinder import cylinder_field
 from fmfts.simulate.mounted import MountedPad
 
@@ -63,6 +64,7 @@ force_limit_n = {limit_n}
 origin_mm = [100, 100]
 clear_z_mm = {clear_mm}
 step_mm = 0.1
+overshoot_mm = {overshoot_mm}
 """
 
 
@@ -97,7 +99,8 @@ class SimulatedClock:
 class PressedBench:
     """The pad under the rod. `pad` may be moved: what the board sees changes then, as after a knock.
 
-    real_time: by the real clock, in a thread of its own; else time passes in `clock` alone.
+    real_time: by the real clock, in a thread of its own; else time passes in `clock` alone. told_delay_s: what the
+    configuration says of the gauge, None for the truth.
     """
 
     def __init__(
@@ -108,7 +111,9 @@ class PressedBench:
         backlash_mm: float = 0.05,
         noise_n: float = 0.005,
         delay_s: float = 0.02,
+        told_delay_s: float | None = None,
         dropout: float = 0.02,
+        overshoot_mm: float = 0.2,
         speed: float = 10.0,
         limit_n: float = 4.5,
         silence_ms: float = 100.0,
@@ -129,7 +134,7 @@ class PressedBench:
         self._fault: Callable[[], object] | None = None
         self._fault_ns: int | None = None
         self._without_board = False
-        self._pad = MountedPad.exact(PadConfig(name="left", source=SimulatedSource()).pad())
+        self._pad = exact_pad()
         self._told: tuple[float, ...] | None = None
         self._chip_noise_ut = chip_noise_ut
         self._stepped = not real_time
@@ -145,9 +150,10 @@ class PressedBench:
         )
         self.machine.port.lockstep = self.gauge.port.lockstep = self._stepped
         self.config = folder / "config.toml"
-        gauge = LOAD_CELL if load_cell else SERIAL_GAUGE.format(folder=folder, delay_ms=delay_s * 1e3)
+        told_ms = (delay_s if told_delay_s is None else told_delay_s) * 1e3
+        gauge = LOAD_CELL if load_cell else SERIAL_GAUGE.format(folder=folder, delay_ms=told_ms)
         facts = {"folder": folder, "dialect": dialect, "gauge": gauge, "limit_n": limit_n, "silence_ms": silence_ms}
-        self.config.write_text(CONFIG.format(clear_mm=CLEAR_MM, **facts))
+        self.config.write_text(CONFIG.format(clear_mm=CLEAR_MM, overshoot_mm=overshoot_mm, **facts))
         self.environment = os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
         self._rod_mm = list(self.machine.place)
         self._load_cell = load_cell
@@ -270,8 +276,7 @@ class PressedBench:
 
     def magnet_field_t(self, x_m: float, y_m: float, force_n: float) -> np.ndarray:
         """(4, 3) at the sensors."""
-        position_m, axis = self._pad.pose(*(np.full(4, value) for value in (x_m, y_m, force_n)))
-        return cylinder_field(self._pad.pad.sensors.position_m, position_m + self.knock_m, axis, self._pad.pad.magnet)
+        return magnet_field_t(self._pad, x_m, y_m, force_n, self.knock_m)
 
     def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
         """A verb of fmfts-daemon, under way."""
@@ -291,6 +296,17 @@ class PressedBench:
                 process.kill()
                 raise
         return subprocess.CompletedProcess(process.args, process.returncode, out, errors)
+
+
+def exact_pad() -> MountedPad:
+    """Built as drawn."""
+    return MountedPad.exact(PadConfig(name="left", source=SimulatedSource()).pad())
+
+
+def magnet_field_t(mounted: MountedPad, x_m: float, y_m: float, force_n: float, knock_m: float | Array = 0.0) -> Array:
+    """(4, 3) at the sensors; knock_m: by so much the magnet is off."""
+    position_m, axis = mounted.pose(*(np.full(4, value) for value in (x_m, y_m, force_n)))
+    return cylinder_field(mounted.pad.sensors.position_m, position_m + knock_m, axis, mounted.pad.magnet)
 
 
 def mm_per_n(x_mm: float, y_mm: float) -> float:

@@ -42,8 +42,8 @@ class Dialect(Protocol):
     def move(self, place: Place, mm_per_s: float) -> str:
         """Straight to `place` in the machine's coordinates."""
 
-    def rise(self, mm: float, mm_per_s: float) -> tuple[str, ...]:
-        """Straight up by so much, wherever the machine believes to be."""
+    def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
+        """Straight up to that height, wherever it was halted."""
 
     def read(self, line: str) -> Answer:
         """What a line of the machine says."""
@@ -77,8 +77,8 @@ class Marlin:
         x, y, z = place
         return f"G1 X{x:.4f} Y{y:.4f} Z{z:.4f} F{mm_per_s * 60:.1f}"
 
-    def rise(self, mm: float, mm_per_s: float) -> tuple[str, ...]:
-        return ("G91", f"G1 Z{mm:.4f} F{mm_per_s * 60:.1f}", "G90")
+    def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
+        return ("G90", f"G1 Z{z_mm:.4f} F{mm_per_s * 60:.1f}")
 
     def read(self, line: str) -> Answer:
         if line.startswith("ok"):
@@ -106,8 +106,8 @@ class Grbl:
         x, y, z = place
         return f"$J=G53 X{x:.4f} Y{y:.4f} Z{z:.4f} F{mm_per_s * 60:.1f}"
 
-    def rise(self, mm: float, mm_per_s: float) -> tuple[str, ...]:
-        return (f"$J=G91 Z{mm:.4f} F{mm_per_s * 60:.1f}",)
+    def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
+        return (f"$J=G53 Z{z_mm:.4f} F{mm_per_s * 60:.1f}",)
 
     def read(self, line: str) -> Answer:
         if line == "ok":

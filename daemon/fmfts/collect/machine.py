@@ -10,6 +10,7 @@ from collections.abc import Callable
 from fmfts.collect.clock import Clock
 from fmfts.collect.dialect import DIALECTS, Answer, Dialect, Place
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
+from fmfts.collect.guard import Rescue
 from fmfts.config.collect import StageConfig
 from fmfts.sensor import serial_port
 
@@ -75,7 +76,16 @@ class Machine:
         if math.dist(target, self.place) > ARRIVED_MM:
             raise StoppedError(f"the stage stands at {_shown(self.place)} instead of {_shown(target)}: did it stall?")
 
-    def rise(self, mm: float, mm_per_s: float) -> bool:
+    def rescue(self, z_mm: float, mm_per_s: float) -> Rescue:
+        """What brings it up to that height from anywhere when this process is no more."""
+        rise = "".join(f"{line}\n" for line in (*self._dialect.unlock, *self._dialect.rise(z_mm, mm_per_s)))
+        farthest_mm = z_mm - self._config.travel_mm[2][0]
+        return Rescue(self._dialect.halt, rise.encode(), farthest_mm / mm_per_s + LATE_S)
+
+    def fileno(self) -> int:
+        return int(self._port.fileno())
+
+    def rise(self, z_mm: float, mm_per_s: float) -> bool:
         """End whatever moves, and go up; whether it says that it did. Listens to nobody, for nothing may prevent it."""
         self.listen = lambda: None
         before, locked = self.place, bool(self.trouble)
@@ -83,11 +93,12 @@ class Machine:
             self._write(self._dialect.halt)
             self._halted(locked)
             self._answers_due = 0
-            self._send(*self._dialect.rise(mm, mm_per_s), *self._dialect.settle)
-            end_s = self._now_s() + mm / mm_per_s + LATE_S
+            self._send(*self._dialect.rise(z_mm, mm_per_s), *self._dialect.settle)
+            way_mm = 0.0 if before is None else z_mm - before[2]
+            end_s = self._now_s() + way_mm / mm_per_s + LATE_S
             while before is not None and self._now_s() < end_s:
                 self.trouble = ""  # of before: what counts now is whether it rises
-                if self._wait(lambda: self.place is not None and self.place[2] > before[2] + 0.5 * mm, HALTED_S):
+                if self._wait(lambda: self.place is not None and self.place[2] > before[2] + 0.5 * way_mm, HALTED_S):
                     return True
         except AbsentError:
             return False

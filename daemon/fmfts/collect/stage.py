@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from fmfts.collect.errors import RefusedError, StoppedError
+from fmfts.collect.guard import Guard
 from fmfts.collect.machine import Machine
 from fmfts.collect.plan import Press
 from fmfts.collect.watch import Watch
@@ -29,6 +30,7 @@ class Stage:
         self._watch = watch
         self._tolerance = tolerance
         self._machine = Machine(config, watch.clock)
+        self._guard: Guard | None = None
         self._surface_mm: float | None = None
         self._n_per_mm = 0.0
         self._last: tuple[float, float] | None = None  # z, force of the last step
@@ -42,6 +44,8 @@ class Stage:
         self._machine.listen = self._watch.turn
         self._machine.begin()
         self.lift()
+        rescue = self._machine.rescue(self._config.clear_z_mm, self._config.travel_mm_per_s)
+        self._guard = Guard(self._machine.fileno(), rescue)
 
     def lift(self) -> None:
         self._machine.move(z=self._config.clear_z_mm, mm_per_s=self._config.travel_mm_per_s)
@@ -81,12 +85,14 @@ class Stage:
         rise_mm = self._config.clear_z_mm - place[2]
         if rise_mm <= 0.0:
             return "the rod was up"
-        if self._machine.rise(rise_mm, self._config.travel_mm_per_s):
+        if self._machine.rise(self._config.clear_z_mm, self._config.travel_mm_per_s):
             return f"the rod was lifted by {rise_mm:.2f} mm"
         self._machine.emergency_stop()
         return "THE ROD MAY STILL PRESS: the stage did not rise, and got the emergency stop; lift it by hand"
 
     def close(self) -> None:
+        if self._guard is not None:
+            self._guard.close()
         self._machine.close()
 
     def _above(self, surface_mm: float) -> float:

@@ -1,0 +1,84 @@
+"""A small process that lifts the rod when the collector ends without having done so: after `kill -9`, or a crash.
+
+It shares the machine's serial port and a pipe with the collector. As long as the collector lives, the pipe is open and
+nothing is done; "done" in it, and all was well; closed without, and the rod goes up. What it writes was made ready
+before, so that there is nothing left to go wrong. The port stays open meanwhile: closing it resets many boards.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+DONE = b"done"
+HALTED_S = 0.2  # a machine takes no moves before it stands
+PATIENCE_S = 2.0
+TURN_S = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Rescue:
+    """halt: ends all motion. rise: sent then, lifts the rod. seconds: it may take so long."""
+
+    halt: bytes
+    rise: bytes
+    seconds: float
+
+
+class Guard:
+    """Watches over the machine on `port` (a file descriptor) from now on, until `close`."""
+
+    def __init__(self, port: int, rescue: Rescue) -> None:
+        words = [str(port), rescue.halt.hex(), rescue.rise.hex(), f"{rescue.seconds:.3f}"]
+        # In a session of its own: Ctrl-C and a closed terminal reach the collector alone.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "fmfts.collect.guard", *words],
+            stdin=subprocess.PIPE,
+            pass_fds=(port,),
+            start_new_session=True,
+        )
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def close(self) -> None:
+        """All is well, or said: it is not needed any more."""
+        self._process.communicate(DONE)
+
+
+def main(words: Sequence[str]) -> None:
+    port, halt, rise, seconds = int(words[0]), bytes.fromhex(words[1]), bytes.fromhex(words[2]), float(words[3])
+    heard = b""
+    while more := os.read(sys.stdin.fileno(), 64):
+        heard += more
+    if heard == DONE:
+        return
+    try:
+        _write(port, halt)
+        time.sleep(HALTED_S)
+        _write(port, rise)
+        time.sleep(seconds)
+    except OSError as error:
+        print(f"collect was killed, and the rod MAY STILL PRESS: {error.strerror}; lift it by hand", file=sys.stderr)
+        return
+    print("collect was killed: the rod was sent up", file=sys.stderr)
+
+
+def _write(port: int, data: bytes) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while data:
+        try:
+            data = data[os.write(port, data) :]
+        except BlockingIOError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(TURN_S)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

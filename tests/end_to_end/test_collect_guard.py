@@ -1,0 +1,104 @@
+"""A collector that is killed leaves no rod on the pad: its guard lifts it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from emulator.gcode_machine import GcodeMachine
+
+PATIENCE_S = 30.0
+# A collector as far as its machine goes: homed, guarded, the rod pressed down.
+COLLECTOR = """
+import sys, time
+from fmfts.collect.clock import Monotonic
+from fmfts.collect.stage import Stage
+from fmfts.collect.watch import Limits, Watch
+from fmfts.config.collect import StageConfig
+
+class Silence:
+    description, counts = "nobody", None
+    def poll(self, now_ns): return []
+
+port, dialect, how = sys.argv[1:]
+stage = Stage(
+    StageConfig(port=port, dialect=dialect, travel_mm=((80, 120), (80, 120), (5, 40)), force_limit_n=4.5,
+                origin_mm=(100, 100), clear_z_mm=12.0, press_mm_per_s=20.0),
+    Watch(Silence(), None, Limits(None, 1.0)), 0.05,
+)
+stage.begin()
+stage._machine.move(z=9.0, mm_per_s=20.0)
+print("down", flush=True)
+if how == "ends":
+    stage.close()
+elif how == "crashes":
+    import os
+    os.abort()
+else:
+    stage._machine.move(z=6.0, mm_per_s=0.1)
+"""
+
+
+@contextmanager
+def running(link: Path, dialect: str) -> Iterator[GcodeMachine]:
+    """A machine by the real clock."""
+    ended = threading.Event()
+    with GcodeMachine(link, dialect) as machine:
+
+        def keep_time() -> None:
+            before_s = time.monotonic()
+            while not ended.wait(0.002):
+                now_s = time.monotonic()
+                machine.turn(now_s - before_s)
+                before_s = now_s
+
+        thread = threading.Thread(target=keep_time)
+        thread.start()
+        try:
+            yield machine
+        finally:
+            ended.set()
+            thread.join()
+
+
+def stands_at(machine: GcodeMachine, z_mm: float) -> bool:
+    end_s = time.monotonic() + PATIENCE_S
+    while abs(machine.place[2] - z_mm) > 1e-3 and time.monotonic() < end_s:
+        time.sleep(0.01)
+    return abs(machine.place[2] - z_mm) <= 1e-3
+
+
+@pytest.mark.parametrize("how", ["is killed", "is told to end", "crashes"])
+@pytest.mark.parametrize("dialect", ["marlin", "grbl"])
+def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str) -> None:
+    words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", dialect, how]
+    with (
+        running(tmp_path / "machine", dialect) as machine,
+        subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
+    ):
+        assert process.stdout is not None
+        assert process.stdout.readline() == "down\n"
+        assert machine.place[2] < 10.0
+        if how == "is killed":
+            process.kill()
+        elif how == "is told to end":
+            process.terminate()
+        assert process.wait(PATIENCE_S) < 0
+        assert stands_at(machine, 12.0)
+        assert process.stderr is not None
+        assert "collect was killed: the rod was sent up" in process.stderr.read()
+
+
+def test_guard_leaves_the_machine_alone_when_the_collector_ends_by_itself(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", "marlin", "ends"]
+    with running(tmp_path / "machine", "marlin") as machine:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert stands_at(machine, 9.0)
