@@ -85,7 +85,8 @@ def make(name: str, path: Path) -> None:
     )
     drawing = config.pad()
     tracking = choose(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(drawing, ContactModel.load("default", drawing), BOOT, float(RATE_HZ), tracking)
+    model = ContactModel.load("default", drawing, friction=config.contact.friction)
+    pipeline = PadPipeline(drawing, model, BOOT, float(RATE_HZ), tracking)
     pipeline.use(undated(simulated_baseline(config)))
     source, writer = Simulated(config), RecordingWriter(path)
     source.finger = scene.finger
