@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.pad import Array
+from fmfts.pad import Array, rotation_from_vector
 from fmfts.pose import dipole_field
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import TESLA_PER_GAUSS
 from fmfts.sensor.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
-from fmfts.sensor.simulated import Simulated
+from fmfts.sensor.simulated import TURNING_AXIS, Simulated
 from fmfts.simulate.finger import Finger, Touch, no_finger
 from fmfts.simulate.mounted import MountedPad
 
@@ -157,6 +157,7 @@ def field_faults() -> list[Fault]:
     ]
     faults.append(Fault("steel approaching", field=_steel))
     faults += [Fault(f"field step {step_mg} mG", field=_step(step_mg * 1e-3)) for step_mg in (10, 30, 100)]
+    faults += [Fault(f"turning {deg_per_s} deg/s", field=_turning(deg_per_s)) for deg_per_s in (2, 5, 20)]
     faults.append(Fault("magnet lost, returned", field=_weaker(1.0, until_s=0.6)))
     faults.append(Fault("demagnetised to half", field=_weaker(0.5)))
     return faults
@@ -191,6 +192,16 @@ def _steel(time_s: float, built: MountedPad, touch: Touch) -> Array:
 def _step(gauss: float) -> FieldFault:
     direction = np.array([0.6, -0.64, 0.48]) * gauss * TESLA_PER_GAUSS
     return lambda time_s, built, touch: np.tile(direction, (len(built.pad.sensors), 1))
+
+
+def _turning(deg_per_s: float) -> FieldFault:
+    """The robot begins to turn in the Earth's field: what a constant scene rules out."""
+
+    def field(time_s: float, built: MountedPad, touch: Touch) -> Array:
+        turn = rotation_from_vector(TURNING_AXIS * np.deg2rad(deg_per_s) * time_s)
+        return np.tile(turn @ built.ambient_t - built.ambient_t, (len(built.pad.sensors), 1))
+
+    return field
 
 
 def _weaker(share: float, until_s: float = np.inf) -> FieldFault:

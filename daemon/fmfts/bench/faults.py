@@ -160,7 +160,7 @@ def drilled(
 ) -> list[Outcome]:
     """Every fault in every situation."""
     outcomes: dict[tuple[str, str, str], Outcome] = {}
-    for seed in seeds:
+    for seed in seeds if faults else ():
         model = ContactModel.load("default", pad_config("constant", seed).pad())
         for ambient in ambients:
             for touch in touches:
@@ -221,18 +221,24 @@ def run(options: Namespace) -> None:
     quick = options.quick
     faults = sensor_faults((0,), (0, 2)) if quick else sensor_faults(range(4), range(3))
     foreign = field_faults()
+    faults, foreign = _only(options.only, faults), _only(options.only, foreign)
     drilled_pads = range(options.seed, options.seed + (1 if quick else options.drilled))
-    outcomes = drilled(faults, drilled_pads)
-    outcomes += drilled(foreign, drilled_pads, touches=("pressed",) if quick else tuple(FINGERS))
+    outcomes = drilled(faults, drilled_pads, options.scenes)
+    outcomes += drilled(foreign, drilled_pads, options.scenes, ("pressed",) if quick else tuple(FINGERS))
     print(HEADER)
     for outcome in sorted(outcomes, key=lambda one: (one.ambient, one.touch)):
         print(outcome.line)
     seeds, seconds = (range(1, 2), 5.0) if quick else (range(1, 1 + options.pads), options.seconds)
-    wells = [tapped(ambient, seeds, seconds) for ambient in AMBIENTS]
+    wells = [tapped(ambient, seeds, seconds) for ambient in options.scenes if seconds > 0.0]
     for well in wells:
-        print(well.line)
+        print(well.line, flush=True)
     if options.out is not None:
         options.out.write_bytes(as_json(outcomes, wells))
+
+
+def _only(kinds: Sequence[str], faults: list[Fault]) -> list[Fault]:
+    """Those whose name begins with one of `kinds`; all if there is none."""
+    return [fault for fault in faults if fault.kind.startswith(tuple(kinds or ("",)))]
 
 
 def as_json(outcomes: list[Outcome], wells: list[Well]) -> bytes:
