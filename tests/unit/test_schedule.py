@@ -105,3 +105,28 @@ def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Pip
     assert schedule.wait(soon()) == [gone]
     os.write(other.theirs, b"x")
     assert set(map(id, schedule.wait(soon()))) == {id(gone), id(other)}
+
+
+def test_a_call_is_told_from_a_source_with_bytes(two: tuple[Schedule, Piped, Piped]) -> None:
+    schedule, awake, _ = two
+    ours, theirs = os.pipe()
+    try:
+        schedule.wake_for(ours)
+        os.write(awake.theirs, b"x")
+        schedule.wait(soon())
+        assert not schedule.called
+        os.write(theirs, b"x")
+        schedule.wait(soon())
+        assert schedule.called
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_source_with_frames_is_not_asked_for_its_deadline(two: tuple[Schedule, Piped, Piped]) -> None:
+    schedule, source, _ = two
+    asked = source.asked
+    schedule.served(cast(Source, source), had_frames=True)
+    assert source.asked == asked
+    schedule.served(cast(Source, source))
+    assert source.asked == asked + 1

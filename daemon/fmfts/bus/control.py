@@ -81,7 +81,7 @@ class ControlServer:
         self._early: deque[list[bytes]] = deque()
 
     def fileno(self) -> int:
-        """To wait on. ZeroMQ signals it at edges only: call `poll` on every turn of the loop too, it costs 3 µs."""
+        """To wait on. ZeroMQ signals it at edges only: call `poll` until it finds nothing, and many times a second."""
         return int(self._socket.zmq.getsockopt(zmq.FD))
 
     def poll(self) -> list[Request]:

@@ -29,7 +29,7 @@ class Gate:
         self._socket.bind(ZAP_ENDPOINT)
 
     def fileno(self) -> int:
-        """To wait on. ZeroMQ signals it at edges only: call `answer` on every turn of the loop too."""
+        """To wait on. ZeroMQ signals it at edges only: call `answer` many times a second too."""
         return int(self._socket.getsockopt(zmq.FD))
 
     def answer(self) -> None:

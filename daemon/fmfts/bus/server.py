@@ -15,6 +15,8 @@ from fmfts.bus.lock import BusError, EndpointLock, socket_path
 from fmfts_client.keys import is_loopback
 
 GROUP = "fmfts"
+# As members of enumerations they would cost more than the call.
+EVENTS, POLLIN = int(zmq.EVENTS), int(zmq.POLLIN)
 log = logging.getLogger(__name__)
 
 
@@ -54,7 +56,7 @@ class BoundSocket:
             raise BusError(f"cannot serve {endpoint}: {error.strerror}{_advice(error)}") from error
 
     def readable(self) -> bool:
-        return bool(int(self.zmq.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+        return bool(int(self.zmq.getsockopt(EVENTS)) & POLLIN)
 
     def close(self) -> None:
         self.zmq.close()

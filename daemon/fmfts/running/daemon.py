@@ -55,7 +55,9 @@ class Daemon:
         endpoints = for_daemon(config.bus.endpoint)
         models = load_models(config)
         for pad in config.pad:
-            log.info("pad '%s': contact model %s, SHA-256 %s…", pad.name, pad.contact.model, models[pad.name].hash)
+            model = models[pad.name]
+            by = model.inference.by
+            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
         key = None if keys is None else keys.server()
         self._gate = None if keys is None else Gate(keys)
@@ -113,15 +115,13 @@ class Daemon:
         gc.freeze()
         self._notifier.ready()
         next_tick_ns = next_status_ns = time.monotonic_ns()
+        asked = False
         while not self._stopping:
             for source in self._schedule.wait(next_tick_ns):
                 self._serve(source, time.monotonic_ns())
             now_ns = time.monotonic_ns()
-            if self._gate is not None:
-                self._gate.answer()
-            for request in self._control.poll():
-                self._verbs.handle(request)
-                self._schedule.review()
+            if self._schedule.called or asked or now_ns >= next_tick_ns:
+                asked = self._answer()
             if now_ns >= next_tick_ns:
                 next_tick_ns = now_ns + TICK_NS
                 self._verbs.finish_jobs()
@@ -135,11 +135,25 @@ class Daemon:
         self._notifier.stopping()
 
     def _serve(self, source: Source, now_ns: int) -> None:
-        for frame in source.poll(now_ns):
+        frames = source.poll(now_ns)
+        for frame in frames:
             channel = self._channels.get((id(source), frame.pad_index))
             if channel is not None:
                 channel.frame(frame)
-        self._schedule.served(source)
+        self._schedule.served(source, had_frames=bool(frames))
+
+    def _answer(self) -> bool:
+        """Whoever asks for something; False where nobody does.
+
+        ZeroMQ signals at edges only, and answering may swallow one: to be called again then, and with every tick.
+        """
+        if self._gate is not None:
+            self._gate.answer()
+        requests = self._control.poll()
+        for request in requests:
+            self._verbs.handle(request)
+            self._schedule.review()
+        return bool(requests)
 
     def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
         pad = config.pad()

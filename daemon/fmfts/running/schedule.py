@@ -17,8 +17,10 @@ NEVER_NS = 1 << 62
 class Schedule:
     """One epoll for all that the daemon waits for. What a wake-up costs does not grow with the sources that sleep on.
 
-    A source's deadline is asked for when it was served and in each `review`. Most deadlines only move away; between
-    reviews the earliest one known may be in the past, never too late.
+    A source's deadline is asked for when it was served and had no frame, and in each `review`: a frame moves deadlines
+    away. Between reviews the earliest one known may be in the past, never too late.
+
+    called: since the last `wait`, something that `wake_for` named has something to read.
     """
 
     def __init__(self, sources: Sequence[Source]) -> None:
@@ -27,6 +29,7 @@ class Schedule:
         self._source_of: dict[int, Source] = {}
         self._descriptor_of: dict[int, int] = {}  # id of a source → what is registered for it
         self._deadline_ns = 0
+        self.called = False
 
     def wake_for(self, descriptor: int) -> None:
         """`wait` returns, too, when this has something to read."""
@@ -37,6 +40,7 @@ class Schedule:
         timeout_s = max(0.0, (min(until_ns, self._deadline_ns) - time.monotonic_ns()) * 1e-9)
         events = self._epoll.poll(timeout_s)
         ready = [source for descriptor, _ in events if (source := self._source_of.get(descriptor)) is not None]
+        self.called = len(ready) < len(events)
         now_ns = time.monotonic_ns()
         if now_ns < self._deadline_ns:
             return ready
@@ -53,11 +57,10 @@ class Schedule:
             (d for source in self._sources if (d := source.deadline_ns()) is not None), default=NEVER_NS
         )
 
-    def served(self, source: Source) -> None:
+    def served(self, source: Source, had_frames: bool = False) -> None:
         """Wait on what the source has open now: an unplugged and reopened device has another descriptor."""
-        deadline_ns = source.deadline_ns()
-        if deadline_ns is not None and deadline_ns < self._deadline_ns:
-            self._deadline_ns = deadline_ns
+        if not had_frames and (deadline_ns := source.deadline_ns()) is not None:
+            self._deadline_ns = min(self._deadline_ns, deadline_ns)
         before, descriptor = self._descriptor_of.get(id(source)), source.fileno()
         if before == descriptor:
             return

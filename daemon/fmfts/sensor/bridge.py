@@ -45,6 +45,7 @@ class Bridge:
         self._candidates: list[str] = []
         self._found: dict[str, str] = {}  # port → what is there, of the present round
         self._serial: serial.Serial | None = None
+        self._descriptor: int | None = None  # of the open port: asking pyserial takes longer than reading
         self._port = source.port
         self._opened_ns = 0
         self._attempt_ns = 0
@@ -54,7 +55,7 @@ class Bridge:
         self._outbox = b""
 
     def fileno(self) -> int | None:
-        return None if self._serial is None else self._serial.fileno()
+        return self._descriptor
 
     def deadline_ns(self) -> int | None:
         if self._serial is None:
@@ -73,10 +74,8 @@ class Bridge:
         if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
             return ()
         frames = self._receive(now_ns)
-        if frames and self.state.connected and not self._outbox:
-            due_ns = self._link.due_ns
-            if due_ns is None or due_ns > now_ns:
-                return frames  # all is well, and there is nothing to say
+        if frames and self.state.connected and not self._outbox and self._link.is_quiet:
+            return frames  # all is well, and there is nothing to say
         if self._serial is not None:
             self._judge(now_ns)
         if self._serial is not None:
@@ -133,6 +132,7 @@ class Bridge:
             self._found[self._port] = serial_port.why_not_open(self._port, error)
             self._next_attempt(now_ns)
             return False
+        self._descriptor = self._serial.fileno()
         self._opened_ns = now_ns
         self._outbox = b""
         sensors = max(len(pad.geometry.sensors_mm) for pad in self._pads.values())
@@ -153,9 +153,9 @@ class Bridge:
         return [self._configured_port, *others.values()]
 
     def _receive(self, now_ns: int) -> Sequence[Frame]:
-        assert self._serial is not None
+        assert self._descriptor is not None
         try:
-            data = os.read(self._serial.fileno(), READ_BYTES)
+            data = os.read(self._descriptor, READ_BYTES)
         except BlockingIOError:
             return ()
         except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
@@ -210,12 +210,12 @@ class Bridge:
         self.state.disconnect(reason, now_ns)
 
     def _send(self, now_ns: int) -> None:
-        assert self._serial is not None
+        assert self._descriptor is not None
         self._outbox = self._outbox or self._link.outgoing(now_ns)
         if not self._outbox:
             return
         try:
-            self._outbox = self._outbox[os.write(self._serial.fileno(), self._outbox) :]
+            self._outbox = self._outbox[os.write(self._descriptor, self._outbox) :]
         except BlockingIOError:
             return  # the rest goes at the next poll; the repetition after 250 ms brings one about
         except OSError as error:
@@ -251,7 +251,7 @@ class Bridge:
     def _release(self) -> None:
         if self._serial is not None:
             serial_port.close(self._serial)
-            self._serial = None
+            self._serial = self._descriptor = None
 
 
 def _uid_bytes(text: str, pad_name: str) -> bytes:

@@ -66,6 +66,11 @@ class Link:
         return self._uid is None or (self.hello is not None and self.hello.uid == self._uid)
 
     @property
+    def is_quiet(self) -> bool:
+        """`outgoing` has nothing to say, now or later."""
+        return self._hello_due_ns is None and self.requests.due_ns is None and self._selftests.due_ns is None
+
+    @property
     def due_ns(self) -> int | None:
         """When `outgoing` has something to say."""
         times = [self.requests.due_ns, self._hello_due_ns, self._selftests.due_ns]
