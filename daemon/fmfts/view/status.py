@@ -47,7 +47,7 @@ def render_status(reports: list[Status]) -> Table:
     return table
 
 
-_NAMES = ("health", "reason", "source", "rate", "frames", "lost", "latency", "temperature", "remanence", "faults", "up")
+_NAMES = "health reason source rate frames lost latency temperature remanence drift faults up".split()
 
 
 def _cells(report: Status) -> tuple[Text | str, ...]:
@@ -64,6 +64,7 @@ def _cells(report: Status) -> tuple[Text | str, ...]:
         "–" if None in latencies else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",
         "–" if report.temperature_c is None else f"{report.temperature_c:.1f} °C",
         "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
+        "not followed" if report.rest_drift_m is None else f"{report.rest_drift_m * 1e6:.1f} µm followed",
         "\n".join(report.sensor_faults) or "none",
         f"{report.uptime_s:.0f} s",
     )
