@@ -42,29 +42,29 @@ def render_status(reports: list[Status]) -> Table:
     table.add_column("")
     for report in reports:
         table.add_column(report.pad, overflow="fold")
-    for name, cells in zip(_NAMES, zip(*(_cells(report) for report in reports), strict=True), strict=True):
-        table.add_row(name, *cells)
+    columns = [_cells(report) for report in reports]
+    for name in columns[0]:
+        table.add_row(name, *(column[name] for column in columns))
     return table
 
 
-_NAMES = "health reason source rate frames lost latency temperature remanence drift faults up".split()
-
-
-def _cells(report: Status) -> tuple[Text | str, ...]:
+def _cells(report: Status) -> dict[str, Text | str]:
     latencies = (report.latency_p50_s, report.latency_p99_s, report.latency_max_s)
     since_s = max(0.0, (report.t_publish_ns - report.since_ns) * 1e-9)
-    return (
-        Text(f"{report.health} for {since_s:.0f} s", "green" if report.health == "ok" else "red"),
-        report.reason,
-        f"{report.source}" + ("" if report.connected else ", not connected"),
-        f"{report.rate_hz:.1f} of {report.rate_nominal_hz:g} Hz",
-        str(report.frames),
-        f"{report.gaps} never arrived, {report.dropped} unusable, {report.crc_errors} with a wrong check sum, "
+    return {
+        "health": Text(f"{report.health} for {since_s:.0f} s", "green" if report.health == "ok" else "red"),
+        "reason": report.reason,
+        "source": f"{report.source}" + ("" if report.connected else ", not connected"),
+        "rate": f"{report.rate_hz:.1f} of {report.rate_nominal_hz:g} Hz",
+        "frames": str(report.frames),
+        "lost": f"{report.gaps} never arrived, {report.dropped} unusable, {report.crc_errors} with a wrong check sum, "
         f"{report.garbage_bytes} stray bytes, {report.reconnects} reconnects",
-        "–" if None in latencies else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",
-        "–" if report.temperature_c is None else f"{report.temperature_c:.1f} °C",
-        "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
-        "not followed" if report.rest_drift_m is None else f"{report.rest_drift_m * 1e6:.1f} µm followed",
-        "\n".join(report.sensor_faults) or "none",
-        f"{report.uptime_s:.0f} s",
-    )
+        "latency": "–"
+        if None in latencies
+        else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",
+        "temperature": "–" if report.temperature_c is None else f"{report.temperature_c:.1f} °C",
+        "remanence": "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
+        "drift": "not followed" if report.rest_drift_m is None else f"{report.rest_drift_m * 1e6:.1f} µm followed",
+        "faults": "\n".join(report.sensor_faults) or "none",
+        "up": f"{report.uptime_s:.0f} s",
+    }
