@@ -26,12 +26,13 @@ from fmfts.pipeline import PadPipeline
 from fmfts.pose import SOLVER, State, TrackingModel
 from fmfts.pose.innovation import Finding
 from fmfts.pose.state import Neighbour
+from fmfts.zeroed_pad import ZeroedPad
 
 VALUES = {kind.__name__: kind for kind in (State, Neighbour, Finding)}
-FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Mounting)
+FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Mounting, ZeroedPad)
 # Of one frame alone, or made from what else is here when it is wanted.
 # What follows from the mounting: it may be another than before, or made anew.
-OF_THE_MOUNTING = {"_rest", "rest", "_change_error_rows", "_repeats_allowed", "_rows", "_magnets", "_errors"}
+OF_THE_MOUNTING = {"_rest", "rest", "_rows", "_magnets", "_errors"}
 PASSING = OF_THE_MOUNTING | {"_nearest", "_neighbours", "_templates", "_path", "_compiled", "_new_warmth"}
 LARGEST = 1 << 20
 

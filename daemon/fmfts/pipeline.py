@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
@@ -13,30 +12,10 @@ from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.contact_message import PackedMessage, Reading, Sender
 from fmfts.healthy import HealthyPath
 from fmfts.pad import Pad, Placement
-from fmfts.pose import (
-    AMBIENT,
-    PAPER,
-    Aligned,
-    Alignment,
-    Part,
-    PoseEstimate,
-    SensorErrors,
-    State,
-    Status,
-    Tracker,
-    TrackingModel,
-    as_drawn,
-    change_from,
-    displacement,
-    repeats_allowed,
-    solve,
-    widened,
-)
-from fmfts.pose.constancy import Constancy
+from fmfts.pose import Aligned, Alignment, State, TrackingModel, displacement
 from fmfts.pose.neighbour import NeighbourView, Seen, Sighting, placement_deviation, with_rest
-from fmfts.sensor import Frame, step_t
-
-Array = NDArray[np.float64]
+from fmfts.sensor import Frame
+from fmfts.zeroed_pad import ZeroedPad
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
@@ -89,9 +68,8 @@ class PadPipeline:
         mounting: what follows from it, where that is known already.
         """
         self.hand_back()
-        self._estimator = Estimator(
-            self.pad, self._model, baseline, self._tracking, self._rate_hz, self._alignment.stopped_us, mounting
-        )
+        zeroed = ZeroedPad.of(self.pad, baseline, self._tracking, mounting)
+        self._estimator = Estimator(zeroed, self._model, self._rate_hz, self._alignment.stopped_us)
         self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
 
@@ -147,47 +125,26 @@ class PadPipeline:
 
 
 class Estimator:
-    """What a baseline makes of a drawing: a pad that can be read."""
+    """Field → pose → contact of a pad that has a baseline."""
 
-    def __init__(
-        self,
-        drawing: Pad,
-        model: ContactModel,
-        baseline: Baseline,
-        tracking: TrackingModel,
-        rate_hz: float,
-        stopped_us: float,
-        mounting: Mounting | None = None,
-    ) -> None:
-        """mounting: where it is known already. BaselineError where the baseline does not fit the pad."""
-        self.baseline = baseline
-        self.mounting = mounting or baseline.mounting(drawing)
-        self._drawing = drawing
+    def __init__(self, zeroed: ZeroedPad, model: ContactModel, rate_hz: float, stopped_us: float) -> None:
+        self.zeroed = zeroed
+        self.baseline = zeroed.baseline
+        self.mounting = zeroed.mounting
         self._model = model
-        temperature_c = None if baseline.rest is None else baseline.rest.temperature_c
-        # Before rest is recorded, nothing is known of moment or drift: the paper's own method serves.
-        model_of_scene = PAPER if baseline.rest is None else tracking
-        errors = None if baseline.rest is None else SensorErrors(self.mounting.noise_t, self.mounting.field_errors())
-        mounted = self.mounting.mounted(drawing)
-        self._sensors = mounted.sensors
-        self._tracker = Tracker(mounted, self.mounting.rest, model_of_scene, temperature_c, errors)
-        is_constant = baseline.rest is not None and tracking.parts[AMBIENT.start] == Part.FIXED
-        self._constancy = Constancy(mounted, self.mounting.rest) if is_constant else None
-        recorded = baseline.rest or baseline.bare
-        assert recorded is not None  # or there would be no mounting
-        self._repeats_allowed = repeats_allowed(self.mounting.noise_t, step_t(recorded.gain_code))
-        change_error = self.mounting.change_error(self._tracker.estimated)
-        self._change_error_rows = change_error.reshape(5, -1)
+        self._tracker = zeroed.tracker()
+        self._constancy = zeroed.constancy()
         self._touch = TouchDetector(rate_hz)
-        self.unfelt_n = 0.0 if baseline.rest is None else self._weakest_touch_n(mounted)
         self._smoother = Smoother(model.smoothing_s)
         self._last_us: int | None = None
         self._lifted_s = 0.0
+        resting = zeroed.resting_covariance()
+        self.unfelt_n = 0.0 if resting is None else model.unfelt_n(resting, self._touch.onset_chi2)
         self._path: HealthyPath | None = None
-        if baseline.rest is not None:
+        if zeroed.at_rest:
             self._path = HealthyPath.of(
-                *(drawing, self.mounting, tracking, temperature_c, model, self._touch),
-                *(change_error, self._repeats_allowed, stopped_us, self.unfelt_n),
+                *(zeroed.drawing, zeroed.mounting, zeroed.tracking, zeroed.temperature_c, model, self._touch),
+                *(zeroed.change_error, zeroed.repeats_allowed, stopped_us, self.unfelt_n),
             )
 
     def hand_over(self, alignment: Alignment) -> HealthyPath | None:
@@ -207,53 +164,27 @@ class Estimator:
         """Field → pose → contact, as far as each can be believed."""
         elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
         self._last_us = aligned.time_us
-        lively = aligned.repeats <= self._repeats_allowed
+        lively = aligned.repeats <= self.zeroed.repeats_allowed
         field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
         if neighbours:
-            field = with_rest(field, self._sensors, neighbours)
-            elsewhere = np.hypot(elsewhere, placement_deviation(self._sensors, neighbours))
+            field = with_rest(field, self.zeroed.pad.sensors, neighbours)
+            elsewhere = np.hypot(elsewhere, placement_deviation(self.zeroed.pad.sensors, neighbours))
         noise = self.mounting.noise_t * aligned.noise_share
         deviation = np.sqrt(lasting**2 + elsewhere**2 + noise**2)
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours)
         if self._constancy is not None:
             track = self._constancy.judge(track, field, deviation)
-        if self.baseline.rest is None:
+        if not self.zeroed.at_rest:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":
             return Reading(track.health, track.reason, track.used)
-        rest, estimate = self.mounting.rest, self._honest(track.estimate)
-        touching = self._touch.update(*displacement(estimate, rest))
-        # The model knows the drawing's pad: it gets the change of pose from this pad's rest, put on the drawing's.
-        contact = self._model.estimate(*self._smoother.update(*as_drawn(estimate, rest, self._drawing), elapsed_s))
+        estimate = self.zeroed.honest(track.estimate)
+        touching = self._touch.update(*displacement(estimate, self.mounting.rest))
+        # The model knows the drawing's pad.
+        contact = self._model.estimate(*self._smoother.update(*self.zeroed.as_drawn(estimate), elapsed_s))
         if self._lifted_s < LIFTED_S:
             self._lifted_s = self._lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
         if self._lifted_s >= LIFTED_S:
-            return Reading("no_baseline", self._refuted(), track.used, track.estimate)
+            return Reading("no_baseline", self.zeroed.refuted, track.used, track.estimate)
         return Reading(track.health, track.reason, track.used, track.estimate, contact, touching, self.unfelt_n)
-
-    def _weakest_touch_n(self, mounted: Pad) -> float:
-        """Below this a touch at the pad's least sensitive place passes for none."""
-        rest = self.mounting.rest
-        estimate = solve(
-            self.mounting.rest_field_t,
-            mounted,
-            rest,
-            deviation_t=np.hypot(self.mounting.noise_t, self.mounting.systematic_t),
-            free=self._tracker.estimated,
-        )
-        if estimate.status is not Status.CONVERGED:
-            return 0.0
-        return self._model.unfelt_n(as_drawn(estimate, rest, self._drawing)[2], self._touch.onset_chi2)
-
-    def _honest(self, estimate: PoseEstimate) -> PoseEstimate:
-        """As uncertain as what mounting leaves open makes the pose's change from rest."""
-        change = change_from(self.mounting.rest, estimate)
-        error = (change @ self._change_error_rows).reshape(len(change), -1)
-        return widened(estimate, self.mounting.rest, error @ error.T)
-
-    def _refuted(self) -> str:
-        return (
-            f"the magnet stood above the rest that baseline {self.baseline.id} recorded, where no press puts it: that "
-            "was recorded under load; record it again while nothing touches the pad"
-        )

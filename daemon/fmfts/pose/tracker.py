@@ -96,11 +96,6 @@ class Tracker:
         ambient_t: Array = self._last.ambient_t @ self._pad.sensors.rotation
         return ambient_t
 
-    @property
-    def estimated(self) -> NDArray[np.intp]:
-        """The columns that a frame estimates, up to the ambient field's."""
-        return np.flatnonzero(np.isin(self._model.parts[: AMBIENT.stop], (Part.FREE, Part.PRIOR)))
-
     def write(self, memory: Named) -> bool:
         """For the compiled path; False where the last frame was not good, or something is found."""
         memory.put("state", self._last.vector())

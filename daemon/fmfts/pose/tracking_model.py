@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fmfts.pose.problem import Part, Parts, parts_of
 from fmfts.pose.solver import FREE_PAPER
-from fmfts.pose.state import SIZE
+from fmfts.pose.state import AMBIENT, SIZE
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,11 @@ class TrackingModel:
     @property
     def has_prior(self) -> bool:
         return bool(np.isin(self.parts, (Part.PRIOR, Part.CONSIDERED)).any())
+
+    @property
+    def estimated(self) -> NDArray[np.intp]:
+        """The columns that a frame estimates, up to the ambient field's."""
+        return np.flatnonzero(np.isin(self.parts[: AMBIENT.stop], (Part.FREE, Part.PRIOR)))
 
 
 # The paper's six unknowns: all that a constant ambient field leaves.
