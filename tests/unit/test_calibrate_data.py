@@ -46,9 +46,11 @@ def at(row: int, name: str, cell: str) -> Callable[[Rows], None]:
     return lambda rows: rows[row - 2].update({name: cell})
 
 
-def fields_times(factor: float) -> Callable[[Rows], Rows]:
+def times(factor: float, *names: str) -> Callable[[Rows], Rows]:
+    """Columns that begin with `names`."""
+
     def scaled(row: dict[str, str]) -> dict[str, str]:
-        return {key: f"{float(cell) * factor:.9g}" if key.startswith("b") else cell for key, cell in row.items()}
+        return {key: f"{float(cell) * factor:.9g}" if key.startswith(names) else cell for key, cell in row.items()}
 
     return lambda rows: [scaled(row) for row in rows]
 
@@ -75,16 +77,19 @@ def weakest_labelled_as_strongest(rows: Rows) -> None:
         (without("b3y_ut"), "row 1 has no column b3y_ut"),
         (without("force_n"), "row 1 has no column force_n"),
         (at(7, "b2z_ut", ""), "row 7, column b2z_ut: no number"),
-        (at(7, "b2z_ut", "nan"), "row 7, column b2z_ut"),
+        (at(7, "b2z_ut", "nan"), "row 7, column b2z_ut: 'nan' is not a number"),
         (at(9, "x_mm", "nan"), "row 9, column x_mm: 'nan' is not a number"),
         (at(9, "force_n", "much"), "row 9, column force_n: 'much' is not a number"),
         (at(9, "force_n", "-0.4"), "row 9, column force_n: -0.4 N: a press is positive"),
         (at(9, "force_n", "113"), "row 9, column force_n: 113 N is more than a soft pad bears"),
         (at(12, "y_mm", "25"), "row 12, column y_mm: 25 mm is outside the pad, which ends at ±20 mm"),
-        (fields_times(0.01), "were they in gauss?"),
-        (fields_times(1e-6), "were they in tesla?"),
-        (fields_times(4.0), "is the magnet the config's?"),
-        (fields_times(100.0), "row 2, column b1x_ut"),
+        (times(0.01, "b"), "were they in gauss?"),
+        (times(1e-6, "b"), "were they in tesla?"),
+        (times(4.0, "b"), "is the magnet the config's?"),
+        (times(100.0, "b"), "row 2, column b1x_ut"),
+        (times(0.01, "b3z_ut"), "column b3z_ut: in most rows 0.00"),
+        (times(10.0, "b2x_ut"), "column b2x_ut: "),
+        (times(1e-3, "x_mm", "y_mm"), "columns x_mm, y_mm: no place is farther than 0.014 mm from the centre"),
         (copied(20, 30, "b"), "row 30, columns x_mm, y_mm, force_n: the same field as in row 20"),
         (weakest_labelled_as_strongest, "which has the same x_mm, y_mm and force_n"),
         (lambda rows: rows[:39], "39 presses; a calibration needs 40"),
@@ -112,6 +117,32 @@ def test_swapped_sensors_are_seen_by_the_field_that_no_magnet_makes(tmp_path: Pa
         solved(str(path), calibration, solver)
 
 
+def test_ambient_field_that_was_left_in_is_named_with_its_size(tmp_path: Path) -> None:
+    """Free unknowns would take it up, and the remanence would be wrong."""
+    earth_ut = {"x": 20.0, "y": -10.0, "z": 45.0}
+
+    def add(rows: Rows) -> Rows:
+        return [
+            row | {key: f"{float(row[key]) + earth_ut[key[2]]:.9g}" for key in row if key[0] == "b"} for row in rows
+        ]
+
+    path = written(tmp_path, add)
+    calibration = read_calibration_set(path)
+    solver = FrameSolver(calibration.pad, rest_field(calibration), "drifting", 2e-7)
+    with pytest.raises(DataError, match=r"all sensors share \(20, -10, .*--baseline"):
+        solved(str(path), calibration, solver)
+
+
+@pytest.mark.parametrize(
+    ("separator", "complaint"), [(";", "separated by ';'"), ("\t", r"separated by '\\t'"), ("", "is empty")]
+)
+def test_file_that_is_no_comma_separated_one_is_called_so(tmp_path: Path, separator: str, complaint: str) -> None:
+    path = tmp_path / "presses.csv"
+    path.write_text(CALIBRATION.read_text().replace(",", separator) if separator else "")
+    with pytest.raises(DataError, match=complaint):
+        read_calibration_set(path)
+
+
 def test_unloaded_rows_tell_the_rest_field_and_are_no_presses(tmp_path: Path) -> None:
     pad = standard_pad(1.28)
     cells = dict(zip((f"b{n}{axis}_ut" for n in range(1, 5) for axis in "xyz"),
@@ -125,7 +156,7 @@ def test_unloaded_rows_tell_the_rest_field_and_are_no_presses(tmp_path: Path) ->
 
 def test_without_unloaded_rows_the_remanence_is_that_of_the_presses(tmp_path: Path) -> None:
     """Fields 4 % stronger than the drawing's magnet makes: a pad with another magnet."""
-    calibration = read_labelled(written(tmp_path, fields_times(1.04)))
+    calibration = read_labelled(written(tmp_path, times(1.04, "b")))
     solver = FrameSolver(calibration.pad, rest_field(calibration), "drifting", 2e-7)
     assert solver.remanence_t == pytest.approx(1.04 * 1.23, rel=0.004)  # over a set, the estimates vary by 0.4 %
 

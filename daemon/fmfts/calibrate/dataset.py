@@ -23,6 +23,8 @@ FEWEST_PRESSES, FEWEST_PLACES = 40, 4
 # Fields of a pad differ from its drawing's by its magnet's remanence and place: by less than this.
 LARGEST_RATIO = 3.0
 UNITS = {1e-2: "gauss", 1e1: "milligauss", 1e-3: "millitesla", 1e-6: "tesla", 1e3: "nanotesla"}
+# Components that are strong at rest: presses change them by half, another unit by ten or more.
+STRONG_SHARE, LEAST_UNIT_RATIO = 0.2, 8.0
 # Two presses with the same labels differ by noise and by how well a stage comes back, not by more than this.
 REPEATABLE_UT, REPEATABLE_SHARE = 5.0, 0.05
 
@@ -104,12 +106,15 @@ def rest_field(calibration: CalibrationSet) -> Array:
     if calibration.rest_field_t is not None:
         return calibration.rest_field_t
     pad = calibration.pad
-    drawn = pad.sensors.to_sensor(
-        cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet)
-    )
+    drawn = _drawn_field(pad)
     estimates = [solve(field, pad).remanence_t for field in calibration.field_t[::8]]
     measured: Array = drawn * float(np.nanmedian(estimates) / solve(drawn, pad).remanence_t)
     return measured
+
+
+def _drawn_field(pad: Pad) -> Array:
+    """(N, 3) of the unloaded pad, as it is drawn."""
+    return pad.sensors.to_sensor(cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet))
 
 
 def _labels(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
@@ -122,7 +127,14 @@ def _labels(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
         [_label(path, line, name, cell, pad_size_mm) for line, cell in zip(table.line, table.others[name], strict=True)]
         for name in wanted
     ]
-    return np.array(columns).T
+    press = np.array(columns).T
+    farthest_mm = np.abs(press[:, :2]).max()
+    if 0.0 < farthest_mm <= pad_size_mm / 2000.0:
+        raise DataError(
+            f"{path}: columns x_mm, y_mm: no place is farther than {farthest_mm:g} mm from the centre: "
+            "are they in metres?"
+        )
+    return press
 
 
 def _label(path: Path, line: int, name: str, cell: str, pad_size_mm: float) -> float:
@@ -151,7 +163,7 @@ def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
     if len(absent):
         row, column = absent[0]
         raise DataError(f"{path}: row {table.line[row]}, column {names[column]}: no number; leave the row out")
-    drawn = cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet)
+    drawn = _drawn_field(pad)
     ratios = np.linalg.norm(table.field_t, axis=(1, 2)) / np.linalg.norm(drawn)
     wrong = np.flatnonzero((ratios > LARGEST_RATIO) | (ratios < 1.0 / LARGEST_RATIO))
     if len(wrong):
@@ -161,6 +173,20 @@ def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
             f"{path}: row {table.line[row]}, columns {names[0]} … {names[-1]}: the field is {ratio:.3g} times that of "
             f"this pad's magnet at rest, in {len(wrong)} of {len(ratios)} rows; these columns are in µT (1 G = 100 µT)"
             + (f": were they in {UNITS[unit]}?" if 0.5 < ratio / unit < 2.0 else ": is the magnet the config's?")
+        )
+    _require_one_unit(path, table.field_t / ratios[:, None, None], drawn)
+
+
+def _require_one_unit(path: Path, field_t: Array, drawn_t: Array) -> None:
+    """No column of fields (K, N, 3), brought to the drawing's strength, is in another unit than the others."""
+    strong = np.abs(drawn_t) > STRONG_SHARE * np.abs(drawn_t).max()
+    share = np.median(np.abs(field_t), axis=0) / np.where(strong, np.abs(drawn_t), 1.0)
+    off = np.argwhere(strong & ((share > LEAST_UNIT_RATIO) | (share < 1.0 / LEAST_UNIT_RATIO)))
+    if len(off):
+        sensor, axis = off[0]
+        raise DataError(
+            f"{path}: column b{sensor + 1}{'xyz'[axis]}_ut: in most rows {share[sensor, axis]:.2g} times what the "
+            "others let expect: is it in another unit, or is that axis of the sensor broken?"
         )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fmfts.ambient import Mounting
 from fmfts.pad import Array, Pad
-from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, parts_of, solve, tangent_basis
+from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, State, parts_of, solve, tangent_basis
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.kernel import RESIDUAL, STATUS
 from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows, measurement_rows
@@ -86,12 +86,20 @@ class FrameSolver:
 
     def solved(self, field_t: Array) -> Tracked:
         """Of fields (K, N, 3) in sensor axes, ambient subtracted. UnsolvedError names the first that has no pose."""
-        batch = self._batch(field_t, np.tile(self._rest.vector(), (len(field_t), 1)))
-        batch.solve(STOP, MAX_ITERATIONS)
+        batch = self._solved(field_t)
         unsolved = np.flatnonzero(batch.summary[:, STATUS] != 0)
         if len(unsolved):
             raise UnsolvedError(int(unsolved[0]))
         return self._tracked(batch)
+
+    def common_field_t(self, field_t: Array) -> Array:
+        """(3,) what all sensors share in most of the fields (K, N, 3): the ambient field that was not subtracted.
+
+        Only the scene "drifting" asks for it; elsewhere it is zero, and ends in what is unexplained.
+        """
+        states = [State.from_vector(values) for values in self._solved(field_t).state]
+        common: Array = np.median([state.ambient_t for state in states], axis=0)
+        return common
 
     def at(self, pose: Array) -> Tracked:
         """What the solver would say of noise-free frames of the poses (K, 6): these, and their covariance."""
@@ -101,6 +109,11 @@ class FrameSolver:
         batch = self._batch(np.zeros((len(pose), len(self.pad.sensors), 3)), state)
         batch.solve(STOP, 0)
         return self._tracked(batch)
+
+    def _solved(self, field_t: Array) -> Batch:
+        batch = self._batch(field_t, np.tile(self._rest.vector(), (len(field_t), 1)))
+        batch.solve(STOP, MAX_ITERATIONS)
+        return batch
 
     def _batch(self, field_t: Array, start: Array) -> Batch:
         sensors, magnet = self._geometry.sensors, self._geometry.magnet

@@ -38,6 +38,8 @@ SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
 SMALL_SHEAR = 0.1  # of the normal force: its effect is still in proportion
 # A field that leaves more than this unexplained is no field of this pad: noise is 0.2 µT, the dipole's error as much.
 LARGEST_RESIDUAL_T = 5e-6
+# Baselines of a rest pose alone leave 3 µT of the ambient field in; the Earth's is 50 µT.
+LARGEST_COMMON_UT = 10.0
 Say = Callable[[str], None]
 
 
@@ -196,7 +198,20 @@ def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Track
     worst = int(np.argmax(tracked.residual_t))
     if not tracked.residual_t[worst] <= LARGEST_RESIDUAL_T:
         raise refusal(worst, f" ({tracked.residual_t[worst] * 1e6:.1f} µT are left)")
+    if calibration.mounting is None:
+        _require_subtracted(path, calibration, solver)
     return tracked
+
+
+def _require_subtracted(path: str, calibration: CalibrationSet, solver: FrameSolver) -> None:
+    """Free unknowns take the ambient field up, but the rest pose and the moment that were taken with it are wrong."""
+    common_ut = solver.common_field_t(calibration.field_t[::8]) * 1e6
+    if np.abs(common_ut).max() > LARGEST_COMMON_UT:
+        shared = ", ".join(f"{value:.0f}" for value in common_ut)
+        raise DataError(
+            f"{path}: columns b1x_ut …: in most rows all sensors share ({shared}) µT, as an ambient field does: "
+            "subtract it, or give with --baseline the one that was recorded"
+        )
 
 
 def train(response: Response, solver: FrameSolver, hidden: int, presses: int) -> ContactNetwork:

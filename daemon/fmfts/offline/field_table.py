@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,6 +49,12 @@ def read(path: Path, sensors: int) -> FieldTable:
         raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
     lines = csv.DictReader(io.StringIO(text))
     header = list(lines.fieldnames or [])
+    if not header:
+        raise DataError(f"{path}: is empty: the first row names the columns, b1x_ut and so on")
+    if len(header) == 1 and (other := [mark for mark in ";\t" if mark in header[0]]):
+        raise DataError(
+            f"{path}: row 1: columns are separated by {other[0]!r}, not by ','; numbers need a decimal point"
+        )
     wanted = field_columns(sensors)
     missing = [name for name in wanted if name not in header]
     if missing:
@@ -87,7 +94,9 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number") from None
-    if not abs(value) <= LARGEST_FIELD_UT:
+    if not math.isfinite(value):
+        raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number; leave the row out")
+    if abs(value) > LARGEST_FIELD_UT:
         raise DataError(
             f"{path}: row {line}, column {name}: {cell} µT is beyond any range of the chip (810 µT): "
             "is the column in another unit? 1 G = 100 µT"
