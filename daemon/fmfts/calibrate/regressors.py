@@ -101,7 +101,7 @@ class RadialBasis:
         return self._target.restored(self._basis(self._inputs.shrunk(inputs)) @ self._coefficient)
 
     def _basis(self, shrunk: Array) -> Array:
-        gaussians = np.exp(-0.5 * _squared_distance(shrunk, self._centre) / self._spread**2)
+        gaussians = np.exp(-0.5 * squared_distance(shrunk, self._centre) / self._spread**2)
         return np.column_stack([gaussians, np.ones(len(shrunk))])
 
 
@@ -159,14 +159,14 @@ class TableInversion:
         return invert(self.response, inputs[:, :5] - self.rest_pose[:5], self.covariance, self.starts)
 
 
-def _squared_distance(one: Array, other: Array) -> Array:
+def squared_distance(one: Array, other: Array) -> Array:
     square = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
     positive: Array = np.maximum(square, 0.0)
     return positive
 
 
 def _to_nearest(centre: Array) -> Array:
-    distance = np.sqrt(_squared_distance(centre, centre))
+    distance = np.sqrt(squared_distance(centre, centre))
     np.fill_diagonal(distance, np.inf)
     nearest: Array = distance.min(axis=1)
     return nearest

@@ -63,10 +63,6 @@ def _field(readings: Readings) -> Array:
     return readings.field_t.reshape(len(readings.press), -1) * 1e4
 
 
-def _scaled_field(readings: Readings) -> Array:
-    return _field(readings) * (PAPER_REMANENCE_T / readings.remanence_t)
-
-
 def _paper_pose(readings: Readings) -> Array:
     pose = readings.paper.pose.copy()
     pose[:, 3:] *= readings.paper.remanence_t[:, None] / PAPER_REMANENCE_T
@@ -80,7 +76,6 @@ def _unit_pose(readings: Readings) -> Array:
 # Name → what a regressor gets.
 INPUTS: dict[str, Callable[[Readings], Array]] = {
     "field": _field,
-    "field over remanence": _scaled_field,
     "pose": _paper_pose,
     "pose, unit axis": _unit_pose,
 }
