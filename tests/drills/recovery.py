@@ -20,15 +20,17 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from drills.beside import probed
 from drills.control_fuzz import fuzzed_control
 from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_write, wedged_bus
 from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
 
 Facts = dict[str, Any]
-# Judged by `make drills` alone, for what else runs on a computer delays a recovery, too.
+# Judged by `make drills` alone, for what else runs on a computer delays frames and recoveries, too.
 HELD: dict[str, Callable[[Facts], bool]] = {
     "replug": lambda facts: facts["longest_s"] <= 1.0,
     "wedge": lambda facts: facts["least_share_of_rate"] >= 0.95,
+    "probe": lambda facts: not facts["not_ok"],
 }
 BURST_BYTES = 1000
 
@@ -134,6 +136,7 @@ DRILLS: dict[str, tuple[Callable[[Path, Any], Facts], float]] = {
     "deaf": (deaf_subscriber, 60.0),
     "clock": (clock_set_back, 10.0),
     "control": (fuzzed_control, 100_000),
+    "probe": (probed, 100),
 }
 
 

@@ -127,7 +127,9 @@ def inject(rig: Rig, name: str, fault: str, chance: random.Random) -> None:
             rig.listen(FAULT_S)
             host.tell("mux 0 none")
         case "garbage":
-            host.tell(f"garbage 500 {chance.randrange(1, 10**9)}")
+            burst = f"garbage 500 {chance.randrange(1, 10**9)}"
+            while host.ask(burst) != "ok":
+                rig.listen(0.05)  # on a busy computer the line is full of what was not fetched yet
         case "reset":
             host.tell("truncate")
             host.tell("reset")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from conftest import missing
-from drills import control_fuzz, daemon_drills, recovery
+from drills import beside, control_fuzz, daemon_drills, recovery
 from end_to_end import test_i2c_bus
 
 
@@ -47,3 +47,7 @@ def test_a_wall_clock_that_jumps_disturbs_nothing(tmp_path: Path) -> None:
 
 def test_random_requests_are_answered_and_change_nothing(tmp_path: Path) -> None:
     control_fuzz.fuzzed_control(tmp_path, 10_000)
+
+
+def test_a_probe_beside_the_daemon_disturbs_no_contact(tmp_path: Path) -> None:
+    beside.probed(tmp_path, 3)

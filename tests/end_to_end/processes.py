@@ -45,11 +45,15 @@ class FirmwareHost:
 
     def tell(self, command: str) -> None:
         """One command, which must be obeyed."""
+        answer = self.ask(command)
+        assert answer == "ok", f"{command}: {answer}"
+
+    def ask(self, command: str) -> str:
+        """One command; "ok", or why it cannot be obeyed now."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(command + "\n")
-        answer = self._process.stdout.readline().strip()
-        assert answer == "ok", f"{command}: {answer}"
+        return self._process.stdout.readline().strip()
 
     def field(self, field_t: np.ndarray, pad: int = 0) -> None:
         """The field (4, 3) in tesla at the chips, in their own axes."""

@@ -1,0 +1,31 @@
+"""`probe` beside a running daemon: two users of one mux would read plausible wrong values, so it asks the daemon."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from drills.rig import calibrated, is_not_ok
+
+
+def probed(folder: Path, times: int) -> dict[str, Any]:
+    """Again and again, and no contact is lost or changed by it."""
+    with calibrated(folder) as (daemon, _, ear), ThreadPoolExecutor(1) as hands:
+        probing = hands.submit(
+            lambda: [daemon.command("probe", "--config", daemon.config).returncode for _ in range(times)]
+        )
+        heard = []
+        while not probing.done():
+            heard.append(ear.next())
+    facts = {
+        "probes": times,
+        "codes": sorted(set(probing.result())),
+        "contacts": len(heard),
+        "lost": sum(b.seq - a.seq - 1 for a, b in pairwise(heard)),
+        "not_ok": sorted({f"{one.health}: {one.reason}" for one in heard if is_not_ok(one)}),
+    }
+    assert (facts["codes"], facts["lost"]) == ([0], 0), facts
+    assert not ear.wrong_numbers, ear.wrong_numbers[:3]
+    return facts
