@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
+from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.samples import Samples
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
+from fmfts.calibrate.solved_set import labelled
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
+from fmfts.offline.evaluate import judge
+from fmfts.simulate.solved_table import SHEARED_PATH, read_solved
 
 FORCE_N = 2.0
 STEP_MM = 2.0
 FRICTION = 0.2
 FRAMES = 200
+SOLVED_TEST, NOISY = SHEARED_PATH.with_name("test_shear.csv"), 20
 # What a model of three outputs is asked: what presses slips at this share of its force, or at none.
 COEFFICIENTS = (0.0, 0.3)
 SLIPPING_FRAMES, RELIABLE_MM, LIGHTEST_N, FIRMEST_N = 2000, 11.0, 0.28, 1.98
@@ -59,7 +65,41 @@ def shear(path: str, random: np.random.Generator) -> dict[str, Any]:
         print(f"{title}, at {FORCE_N:g} N\n  y\\x " + "".join(f"{x:8g}" for x in axis))
         for y_mm, values in zip(axis, maps[name], strict=True):
             print(f"{y_mm:5g} " + "".join(f"{value:8.3g}" for value in values))
-    return {"force_n": FORCE_N, "places_mm": axis.tolist()} | maps
+    return {"force_n": FORCE_N, "places_mm": axis.tolist(), "solved": solved(path, random)} | maps
+
+
+def solved(path: str, random: np.random.Generator) -> dict[str, Any]:
+    """Errors on presses that were solved one by one, sheared by up to half their force, within ±8 mm."""
+    pad = standard_pad()
+    solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
+    rows = labelled(read_solved(SOLVED_TEST), pad)
+    press, field = rows[:, :5], rows[:, 5:].reshape(len(rows), -1, 3) * 1e-6
+    known = CalibrationSet(pad, press, field, tuple(range(len(press))), "none", None)
+    many = replace(known, press=np.repeat(press, NOISY, axis=0))
+    noisy = np.repeat(field, NOISY, axis=0)
+    noisy = noisy + random.normal(0.0, NOISE_T, noisy.shape)
+    facts: dict[str, Any] = {}
+    print(
+        f"{len(press)} directly solved presses: mean errors of x, y (mm), force, shear x, y (N); at 2 mG in deviations"
+    )
+    for name, refine in (("network", False), ("refined", True)):
+        model = ContactModel.load(path, pad, refine=refine)
+        for frames, judged in (
+            ("noise-free", judge(known, solver.solved(field), model)),
+            ("2 mG", judge(many, solver.solved(noisy), model)),
+        ):
+            error = (judged.found - judged.press)[judged.in_range]
+            mae = [rounded(value) for value in np.abs(error).mean(axis=0)]
+            in_sd = [rms(column) for column in (error / judged.deviation[judged.in_range]).T]
+            refused = rounded(1.0 - float(judged.in_range.mean()))
+            facts[f"{name}, {frames}"] = {"mae": mae, "in_sd": in_sd, "refused": refused}
+            shown = "" if frames == "noise-free" else "  |" + "".join(f"{value:6.2f}" for value in in_sd)
+            print(
+                f"  {name + ', ' + frames:22}"
+                + "".join(f"{value:8.4f}" for value in mae)
+                + f"{shown}  refused {refused:.1%}"
+            )
+    return facts
 
 
 def _condition(response: Response, press: Array) -> float:

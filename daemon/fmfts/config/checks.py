@@ -8,6 +8,7 @@ from itertools import combinations
 from pathlib import Path
 
 from fmfts.config import (
+    SHIPPED_MODELS,
     BridgeSource,
     Config,
     I2cSource,
@@ -134,8 +135,8 @@ def _rest(pad: PadConfig) -> Iterator[Problem]:
 
 
 def _model(pad: PadConfig) -> Iterator[Problem]:
-    if pad.contact.model != "default" and not Path(pad.contact.model).is_file():
-        yield ("contact", "model"), f'neither "default" nor a file: there is no {pad.contact.model}'
+    if pad.contact.model not in SHIPPED_MODELS and not Path(pad.contact.model).is_file():
+        yield ("contact", "model"), f'neither "default" nor "shear" nor a file: there is no {pad.contact.model}'
 
 
 def _names(pads: Sequence[PadConfig]) -> Iterator[Problem]:

@@ -104,7 +104,9 @@ class ContactModel:
         own = facts.own_error
         # What remains of the network's own error after it was refined is that of the table: nothing beside the noise.
         whole = np.stack(own.tables, axis=-1) * self._unit
-        self.own_deviation = np.hypot(0.0 * whole if refiner else whole, self._friction_deviation(friction))
+        of_friction = np.broadcast_to(self._friction_deviation(friction), whole.shape)
+        self.own_deviation = np.hypot(0.0 * whole if refiner else whole, of_friction)
+        self.slipping_n = of_friction[-1, :, 2]  # what shear does to the largest force, by radius
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
         self.spread_m = np.diff(self.edges_m, axis=1)[:, 0] * EVEN_SPREAD
@@ -128,7 +130,7 @@ class ContactModel:
     def load(
         cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0, smoothing_s: float = 0.0
     ) -> Self:
-        """The model at `path` ("default": the one that ships) for `pad`; ModelError names what is wrong with it."""
+        """The model at `path`, or of SHIPPED_MODELS, for `pad`; ModelError names what is wrong with it."""
         file = path_of(path)
         try:
             content = read(file)
@@ -177,7 +179,7 @@ class ContactModel:
         contact, spread = self._contact(pose, pose_covariance)
         limit_n = self.facts.envelope.force_max_n
         force_sd = float(np.sqrt(spread[2, 2]))
-        over_range = bool(share < 1.0 or contact[2] - limit_n > OUTSIDE_DEVIATIONS * force_sd)
+        over_range = share < 1.0 or self._too_hard(contact, spread)
         certain_n = max(min(float(contact[2]), limit_n) - CERTAIN_DEVIATIONS * force_sd, 0.0)
         x_m, y_m, force_n = contact[:3].tolist()
         lifted_m = max(float(lifted_mm) - HYSTERESIS_MM, 0.0) * 1e-3
@@ -215,6 +217,12 @@ class ContactModel:
     def _outside(self, contact: Array) -> bool:
         """Is the place beyond where the model was asked to answer?"""
         return bool((contact[:2] < self.edges_m[:, 0]).any() or (contact[:2] > self.edges_m[:, 1]).any())
+
+    def _too_hard(self, contact: Array, spread: Array) -> bool:
+        """Is the force of the pose, whatever shear may have a part in it, beyond the calibrated?"""
+        beyond_n = contact[2] - self.facts.envelope.force_max_n
+        slipping_n = self.slipping_n[np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))]
+        return bool(beyond_n > 0.0 and beyond_n**2 > OUTSIDE_DEVIATIONS**2 * (spread[2, 2] - slipping_n**2))
 
     def _share_inside(self, pose: Array, slack: Array) -> float:
         """The largest share, at most 1, of the displacement from rest that stays in the envelope widened by `slack`.

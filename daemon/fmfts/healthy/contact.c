@@ -16,12 +16,25 @@ static int bin_of(double count, const double *upper, double value)
     return bin;
 }
 
+static int radius_bin(const fmfts_facts *facts, const double *contact)
+{
+    return bin_of(facts->radius_bins[0], facts->radius_bin_m, hypot(contact[0], contact[1]));
+}
+
+/* ContactModel._too_hard */
+static bool too_hard(const fmfts_facts *facts, const double *contact, double variance)
+{
+    double beyond = contact[2] - facts->force_max_n[0], slipping = facts->slipping_n[radius_bin(facts, contact)];
+    double outside = facts->outside_deviations[0];
+    return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
+}
+
 /* The pose's covariance, carried over by the Jacobian, and the model's own error; a place is on the pad anyway. */
 static void spread_of(const fmfts_facts *facts, const fmfts_question *question, const double *contact,
                       const float *jacobian, double variance[CONTACT])
 {
     int force = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
-    int radius = bin_of(facts->radius_bins[0], facts->radius_bin_m, hypot(contact[0], contact[1]));
+    int radius = radius_bin(facts, contact);
     const double *own = facts->own_deviation + CONTACT * (force * (int)facts->radius_bins[0] + radius);
     for (int i = 0; i < CONTACT; i++) {
         double row[POSE], sum = own[i] * own[i];
@@ -61,7 +74,7 @@ fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *quest
     }
     spread_of(facts, question, place, jacobian, variance);
     double force_sd = sqrt(variance[2]);
-    bool over_range = question->share < 1.0 || place[2] - limit > facts->outside_deviations[0] * force_sd;
+    bool over_range = question->share < 1.0 || too_hard(facts, place, variance[2]);
     numbers->x_m[0] = place[0];
     numbers->x_sd_m[0] = sqrt(variance[0]);
     numbers->y_m[0] = place[1];

@@ -105,6 +105,7 @@ def put_contact(
     facts.put("radius_bins", model.own_deviation.shape[1])
     facts.put("radius_bin_m", model.radius_bins_m)
     facts.put("own_deviation", model.own_deviation)
+    facts.put("slipping_n", model.slipping_n)
 
 
 def put_message(facts: Named, mounting: Mounting, remanence_t: float) -> None:

@@ -89,6 +89,7 @@ enum {
     X(radius_bins, 1)                                                                                                  \
     X(radius_bin_m, FMFTS_BINS)                                                                                        \
     X(own_deviation, 3 * FMFTS_BINS * FMFTS_BINS)                                                                      \
+    X(slipping_n, FMFTS_BINS)   /* by radius */                                                                        \
     X(rest_variance, 6)         /* contact_message.py */                                                               \
     X(remanence_t, 1)                                                                                                  \
     X(ambient_t, 3)             /* NaN: not measured */                                                                \

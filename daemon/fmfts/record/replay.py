@@ -11,7 +11,7 @@ import msgspec
 
 from fmfts.ambient import Baseline
 from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
-from fmfts.config import PadConfig
+from fmfts.config import SHIPPED_MODELS, PadConfig
 from fmfts.contact import ContactModel, ModelError
 from fmfts.memory import BadMemoryError, restore
 from fmfts.pipeline import PadPipeline
@@ -59,7 +59,7 @@ class Comparison:
 
 
 class Replay:
-    """The pads of a recording. model_paths: where to look for contact models besides the one that ships.
+    """The pads of a recording. model_paths: where to look for contact models besides those that ship.
 
     RecordingError where it holds no state, or another model than these made it.
     """
@@ -67,7 +67,7 @@ class Replay:
     def __init__(self, path: Path, model_paths: Sequence[str] = ()) -> None:
         self.path = path
         self.comparison = Comparison()
-        self._model_paths = ("default", *model_paths)
+        self._model_paths = (*SHIPPED_MODELS, *model_paths)
         self._pipelines: dict[str, PadPipeline] = {}
         self._boot = ""
         self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → its first state
