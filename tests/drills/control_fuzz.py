@@ -66,7 +66,8 @@ def fuzzed_control(folder: Path, count: int) -> dict[str, Any]:
         assert "Traceback" not in daemon.log.read_text()
     facts = {"requests": answers.total(), **answers, "memory_grown_kb": grown_kb}
     assert answers.total() == count // BATCH * BATCH, facts
-    assert min(answers["ok"], answers["error"]) > count // 50, facts  # most are refused, but not all
+    # 40 % are undamaged, 3 of 8 verbs harmless and known, 29 % of those bear no surplus key: 4.3 % of these dice.
+    assert min(answers["ok"], answers["error"]) > 0.04 * count, facts
     assert grown_kb < GROWN_KB, facts
     return facts
 

@@ -96,7 +96,7 @@ def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_p
 
 
 def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_path: Path) -> None:
-    """The daemon and its other listeners do not notice."""
+    """The daemon and its other listeners do not notice. The limit has to hold a first chunk, a slow machine's too."""
     limited = f"ulimit -f 400; trap '' XFSZ; exec {sys.executable} -m fmfts record {tmp_path / 'a.mcap'}"
     ended = subprocess.run(
         ["bash", "-c", limited], env=daemon.environment, capture_output=True, text=True, timeout=60, check=False
