@@ -11,6 +11,7 @@ from fmfts.bench import (
     contact,
     convergence,
     faults,
+    frame_cost,
     latency,
     moment,
     neighbours,
@@ -27,7 +28,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact | "
-        "latency | resident",
+        "latency | frame | resident",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.set_defaults(run=speed.run)
@@ -78,6 +79,8 @@ def main() -> None:
     verb.add_argument("--size", type=int, default=860, help="bytes of the echo's message: a contact's")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth with pads (needs matplotlib)")
     verb.set_defaults(run=latency.run)
+    verb = verbs.add_parser("frame", help="what a frame costs by stage, on hot and on cold caches")
+    verb.set_defaults(run=frame_cost.run)
     verb = verbs.add_parser("resident", help="whether the daemon's memory grows, a row each minute")
     verb.add_argument("--pads", type=int, default=4)
     verb.add_argument("--seconds", type=float, default=3600.0)
