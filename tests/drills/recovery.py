@@ -23,12 +23,23 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from drills.beside import probed
 from drills.control_fuzz import fuzzed_control
 from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_write, wedged_bus
-from drills.rig import calibrated, descriptors, is_not_ok, is_ok, plugged_in, resident_kb, summary
+from drills.rig import (
+    PATIENCE_S,
+    calibrated,
+    descriptors,
+    is_not_ok,
+    is_ok,
+    plugged_in,
+    resident_kb,
+    send_garbage,
+    summary,
+)
 
 Facts = dict[str, Any]
 # Judged by `make drills` alone, for what else runs on a computer delays frames and recoveries, too.
 HELD: dict[str, Callable[[Facts], bool]] = {
     "replug": lambda facts: facts["longest_s"] <= 1.0,
+    "reset": lambda facts: facts["longest_s"] <= 1.0,
     "wedge": lambda facts: facts["least_share_of_rate"] >= 0.95,
     "probe": lambda facts: not facts["not_ok"],
 }
@@ -79,9 +90,11 @@ def reset_in_a_frame(folder: Path, cycles: int) -> Facts:
         for _ in range(cycles):
             host.tell("truncate")
             host.tell("reset")
-            heard = [contact for contact in ear.listen(1.0) if is_ok(contact)]
-            assert is_ok(ear.next()), "not ok a second after a reset"
-            times_ns = [contact.t_publish_ns for contact in heard]
+            heard = ear.listen(1.0)
+            while not is_ok(heard[-1]):
+                heard.append(ear.next())
+                assert heard[-1].t_publish_ns - heard[0].t_publish_ns < PATIENCE_S * 1e9, heard[-1]
+            times_ns = [contact.t_publish_ns for contact in heard if is_ok(contact)]
             recoveries.append(max(b - a for a, b in pairwise(times_ns)) * 1e-9)
     assert not ear.wrong_numbers, ear.wrong_numbers[:3]
     return {"cycles": cycles, **summary(recoveries)}
@@ -92,7 +105,7 @@ def garbage(folder: Path, size: int) -> Facts:
     with calibrated(folder) as (daemon, host, ear):
         before = daemon.request("status")["pads"][0]
         for seed in range(size // BURST_BYTES):
-            host.tell(f"garbage {BURST_BYTES} {seed + 1}")
+            send_garbage(host, BURST_BYTES, seed + 1, ear.listen)
             ear.listen(0.02)
         recovered_s = ear.until(is_ok)
         ear.listen(1.2)

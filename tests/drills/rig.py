@@ -100,6 +100,12 @@ def plugged_in(folder: Path) -> FirmwareHost:
     return host
 
 
+def send_garbage(host: FirmwareHost, size: int, seed: int, wait: Callable[[float], object]) -> None:
+    """Random bytes on the line; on a busy computer it may be full of what was not fetched yet."""
+    while host.ask(f"garbage {size} {seed}") != "ok":
+        wait(0.05)
+
+
 def descriptors(pid: int) -> int:
     return len(os.listdir(f"/proc/{pid}/fd"))
 

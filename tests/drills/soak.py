@@ -21,7 +21,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from drills.rig import PATIENCE_S, STANDARD_PAD, is_ok, wrong
+from drills.rig import PATIENCE_S, STANDARD_PAD, is_ok, send_garbage, wrong
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
 from fmfts_client import Contact
 
@@ -127,9 +127,7 @@ def inject(rig: Rig, name: str, fault: str, chance: random.Random) -> None:
             rig.listen(FAULT_S)
             host.tell("mux 0 none")
         case "garbage":
-            burst = f"garbage 500 {chance.randrange(1, 10**9)}"
-            while host.ask(burst) != "ok":
-                rig.listen(0.05)  # on a busy computer the line is full of what was not fetched yet
+            send_garbage(host, 500, chance.randrange(1, 10**9), rig.listen)
         case "reset":
             host.tell("truncate")
             host.tell("reset")
