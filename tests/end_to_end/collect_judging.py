@@ -15,7 +15,7 @@ from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.network import train_network
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.tracked import Tracked
-from fmfts.calibrate.training import PRESSES, LabelledPoses, Options
+from fmfts.calibrate.training import PRESSES, LabelledPoses, Options, solver_of
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Pad
 from fmfts.simulate.chip import NOISE_T
@@ -38,7 +38,7 @@ def compare_responses(tables: Mapping[str, Path], held_out: Path) -> None:
         errors[name] = np.concatenate(
             [
                 _mean_error(_inverted(labelled, tracked), press)
-                for press, tracked in (_seen(labelled, held_out, noisy=noisy) for noisy in (False, True))
+                for press, tracked in (_seen(held_out, noisy=noisy) for noisy in (False, True))
             ]
         )
         _tell(name, errors[name], errors["ideal"])
@@ -87,19 +87,19 @@ def _trained_error(labelled: LabelledPoses, held_out: Path, hidden: int, seed: i
     network = train_network(clean.noisy(1, random), solver.rest_pose, hidden, seed=seed)
     errors = []
     for noisy in (False, True):
-        press, tracked = _seen(labelled, held_out, noisy=noisy)
+        press, tracked = _seen(held_out, noisy=noisy)
         errors.append(_mean_error(network(tracked.pose), press))
     return [float(error) for error in np.concatenate(errors)]
 
 
-def _seen(labelled: LabelledPoses, held_out: Path, *, noisy: bool) -> tuple[Array, Tracked]:
-    """The held-out presses (K, 3), and their poses as a pad calibrated so finds them."""
+def _seen(held_out: Path, *, noisy: bool) -> tuple[Array, Tracked]:
+    """The held-out presses (K, 3), and their poses, from their own rest as a pad's are from its baseline's."""
     test: CalibrationSet = read_labelled(held_out, _pad(), PAD_SIZE_MM, None)
     press, field_t = test.press[:, :3], test.field_t
     if noisy:
         press, field_t = np.repeat(press, FRAMES, axis=0), np.repeat(field_t, FRAMES, axis=0)
         field_t = field_t + np.random.default_rng(11).normal(0.0, NOISE_T, field_t.shape)
-    return press, labelled.solver.solved(field_t)
+    return press, solver_of(test, "drifting", NOISE_T).solved(field_t)
 
 
 def _inverted(labelled: LabelledPoses, tracked: Tracked) -> Array:

@@ -6,7 +6,6 @@ up by the real clock, `make collect-drills` tells.
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
@@ -18,7 +17,7 @@ import pytest
 
 from end_to_end.collecting_bench import PressedBench
 from end_to_end.processes import run_command
-from end_to_end.test_collect import plan, rows
+from end_to_end.test_collect import frames_behind, plan, rows
 from fmfts import exit_codes
 from fmfts.collect.errors import CollectError, RefusedError, StoppedError
 
@@ -149,15 +148,12 @@ def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBen
     assert 2 <= len(before) < 8
     with table.open("a") as file:
         file.write("8,0.0000,0.0000,0.9")  # as a row that was being written
-    with table.with_suffix(".frames.jsonl").open("a") as file:
-        file.write('{"press":7,"frames":[]}\n{"press":8,"fra')
     assert bench.collect(grid, table)["collected"] == 8
     after = rows(table)
     assert [row["press"] for row in after] == [str(number) for number in range(1, 9)]
     assert after[: len(before)] == before
-    frames = [json.loads(line) for line in table.with_suffix(".frames.jsonl").read_text().splitlines()]
-    assert [record["press"] for record in frames if record["press"]] == list(range(1, 9))
-    assert all(record["frames"] for record in frames)
+    assert [frames_behind(row, bench.folder) for row in after] == [int(row["frames"]) for row in after]
+    assert {row["recording"] for row in after} == {"data.1.mcap", "data.2.mcap"}
     bench.collect(grid, table)
     assert rows(table) == after
     with pytest.raises(RefusedError, match="was begun with another plan"):

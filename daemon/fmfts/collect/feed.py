@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import msgspec
-import numpy as np
 
 from fmfts.bus.lock import serving_pid
 from fmfts.bus.messages import FrameMessage
 from fmfts.collect.errors import AbsentError
 from fmfts.collect.gauge import Counts
 from fmfts.config import Config, PadConfig
+from fmfts.frame_message import frame_of
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.factory import open_sources
 from fmfts_client import Subscription, request
@@ -88,37 +88,6 @@ class DaemonFeed:
 
     def close(self) -> None:
         self._subscription.close()
-
-
-def frame_of(message: FrameMessage) -> Frame:
-    """The frame that a message of the bus, or a line of a recording, tells of."""
-    return Frame(
-        pad_index=0,
-        sequence=message.sequence,
-        device_time_us=message.device_time_us,
-        host_time_ns=message.host_time_ns,
-        gain_code=message.gain_code,
-        counts=np.array(message.counts, dtype=np.int16),
-        age_us=np.array(message.age_us, dtype=np.uint16),
-        fresh=np.array(message.fresh, dtype=np.bool_),
-        valid=np.array(message.valid, dtype=np.bool_),
-        temperature_c=message.temperature_c,
-    )
-
-
-def frame_facts(frame: Frame) -> dict[str, Any]:
-    """A frame as a line of a recording has it: the fields of FrameMessage that are the frame's own."""
-    return {
-        "sequence": frame.sequence,
-        "device_time_us": frame.device_time_us,
-        "host_time_ns": frame.host_time_ns,
-        "gain_code": frame.gain_code,
-        "counts": frame.counts.tolist(),
-        "age_us": frame.age_us.tolist(),
-        "fresh": frame.fresh.tolist(),
-        "valid": frame.valid.tolist(),
-        "temperature_c": frame.temperature_c,
-    }
 
 
 def _load_cell(source: Source) -> Counts | None:

@@ -29,7 +29,7 @@ class Machine:
     """`listen` is called all the time while something is waited for, and may raise: then `halt` and `rise`."""
 
     def __init__(self, config: StageConfig, clock: Clock) -> None:
-        self.place: Place | None = None  # where it last said to stand
+        self.place: Place | None = None  # where it stands, as far as it said
         self.trouble = ""
         self.listen: Callable[[], None] = lambda: None
         self._config = config
@@ -75,6 +75,7 @@ class Machine:
         self._carry_out(line, math.dist(target, self.place) / mm_per_s + LATE_S)
         if math.dist(target, self.place) > ARRIVED_MM:
             raise StoppedError(f"the stage stands at {_shown(self.place)} instead of {_shown(target)}: did it stall?")
+        self.place = (target[0], target[1], target[2])  # Marlin rounds what it tells to 0.01 mm
 
     def rescue(self, z_mm: float, mm_per_s: float) -> Rescue:
         """What brings it up to that height from anywhere when this process is no more."""

@@ -11,13 +11,13 @@ from typing import Any
 from fmfts.bus.messages import FrameMessage
 from fmfts.collect.average import RowError, average
 from fmfts.collect.errors import RefusedError
-from fmfts.collect.feed import frame_facts, frame_of
 from fmfts.collect.merge import align, plateaus, read_log
 from fmfts.collect.plan import Press
 from fmfts.collect.session import Identity, row_of
 from fmfts.collect.table import FORMAT, UNTOUCHED, Header, Table
 from fmfts.collect.work import unmoved_since_baseline
 from fmfts.config import Config, PadConfig
+from fmfts.frame_message import frame_of
 from fmfts.record.file import RecordingError, read
 from fmfts.sensor import Frame
 
@@ -34,7 +34,7 @@ def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, outpu
     times_ns = [frame.host_time_ns for frame in frames]
     fingerprint = hashlib.sha256(log_path.read_bytes()).hexdigest()[:12]
     header = Header(FORMAT, log_path.name, fingerprint, pad.name, drawing.geometry_hash)
-    identity = Identity(unmoved.baseline_id, pad.name, "")
+    identity = Identity(unmoved.baseline_id, pad.name, "", str(recording))
     refused: list[str] = []
     with Table(output, len(drawing.sensors), header) as table:
         for plateau in plateaus(log, settings.average_s):
@@ -52,8 +52,7 @@ def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, outpu
             number = UNTOUCHED if plateau.untouched else len(table.done) + 1
             force_n = 0.0 if plateau.untouched else plateau.force_n
             press = Press(number, plateau.x_mm * 1e-3, plateau.y_mm * 1e-3, force_n)
-            facts = [frame_facts(frame) for frame in averaged.frames]
-            table.add(row_of(press, averaged, force_n, mounting, identity), facts)
+            table.add(row_of(press, averaged, force_n, mounting, identity))
         return {
             "collected": len(table.done),
             "refused": refused,

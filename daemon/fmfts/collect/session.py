@@ -13,7 +13,7 @@ import numpy as np
 from fmfts.ambient import Mounting
 from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
 from fmfts.collect.errors import CollectError, RefusedError, StoppedError
-from fmfts.collect.feed import frame_facts
+from fmfts.collect.frames import Frames
 from fmfts.collect.plan import Plan, Press
 from fmfts.collect.presser import Presser
 from fmfts.collect.table import UNTOUCHED, Row, Table
@@ -36,11 +36,12 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What every row names."""
+    """What every row names. recording: the file that has its frames."""
 
     baseline: str
     pad: str
     board: str
+    recording: str
 
 
 Told = Callable[[Press, bool], None]  # before (False) and after (True) each press
@@ -50,11 +51,19 @@ class Session:
     """Presses what of the plan is not done. Whatever goes wrong, the rod is lifted before the error comes out."""
 
     def __init__(
-        self, watch: Watch, presser: Presser, table: Table, unmoved: Unmoved, timing: Timing, identity: Identity
+        self,
+        watch: Watch,
+        presser: Presser,
+        table: Table,
+        frames: Frames,
+        unmoved: Unmoved,
+        timing: Timing,
+        identity: Identity,
     ) -> None:
         self._watch = watch
         self._presser = presser
         self._table = table
+        self._frames = frames
         self._unmoved = unmoved
         self._timing = timing
         self._identity = identity
@@ -124,9 +133,14 @@ class Session:
 
     def _store(self, press: Press, averaged: Averaged, force_n: float) -> None:
         row = row_of(press, averaged, force_n, self._unmoved.mounting, self._identity)
+
+        def keep() -> None:
+            self._frames.add(averaged.frames)
+            self._table.add(row)
+
         # A disk may take seconds, and the rod is down: what is heard must be listened to meanwhile.
         with ThreadPoolExecutor(max_workers=1) as disk:
-            stored = disk.submit(self._table.add, row, [frame_facts(frame) for frame in averaged.frames])
+            stored = disk.submit(keep)
             self._watch.until(stored.done, DISK_S)
             stored.result()
 
@@ -153,6 +167,9 @@ def row_of(press: Press, averaged: Averaged, force_n: float, mounting: Mounting,
         baseline=identity.baseline,
         pad=identity.pad,
         board=identity.board,
+        recording=identity.recording,
+        first_frame_ns=averaged.frames[0].host_time_ns,
+        last_frame_ns=averaged.frames[-1].host_time_ns,
     )
 
 

@@ -17,7 +17,7 @@ NEAR_MM = 0.3  # above the surface that the last press found, steps begin
 READINGS = 3  # behind each step's force
 PATIENCE_S = 1.0
 MOST_STEPS = 400
-SMALLEST_FORCE_ERROR_N = 0.01
+SMALLEST_FORCE_ERROR_N = 0.01  # what less means, a gauge of ±5 mN does not tell
 LONGER = 4.0  # than step_mm a step may be where the stiffness is known
 CAUTION = 0.8  # of the step that a straight line would need: silicone stiffens
 
@@ -113,7 +113,7 @@ class Stage:
         z_mm = self._machine.place[2]
         if self._last is not None:
             deeper_mm, more_n = self._last[0] - z_mm, force_n - self._last[1]
-            if abs(deeper_mm) > 1e-3 and more_n / deeper_mm > 0.0 and force_n > TOUCH_N:
+            if abs(more_n) > SMALLEST_FORCE_ERROR_N and more_n * deeper_mm > 0.0 and force_n > TOUCH_N:
                 self._n_per_mm = more_n / deeper_mm
         if force_n < TOUCH_N:
             self._surface_mm = z_mm  # or deeper: the next step tells

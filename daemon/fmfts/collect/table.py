@@ -1,4 +1,4 @@
-"""What was collected, on the disk: DATA.csv, its raw frames beside it, and what both belong to.
+"""What was collected, on the disk: DATA.csv, and what it belongs to; its frames are in recordings beside it.
 
 A row is on the disk before the next press begins, its frames before the row: whatever ends the program, a finished row
 is there once, and only once. What a killed program left half written is cut off when the work is gone on with.
@@ -19,10 +19,11 @@ from fmfts.collect.errors import RefusedError
 from fmfts.offline.field_table import field_columns
 from fmfts.service.state import write_atomically
 
-FORMAT = 1
+FORMAT = 2
 UNTOUCHED = 0  # what stands for `press` in the rows of the unloaded pad: calibration needs its field, too
 LABELS = ("press", "x_mm", "y_mm", "force_n")
 FACTS = ("force_sd_n", "frames", "temperature_c", "utc", "baseline", "pad", "board")
+FRAMES = ("recording", "first_frame_ns", "last_frame_ns")
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -47,7 +48,10 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One line of DATA.csv; field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes."""
+    """One line of DATA.csv; field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes.
+
+    recording: the file that has its frames, by their host_time_ns from first_frame_ns to last_frame_ns.
+    """
 
     press: int
     x_mm: float
@@ -61,13 +65,17 @@ class Row(msgspec.Struct, frozen=True):
     baseline: str
     pad: str
     board: str
+    recording: str
+    first_frame_ns: int
+    last_frame_ns: int
 
     def cells(self) -> list[str]:
         labels = [str(self.press), f"{self.x_mm:.4f}", f"{self.y_mm:.4f}", f"{self.force_n:.5f}"]
         fields = [f"{value:.5f}" for value in self.field_ut]
         temperature = "" if self.temperature_c is None else f"{self.temperature_c:.3f}"
         facts = [f"{self.force_sd_n:.5f}", str(self.frames), temperature, self.utc, self.baseline, self.pad, self.board]
-        return [*labels, *fields, *facts]
+        frames = [self.recording, str(self.first_frame_ns), str(self.last_frame_ns)]
+        return [*labels, *fields, *facts, *frames]
 
 
 class Table:
@@ -76,14 +84,12 @@ class Table:
     def __init__(self, path: Path, sensors: int, header: Header) -> None:
         """Opens a new one, or goes on with the one that is there. RefusedError where that is another's, or damaged."""
         self.path = path
-        self.frames_path = path.with_suffix(".frames.jsonl")
         self.header_path = path.with_suffix(".collection.json")
-        columns = [*LABELS, *field_columns(sensors), *FACTS]
+        columns = [*LABELS, *field_columns(sensors), *FACTS, *FRAMES]
         try:
             self._require_own(header)
             self.done = self._mend(columns)
             self._rows = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
-            self._frames = os.open(self.frames_path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
             if os.fstat(self._rows).st_size == 0:
                 self._append(self._rows, _line(columns))
         except OSError as error:
@@ -94,14 +100,11 @@ class Table:
 
     def __exit__(self, *_: object) -> None:
         os.close(self._rows)
-        os.close(self._frames)
 
-    def add(self, row: Row, frames: Sequence[dict[str, object]]) -> None:
+    def add(self, row: Row) -> None:
         """On the disk when this returns. RefusedError where the disk does not take it."""
         assert row.press not in self.done
-        record = msgspec.json.encode({"press": row.press, "frames": frames}) + b"\n"
         try:
-            self._append(self._frames, record)
             self._append(self._rows, _line(row.cells()))
         except OSError as error:
             raise RefusedError(f"{self.path}: {error.strerror}: make room, then go on with the same command") from error
@@ -133,12 +136,6 @@ class Table:
         done = [number for line in lines[1:] if (number := int(line.split(",", 1)[0])) != UNTOUCHED]
         if len(done) != len(set(done)):
             raise RefusedError(f"{self.path}: a press stands there twice: was it edited?")
-        # Frames are written before their row: of the last line there may be no row.
-        frames = _whole_lines(self.frames_path)
-        kept = frames[: max(len(lines) - 1, 0)]
-        if kept != frames:
-            with self.frames_path.open("rb+") as file:
-                file.truncate(sum(len(line.encode()) + 1 for line in kept))
         return set(done)
 
 

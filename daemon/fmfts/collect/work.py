@@ -7,11 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fmfts.ambient import BaselineError
+from fmfts.ambient import Baseline, BaselineError
 from fmfts.collect.average import Unmoved
 from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.feed import open_feed
+from fmfts.collect.frames import Frames
 from fmfts.collect.gauge import Gauge, open_gauge
 from fmfts.collect.hand import Hand
 from fmfts.collect.picture import Picture, shown
@@ -53,15 +54,16 @@ def collect(
         _heard(config, pad, by_hand, clock) as (watch, board_uid),
     ):
         picture = Picture(plan, table.done)
-        with shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
+        frames = Frames(output, pad, recorded_rest(drawing), watch.clock)
+        with frames, shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
             watch.begin()
-            identity = Identity(unmoved.baseline_id, pad.name, board_uid())
-            session = Session(watch, presser, table, unmoved, _timing(settings, pad), identity)
+            identity = Identity(unmoved.baseline_id, pad.name, board_uid(), frames.path.name)
+            session = Session(watch, presser, table, frames, unmoved, _timing(settings, pad), identity)
             session.run(plan, _telling(picture, draw))
         return _facts(plan, table)
 
 
-def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
+def recorded_rest(drawing: Pad) -> Baseline:
     """RefusedError where the rest of the pad is not recorded."""
     try:
         baseline = stored(drawing)
@@ -71,6 +73,12 @@ def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
         raise RefusedError(
             f"pad '{drawing.name}': its rest is not recorded: fmfts-daemon baseline --rest, while nothing touches it"
         )
+    return baseline
+
+
+def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
+    """RefusedError as from recorded_rest."""
+    baseline = recorded_rest(drawing)
     return Unmoved(
         drawing,
         baseline.mounting(drawing),
@@ -133,5 +141,5 @@ def _facts(plan: Plan, table: Table) -> dict[str, Any]:
         "presses": len(plan.presses),
         "collected": len(table.done),
         "table": str(table.path),
-        "frames": str(table.frames_path),
+        "recordings": [str(path) for path in sorted(table.path.parent.glob(f"{table.path.stem}.*.mcap"))],
     }

@@ -86,6 +86,12 @@ class RecordingWriter:
         with _disk(self.path):
             self._writer.flush()
 
+    def sync(self) -> None:
+        """The same, and it outlives this computer."""
+        self.flush()
+        with _disk(self.path):
+            self._output.sync()
+
     def finish(self) -> None:
         """Add the index. A file without one can be read as well."""
         with _disk(self.path):

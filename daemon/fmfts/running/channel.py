@@ -6,10 +6,11 @@ import logging
 import time
 
 from fmfts.ambient import Baseline
-from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, FrameMessage, Health, StatusMessage
+from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
 from fmfts.contact_message import PackedMessage
+from fmfts.frame_message import frame_message
 from fmfts.healthy import Kind
 from fmfts.jobs.baselines import BaselineJob
 from fmfts.jobs.probing import faults_of
@@ -211,25 +212,6 @@ class Channel:
         except TypeError:
             self._publisher.state_told(self.name)
             log.exception("pad '%s': its state cannot be recorded, worth reporting", self.name)
-
-
-def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
-    """What a recording needs of a frame; `frame_of` (sensor/replayed.py) is its inverse."""
-    return FrameMessage(
-        pad=pad,
-        boot=boot,
-        sequence=frame.sequence,
-        device_time_us=frame.device_time_us,
-        host_time_ns=frame.host_time_ns,
-        utc_ns=utc_ns,
-        gain_code=frame.gain_code,
-        counts=[(x, y, z) for x, y, z in frame.counts.tolist()],
-        age_us=frame.age_us.tolist(),
-        fresh=frame.fresh.tolist(),
-        valid=frame.valid.tolist(),
-        temperature_c=frame.temperature_c,
-        used=used,
-    )
 
 
 def _place(message: ContactMessage) -> str:

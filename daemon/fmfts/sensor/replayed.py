@@ -7,32 +7,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.config import PadConfig, ReplaySource
+from fmfts.frame_message import frame_of as frame_of
 from fmfts.record.file import RecordingError, read
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import SourceError, SourceState
 
 # A recording can wait: what fell due while this computer stood still comes when it goes on.
 LONGEST_STALL_NS = 100_000_000
-
-
-def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
-    """The frame as its source gave it."""
-    return Frame(
-        pad_index=pad_index,
-        sequence=message.sequence,
-        device_time_us=message.device_time_us,
-        host_time_ns=message.host_time_ns,
-        gain_code=message.gain_code,
-        counts=np.array(message.counts, dtype=np.int16).reshape(-1, 3),
-        age_us=np.array(message.age_us, dtype=np.uint16),
-        fresh=np.array(message.fresh, dtype=np.bool_),
-        valid=np.array(message.valid, dtype=np.bool_),
-        temperature_c=message.temperature_c,
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,84 @@
+"""The raw frames behind the rows of a table, as a recording (docs/recording.md): DATA.1.mcap, and the next number
+each time the work is gone on with, for a recording that was cut off is read as it is."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+import msgspec
+
+from fmfts.ambient import Baseline
+from fmfts.bus.messages import StateMessage
+from fmfts.collect.clock import Clock
+from fmfts.collect.errors import RefusedError
+from fmfts.config import PadConfig
+from fmfts.contact import ContactModel, ModelError
+from fmfts.frame_message import frame_message
+from fmfts.memory import state_message
+from fmfts.pipeline import PadPipeline
+from fmfts.record.file import RecordingError, RecordingWriter
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+
+
+class Frames:
+    """Use as a context manager. The file begins with its first frame."""
+
+    def __init__(self, table: Path, pad: PadConfig, baseline: Baseline, clock: Clock) -> None:
+        self.path = _next_path(table)
+        self._pad = pad
+        self._baseline = baseline
+        self._boot = secrets.token_hex(4)
+        self._utc_ahead_ns = time.time_ns() - clock.now_ns()
+        self._writer: RecordingWriter | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writer is not None:
+            try:
+                self._writer.finish()
+            finally:
+                self._writer.close()
+
+    def add(self, frames: Sequence[Frame]) -> None:
+        """On the disk when this returns. RefusedError where the disk does not take them."""
+        try:
+            if self._writer is None:
+                self._writer = RecordingWriter(self.path)
+                state = start_of_replay(self._pad, self._baseline, self._boot)
+                if state is not None:
+                    self._writer.add("state", self._pad.name, msgspec.to_builtins(state, builtin_types=(bytes,)))
+            for frame in frames:
+                utc_ns = frame.host_time_ns + self._utc_ahead_ns
+                message = frame_message(frame, self._pad.name, self._boot, utc_ns)
+                self._writer.add("frame", self._pad.name, msgspec.to_builtins(message))
+            self._writer.sync()
+        except RecordingError as error:
+            raise RefusedError(f"{error}: make room, then go on with the same command") from error
+
+
+def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
+    """What a replay begins with; None where no contact model knows such a pad yet: then frames alone are recorded."""
+    drawing, scene = pad.pad(), choose(pad.scene, pad.magnet, thermometer=pad.source.chip == "hmc5983")
+    for path in (pad.contact.model, "default"):
+        try:
+            model = ContactModel.load(path, drawing)
+        except ModelError:
+            continue
+        pipeline = PadPipeline(drawing, model, boot, float(pad.source.rate_hz), scene.tracking)
+        pipeline.use(baseline)
+        return state_message(pipeline, pad, boot)
+    return None
+
+
+def _next_path(table: Path) -> Path:
+    number = 1
+    while (path := table.with_suffix(f".{number}.mcap")).exists():
+        number += 1
+    return path

@@ -1,0 +1,43 @@
+"""A frame as the bus and recordings have it, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmfts.bus.messages import FrameMessage
+from fmfts.sensor.frame import Frame
+
+
+def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
+    """What a recording needs of a frame."""
+    return FrameMessage(
+        pad=pad,
+        boot=boot,
+        sequence=frame.sequence,
+        device_time_us=frame.device_time_us,
+        host_time_ns=frame.host_time_ns,
+        utc_ns=utc_ns,
+        gain_code=frame.gain_code,
+        counts=[(x, y, z) for x, y, z in frame.counts.tolist()],
+        age_us=frame.age_us.tolist(),
+        fresh=frame.fresh.tolist(),
+        valid=frame.valid.tolist(),
+        temperature_c=frame.temperature_c,
+        used=used,
+    )
+
+
+def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
+    """The frame as its source gave it."""
+    return Frame(
+        pad_index=pad_index,
+        sequence=message.sequence,
+        device_time_us=message.device_time_us,
+        host_time_ns=message.host_time_ns,
+        gain_code=message.gain_code,
+        counts=np.array(message.counts, dtype=np.int16).reshape(-1, 3),
+        age_us=np.array(message.age_us, dtype=np.uint16),
+        fresh=np.array(message.fresh, dtype=np.bool_),
+        valid=np.array(message.valid, dtype=np.bool_),
+        temperature_c=message.temperature_c,
+    )
