@@ -11,6 +11,7 @@ from time import process_time
 import numpy as np
 
 from fmfts.bench.rivals import moment_vector_solvers
+from fmfts.bench.speed_chart import draw_growth
 from fmfts.bench.workspace import batch_of, displaced, in_workspace, readings, standard_pad
 from fmfts.pad import SensorArray
 from fmfts.pose import STOP_CHI2, Batch, Part, Problem, State
@@ -33,7 +34,9 @@ MODELS = [(5, False, False), (6, False, False), (8, False, False), (6, True, Fal
 def run(options: Namespace) -> None:
     random = np.random.default_rng(options.seed)
     print(f"warm start, covariance included; processor time per solve in a batch of {PADS} pads, median of {REPEATS}\n")
-    print("kernel                         |    µs | iterations p50 p99.9 | one call for one pad, µs")
+    print(
+        f"kernel                         |    µs | iterations p50 p99.9 | {PADS} pads in one call, in {PADS} calls, µs"
+    )
     six = 0.0
     for unknowns, octupole, prior in MODELS:
         batch = _warm(unknowns, octupole, prior, random)
@@ -41,11 +44,19 @@ def run(options: Namespace) -> None:
         six = each if (unknowns, octupole) == (6, False) else six
         label = f"{unknowns} unknowns{', octupole' if octupole else ''}{', prior' if prior else ''}"
         iterations = _iterations(unknowns, octupole, prior, random)
-        print(f"{label:30} | {each:5.2f} | {iterations} | {_alone(batch):5.2f}")
+        print(f"{label:30} | {each:5.2f} | {iterations} | {PADS * each:20.0f} {PADS * _alone(batch):14.0f}")
     tapped = _timed(_warm(6, False, False, random, metres=TAPPED_M, radians=TAPPED_RAD))
     print(f"{'6 unknowns, within a tap':30} | {tapped:5.2f} |")
     _beside(six, random)
-    _growth(random)
+    sensors = {count: _many_sensors(count, random) for count in (4, 8, 16, 32, 64)}
+    magnets = {count: _many_magnets(count, random) for count in (1, 2, 3, 4)}
+    print("\neight unknowns        | µs")
+    for count, each in sensors.items():
+        print(f"{count:3d} sensors           | {each:5.1f}")
+    for count, each in magnets.items():
+        print(f"{count:3d} magnets, 4 sensors | {each:5.1f}")
+    if options.chart is not None:
+        draw_growth(sensors, magnets, options.chart)
 
 
 def _warm(
@@ -121,14 +132,6 @@ def _beside(kernel_us: float, random: np.random.Generator) -> None:
 def _all(solver: Callable[[Problem], object], problems: list[Problem]) -> None:
     for problem in problems:
         solver(problem)
-
-
-def _growth(random: np.random.Generator) -> None:
-    print("\neight unknowns        | µs")
-    for count in (4, 8, 16, 32, 64):
-        print(f"{count:3d} sensors           | {_many_sensors(count, random):5.1f}")
-    for count in (1, 2, 3, 4):
-        print(f"{count:3d} magnets, 4 sensors | {_many_magnets(count, random):5.1f}")
 
 
 def _many_sensors(count: int, random: np.random.Generator) -> float:
