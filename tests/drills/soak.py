@@ -21,7 +21,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from drills.rig import PATIENCE_S, STANDARD_PAD, is_ok, send_garbage, wrong
+from drills.rig import PATIENCE_S, STANDARD_PAD, is_ok, send_garbage, summary, wrong
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
 from fmfts_client import Contact
 
@@ -166,7 +166,7 @@ def soak(folder: Path, pads: int, seconds: float) -> dict[str, Any]:
         "wrong_numbers": len(rig.wrong_numbers),
         "first_wrong": rig.wrong_numbers[:1],
         "late_recoveries": sum(took_s > HEALTHY_S for took_s, _ in recoveries),
-        "longest_recovery": max(recoveries),
+        "recoveries": {fault: summary([took_s for took_s, what in recoveries if what == fault]) for fault in faults},
         "published": sum(rig.published.values()),
         "dropped": sum(pad["dropped"] for pad in status.values()),
         "never_arrived": sum(pad["gaps"] for pad in status.values()),
