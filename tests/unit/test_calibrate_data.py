@@ -185,7 +185,7 @@ def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pyte
 def test_calibrated_model_serves_and_its_report_stands_beside_it(
     tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """From the verb to the verb, small: layers of 8 know places to a millimetre within 8 mm, and say how well."""
+    """From the verb to the verb, small: layers of 8 know places to 0.1 mm within 8 mm, and say how well."""
     data = str(written(tmp_path, lambda rows: None, count=225))
     target = tmp_path / "small.onnx"
     arguments = ["calibrate", data, "-o", str(target), "--config", config, "--hidden", "8", "--presses", "1500"]
@@ -201,7 +201,8 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     assert main(again) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["model"] == report["model"]
+    # 0.05 mm and 0.012 N; layers of 4 leave 0.07 mm and 0.11 N: the force of a slab that stiffens bends more than place.
     centre = next(row for row in facts["regions"] if row["region"] == "within 8 mm")
-    assert centre["mae_x_mm"] < 1.0
-    assert centre["mae_force_n"] < 0.1
+    assert centre["mae_x_mm"] < 0.1
+    assert centre["mae_force_n"] < 0.03
     assert plot.read_bytes().startswith(b"\x89PNG")

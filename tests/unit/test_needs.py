@@ -114,7 +114,7 @@ def test_first_order_noise_is_the_bound_that_the_solver_gives(response: Response
 def test_six_unknowns_beat_the_default_on_a_bench_top(response: Response) -> None:
     around = Surroundings(pad(scene=BENCH_TOP), response)
     mine, default = (rms(tried(around, model, 400, 1)) for model in (Model(6, False), SHIPPED))
-    # To first order 0.44 of its place and 0.50 of its force: the default's bias. Presses drawn by four seeds have 0.40 to
+    # To first order 0.44 of its place and 0.50 of its force: the default's bias. Presses of four seeds have 0.40 to
     # 0.60 and 0.64 to 0.76.
     assert (mine < 0.85 * default).all()
 
