@@ -6,6 +6,7 @@ import numpy as np
 
 from fmfts.bench.contact import accuracy
 from fmfts.bench.contact_live import motion, squeezes, touch
+from fmfts.bench.contact_sizes import cost
 from fmfts.bench.workspace import standard_pad
 from fmfts.contact import ContactModel
 
@@ -15,6 +16,8 @@ def test_shipped_model_is_near_the_best_and_honest() -> None:
     facts = accuracy("default", 400, np.random.default_rng(3))
     assert (np.array(facts["noise_free"]["table"]) < [0.02, 0.02, 0.002]).all()
     assert (np.array(facts["noise_free"]["network_centre"]) < [0.05, 0.05, 0.005]).all()
+    # The rest pose, where a set has it, is most of the table's error.
+    assert (np.array(facts["noise_free"]["rested_table"]) < 0.5 * np.array(facts["noise_free"]["table"])).all()
     for scene in ("drifting", "constant"):
         assert (np.array(facts[scene]["network_over_best"]) < 1.07 + 0.06).all()
         assert (np.array(facts[scene]["refined_over_best"]) < 1.02 + 0.06).all()
@@ -23,6 +26,14 @@ def test_shipped_model_is_near_the_best_and_honest() -> None:
         assert (np.array(facts[scene]["network_in_sd_beyond"]) < 1.3).all()
     # The same noise on a field 4 % stronger: the error is that much smaller, and times the remanence it is the same.
     np.testing.assert_allclose(facts["remanences"]["1.28 T"], 1.0, atol=0.05)
+
+
+def test_costs_of_a_size_are_those_of_a_model_that_runs() -> None:
+    """Parameters are most of what a larger network adds: 4 bytes each, and as much again for their transposes."""
+    shipped = ContactModel.load("default", standard_pad(), refine=True)
+    small, large = (cost(hidden, shipped) for hidden in (8, 24))
+    assert large[0] - small[0] > 4 * (3027 - 499)
+    assert small[1] > 0.0
 
 
 def test_smallest_touch_is_a_few_millinewtons_at_the_centre_and_seen_at_once_at_twice_it() -> None:
