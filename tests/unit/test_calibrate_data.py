@@ -201,7 +201,7 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     assert main(again) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["model"] == report["model"]
-    # 0.05 mm and 0.012 N; layers of 4 leave 0.07 mm and 0.11 N: the force of a slab that stiffens bends more than place.
+    # 0.05 mm and 0.012 N; layers of 4 leave 0.07 mm and 0.11 N: force, of a slab that stiffens, bends more than place.
     centre = next(row for row in facts["regions"] if row["region"] == "within 8 mm")
     assert centre["mae_x_mm"] < 0.1
     assert centre["mae_force_n"] < 0.03
