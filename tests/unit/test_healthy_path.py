@@ -14,15 +14,16 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from test_pipeline import PERIOD_NS, config_of, pipeline_of
 
-from fmfts.ambient import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
+from fmfts.contact import ContactModel
 from fmfts.contact_message import PackedMessage
 from fmfts.healthy import Kind
 from fmfts.healthy.compiled import AVAILABLE, _healthy
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.named import Named
 from fmfts.pipeline import PadPipeline
+from fmfts.scene import choose
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
 from fmfts.sensor.simulated import Simulated
@@ -35,8 +36,7 @@ RELATIVE = 1e-9
 ABSOLUTE = {"position_m": 1e-12, "ambient_t": 1e-15, "axis": 1e-12, "x_m": 1e-9, "y_m": 1e-9, "force_n": 1e-9}
 
 
-def python_only(config: PadConfig, baseline: Baseline) -> PadPipeline:
-    pipeline = pipeline_of(config, baseline)
+def python_only(pipeline: PadPipeline) -> PadPipeline:
     assert pipeline._estimator is not None
     pipeline._estimator._path = None
     return pipeline
@@ -70,7 +70,11 @@ def frames_of(config: PadConfig, seconds: float) -> list[Frame]:
 def both(config: PadConfig, frames: Iterable[Frame]) -> Counter[Kind | None]:
     """How many messages came from C, by their kind; None: from Python. Each is held against the oracle's."""
     baseline = simulated_baseline(config)
-    compiled, oracle = pipeline_of(config, baseline), python_only(config, baseline)
+    compiled, oracle = pipeline_of(config, baseline), python_only(pipeline_of(config, baseline))
+    return compared(compiled, oracle, frames)
+
+
+def compared(compiled: PadPipeline, oracle: PadPipeline, frames: Iterable[Frame]) -> Counter[Kind | None]:
     kinds: Counter[Kind | None] = Counter()
     for frame in frames:
         answer = compiled.answer(frame)
@@ -84,6 +88,20 @@ def test_a_session_says_the_same_in_c_and_in_python() -> None:
     kinds = both(config_of(3), frames_of(config_of(3), 16.0))
     assert kinds[None] < 10  # only the first frames, before there are three samples of each axis
     assert min(kinds[kind] for kind in (Kind.QUIET, Kind.TOUCHED, Kind.OVER_RANGE)) > 50
+
+
+def test_a_refined_session_says_the_same_in_c_and_in_python() -> None:
+    config = config_of(3)
+    pad, scene, baseline = config.pad(), choose(config.scene, config.magnet), simulated_baseline(config)
+    compiled, oracle = (
+        PadPipeline(pad, ContactModel.load("default", pad, refine=True), "boot", 220.0, scene.tracking)
+        for _ in range(2)
+    )
+    for pipeline in (compiled, oracle):
+        pipeline.use(baseline)
+    kinds = compared(compiled, python_only(oracle), frames_of(config, 8.0))
+    assert kinds[None] < 10
+    assert kinds[Kind.TOUCHED] > 400
 
 
 def with_faults(frames: Iterable[Frame]) -> Iterator[Frame]:
@@ -182,7 +200,7 @@ def test_the_memory_comes_back_whole() -> None:
     """Whatever the oracle remembers after the same frames, down to the mean residuals."""
     config = config_of(10)
     baseline = simulated_baseline(config)
-    compiled, oracle = pipeline_of(config, baseline), python_only(config, baseline)
+    compiled, oracle = pipeline_of(config, baseline), python_only(pipeline_of(config, baseline))
     for frame in frames_of(config, 1.0):
         compiled.answer(frame)
         oracle.answer(frame)

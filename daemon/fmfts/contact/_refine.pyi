@@ -3,13 +3,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 def refine(
-    knots_x: int,
-    knots_y: int,
-    monomials: int,
-    loads: int,
-    table: NDArray[Any],
-    exponent: NDArray[Any],
-    coefficient: NDArray[Any],
+    response: bytes,
     change: NDArray[Any],
     covariance: NDArray[Any],
     steps: int,

@@ -113,8 +113,8 @@ class ContactModel:
 
     @property
     def plain(self) -> bool:
-        """Three outputs, as the network has them: what the compiled path of a frame can do by itself."""
-        return self.refiner is None and not self.has_shear and self.smoothing_s == 0.0
+        """Three outputs of single frames: what the compiled path of a frame can do by itself."""
+        return not self.has_shear and self.smoothing_s == 0.0 and (self.refiner is None or self.refiner.compiled)
 
     def _friction_deviation(self, friction: float) -> Array | float:
         """In the bins of the own error: of shear anywhere within the cone of friction, the force at the bin's end."""

@@ -9,12 +9,45 @@ static const double FARTHEST_LOAD = 3.0; /* how many times the calibrated force 
 static const double UNKNOWN = 1e-6;      /* what nothing is known of is held down by a deviation of 1 m */
 
 typedef struct {
-    double press[FMFTS_MAX_PRESS], residual[FMFTS_CHANGE], slope[FMFTS_CHANGE][FMFTS_MAX_PRESS], chi2;
+    double press[FMFTS_MAX_PRESS], residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2;
 } point;
 
 static double clamped(double value, double lowest, double highest)
 {
     return value < lowest ? lowest : value > highest ? highest : value;
+}
+
+bool fmfts_view_response(const void *content, size_t size, fmfts_response *response)
+{
+    enum { KNOTS_X, KNOTS_Y, MONOMIALS, LOADS, FIRST_X, FIRST_Y, SPACING_X, SPACING_Y, SCALE, HEAD };
+    const double *head = content;
+    if (size < HEAD * sizeof(double) || !(head[KNOTS_X] >= 2.0 && head[KNOTS_X] <= 10000.0) ||
+        !(head[KNOTS_Y] >= 2.0 && head[KNOTS_Y] <= 10000.0) ||
+        !(head[MONOMIALS] >= 1.0 && head[MONOMIALS] <= FMFTS_MAX_MONOMIALS) ||
+        !(head[LOADS] >= 1.0 && head[LOADS] <= FMFTS_MAX_LOADS)) {
+        return false;
+    }
+    *response = (fmfts_response){
+        .knots = {(size_t)head[KNOTS_X], (size_t)head[KNOTS_Y]},
+        .monomials = (size_t)head[MONOMIALS],
+        .loads = (size_t)head[LOADS],
+        .first_mm = {head[FIRST_X], head[FIRST_Y]},
+        .spacing_mm = {head[SPACING_X], head[SPACING_Y]},
+        .scale_n = head[SCALE],
+        .coefficient = head + HEAD,
+    };
+    size_t exponents = response->monomials * response->loads;
+    size_t coefficients = (response->knots[0] + 2) * (response->knots[1] + 2) * response->monomials * FMFTS_MOVED;
+    response->exponent = (const int32_t *)(response->coefficient + coefficients);
+    if (size != (HEAD + coefficients) * sizeof(double) + exponents * sizeof(int32_t)) {
+        return false;
+    }
+    for (size_t i = 0; i < exponents; i++) {
+        if (response->exponent[i] < 0 || response->exponent[i] > FMFTS_MAX_EXPONENT) {
+            return false;
+        }
+    }
+    return true;
 }
 
 /* Values and derivatives of the four cubic B-splines that cover a place; the first's index. */
@@ -64,24 +97,24 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_CHANGE],
-                   double slope[FMFTS_CHANGE][FMFTS_MAX_PRESS])
+void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
+                   double slope[FMFTS_MOVED][FMFTS_MAX_PRESS])
 {
     double along_x[4], along_y[4], slope_x[4], slope_y[4];
     double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
     size_t column = stencil(response, 0, press[0], along_x, slope_x);
     size_t row = stencil(response, 1, press[1], along_y, slope_y);
     monomials(response, press + 2, value, by_load);
-    memset(change, 0, sizeof(double[FMFTS_CHANGE]));
-    memset(slope, 0, sizeof(double[FMFTS_CHANGE][FMFTS_MAX_PRESS]));
+    memset(change, 0, sizeof(double[FMFTS_MOVED]));
+    memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
     for (size_t i = 0; i < 4; i++) {
         for (size_t j = 0; j < 4; j++) {
             double here = along_x[i] * along_y[j], by_x = slope_x[i] * along_y[j], by_y = along_x[i] * slope_y[j];
             const double *patch = response->coefficient + ((column + i) * (response->knots[1] + 2) + row + j) *
-                                                              response->monomials * FMFTS_CHANGE;
+                                                              response->monomials * FMFTS_MOVED;
             for (size_t m = 0; m < response->monomials; m++) {
-                for (size_t c = 0; c < FMFTS_CHANGE; c++) {
-                    double coefficient = patch[m * FMFTS_CHANGE + c];
+                for (size_t c = 0; c < FMFTS_MOVED; c++) {
+                    double coefficient = patch[m * FMFTS_MOVED + c];
                     change[c] += here * value[m] * coefficient;
                     slope[c][0] += by_x * value[m] * coefficient;
                     slope[c][1] += by_y * value[m] * coefficient;
@@ -108,15 +141,15 @@ static void bring_onto_table(const fmfts_response *response, double *press)
 
 static void judge(const fmfts_response *response, const double *change, fmfts_matrix information, point *at)
 {
-    double modelled[FMFTS_CHANGE];
+    double modelled[FMFTS_MOVED];
     bring_onto_table(response, at->press);
     fmfts_respond(response, at->press, modelled, at->slope);
     at->chi2 = 0.0;
-    for (int c = 0; c < FMFTS_CHANGE; c++) {
+    for (int c = 0; c < FMFTS_MOVED; c++) {
         at->residual[c] = change[c] - modelled[c];
     }
-    for (int c = 0; c < FMFTS_CHANGE; c++) {
-        for (int d = 0; d < FMFTS_CHANGE; d++) {
+    for (int c = 0; c < FMFTS_MOVED; c++) {
+        for (int d = 0; d < FMFTS_MOVED; d++) {
             at->chi2 += at->residual[c] * information[c][d] * at->residual[d];
         }
     }
@@ -126,39 +159,39 @@ static void judge(const fmfts_response *response, const double *change, fmfts_ma
 static void normal_equations(const point *at, fmfts_matrix information, size_t size, fmfts_matrix normal, double *gradient)
 {
     for (size_t i = 0; i < size; i++) {
-        double weighted[FMFTS_CHANGE] = {0};
-        for (int c = 0; c < FMFTS_CHANGE; c++) {
-            for (int d = 0; d < FMFTS_CHANGE; d++) {
+        double weighted[FMFTS_MOVED] = {0};
+        for (int c = 0; c < FMFTS_MOVED; c++) {
+            for (int d = 0; d < FMFTS_MOVED; d++) {
                 weighted[d] += at->slope[c][i] * information[c][d];
             }
         }
         gradient[i] = 0.0;
         for (size_t j = 0; j < size; j++) {
             normal[i][j] = i == j ? UNKNOWN : 0.0;
-            for (int d = 0; d < FMFTS_CHANGE; d++) {
+            for (int d = 0; d < FMFTS_MOVED; d++) {
                 normal[i][j] += weighted[d] * at->slope[d][j];
             }
         }
-        for (int d = 0; d < FMFTS_CHANGE; d++) {
+        for (int d = 0; d < FMFTS_MOVED; d++) {
             gradient[i] += weighted[d] * at->residual[d];
         }
     }
 }
 
-bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_CHANGE], const double *covariance, int steps,
+bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
                   double *press, double *spread)
 {
     fmfts_matrix matrix, factored, information, normal;
     double gradient[FMFTS_MAX_PRESS], damping = FIRST_DAMPING;
     size_t size = 2 + response->loads;
     point best = {0}, trial = {0};
-    for (size_t c = 0; c < FMFTS_CHANGE; c++) {
-        memcpy(matrix[c], covariance + c * FMFTS_CHANGE, sizeof(double[FMFTS_CHANGE]));
+    for (size_t c = 0; c < FMFTS_MOVED; c++) {
+        memcpy(matrix[c], covariance + c * FMFTS_MOVED, sizeof(double[FMFTS_MOVED]));
     }
-    if (!factor(FMFTS_CHANGE, matrix, 0.0, factored)) {
+    if (!factor(FMFTS_MOVED, matrix, 0.0, factored)) {
         return false;
     }
-    invert_factored(FMFTS_CHANGE, factored, information);
+    invert_factored(FMFTS_MOVED, factored, information);
     memcpy(best.press, press, size * sizeof(double));
     judge(response, change, information, &best);
     normal_equations(&best, information, size, normal, gradient);

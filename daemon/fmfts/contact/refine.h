@@ -8,14 +8,14 @@
 #include <stdint.h>
 
 enum {
-    FMFTS_CHANGE = 5, /* a, b, c in mm, m, n */
+    FMFTS_MOVED = 5, /* a, b, c in mm, m, n */
     FMFTS_MAX_LOADS = 3,
     FMFTS_MAX_PRESS = 2 + FMFTS_MAX_LOADS, /* x, y in mm, loads in N */
     FMFTS_MAX_MONOMIALS = 16,
     FMFTS_MAX_EXPONENT = 9,
 };
 
-/* coefficient: (knots[0] + 2) × (knots[1] + 2) × monomials × FMFTS_CHANGE; exponent: monomials × loads, each at most
+/* coefficient: (knots[0] + 2) × (knots[1] + 2) × monomials × FMFTS_MOVED; exponent: monomials × loads, each at most
  * FMFTS_MAX_EXPONENT. */
 typedef struct {
     size_t knots[2], monomials, loads;
@@ -24,13 +24,17 @@ typedef struct {
     const double *coefficient;
 } fmfts_response;
 
+/* A response in one piece: knots, monomials, loads, first_mm, spacing_mm, scale_n and the coefficients as doubles, then the
+ * exponents as int32. False where it is none, or larger than can be refined with. */
+bool fmfts_view_response(const void *content, size_t size, fmfts_response *response);
+
 /* Change of pose under `press`, and its derivative by it. */
-void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_CHANGE],
-                   double slope[FMFTS_CHANGE][FMFTS_MAX_PRESS]);
+void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
+                   double slope[FMFTS_MOVED][FMFTS_MAX_PRESS]);
 
 /* `steps` trials of Levenberg–Marquardt from `press`, which is replaced. covariance: of `change`, 5 × 5; spread: of the
  * press, (2 + loads)². False, and nothing is written, where the covariance is none. */
-bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_CHANGE], const double *covariance, int steps,
+bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
                   double *press, double *spread);
 
 #endif

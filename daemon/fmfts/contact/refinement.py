@@ -21,22 +21,21 @@ class Refiner:
     def __init__(self, response: Response) -> None:
         self.response = response
         size_x, size_y, monomials, _ = response.coefficient.shape
-        self._sizes = (size_x - 2, size_y - 2, monomials, response.loads)
-        self._table = np.array([*response.first_mm, *response.spacing_mm, response.scale_n])
-        self._exponent = np.ascontiguousarray(response.exponent, dtype=np.int32)
-        self._coefficient = np.ascontiguousarray(response.coefficient)
-        self._compiled = _refine is not None and monomials <= MOST_MONOMIALS
+        sizes = np.array([size_x - 2, size_y - 2, monomials, response.loads])
+        table = np.concatenate([sizes, response.first_mm, response.spacing_mm, [response.scale_n]])
+        exponent = np.ascontiguousarray(response.exponent, dtype=np.int32)
+        # As refine.h reads it.
+        self.packed = table.tobytes() + np.ascontiguousarray(response.coefficient).tobytes() + exponent.tobytes()
+        self.compiled = _refine is not None and monomials <= MOST_MONOMIALS
 
     def refined(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array]:
         """The press (2 + L,) in mm and N, and its covariance, from a press near it and a change of pose (5,) in mm and
         numbers of the axis, whose covariance is (5, 5). ValueError where that is no covariance."""
-        if not self._compiled:
+        if not self.compiled:
             return self.reference(press, change, covariance, steps)
         found, spread = np.array(press, dtype=float), np.empty((len(press), len(press)))
         change, covariance = np.ascontiguousarray(change, dtype=float), np.ascontiguousarray(covariance, dtype=float)
-        if not _refine.refine(
-            *self._sizes, self._table, self._exponent, self._coefficient, change, covariance, steps, found, spread
-        ):
+        if not _refine.refine(self.packed, change, covariance, steps, found, spread):
             raise ValueError("a press was to be refined with a covariance that is none")
         return found, spread
 

@@ -33,20 +33,28 @@ static void release(Py_buffer *buffers, int count)
 }
 
 /* What a frame comes with. FACTS … PASSAGE and READINGS are of the pad; MODEL is the network, or the pose to ask about. */
-enum { FACTS_BUFFER, MEMORY_BUFFER, PASSAGE_BUFFER, MODEL_BUFFER, READINGS_BUFFER, FRAME_BUFFERS };
+enum {
+    FACTS_BUFFER,
+    MEMORY_BUFFER,
+    PASSAGE_BUFFER,
+    RESPONSE_BUFFER,
+    MODEL_BUFFER,
+    READINGS_BUFFER,
+    FRAME_BUFFERS,
+};
 typedef struct {
     Py_buffer b[FRAME_BUFFERS];
     fmfts_frame frame;
 } fmfts_call;
 
-/* (facts, memory, passage, model, (gain_code, valid, fresh, readings), time_us, temperature_c); to be released anyway. */
+/* (facts, memory, passage, response, model, (gain_code, valid, fresh, readings), time_us, temperature_c); to be released anyway. */
 static int take(PyObject *args, const char *format, fmfts_call *call)
 {
     unsigned long long time_us;
     Py_buffer *b = call->b;
     memset(call, 0, sizeof *call);
-    if (!PyArg_ParseTuple(args, format, &b[0], &b[1], &b[2], &b[3], &call->frame.gain_code, &call->frame.valid,
-                          &call->frame.fresh, &b[4], &time_us, &call->frame.temperature_c)) {
+    if (!PyArg_ParseTuple(args, format, &b[0], &b[1], &b[2], &b[3], &b[4], &call->frame.gain_code,
+                          &call->frame.valid, &call->frame.fresh, &b[5], &time_us, &call->frame.temperature_c)) {
         return 0;
     }
     call->frame.readings = b[READINGS_BUFFER].buf;
@@ -87,11 +95,18 @@ static void pose_of(const fmfts_call *call, float *pose)
 }
 
 /* What is said of the contact model's answer: (instant, kind), or None where it is no number. Only then does `memory`
- * stay what it was. */
-static PyObject *answer(const fmfts_facts *facts, fmfts_memory *memory, fmfts_passage *passage, const float *contact,
-                        const float *jacobian)
+ * stay what it was. response: of a model that refines; without content otherwise. */
+static PyObject *answer(const fmfts_facts *facts, fmfts_memory *memory, fmfts_passage *passage,
+                        const Py_buffer *response, const float *contact, const float *jacobian)
 {
-    fmfts_contact kind = fmfts_answer(facts, &passage->question, contact, jacobian, &passage->numbers);
+    fmfts_found found;
+    fmfts_response table;
+    fmfts_take_answer(&passage->question, contact, jacobian, &found);
+    if (response->buf && !(fmfts_view_response(response->buf, (size_t)response->len, &table) &&
+                           fmfts_refine_answer(facts, &passage->question, &table, &found))) {
+        return Py_NewRef(Py_None);
+    }
+    fmfts_contact kind = fmfts_answer(facts, &passage->question, &found, &passage->numbers);
     if (kind == FMFTS_NO_NUMBER) {
         return Py_NewRef(Py_None);
     }
@@ -99,7 +114,7 @@ static PyObject *answer(const fmfts_facts *facts, fmfts_memory *memory, fmfts_pa
     return Py_BuildValue("(Li)", (long long)passage->question.instant_us, (int)kind);
 }
 
-/* judge(facts, memory, passage, network, packed, time_us, temperature_c) → (instant in µs, kind of contact), or None where
+/* judge(facts, memory, passage, response, network, packed, time_us, temperature_c) → (instant in µs, kind of contact), or None where
  * the frame is not healthy, and `memory` stays what it was. network: a vector of network.h. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
@@ -107,7 +122,7 @@ static PyObject *judge(PyObject *module, PyObject *args)
     fmfts_network network;
     PyObject *result = NULL;
     (void)module;
-    if (take(args, "y*w*w*y*(IIIy*)Kd", &call)) {
+    if (take(args, "y*w*w*z*y*(IIIy*)Kd", &call)) {
         const Py_buffer *model = &call.b[MODEL_BUFFER];
         float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
         if (!fmfts_view_network(model->buf, (size_t)model->len / sizeof(float), &network) ||
@@ -118,22 +133,22 @@ static PyObject *judge(PyObject *module, PyObject *args)
         } else {
             pose_of(&call, pose);
             fmfts_infer(&network, pose, contact, jacobian);
-            result = answer(call.b[FACTS_BUFFER].buf, call.b[MEMORY_BUFFER].buf, call.b[PASSAGE_BUFFER].buf, contact,
-                            jacobian);
+            result = answer(call.b[FACTS_BUFFER].buf, call.b[MEMORY_BUFFER].buf, call.b[PASSAGE_BUFFER].buf,
+                            &call.b[RESPONSE_BUFFER], contact, jacobian);
         }
     }
     release(call.b, FRAME_BUFFERS);
     return result;
 }
 
-/* ask(facts, memory, passage, pose, packed, time_us, temperature_c) → is the frame healthy so far? pose (6,) float32: what
+/* ask(facts, memory, passage, response, pose, packed, time_us, temperature_c) → is the frame healthy so far? pose (6,) float32: what
  * somebody else is to be asked about, for `conclude`. */
 static PyObject *ask(PyObject *module, PyObject *args)
 {
     fmfts_call call;
     PyObject *result = NULL;
     (void)module;
-    if (take(args, "y*w*w*w*(IIIy*)Kd", &call) && has_size(&call.b[MODEL_BUFFER], POSE * sizeof(float), "pose")) {
+    if (take(args, "y*w*w*z*w*(IIIy*)Kd", &call) && has_size(&call.b[MODEL_BUFFER], POSE * sizeof(float), "pose")) {
         int healthy = question_of(&call);
         if (healthy) {
             pose_of(&call, call.b[MODEL_BUFFER].buf);
@@ -144,21 +159,21 @@ static PyObject *ask(PyObject *module, PyObject *args)
     return result;
 }
 
-/* conclude(facts, memory, passage, contact, jacobian) → as `judge`, with another's answer to its question. */
+/* conclude(facts, memory, passage, response, contact, jacobian) → as `judge`, with another's answer to its question. */
 static PyObject *conclude(PyObject *module, PyObject *args)
 {
-    Py_buffer b[5] = {{0}};
+    Py_buffer b[6] = {{0}};
     PyObject *result = NULL;
     (void)module;
-    if (!PyArg_ParseTuple(args, "y*w*w*y*y*", &b[0], &b[1], &b[2], &b[3], &b[4])) {
+    if (!PyArg_ParseTuple(args, "y*w*w*z*y*y*", &b[0], &b[1], &b[2], &b[3], &b[4], &b[5])) {
         return NULL;
     }
     if (has_size(&b[0], sizeof(fmfts_facts), "facts") && has_size(&b[1], sizeof(fmfts_memory), "memory") &&
-        has_size(&b[2], sizeof(fmfts_passage), "passage") && has_size(&b[3], CONTACT * sizeof(float), "contact") &&
-        has_size(&b[4], CONTACT * POSE * sizeof(float), "jacobian")) {
-        result = answer(b[0].buf, b[1].buf, b[2].buf, b[3].buf, b[4].buf);
+        has_size(&b[2], sizeof(fmfts_passage), "passage") && has_size(&b[4], CONTACT * sizeof(float), "contact") &&
+        has_size(&b[5], CONTACT * POSE * sizeof(float), "jacobian")) {
+        result = answer(b[0].buf, b[1].buf, b[2].buf, &b[3], b[4].buf, b[5].buf);
     }
-    release(b, 5);
+    release(b, 6);
     return result;
 }
 

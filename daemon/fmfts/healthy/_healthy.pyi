@@ -9,6 +9,7 @@ def judge(
     facts: Buffer,
     memory: Buffer,
     passage: Buffer,
+    response: Buffer | None,
     network: Buffer,
     packed: tuple[int, int, int, bytes],
     time_us: int,
@@ -19,6 +20,7 @@ def ask(
     facts: Buffer,
     memory: Buffer,
     passage: Buffer,
+    response: Buffer | None,
     pose: Buffer,
     packed: tuple[int, int, int, bytes],
     time_us: int,
@@ -26,7 +28,7 @@ def ask(
     /,
 ) -> bool: ...
 def conclude(
-    facts: Buffer, memory: Buffer, passage: Buffer, contact: Buffer, jacobian: Buffer, /
+    facts: Buffer, memory: Buffer, passage: Buffer, response: Buffer | None, contact: Buffer, jacobian: Buffer, /
 ) -> tuple[int, int] | None: ...
 def message(
     template: bytes, places: bytes, passage: Buffer, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, /

@@ -29,24 +29,51 @@ static bool too_hard(const fmfts_facts *facts, const double *contact, double var
     return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
 }
 
-/* The pose's covariance, carried over by the Jacobian, and the model's own error; a place is on the pad anyway. */
-static void spread_of(const fmfts_facts *facts, const fmfts_question *question, const double *contact,
-                      const float *jacobian, double variance[CONTACT])
+void fmfts_take_answer(const fmfts_question *question, const float *contact, const float *jacobian, fmfts_found *found)
+{
+    for (int i = 0; i < CONTACT; i++) {
+        const float *row = jacobian + POSE * i;
+        found->contact[i] = contact[i];
+        found->variance[i] = 0.0;
+        for (int k = 0; k < POSE; k++) {
+            for (int l = 0; l < POSE; l++) {
+                found->variance[i] += row[k] * question->covariance[POSE * k + l] * row[l];
+            }
+        }
+    }
+}
+
+bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_response *response,
+                         fmfts_found *found)
+{
+    double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT];
+    if (response->loads != CONTACT - 2) {
+        return false;
+    }
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        moved[i] = question->pose[i] - facts->model_rest[i];
+        for (int j = 0; j < FMFTS_MOVED; j++) {
+            covariance[FMFTS_MOVED * i + j] =
+                question->covariance[POSE * i + j] + (i == j ? facts->least_variance[0] : 0.0);
+        }
+    }
+    if (!fmfts_refine(response, moved, covariance, (int)facts->refine_steps[0], found->contact, spread)) {
+        return false;
+    }
+    for (int i = 0; i < CONTACT; i++) {
+        found->variance[i] = spread[(CONTACT + 1) * i];
+    }
+    return true;
+}
+
+/* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
+static void spread_of(const fmfts_facts *facts, const double *contact, const double *found, double variance[CONTACT])
 {
     int force = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
     int radius = radius_bin(facts, contact);
     const double *own = facts->own_deviation + CONTACT * (force * (int)facts->radius_bins[0] + radius);
     for (int i = 0; i < CONTACT; i++) {
-        double row[POSE], sum = own[i] * own[i];
-        for (int k = 0; k < POSE; k++) {
-            row[k] = jacobian[POSE * i + k] * UNIT[i];
-        }
-        for (int k = 0; k < POSE; k++) {
-            for (int l = 0; l < POSE; l++) {
-                sum += row[k] * question->covariance[POSE * k + l] * row[l];
-            }
-        }
-        variance[i] = sum;
+        variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
     }
     for (int i = 0; i < 2; i++) {
         double even = facts->spread_m[i] * facts->spread_m[i];
@@ -65,14 +92,14 @@ static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, boo
     return isfinite(sum);
 }
 
-fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const float *contact,
-                           const float *jacobian, fmfts_numbers *numbers)
+fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_found *found,
+                           fmfts_numbers *numbers)
 {
     double place[CONTACT], variance[CONTACT], limit = facts->force_max_n[0];
     for (int i = 0; i < CONTACT; i++) {
-        place[i] = contact[i] * UNIT[i];
+        place[i] = found->contact[i] * UNIT[i];
     }
-    spread_of(facts, question, place, jacobian, variance);
+    spread_of(facts, place, found->variance, variance);
     double force_sd = sqrt(variance[2]);
     bool over_range = question->share < 1.0 || too_hard(facts, place, variance[2]);
     numbers->x_m[0] = place[0];

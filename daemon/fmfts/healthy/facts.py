@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from fmfts.ambient import Mounting
 from fmfts.chi2 import quantile
 from fmfts.contact import ContactModel, TouchDetector
-from fmfts.contact.model import CERTAIN_DEVIATIONS, HYSTERESIS_MM, LIFTED_DEVIATIONS, OUTSIDE_DEVIATIONS
+from fmfts.contact.model import CERTAIN_DEVIATIONS, HYSTERESIS_MM, LIFTED_DEVIATIONS, OUTSIDE_DEVIATIONS, TINY
+from fmfts.contact.refinement import STEPS
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.named import Named
 from fmfts.pad import Pad
@@ -89,6 +90,8 @@ def put_contact(
     facts.put("release_frames", RELEASE_FRAMES)
     facts.put("drawn_rest_m", drawing.rest_position_m)
     facts.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
+    facts.put("refine_steps", STEPS)
+    facts.put("least_variance", TINY[0, 0])
     facts.put("model_rest", model.rest_pose)
     facts.put("lowest", model.lowest)
     facts.put("highest", model.highest)

@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "../contact/refine.h"
 #include "../pose/solver.h"
 
 enum {
@@ -73,6 +74,8 @@ enum {
     X(release_frames, 1)                                                                                               \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)                                                                                                   \
+    X(refine_steps, 1)          /* refinement.py: of a model that refines */                                           \
+    X(least_variance, 1)        /* of each component that it refines with */                                           \
     X(model_rest, 6)            /* contact/model.py, in its units: mm, and numbers of the axis */                      \
     X(lowest, 6)                                                                                                       \
     X(highest, 6)                                                                                                      \
@@ -181,6 +184,12 @@ typedef struct {
     double instant_us;
 } fmfts_question;
 
+/* The contact model's answer in its units, mm and N, and the variance that the pose's own makes of it. */
+typedef struct {
+    double contact[3];
+    double variance[3];
+} fmfts_found;
+
 /* What a touched, or an untouched, pad publishes. */
 typedef enum { FMFTS_QUIET, FMFTS_TOUCHED, FMFTS_OVER_RANGE, FMFTS_NO_NUMBER } fmfts_contact;
 
@@ -198,8 +207,16 @@ bool fmfts_watch(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
 bool fmfts_ask(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_pose *pose, fmfts_question *question,
                fmfts_numbers *numbers);
 
-/* contact.c: contact [3] and jacobian [3][6], the model's answer, as numbers to publish. */
-fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const float *contact,
-                           const float *jacobian, fmfts_numbers *numbers);
+/* contact.c: the network's answer, contact [3] and jacobian [3][6], in the model's units. */
+void fmfts_take_answer(const fmfts_question *question, const float *contact, const float *jacobian,
+                       fmfts_found *found);
+
+/* contact.c: the most likely press instead, by the pad's response; false where there is none. */
+bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_response *response,
+                         fmfts_found *found);
+
+/* contact.c: a contact as numbers to publish. */
+fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_found *found,
+                           fmfts_numbers *numbers);
 
 #endif

@@ -54,6 +54,7 @@ class HealthyPath:
             array.data.cast("B") for array in (self._model.pose, self._model.contact, self._model.jacobian.ravel())
         ]
         self._network = model.inference.network if isinstance(model.inference, CompiledInference) else None
+        self._response = None if model.refiner is None else model.refiner.packed
         self._memory = Named(_healthy.MEMORY)
         self._memory_buffer = self._memory.buffer
         self._passage = np.zeros(_healthy.PASSAGE_BYTES // 8).data
@@ -73,7 +74,7 @@ class HealthyPath:
         unfelt_n: float,
     ) -> Self | None:
         """None where nothing compiled is there, or the contact model's error tables are larger than it has room for, or
-        the model tells shear or refines."""
+        the model tells shear or smooths."""
         if not (AVAILABLE and model.plain):
             return None
         facts = Named(_healthy.FACTS)
@@ -88,7 +89,7 @@ class HealthyPath:
 
     def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
         """None where the frame is not healthy in every respect: the memory then is as it was."""
-        pad = self._facts_buffer, self._memory_buffer, self._passage
+        pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
         frame = packed, device_time_us, np.nan if temperature_c is None else temperature_c
         judged = None
         if self._network is not None:
