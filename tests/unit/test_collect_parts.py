@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import socket
 import time
@@ -12,12 +13,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.console import Console
 
 from emulator.pty_port import PtyPort
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.gauge import Reading, open_gauge
 from fmfts.collect.hand import Hand
 from fmfts.collect.merge import Log, align, plateaus, read_log
+from fmfts.collect.picture import Picture, cells_of
 from fmfts.collect.plan import PlanError, Press, read_plan
 from fmfts.collect.stage import machine_place, require_within_reach
 from fmfts.collect.watch import Limits, Watch
@@ -176,6 +179,31 @@ def test_two_weights_tell_what_a_count_is_worth(monkeypatch: pytest.MonkeyPatch)
     assert facts["counts_at_zero"] == pytest.approx(8000, abs=10)
     with pytest.raises(RefusedError, match="two different weights"):
         weigh(cell, (100.0, 100.0), hang)
+
+
+def test_picture_puts_each_place_of_a_lattice_where_it_is_and_apart_from_the_others() -> None:
+    plan = read_plan("simulation")
+    cells = cells_of(plan)
+    assert len(set(cells.values())) == 225
+    for press in plan.presses:
+        column, row = cells[press.number]
+        assert (column, row) == (round(press.x_m * 1e3 + 14), round(7 - press.y_m * 1e3 / 2))
+    assert all(0 <= c < 41 and 0 <= r < 21 for c, r in cells_of(read_plan("test-simulation")).values())
+
+
+def test_picture_tells_what_is_done_what_presses_and_the_time_left() -> None:
+    plan = read_plan("simulation")
+    picture = Picture(plan, {1, 2, 3}, force_n=lambda: 0.5)
+    assert "left" not in picture.sentence()
+    picture.begun_s -= 60.0
+    picture.done |= {4, 5, 6}
+    picture.now = plan.presses[6]
+    drawn = Console(width=100, record=True, file=io.StringIO())
+    drawn.print(picture.render())
+    text = drawn.export_text()
+    assert "6 of 675 presses, 223 min left" in text  # a minute for three, 669 are left
+    assert "0.500 N" in text
+    assert (text.count("●"), text.count("◉")) == (2, 1)
 
 
 REST_T = np.full((4, 3), 300 * step_t(3))

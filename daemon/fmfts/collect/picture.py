@@ -16,23 +16,30 @@ from rich.text import Text
 
 from fmfts.collect.plan import Plan, Press
 
-COLUMNS, ROWS = 41, 21  # a place's cell; a row is twice as high as a column is wide
+COLUMNS, ROWS = 41, 21  # for places anywhere; a row is twice as high as a column is wide
+REFRESHED_HZ = 5
+Cell = tuple[int, int]  # column and row; y points up
 DONE, PART, LEFT, NOW = ("●", "green"), ("◐", "yellow"), ("·", "bright_black"), ("◉", "bold red")
 
 
 @dataclass
 class Picture:
-    """done: the numbers of finished presses. now: the press that is under way. said: what a person is to do."""
+    """done: the numbers of finished presses. now: the press that is under way. said: what a person is to do. force_n:
+    what presses at the moment, None where nobody knows.
+    """
 
     plan: Plan
     done: set[int]
     now: Press | None = None
     said: str = ""
     begun_s: float = field(default_factory=time.monotonic)
+    force_n: Callable[[], float | None] = lambda: None
     begun_with: int = field(init=False)
+    _cells: dict[int, Cell] = field(init=False)
 
     def __post_init__(self) -> None:
         self.begun_with = len(self.done)
+        self._cells = cells_of(self.plan)
 
     def render(self) -> RenderableType:
         grid = Grid.grid(padding=(0, 2))
@@ -53,16 +60,16 @@ class Picture:
         return f"{len(self.done)} of {len(self.plan.presses)} presses{left}"
 
     def _places(self) -> Text:
-        half_m = max(max(abs(press.x_m), abs(press.y_m)) for press in self.plan.presses) or 1e-3
-        cells: dict[tuple[int, int], list[int]] = {}
-        for press in self.plan.presses:
-            cells.setdefault(_cell(press, half_m), []).append(press.number)
-        now = None if self.now is None else _cell(self.now, half_m)
+        presses: dict[Cell, list[int]] = {}
+        for number, cell in self._cells.items():
+            presses.setdefault(cell, []).append(number)
+        now = None if self.now is None else self._cells[self.now.number]
         text = Text()
-        for row in range(ROWS):
-            for column in range(COLUMNS):
-                text.append(*self._mark(cells.get((column, row)), (column, row) == now))
-            text.append("\n" if row < ROWS - 1 else "")
+        for row in range(1 + max(row for _, row in presses)):
+            for column in range(1 + max(column for column, _ in presses)):
+                text.append(*self._mark(presses.get((column, row)), (column, row) == now))
+            text.append("\n")
+        text.append("x to the right, y up", "bright_black")
         return text
 
     def _mark(self, numbers: list[int] | None, now: bool) -> tuple[str, str]:
@@ -79,6 +86,9 @@ class Picture:
         if self.now is not None:
             facts.add_row("now", f"{self.now.force_n:.3f} N")
             facts.add_row("", f"at ({self.now.x_m * 1e3:+.1f}, {self.now.y_m * 1e3:+.1f}) mm")
+        force_n = self.force_n()
+        if force_n is not None:
+            facts.add_row("force", f"{force_n:.3f} N")
         return facts
 
 
@@ -100,15 +110,24 @@ def shown(picture: Picture) -> Iterator[Callable[[], None]]:
 
         yield line
         return
-    with Live(picture.render(), console=Console(stderr=True), auto_refresh=False) as live:
-        yield lambda: live.update(picture.render(), refresh=True)
+    with Live(get_renderable=picture.render, console=Console(stderr=True), refresh_per_second=REFRESHED_HZ) as live:
+        yield live.refresh
 
 
-def _cell(press: Press, half_m: float) -> tuple[int, int]:
-    """Column and row; y points up."""
-    column = round((press.x_m / half_m + 1.0) / 2.0 * (COLUMNS - 1))
-    row = round((1.0 - press.y_m / half_m) / 2.0 * (ROWS - 1))
-    return column, row
+def cells_of(plan: Plan) -> dict[int, Cell]:
+    """Where the presses of a plan are drawn, by their numbers: the rows and columns of a lattice evenly."""
+    xs, ys = (sorted({place[axis] for place in (press.place_m for press in plan.presses)}) for axis in (0, 1))
+    if len(xs) <= ROWS and len(ys) <= ROWS:
+        column, row = {x: 2 * i for i, x in enumerate(xs)}, {y: i for i, y in enumerate(reversed(ys))}
+        return {press.number: (column[press.x_m], row[press.y_m]) for press in plan.presses}
+    half_m = max(map(abs, (*xs, *ys))) or 1e-3
+    return {
+        press.number: (
+            round((press.x_m / half_m + 1.0) / 2.0 * (COLUMNS - 1)),
+            round((1.0 - press.y_m / half_m) / 2.0 * (ROWS - 1)),
+        )
+        for press in plan.presses
+    }
 
 
 def _minutes(seconds: float) -> str:

@@ -53,7 +53,7 @@ def collect(
         Table(output, len(drawing.sensors), header) as table,
         _heard(config, pad, by_hand, clock) as (watch, board_uid),
     ):
-        picture = Picture(plan, table.done)
+        picture = Picture(plan, table.done, force_n=watch.newest_force_n)
         frames = Frames(output, pad, recorded_rest(drawing), watch.clock)
         with frames, shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
             watch.begin()
