@@ -124,10 +124,10 @@ class Sender:
 
 def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -> dict[str, Any]:
     """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
-    if contact.refused:  # neither place nor force: what shear does cannot be told from them there
-        return {"contact": touching}
     if touching and contact.over_range:
-        return {"contact": True, "over_range": True, "force_min_n": contact.force_min_n}
+        return {"contact": True, "over_range": True, "force_min_n": 0.0 if contact.refused else contact.force_min_n}
+    if touching and contact.refused:  # neither place nor force: what shear does cannot be told from them there
+        return {"contact": True}
     force: dict[str, Any] = {
         "contact": touching,
         "force_n": max(contact.force_n, 0.0),

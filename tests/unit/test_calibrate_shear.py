@@ -74,7 +74,9 @@ def test_model_of_five_outputs_finds_place_force_and_shear(pad: Pad, tmp_path: P
 
 
 def test_friction_that_a_model_does_not_know_is_told_with_it(pad: Pad, tmp_path: Path) -> None:
-    made = calibrate("set.csv", sheared_set(pad, GRID, SHEARS), Options(hidden=5, presses=800), quiet)
+    """From a set of its own, the calibration set having no shear."""
+    normal, sheared = sheared_set(pad, GRID, [(0.0, 0.0)]), sheared_set(pad, GRID, SHEARS)
+    made = calibrate("set.csv", normal, Options(hidden=5, presses=800), quiet, ("sheared.csv", sheared))
     path = tmp_path / "three.onnx"
     path.write_bytes(made.model)
     facts = ContactModel.load(str(path), pad).facts

@@ -211,7 +211,6 @@ def _weaker(share: float, until_s: float = np.inf) -> FieldFault:
         count = len(built.pad.sensors)
         if time_s > until_s:
             return np.zeros((count, 3))
-        x_m, y_m, force_n = (np.full(count, value) for value in touch)
-        return -share * built.magnet_field(x_m, y_m, force_n)
+        return -share * built.magnet_field(*(np.full(count, value) for value in touch))
 
     return field

@@ -45,11 +45,10 @@ def bare_and_rest(
     return make_rest(drawing, tolerance, recording(pressed_field(built, 0.0, 0.0, 0.0)), before)
 
 
-def pressed_field(built: MountedPad, x_m: float, y_m: float, force_n: float, ambient_t: Array | None = None) -> Array:
-    """(N, 3) in sensor axes, without noise."""
-    count = len(built.pad.sensors)
-    x, y, force = (np.full(count, value) for value in (x_m, y_m, force_n))
-    return built.sensed(built.magnet_field(x, y, force) + (built.ambient_t if ambient_t is None else ambient_t))
+def pressed_field(built: MountedPad, *press: float, ambient_t: Array | None = None) -> Array:
+    """(N, 3) in sensor axes, without noise. press: x, y in m, force, and shear x, y where there is any."""
+    at = (np.full(len(built.pad.sensors), value) for value in press)
+    return built.sensed(built.magnet_field(*at) + (built.ambient_t if ambient_t is None else ambient_t))
 
 
 def _turned(built: MountedPad, random: np.random.Generator, noise_t: float) -> Means:
@@ -59,7 +58,7 @@ def _turned(built: MountedPad, random: np.random.Generator, noise_t: float) -> M
     for attitude in attitudes:
         earth = attitude @ built.ambient_t
         unit = earth / np.linalg.norm(earth)
-        drawn.append(pressed_field(built, 0.0, 0.0, 0.0, earth * (1.0 + unit @ strength @ unit)))
+        drawn.append(pressed_field(built, 0.0, 0.0, 0.0, ambient_t=earth * (1.0 + unit @ strength @ unit)))
     return _means(np.array(drawn), random, noise_t)
 
 

@@ -60,6 +60,7 @@ class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_on
 class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
     seed: int = 1
     finger: Literal["script", "none"] = "script"
+    finger_friction: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
     warming_k_per_minute: float = 0.0
     turning_deg_per_s: float = 20.0
     mechanics: str = "standard"

@@ -22,7 +22,7 @@ from fmfts.sensor.hmc5983 import (
 )
 from fmfts.sensor.source import SourceError, SourceState
 from fmfts.simulate.chip import NOISE_T, ChipArray
-from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
+from fmfts.simulate.finger import Finger, columns, finger_of
 from fmfts.simulate.mounted import MountedPad
 from fmfts.simulate.neighbour import NeighbourMagnet, seeded
 from fmfts.simulate.pad_file import mechanics_of
@@ -53,7 +53,7 @@ class Simulated:
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
         drawing = config.pad()
         self.state = SourceState(description=f"simulated pad, seed {source.seed}")
-        self.finger: Finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
+        self.finger: Finger = finger_of(source)
         self.mounted = True
         self.tumbling = False
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
@@ -110,7 +110,7 @@ class Simulated:
 
     def truth(self, host_time_ns: int) -> tuple[float, float, float]:
         """Where the finger is (m, m) and how hard it presses (N) at a time of this source's clock."""
-        return self.finger(self._seconds(host_time_ns))
+        return self.finger(self._seconds(host_time_ns))[:3]
 
     def request_selftest(self, pad_index: int) -> None:
         """Strap currents both ways at gain code 5, the unbiased field subtracted (data sheet, self-test operation)."""
@@ -164,10 +164,10 @@ class Simulated:
             ambient = ambient + other.field(self._built.pad.sensors.position_m, sampled_s, warming_k)
         if not self.mounted:
             return self._built.sensed(ambient)
-        x_m, y_m, force_n = np.array([self.finger(moment) for moment in sampled_s.tolist()]).T
+        press = columns([self.finger(moment) for moment in sampled_s.tolist()])
         magnet = self._built.pad.magnet
         warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
-        return self._built.sensed(ambient + self._built.magnet_field(x_m, y_m, force_n, warm))
+        return self._built.sensed(ambient + self._built.magnet_field(*press, magnet=warm))
 
     def _ambient(self, sampled_s: Array) -> Array:
         """(N, 3) the Earth's field as the pad sees it while the robot turns about an axis askew to everything."""

@@ -5,13 +5,16 @@ Time is in seconds since the pad was switched on. Any function from time to Touc
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import cos, pi
+from math import cos, hypot, pi
 from typing import NamedTuple
 
 import numpy as np
+
+from fmfts.config import SimulatedSource
+from fmfts.pad import Array
 
 UNLOADED_AT_START_S = 4.0  # so that a baseline can be recorded before anything touches
 CYCLE_S = 12.0
@@ -23,9 +26,17 @@ class Touch(NamedTuple):
     x_m: float
     y_m: float
     force_n: float
+    shear_x_n: float = 0.0
+    shear_y_n: float = 0.0
 
 
 Finger = Callable[[float], Touch]
+
+
+def columns(touches: Sequence[Touch]) -> list[Array]:
+    """x, y, force (K,), and shear along x and y where there is any: what a pad's mechanics takes."""
+    press = np.array(touches).T
+    return list(press if press[3:].any() else press[:3])
 
 
 def no_finger(time_s: float) -> Touch:
@@ -40,7 +51,10 @@ def steady_finger(x_m: float, y_m: float, force_n: float) -> Finger:
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """One contact: ramps of `ramp_s` at both ends of `duration_s`, moving evenly from `start_m` to `end_m`."""
+    """One contact: ramps of `ramp_s` at both ends of `duration_s`, moving evenly from `start_m` to `end_m`.
+
+    friction: share of its force with which it drags the surface along.
+    """
 
     begin_s: float
     duration_s: float
@@ -48,6 +62,7 @@ class Stroke:
     force_n: float
     start_m: tuple[float, float]
     end_m: tuple[float, float]
+    friction: float = 0.0
 
     def at(self, time_s: float) -> Touch:
         elapsed = time_s - self.begin_s
@@ -55,33 +70,50 @@ class Stroke:
         x, y = (start + (end - start) * travelled for start, end in zip(self.start_m, self.end_m, strict=True))
         from_edge = min(elapsed, self.duration_s - elapsed)
         rise = min(max(from_edge / self.ramp_s, 0.0), 1.0)
-        return Touch(x, y, self.force_n * (1.0 - cos(pi * rise)) / 2.0)
+        force_n = self.force_n * (1.0 - cos(pi * rise)) / 2.0
+        return Touch(x, y, force_n, *(self.friction * force_n * along for along in self._direction))
+
+    @property
+    def _direction(self) -> tuple[float, float]:
+        """Of its motion; none where it stands."""
+        x, y = (end - start for start, end in zip(self.start_m, self.end_m, strict=True))
+        way = hypot(x, y)
+        return (x / way, y / way) if way > 0.0 else (0.0, 0.0)
 
 
 class ScriptedFinger:
-    """Three taps, a press, a slide, a light touch and a squeeze in every twelve seconds, with rests between."""
+    """Three taps, a press, a slide, a light touch and a squeeze in every twelve seconds, with rests between.
 
-    def __init__(self, seed: int) -> None:
+    friction: of the slide.
+    """
+
+    def __init__(self, seed: int, friction: float = 0.0) -> None:
         self._seed = seed
+        self._friction = friction
 
     def __call__(self, time_s: float) -> Touch:
         cycle, within_s = divmod(time_s - UNLOADED_AT_START_S, CYCLE_S)
-        strokes = _strokes(self._seed, max(int(cycle), 0))
+        strokes = _strokes(self._seed, max(int(cycle), 0), self._friction)
         begun = [stroke for stroke in strokes if stroke.begin_s <= within_s]
         if cycle < 0 or not begun:
             return Touch(*strokes[0].start_m, 0.0)
         return begun[-1].at(within_s)
 
 
+def finger_of(source: SimulatedSource) -> Finger:
+    """The one that the config asks for."""
+    return ScriptedFinger(source.seed, source.finger_friction) if source.finger == "script" else no_finger
+
+
 @lru_cache(maxsize=64)
-def _strokes(seed: int, cycle: int) -> tuple[Stroke, ...]:
+def _strokes(seed: int, cycle: int, friction: float) -> tuple[Stroke, ...]:
     """One cycle; the places and most forces differ from cycle to cycle."""
     random = np.random.default_rng((seed, cycle))
 
     def stroke(begin_s: float, duration_s: float, ramp_s: float, force_n: float, slides: bool = False) -> Stroke:
         places = random.uniform(-REACH_M, REACH_M, (2, 2))
         start, end = ((float(x), float(y)) for x, y in places)
-        return Stroke(begin_s, duration_s, ramp_s, force_n, start, end if slides else start)
+        return Stroke(begin_s, duration_s, ramp_s, force_n, start, end if slides else start, friction)
 
     return (
         stroke(0.2, 0.12, 0.05, random.uniform(0.4, 1.0)),

@@ -56,14 +56,14 @@ class MountedPad:
         gain, turn = np.ones((len(drawing.sensors), 3)), _rotation_from_z(drawing.rest_axis)
         return cls(drawing, gain, np.zeros(3), turn, mechanics or standard_mechanics())
 
-    def pose(self, x_m: Array, y_m: Array, force_n: Array) -> tuple[Array, Array]:
-        """Position in m (K, 3) and unit axis (K, 3) of the magnet under presses (K,)."""
-        displacement, axis = self.mechanics.displacement(x_m, y_m, force_n)
+    def pose(self, *press: Array) -> tuple[Array, Array]:
+        """Position in m (K, 3) and unit axis (K, 3) of the magnet under presses (K,): x, y in m, force, shear x, y."""
+        displacement, axis = self.mechanics.displacement(*press)
         return self.pad.rest_position_m + displacement, axis @ self.rest_axis_from_z.T
 
-    def magnet_field(self, x_m: Array, y_m: Array, force_n: Array, magnet: Magnet | None = None) -> Array:
+    def magnet_field(self, *press: Array, magnet: Magnet | None = None) -> Array:
         """Field (N, 3) in tesla at the sensors in pad axes, sensor i under the i-th of N presses; no ambient."""
-        position_m, axis = self.pose(x_m, y_m, force_n)
+        position_m, axis = self.pose(*press)
         return cylinder_field(self.pad.sensors.position_m, position_m, axis, magnet or self.pad.magnet)
 
     def sensed(self, field_t: Array) -> Array:

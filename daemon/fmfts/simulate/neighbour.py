@@ -10,7 +10,7 @@ import numpy as np
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Placement
 from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.finger import Finger, ScriptedFinger, no_finger
+from fmfts.simulate.finger import Finger, columns, finger_of
 from fmfts.simulate.mounted import MountedPad
 from fmfts.simulate.pad_file import mechanics_of
 
@@ -33,13 +33,12 @@ class NeighbourMagnet:
             drawn.position_m + random.normal(0.0, drawn.tolerance_m, 3), drawn.rotation, drawn.tolerance_m
         )
         built = MountedPad.built(neighbour.pad(), seeded(source, "pad"), mechanics_of(neighbour, source))
-        finger = ScriptedFinger(source.seed) if source.finger == "script" else no_finger
+        finger = finger_of(source)
         return cls(built, placement, neighbour.magnet.temperature_coefficient_per_k, finger)
 
     def field(self, place_m: Array, sampled_s: Array, warming_k: float) -> Array:
         """(N, 3) in tesla at places (N, 3) in the axes of the pad that feels it, each at its own time (N,)."""
-        x_m, y_m, force_n = np.array([self.finger(moment) for moment in sampled_s.tolist()]).T
-        position_m, axis = self.built.pose(x_m, y_m, force_n)
+        position_m, axis = self.built.pose(*columns([self.finger(moment) for moment in sampled_s.tolist()]))
         turn, magnet = self.placement.rotation, self.built.pad.magnet
         warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self.remanence_per_k * warming_k))
         return cylinder_field(place_m, self.placement.position_m + position_m @ turn.T, axis @ turn.T, warm)
