@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pose.model import UNIT, brought_to_now, magnets_of, predict, usable_rows
+from fmfts.pose.normal_matrix import damped_step, inverse_of, weakest_step
 from fmfts.pose.problem import PLACE, VALUE, Part, Parts, Problem, Solution, Status
 from fmfts.pose.projection import best_linear_parts
 from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
@@ -23,8 +24,6 @@ Array = NDArray[np.float64]
 FIRST_DAMPING = 1e-4
 NO_DAMPING = 1e-7  # below it Marquardt's step is Gauss's
 ROUNDING = 1e-12  # relative error of a sum of squares
-# A column whose variance the others explain but for this share is not measured: what is left is rounding.
-SINGULAR = 1e-11
 # A deviation over this share of the distance to the nearest sensor, or of a radian, says nothing: the field goes with
 # the third power of the distance, so the model is not linear over it, and the covariance not one.
 UNCERTAIN = 0.25
@@ -75,7 +74,7 @@ class _Search:
             return _failed(problem, state, Status.INVALID)
         damping, iterations, status = 0.0, 0, Status.AT_LIMIT
         while iterations < problem.max_iterations:
-            step, promised = _damped_step(linear.normal[active, active], linear.gradient[active], damping)
+            step, promised = damped_step(linear.normal[active, active], linear.gradient[active], damping)
             if step is None:
                 damping = max(FIRST_DAMPING, 10.0 * damping)
                 iterations += 1
@@ -125,10 +124,10 @@ class _Search:
     def _solution(self, state: State, linear: Linear, iterations: int, status: Status) -> Solution:
         problem, active = self._problem, slice(0, self._active)
         normal = linear.normal[active, active]
-        inverse = _inverse(normal)
+        inverse = inverse_of(normal)
         columns = self._order[: self._active]
         if inverse is None or self._uncertain(state, np.sqrt(np.diagonal(inverse))):
-            direction = _weakest(normal, columns, state.columns)
+            direction = weakest_step(normal, columns, state.columns)
             return _failed(problem, state, Status.UNOBSERVABLE, len(self._rows), direction)
         covariance, chi2 = self._with_considered(inverse, linear)
         whole = np.zeros((state.columns, state.columns))
@@ -196,7 +195,7 @@ def _information(problem: Problem) -> Array | None:
     if len(columns):
         if problem.prior is None:
             return None
-        inverse = _inverse(problem.prior.covariance[np.ix_(columns, columns)])
+        inverse = inverse_of(problem.prior.covariance[np.ix_(columns, columns)])
         if inverse is None:
             return None
         information[np.ix_(columns, columns)] = inverse
@@ -218,43 +217,6 @@ def _from_mean(state: State, mean: State, parts: Parts) -> tuple[Array, Array]:
         away[tilt] = to_mean @ magnet.axis / along if along > 0.0 else np.nan
         by_step[tilt, tilt] = to_mean @ basis / along - np.outer(away[tilt], origin.axis @ basis) / along
     return away, by_step
-
-
-def _damped_step(normal: Array, gradient: Array, damping: float) -> tuple[Array | None, float]:
-    """Marquardt's step, and the decrease of χ² that the linear model promises for it; None where A is singular."""
-    damped = normal + damping * np.diag(np.diagonal(normal))
-    inverse = _inverse(damped)
-    if inverse is None:
-        return None, np.inf
-    step = inverse @ gradient
-    return step, float(step @ gradient + damping * (step * step) @ np.diagonal(normal))
-
-
-def _inverse(matrix: Array) -> Array | None:
-    """Inverse of a symmetric matrix; None unless it is positive definite and far enough from singular to tell."""
-    diagonal = np.diagonal(matrix)
-    if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
-        return None
-    scale = 1.0 / np.sqrt(diagonal)
-    try:
-        factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
-    except np.linalg.LinAlgError:
-        return None
-    if (np.diagonal(factor) ** 2 < SINGULAR).any():
-        return None
-    half = np.linalg.inv(factor) * scale
-    inverse: Array = half.T @ half
-    return inverse
-
-
-def _weakest(normal: Array, columns: NDArray[np.intp], size: int) -> Array:
-    """The unit step (size,) that changes the residuals least, each column in units of its own deviation."""
-    diagonal = np.diagonal(normal)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    _, vectors = np.linalg.eigh(normal * scale[:, None] * scale)
-    direction = np.zeros(size)
-    direction[columns] = vectors[:, 0]
-    return direction
 
 
 def _failed(problem: Problem, state: State, status: Status, rows: int = 0, direction: Array | None = None) -> Solution:

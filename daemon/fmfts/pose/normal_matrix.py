@@ -1,0 +1,48 @@
+"""What the reference does with a normal matrix: a damped step, an inverse where there is one, the weakest direction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# A column whose variance the others explain but for this share is not measured: what is left is rounding.
+SINGULAR = 1e-11
+
+
+def damped_step(normal: Array, gradient: Array, damping: float) -> tuple[Array | None, float]:
+    """Marquardt's step, and the decrease of χ² that the linear model promises for it; None where A is singular."""
+    damped = normal + damping * np.diag(np.diagonal(normal))
+    inverse = inverse_of(damped)
+    if inverse is None:
+        return None, np.inf
+    step = inverse @ gradient
+    return step, float(step @ gradient + damping * (step * step) @ np.diagonal(normal))
+
+
+def inverse_of(matrix: Array) -> Array | None:
+    """Inverse of a symmetric matrix; None unless it is positive definite and far enough from singular to tell."""
+    diagonal = np.diagonal(matrix)
+    if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
+        return None
+    scale = 1.0 / np.sqrt(diagonal)
+    try:
+        factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
+    except np.linalg.LinAlgError:
+        return None
+    if (np.diagonal(factor) ** 2 < SINGULAR).any():
+        return None
+    half = np.linalg.inv(factor) * scale
+    inverse: Array = half.T @ half
+    return inverse
+
+
+def weakest_step(normal: Array, columns: NDArray[np.intp], size: int) -> Array:
+    """The unit step (size,) that changes the residuals least, each column in units of its own deviation."""
+    diagonal = np.diagonal(normal)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    _, vectors = np.linalg.eigh(normal * scale[:, None] * scale)
+    direction = np.zeros(size)
+    direction[columns] = vectors[:, 0]
+    return direction
