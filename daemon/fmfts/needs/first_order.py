@@ -1,4 +1,4 @@
-"""What a scene needs: noise and bias of every model at the contact, to first order, and the smallest that is enough.
+"""Noise and bias of every model at the contact, to first order.
 
 A model errs in two ways. What it leaves unknown costs noise: with Jacobian J of the field by its unknowns, the pose has
 the covariance P = σ²(JᵀJ)⁻¹, and a press whose pose changes by S per unit the covariance C = (SᵀP⁻¹S)⁻¹. What it takes
@@ -13,88 +13,19 @@ from itertools import product
 
 import numpy as np
 
-from fmfts.ambient import Mounting
 from fmfts.config import PadConfig
-from fmfts.contact.response import CHANGE, Response
+from fmfts.contact.response import CHANGE
+from fmfts.needs.model import AMBIENT_CHANGE_T, RUNNING, UNKNOWNS, Cost, Model, Surroundings
 from fmfts.pad import Array, Magnet, Pad
-from fmfts.pose import FREE_FIELD, FREE_PAPER, FREE_POSE, State, tangent_basis
+from fmfts.pose import State, tangent_basis
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.dipole import dipole_field, octupole_m2
 from fmfts.pose.model import predict
 from fmfts.pose.neighbour import REACH_M, REACH_RAD
-from fmfts.pose.problem import DIRECTION, Part, measurement_rows
-from fmfts.pose.state import AMBIENT, Neighbour
-from fmfts.scene import HOTTER_K, MOMENT_DEVIATION, MOMENT_WALK_PER_S, NOISE_T, UNSEEN_WARMING_K, choose
-from fmfts.scene import around as neighbours_around
+from fmfts.pose.problem import DIRECTION, measurement_rows
+from fmfts.pose.state import Neighbour
 
-UNKNOWNS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD, 9: np.arange(9)}
-# What a running pad tracks with. To hold the moment in a constant field serves until it has aged; to free it in a field
-# that drifts leaves height, moment and field unknown together.
-RUNNING = (6, 8)
-# A baseline serves for a shift; the Earth's field turns by up to twice its half gauss.
-BASELINE_AGE_S = 8 * 3600.0
-AMBIENT_CHANGE_T = 5e-5
-# A larger model has to lower the error by this share to be worth its unknowns.
-WORTH = 0.1
 PLACES_MM, LOAD_SHARES = (-8.0, -4.0, 0.0, 4.0, 8.0), (0.15, 0.5, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """unknowns: 5 (pose), 6 (with the moment), 8 (with the ambient field), 9 (with both). cylinder: the field's next
-    term after the dipole. neighbours: names of pads whose magnets are part of the state."""
-
-    unknowns: int
-    cylinder: bool
-    neighbours: tuple[str, ...] = ()
-
-    @property
-    def size(self) -> tuple[int, int, bool]:
-        return len(self.neighbours), self.unknowns, self.cylinder
-
-    def __str__(self) -> str:
-        beside = f", with {' and '.join(self.neighbours)}" if self.neighbours else ""
-        return f"{self.unknowns} unknowns, {'cylinder' if self.cylinder else 'dipole'}{beside}"
-
-
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """Rms over presses of place (mm) and force (N). In bounds, the noise that each press has where moment and field are
-    known: bias_of: cause → what of the bias it makes; error: rms of noise and of every bias that some running model
-    would do without."""
-
-    model: Model
-    noise_mm: float
-    bias_mm: float
-    noise_n: float
-    bias_n: float
-    error: float
-    bias_of: dict[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """noise_t: of one sample. others: the pads whose magnets could be felt, and the places of theirs."""
-
-    config: PadConfig
-    response: Response
-    noise_t: float = NOISE_T
-    others: Sequence[PadConfig] = ()
-
-    @property
-    def drifts(self) -> bool:
-        """Does the ambient field change, so that no running model can tell the moment?"""
-        return self.config.scene.ambient == "drifting" or self.config.scene.steel_nearby
-
-    @property
-    def moment_deviation(self) -> float:
-        """Of a moment that is held, when the baseline is as old as it may be."""
-        magnet, variance = self.config.magnet, MOMENT_DEVIATION**2 + MOMENT_WALK_PER_S * BASELINE_AGE_S
-        if self.config.source.chip != "hmc5983":
-            variance += (magnet.temperature_coefficient_per_k * UNSEEN_WARMING_K) ** 2
-        if self.config.scene.remanence == "drifting":
-            variance += (magnet.temperature_coefficient_per_k * HOTTER_K) ** 2
-        return float(np.sqrt(variance))
 
 
 def costs(around: Surroundings, thorough: bool = True) -> list[Cost]:
@@ -106,49 +37,6 @@ def costs(around: Surroundings, thorough: bool = True) -> list[Cost]:
     reference = [_Frame.of(pad, pose, around.noise_t, Model(5, True)).noise for pose in poses]
     made = [_cost(around, pad, poses, model, np.array(reference)) for model in models]
     return sorted(made, key=lambda cost: cost.model.size)
-
-
-def recommended(found: Sequence[Cost]) -> Cost:
-    """The smallest that a pad can run with, and whose error is no more than WORTH above the least."""
-    running = sorted((cost for cost in found if cost.model.unknowns in RUNNING), key=lambda cost: cost.model.size)
-    least = min(cost.error for cost in running)
-    return next(cost for cost in running if cost.error <= (1.0 + WORTH) * least)
-
-
-def configured(around: Surroundings) -> Model:
-    """What the daemon makes of the config."""
-    scene, pad = choose(around.config.scene, around.config.magnet), around.config.pad()
-    felt = {neighbour.name for neighbour in neighbours_around(around.config, around.others) if neighbour.is_felt}
-    names = tuple(other.name for other in around.others if other.name in felt)
-    return Model(8 if scene.tracking.parts[AMBIENT.start] == Part.PRIOR else 6, pad.magnet.as_cylinder, names)
-
-
-def advice(
-    config: PadConfig, pads: Sequence[PadConfig], response: Response | None, mounting: Mounting | None
-) -> str | None:
-    """A sentence for the log where the config has more or less than its scene needs; None too where no response of the
-    pad tells. mounting: what a baseline recorded, whose noise it is then."""
-    if response is None:
-        return None
-    noise_t = NOISE_T if mounting is None else _rms(mounting.noise_t)
-    around = Surroundings(config, response, noise_t, placed_beside(config, pads))
-    needed, has = recommended(costs(around, thorough=False)).model, configured(around)
-    if needed == has:
-        return None
-    how = "more" if has.size > needed.size else "less"
-    return f"the config has {how} than its scene needs: {has}; recommended: {needed} (fmfts-daemon study scene)"
-
-
-def placed_beside(config: PadConfig, pads: Sequence[PadConfig]) -> list[PadConfig]:
-    """The pads whose place against `config`'s is known, whether it names them or not; the nearest first."""
-    here = config.placement
-    placed = [
-        other
-        for other in pads
-        if other.name != config.name
-        and (other.name in config.scene.neighbours or other.placement.position_mm != here.position_mm)
-    ]
-    return sorted(placed, key=lambda other: float(np.linalg.norm(other.placement.si().seen_from(here.si()).position_m)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,11 +103,11 @@ def _cost(around: Surroundings, pad: Pad, poses: Sequence[_Pressed], model: Mode
     by_cause = np.sqrt(np.mean((biases / reference[:, None]) ** 2, axis=(0, 2)))
     return Cost(
         model,
-        _rms(noises[:, :2]),
-        _rms(whole[:, :2]),
-        _rms(noises[:, 2]),
-        _rms(whole[:, 2]),
-        _rms(errors / reference),
+        rms(noises[:, :2]),
+        rms(whole[:, :2]),
+        rms(noises[:, 2]),
+        rms(whole[:, 2]),
+        rms(errors / reference),
         dict(zip(rest, by_cause.tolist(), strict=True)),
     )
 
@@ -263,5 +151,5 @@ def _magnets(magnet: Magnet, model: Model) -> Array:
     return np.array([[magnet.strength_t_m3, octupole_m2(magnet) if model.cylinder else 0.0]])
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,20 @@
+"""What a scene needs: every model's error at the contact, and the smallest model that is enough."""
+
+from fmfts.needs.choice import WORTH, advice, configured, placed_beside, recommended
+from fmfts.needs.first_order import LOAD_SHARES, PLACES_MM, costs
+from fmfts.needs.model import AMBIENT_CHANGE_T, Cost, Model, Surroundings
+
+__all__ = [
+    "AMBIENT_CHANGE_T",
+    "LOAD_SHARES",
+    "PLACES_MM",
+    "WORTH",
+    "Cost",
+    "Model",
+    "Surroundings",
+    "advice",
+    "configured",
+    "costs",
+    "placed_beside",
+    "recommended",
+]
