@@ -41,8 +41,10 @@ def run(options: Namespace) -> None:
     pad, random, draws = standard_pad(), np.random.default_rng(options.seed), range(options.draws)
     perfect = Gains.untested(len(pad.sensors), 0.0)
     _turned("drifting, perfect gains", "drifting", [perfect], frames, random)
-    _turned("drifting, gains ±0.5 %", "drifting", [_drawn(pad, SELFTESTED, random) for _ in draws], frames, random)
-    _turned("drifting, gains ±5 %", "drifting", [_drawn(pad, UNTESTED, random) for _ in draws], frames, random)
+    within = [_within(pad, SELFTESTED, random) for _ in draws]
+    _turned("drifting, within ±0.5 %", "drifting", within, frames, random)
+    _turned("drifting, sd of 0.5 %", "drifting", [_drawn(pad, SELFTESTED, random) for _ in draws], frames, random)
+    _turned("drifting, sd of 5 %", "drifting", [_drawn(pad, UNTESTED, random) for _ in draws], frames, random)
     _turned("the same after --turn", "drifting", [_after_turn(pad, random) for _ in draws], frames, random)
     _turned("constant, perfect gains", "constant", [perfect], frames, random)
     if options.warm_minutes:
@@ -53,6 +55,12 @@ def _drawn(pad: Pad, deviation: float, random: np.random.Generator) -> Gains:
     """Gains that are off by that much, and known no better."""
     count = len(pad.sensors)
     return replace(Gains.untested(count, deviation), mean=1.0 + deviation * random.standard_normal((count, 3)))
+
+
+def _within(pad: Pad, most: float, random: np.random.Generator) -> Gains:
+    """Gains that are off by at most that."""
+    count = len(pad.sensors)
+    return replace(Gains.untested(count, most / np.sqrt(3.0)), mean=1.0 + random.uniform(-most, most, (count, 3)))
 
 
 def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
