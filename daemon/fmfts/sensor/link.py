@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from msgspec.structs import replace
-
 from fmfts.config import PadConfig
 from fmfts.sensor import faults, hmc5983
+from fmfts.sensor.board import SETTING, Board
 from fmfts.sensor.clock import DeviceClock, HostClock
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
 from fmfts.sensor.framing import Decoder, PackedSample
@@ -27,12 +26,10 @@ from fmfts.sensor.packets import (
 )
 from fmfts.sensor.requests import REPEAT_NS, Requests
 from fmfts.sensor.selftests import Selftests
-from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceState
 
 LOADS_KEPT = 240  # three seconds of a load cell that nobody asks for
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
-_SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}  # what of hello a request changes
 
 
 class Link:
@@ -45,15 +42,13 @@ class Link:
         clock: DeviceClock | HostClock,
         uid: bytes | None = None,
     ) -> None:
-        self.hello: Hello | None = None
         self.heard_ns = 0
         self.requests = Requests()
         self.loads: deque[tuple[int, int]] = deque(maxlen=LOADS_KEPT)  # host time in ns, counts
         self._pads = pads
-        self._settings = Settings.of(next(iter(pads.values())))
         self._state = state
         self._clock = clock
-        self._uid = uid
+        self._board = Board(pads, state, uid)
         self._decoder = Decoder()
         self._hello_due_ns: int | None = None
         self._misfits = 0
@@ -61,9 +56,13 @@ class Link:
         self._welcome: set[tuple[int, int]] = set()  # pad index and bytes of readings that the last hello allows
 
     @property
+    def hello(self) -> Hello | None:
+        return self._board.hello
+
+    @property
     def is_right_board(self) -> bool:
         """False while a binding is configured and not yet confirmed."""
-        return self._uid is None or (self.hello is not None and self.hello.uid == self._uid)
+        return self._board.is_right
 
     @property
     def is_quiet(self) -> bool:
@@ -78,14 +77,13 @@ class Link:
 
     def restart(self) -> None:
         """A newly opened line: nothing of the old one holds."""
-        self.hello = self._hello_due_ns = None
+        self._board.forget()
+        self._hello_due_ns = None
         self._welcome.clear()
         self.heard_ns = self._misfits = 0
         self._decoder = Decoder()
         self._clock.restart()
         self.requests.clear()
-        for book in (self._state.board, self._state.pad_faults, self._state.sensor_faults, self._state.warnings):
-            book.clear()
 
     def lost(self, reason: str) -> None:
         """The line is gone: so is what was asked over it."""
@@ -186,7 +184,7 @@ class Link:
         )
 
     def _fits(self, what: str, pad_index: int, sensors: int) -> bool:
-        why = None if self.hello is None else faults.contradiction(self.hello, pad_index, sensors)
+        why = self._board.contradiction(pad_index, sensors)
         if why is not None:
             self._leave_out(what, why)
         return why is None
@@ -211,53 +209,26 @@ class Link:
                 self._leave_out("request", "only a host sends these: are the board's TX and RX joined?")
 
     def _take_hello(self, hello: Hello) -> None:
-        self.hello, self._hello_due_ns = hello, None
+        self._board.hello, self._hello_due_ns = hello, None
         self._welcome.clear()
         if not self.is_right_board:
             return
-        self._state.board.update(faults.identity(hello))
         if isinstance(self._clock, DeviceClock):
             self._clock.tolerance = CLOCK_TOLERANCE.get(hello.clock, 0.02)
-        faults.note(self._state.warnings, "clock", faults.bad_clock(hello))
-        for pad_index, pad in self._pads.items():
-            faults.note(self._state.pad_faults, pad_index, faults.pad_mismatch(pad, pad_index, hello))
-        self._state.sensor_faults.clear()
-        for pad_index, described in enumerate(hello.pads):
-            self._note_sensors(hello, pad_index, tuple(sensor.state for sensor in described.sensors))
-        self._configure(hello)
-
-    def _configure(self, hello: Hello) -> None:
-        wanted = self._settings
-        if hello.gain_code != wanted.gain_code:
-            self.requests.ask(Verb.RANGE, argument=wanted.gain_code)
-        # In this order no rate is ever asked for that the trigger in force cannot do.
-        changes = [(Verb.TRIGGER, hello.trigger, wanted.trigger), (Verb.RATE, hello.rate_hz, wanted.rate_hz)]
-        for verb, actual, value in reversed(changes) if wanted.trigger else changes:
-            if actual != value:
-                self.requests.ask(verb, argument=value)
-        if not hello.running:
-            self.requests.ask(Verb.START)
+        self._board.describe()
+        for verb, argument in self._board.wishes():
+            self.requests.ask(verb, argument=argument)
 
     def _take_status(self, status: Status) -> None:
-        self._state.board["transmit_dropped"] = status.transmit_dropped
-        self._state.board["receive_errors"] = status.receive_errors
+        self._board.count(status)
         for pad_index, pad in enumerate(status.pads):
             if self._fits("status", pad_index, len(pad.states)):
-                counters = {"errors": pad.bus_errors, "recoveries": pad.bus_recoveries, "repairs": pad.config_repairs}
-                self._state.board[f"bus_{pad_index}"] = counters
-                if self.hello is not None:
-                    self._note_sensors(self.hello, pad_index, pad.states)
-
-    def _note_sensors(self, hello: Hello, pad_index: int, states: tuple[int, ...]) -> None:
-        if pad_index in self._pads:
-            for sensor, state in enumerate(states):
-                sentence = faults.sensor_fault(hello.pads[pad_index], sensor, state)
-                faults.note(self._state.sensor_faults, (pad_index, sensor), sentence)
+                self._board.count_of_pad(pad_index, pad)
 
     def _take_selftest(self, selftest: Selftest) -> None:
         if self.hello is None or not self._selftests.awaits(selftest.pad_index):
             return  # the result of somebody else's request, or one too late
-        why = faults.contradiction(self.hello, selftest.pad_index, len(selftest.sensors))
+        why = self._board.contradiction(selftest.pad_index, len(selftest.sensors))
         if selftest.gain_code >= len(hmc5983.LSB_PER_GAUSS):
             why = f"there is no gain code {selftest.gain_code}"
         if why is None:
@@ -273,11 +244,10 @@ class Link:
         self._state.warnings.pop("requests", None)
         subject = f"request {Verb(request.verb).name.lower()}"
         refused = reply.result != Result.DONE
-        if request.verb == Verb.HELLO or (reply.result == Result.BUSY and request.verb in _SETTING):
+        if request.verb == Verb.HELLO or (reply.result == Result.BUSY and request.verb in SETTING):
             self._hello_due_ns = now_ns + REPEAT_NS  # for one lost on its way; after it, settings are asked for again
-        if not refused and request.verb in _SETTING and self.hello is not None:
-            self.hello = replace(self.hello, **{_SETTING[Verb(request.verb)]: request.argument})
-            self._state.board.update(faults.identity(self.hello))
+        if not refused and request.verb in SETTING:
+            self._board.granted(Verb(request.verb), request.argument)
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))
