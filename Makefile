@@ -82,8 +82,9 @@ model: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
 
 # The recordings that the tests replay, made again: a changed expectation wants a reason in its commit.
-recordings: $(VENV)/.installed-test
+recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
+	$(BIN)/python tests/data/make_paper_recording.py
 
 $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch] daemon/fmfts/sensor/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }

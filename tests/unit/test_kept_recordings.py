@@ -9,8 +9,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from end_to_end.paper import readings
 from fmfts.bus.messages import ContactMessage
 from fmfts.record.file import read
 from fmfts.record.replay import Replay, essence
@@ -101,6 +103,22 @@ def test_fault_that_comes_and_goes_is_named_and_forgiven() -> None:
         if FILTERS_LEARN_S < at_s < 0.69:
             assert contact.health == "ok"
     assert contacts[-1].health == "ok"
+
+
+def test_papers_readings_through_the_firmware_are_the_papers_poses() -> None:
+    """As in test_paper_through_the_firmware.py, where the limits are explained; the rest pose was not recorded."""
+    contacts = expected(FOLDER / "paper.mcap")
+    assert all(contact.force_n is None for contact in contacts)
+    arrived = [(each.pose.position_m, each.pose.axis, each.pose.remanence_t) for each in contacts if each.pose]
+    for reading in readings():
+        near = [
+            position_m
+            for position_m, axis, remanence_t in arrived
+            if math.dist(position_m, reading.position_m) < 0.02e-3
+            and math.degrees(math.acos(min(1.0, float(np.dot(axis, reading.axis))))) < 0.15
+            and remanence_t == pytest.approx(float(reading.remanence_t), rel=0.03)
+        ]
+        assert len(near) > 40, reading
 
 
 def test_a_change_that_matters_is_a_difference() -> None:

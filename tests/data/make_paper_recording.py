@@ -1,0 +1,93 @@
+"""Makes tests/data/recordings/paper.mcap: `make recordings`, or this with another FOLDER.
+
+The paper's readings are shown to the emulated chips of the firmware's host build one after the other; its packets come
+over a pty, through the bridge, into the pipeline. Unlike the others, the file differs each time: its clock is real.
+"""
+
+from __future__ import annotations
+
+import select
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from end_to_end.paper import readings
+from end_to_end.processes import FirmwareHost
+from fmfts import ambient
+from fmfts.config import BridgeSource, PadConfig
+from fmfts.contact import ContactModel
+from fmfts.memory import state_message
+from fmfts.pipeline import PadPipeline
+from fmfts.record.file import RecordingWriter
+from fmfts.running.channel import frame_message
+from fmfts.scene import choose
+from fmfts.sensor import Frame
+from fmfts.sensor.bridge import Bridge
+
+FOLDER = Path(__file__).parent / "recordings"
+PAD, BOOT, RATE_HZ = "paper", "recorded", 220
+BARE_FRAMES, SHOWN_FRAMES = 660, 66  # 3 s, 0.3 s
+# Of the reading before, on their way when the next is shown; of no reading, while the chips are set up.
+SETTLING_FRAMES = 30
+
+
+def frames_of(bridge: Bridge) -> Iterator[Frame]:
+    while True:
+        descriptor = bridge.fileno()
+        select.select([] if descriptor is None else [descriptor], [], [], 0.01)
+        yield from bridge.poll(time.monotonic_ns())
+
+
+def take(frames: Iterator[Frame], count: int) -> list[Frame]:
+    return [next(frames) for _ in range(count)]
+
+
+def make(path: Path, port_folder: Path) -> None:
+    with FirmwareHost(port_folder) as host:
+        config = PadConfig(name=PAD, source=BridgeSource(port=str(host.port), rate_hz=RATE_HZ))
+        drawing = config.pad()
+        tracking = choose(config.scene, config.magnet, thermometer=True).tracking
+        pipeline = PadPipeline(drawing, ContactModel.load("default", drawing), BOOT, float(RATE_HZ), tracking)
+        bridge = Bridge({0: config})
+        frames = frames_of(bridge)
+        host.tell("noise 0 0")
+        host.field(np.zeros((4, 3)))
+        while not next(frames).valid.all():
+            pass
+        take(frames, SETTLING_FRAMES)
+        bare = ambient.summarise(take(frames, BARE_FRAMES))
+        pipeline.use(ambient.make_bare(drawing, config.tolerance.si(), bare, None))
+        writer = RecordingWriter(path)
+        state = msgspec.structs.replace(state_message(pipeline, config, BOOT), utc_ns=0)
+        writer.add("state", PAD, msgspec.to_builtins(state))
+        for reading in readings():
+            host.field(reading.field_t)
+            take(frames, SETTLING_FRAMES)
+            for frame in take(frames, SHOWN_FRAMES):
+                at_ns = frame.host_time_ns
+                writer.add("frame", PAD, msgspec.to_builtins(frame_message(frame, PAD, BOOT, at_ns)))
+                contact = msgspec.structs.replace(pipeline.process(frame), t_publish_ns=at_ns, utc_ns=at_ns)
+                writer.add("contact", PAD, msgspec.to_builtins(contact))
+        writer.finish()
+        writer.close()
+        bridge.close()
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    path = folder / "paper.mcap"
+    path.unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory() as port_folder:
+        make(path, Path(port_folder))
+    print(f"{path}: {path.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
