@@ -1,30 +1,21 @@
-"""The model that ships: what it must be to be loaded, how right it is, and what it says of its own errors."""
+"""The model that ships: how right it is, and what it says of its own errors."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-import msgspec
 import numpy as np
-import onnx
 import onnxruntime
 import pytest
 from numpy.typing import NDArray
-from onnx import TensorProto, helper
 
 from fmfts.calibrate.dataset import read_calibration_set
-from fmfts.calibrate.export import export
-from fmfts.calibrate.levenberg import Layers
-from fmfts.calibrate.network import ContactNetwork
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Tracked
-from fmfts.contact import ContactEstimate, ContactModel, ModelError
-from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES, parse_response
+from fmfts.contact import ContactEstimate, ContactModel
+from fmfts.contact.contract import parse_response
 from fmfts.contact.response import bound_of
 from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.pad import Pad
@@ -32,7 +23,11 @@ from fmfts.simulate.chip import NOISE_T
 from fmfts.simulate.solved_table import standard_mechanics
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
+
+
 Array = NDArray[np.float64]
+
+
 CERTAIN = np.eye(6) * 1e-16  # deviations of 10 nm and 1e-8
 
 
@@ -77,139 +72,6 @@ class Frames:
     def found(self, model: ContactModel) -> Array:
         """(K, 3) in mm and N."""
         return np.array([[one.x_m * 1e3, one.y_m * 1e3, one.force_n] for one in self.estimates(model)])
-
-
-# --- the contract ---
-
-
-def test_model_that_ships_is_the_one_its_report_describes(model: ContactModel) -> None:
-    digest = hashlib.sha256(DEFAULT_PATH.read_bytes()).hexdigest()[:12]
-    report = json.loads(DEFAULT_PATH.with_suffix(".json").read_text())
-    assert model.hash == report["model"] == digest
-    over_all = report["on_the_calibration_set"][0]
-    assert model.facts.metrics.items() <= over_all.items()
-    assert model.facts.data == report["calibration_set_sha256"] == hashlib.sha256(CALIBRATION.read_bytes()).hexdigest()
-
-
-def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
-    proto = onnx.load(DEFAULT_PATH)
-    edit(proto)
-    path = tmp_path / "edited.onnx"
-    path.write_bytes(proto.SerializeToString())
-    return str(path)
-
-
-def with_facts(change: Callable[[dict[str, object]], None]) -> Callable[[onnx.ModelProto], None]:
-    def edit(proto: onnx.ModelProto) -> None:
-        (entry,) = (entry for entry in proto.metadata_props if entry.key == METADATA_KEY)
-        facts = json.loads(entry.value)
-        change(facts)
-        entry.value = json.dumps(facts)
-
-    return edit
-
-
-def set_versions(ir_version: int, opset: int) -> Callable[[onnx.ModelProto], None]:
-    def edit(proto: onnx.ModelProto) -> None:
-        proto.ir_version = ir_version
-        proto.opset_import[0].version = opset
-
-    return edit
-
-
-def double_output(proto: onnx.ModelProto) -> None:
-    proto.graph.node.append(helper.make_node("Cast", ["contact"], ["twice"], to=TensorProto.DOUBLE))
-    proto.graph.output[0].name = "twice"
-    proto.graph.output[0].type.tensor_type.elem_type = TensorProto.DOUBLE
-
-
-def fixed_batch(proto: onnx.ModelProto) -> None:
-    proto.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 1
-
-
-def answer_with_nan(proto: onnx.ModelProto) -> None:
-    bias = next(tensor for tensor in proto.graph.initializer if tensor.name == "b3")
-    bias.raw_data = np.full(3, np.nan, dtype=np.float32).tobytes()
-
-
-@pytest.mark.parametrize(
-    ("edit", "complaint"),
-    [
-        (set_versions(9, 18), "opset 18, not 9 and 17"),
-        (set_versions(10, 17), "IR version 10"),
-        (lambda proto: proto.ClearField("metadata_props"), f"no '{METADATA_KEY}'"),
-        (with_facts(lambda facts: facts.pop("envelope")), "missing required field `envelope`"),
-        (with_facts(lambda facts: facts.update(contract=1)), "contract"),
-        (with_facts(lambda facts: facts.update(surprise=1)), "unknown field `surprise`"),
-        (with_facts(lambda facts: facts.update(inputs=["m", "n", "p", "a_mm", "b_mm", "c_mm"])), "input order"),
-        (with_facts(lambda facts: facts.update(outputs=["y_mm", "x_mm", "force_n"])), "output order"),
-        (with_facts(lambda facts: facts["envelope"].update(pose_max=[0, 0, 11, 0, 0, 1])), "zero force"),  # type: ignore[attr-defined]
-        (with_facts(lambda facts: facts["own_error"].update(x_mm=[[1.0]])), "row per force"),  # type: ignore[attr-defined]
-        (with_facts(lambda facts: facts.update(geometry_hash="0123456789ab")), "other dimensions"),
-        (double_output, "its tensors are pose, twice, jacobian"),
-        (fixed_batch, "pose has the shape"),
-        (answer_with_nan, "does not answer with numbers"),
-    ],
-)
-def test_model_that_breaks_the_contract_is_refused_by_name(
-    tmp_path: Path, pad: Pad, edit: Callable[[onnx.ModelProto], None], complaint: str
-) -> None:
-    with pytest.raises(ModelError, match=r"edited\.onnx") as refusal:
-        ContactModel.load(edited(tmp_path, edit), pad)
-    assert complaint in str(refusal.value)
-
-
-def test_model_of_another_shape_is_refused(tmp_path: Path, pad: Pad) -> None:
-    """Five pose components and two outputs: a whole graph, valid in itself."""
-    inputs = [helper.make_tensor_value_info("pose", TensorProto.FLOAT, ["N", 5])]
-    outputs = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", 5]) for name in ("contact", "jacobian")]
-    nodes = [helper.make_node("Tanh", ["pose"], [name]) for name in ("contact", "jacobian")]
-    proto = helper.make_model(
-        helper.make_graph(nodes, "other", inputs, outputs), opset_imports=[helper.make_opsetid("", 17)], ir_version=9
-    )
-    path = tmp_path / "other.onnx"
-    path.write_bytes(proto.SerializeToString())
-    with pytest.raises(ModelError, match=r"pose has the shape \['N', 5\], not \['N', 6\]"):
-        ContactModel.load(str(path), pad)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
-def test_truncated_file_is_refused(tmp_path: Path, pad: Pad, share: float) -> None:
-    content = DEFAULT_PATH.read_bytes()
-    path = tmp_path / "half.onnx"
-    path.write_bytes(content[: int(len(content) * share)])
-    with pytest.raises(ModelError, match=r"half\.onnx"):
-        ContactModel.load(str(path), pad)
-
-
-def test_file_that_is_too_large_or_absent_or_no_model_is_refused(tmp_path: Path, pad: Pad) -> None:
-    large = tmp_path / "large.onnx"
-    with large.open("wb") as stream:
-        stream.truncate(SIZE_LIMIT_BYTES + 1)
-    with pytest.raises(ModelError, match="larger than 4 MB"):
-        ContactModel.load(str(large), pad)
-    with pytest.raises(ModelError, match=r"cannot be read \(No such file"):
-        ContactModel.load(str(tmp_path / "absent.onnx"), pad)
-    text = tmp_path / "text.onnx"
-    text.write_text("not a model at all\n")
-    with pytest.raises(ModelError, match="not an ONNX file"):
-        ContactModel.load(str(text), pad)
-
-
-def test_model_with_weights_in_another_file_is_refused(tmp_path: Path, pad: Pad) -> None:
-    path = tmp_path / "split.onnx"
-    whole = onnx.load(str(DEFAULT_PATH))
-    onnx.save_model(whole, str(path), save_as_external_data=True, location="weights.bin", size_threshold=0)
-    assert (tmp_path / "weights.bin").stat().st_size > 1000
-    with pytest.raises(ModelError, match="external data"):
-        ContactModel.load(str(path), pad)
-
-
-def test_pad_of_other_dimensions_is_refused_and_another_magnet_strength_is_not(pad: Pad) -> None:
-    other = replace(pad, rest_position_m=pad.rest_position_m + np.array([0.0, 0.0, 1e-3]))
-    with pytest.raises(ModelError, match="other dimensions"):
-        ContactModel.load("default", other)
-    ContactModel.load("default", replace(pad, magnet=pad.magnet.with_remanence(1.28)))
 
 
 # --- what it answers ---
@@ -351,102 +213,6 @@ def test_answer_is_finite_for_any_finite_pose_and_refused_for_others(pad: Pad, m
         model.estimate(np.array([0.0, np.nan, 0.012]), pad.rest_axis, CERTAIN)
     with pytest.raises(ValueError, match="not finite"):
         model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN * np.nan)
-
-
-# --- refine, friction, shear ---
-
-
-def test_refined_answers_are_the_most_likely_and_say_so(pad: Pad, model: ContactModel) -> None:
-    """Beyond 11 mm, where the network is least good; deviations are honest there, to the 4 % that 600 errors tell."""
-    refining = ContactModel.load("default", pad, refine=True)
-    frames = Frames.drawn(pad, 1200, 0.28, 1.98, 14e-3, seed=81)
-    outer = np.linalg.norm(frames.press[:, :2], axis=1) > 11.0
-    estimates = frames.estimates(refining)
-    deviation = np.array([[one.x_sd_m * 1e3, one.y_sd_m * 1e3, one.force_sd_n] for one in estimates])
-    error = frames.found(refining) - frames.press
-    rms = np.sqrt(np.mean((error / deviation)[outer] ** 2, axis=0))
-    assert (rms < 1.15).all()
-    assert (rms > 0.85).all()
-    clean = Frames.of(pad, frames.press[:200])
-    assert (np.abs(clean.found(refining) - clean.press).mean(axis=0) < [0.02, 0.02, 0.002]).all()
-    assert not refining.plain
-    assert model.plain
-
-
-def test_model_without_a_response_cannot_be_refined(tmp_path: Path, pad: Pad) -> None:
-    def forget(proto: onnx.ModelProto) -> None:
-        kept = [entry for entry in proto.metadata_props if entry.key != RESPONSE_KEY]
-        proto.ClearField("metadata_props")
-        proto.metadata_props.extend(kept)
-
-    path = edited(tmp_path, forget)
-    ContactModel.load(path, pad)
-    with pytest.raises(ModelError, match="holds no response"):
-        ContactModel.load(path, pad, refine=True)
-
-
-def test_friction_widens_the_deviations_of_a_model_that_does_not_tell_shear(tmp_path: Path, pad: Pad) -> None:
-    """A model that a newton of shear moves by 1 mm and 0.2 N: at µ = 0.3 and 1.6 N, rms shear is 0.3·1.98/√2 N, the
-    force being that of the bin's end."""
-
-    def tell(facts: dict[str, object]) -> None:
-        own = facts["own_error"]
-        assert isinstance(own, dict)
-        per_newton = {"x_mm": 1.0, "y_mm": 1.0, "force_error_n": 0.2}
-        facts["friction_error"] = own | {
-            name: [[value] * len(own["radius_mm"])] * len(own["force_n"]) for name, value in per_newton.items()
-        }
-
-    path = edited(tmp_path, with_facts(tell))
-    frames = Frames.of(pad, np.array([[2.0, 1.0, 1.6]]))
-    without, with_friction = (
-        frames.estimates(ContactModel.load(path, pad, friction=friction))[0] for friction in (0.0, 0.3)
-    )
-    shear_n = 0.3 * 1.9792 / np.sqrt(2.0)
-    assert with_friction.x_sd_m**2 - without.x_sd_m**2 == pytest.approx((shear_n * 1e-3) ** 2, rel=1e-3)
-    assert with_friction.force_sd_n**2 - without.force_sd_n**2 == pytest.approx((shear_n * 0.2) ** 2, rel=1e-3)
-    assert with_friction.x_m == without.x_m
-
-
-def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, pad: Pad) -> None:
-    """A network that answers with constants, at first inside and then outside of where it may."""
-    network = ContactNetwork(
-        np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0]),
-        np.ones(5),
-        Layers.drawn((10, 2, 2, 5), np.random.default_rng(0)).scaled(
-            np.array([3.0, -2.0, 1.0, 0.2, -0.1]), np.zeros(5)
-        ),
-    )
-    facts = ContactModel.load("default", pad).facts
-    own = msgspec.structs.replace(facts.own_error, shear_error_n=facts.own_error.force_error_n)
-    envelope = msgspec.structs.replace(facts.envelope, x_mm=(-8.0, 8.0), y_mm=(-8.0, 8.0))
-    facts = msgspec.structs.replace(facts, outputs=SHEAR_OUTPUT_ORDER, own_error=own, envelope=envelope)
-    path = tmp_path / "five.onnx"
-    path.write_bytes(export(network, facts, None))
-    model = ContactModel.load(str(path), pad)
-    inside = model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN)
-    assert inside.shear_n is not None
-    np.testing.assert_allclose(inside.shear_n, [0.2, -0.1], rtol=1e-6)
-    assert inside.covariance.shape == (5, 5)
-    assert not inside.refused
-    assert not model.plain
-    moved = replace(network, layers=network.layers.scaled(np.array([6.0, 0.0, 0.0, 0.0, 0.0]), np.ones(5)))
-    path.write_bytes(export(moved, facts, None))
-    assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused
-
-
-def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path: Path, pad: Pad) -> None:
-    def five(facts: dict[str, object]) -> None:
-        own = facts["own_error"]
-        assert isinstance(own, dict)
-        own["shear_error_n"] = own["x_mm"]
-        facts["outputs"] = SHEAR_OUTPUT_ORDER
-
-    with pytest.raises(ModelError, match="another number of outputs"):
-        ContactModel.load(edited(tmp_path, with_facts(five)), pad)
-    only_named = with_facts(lambda facts: facts.update(outputs=SHEAR_OUTPUT_ORDER))
-    with pytest.raises(ModelError, match="own error is not told for each"):
-        ContactModel.load(edited(tmp_path, only_named), pad)
 
 
 def test_place_beyond_the_pad_is_as_vague_as_the_pad_is_wide(model: ContactModel) -> None:

@@ -1,0 +1,90 @@
+"""What `[pad.contact]` makes of a model: refined answers, friction, and a model that tells shear."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from test_contact_model import CERTAIN, Frames
+from test_contact_model_file import edited, with_facts
+
+from fmfts.calibrate.export import export
+from fmfts.calibrate.levenberg import Layers
+from fmfts.calibrate.network import ContactNetwork
+from fmfts.contact import ContactModel
+from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
+from fmfts.pad import Pad
+
+
+@pytest.fixture
+def model(pad: Pad) -> ContactModel:
+    return ContactModel.load("default", pad)
+
+
+def test_refined_answers_are_the_most_likely_and_say_so(pad: Pad, model: ContactModel) -> None:
+    """Beyond 11 mm, where the network is least good; deviations are honest there, to the 4 % that 600 errors tell."""
+    refining = ContactModel.load("default", pad, refine=True)
+    frames = Frames.drawn(pad, 1200, 0.28, 1.98, 14e-3, seed=81)
+    outer = np.linalg.norm(frames.press[:, :2], axis=1) > 11.0
+    estimates = frames.estimates(refining)
+    deviation = np.array([[one.x_sd_m * 1e3, one.y_sd_m * 1e3, one.force_sd_n] for one in estimates])
+    error = frames.found(refining) - frames.press
+    rms = np.sqrt(np.mean((error / deviation)[outer] ** 2, axis=0))
+    assert (rms < 1.15).all()
+    assert (rms > 0.85).all()
+    clean = Frames.of(pad, frames.press[:200])
+    assert (np.abs(clean.found(refining) - clean.press).mean(axis=0) < [0.02, 0.02, 0.002]).all()
+    assert model.plain
+
+
+def test_friction_widens_the_deviations_of_a_model_that_does_not_tell_shear(tmp_path: Path, pad: Pad) -> None:
+    """A model that a newton of shear moves by 1 mm and 0.2 N: at µ = 0.3 and 1.6 N, rms shear is 0.3·1.98/√2 N, the
+    force being that of the bin's end."""
+
+    def tell(facts: dict[str, object]) -> None:
+        own = facts["own_error"]
+        assert isinstance(own, dict)
+        per_newton = {"x_mm": 1.0, "y_mm": 1.0, "force_error_n": 0.2}
+        facts["friction_error"] = own | {
+            name: [[value] * len(own["radius_mm"])] * len(own["force_n"]) for name, value in per_newton.items()
+        }
+
+    path = edited(tmp_path, with_facts(tell))
+    frames = Frames.of(pad, np.array([[2.0, 1.0, 1.6]]))
+    without, with_friction = (
+        frames.estimates(ContactModel.load(path, pad, friction=friction))[0] for friction in (0.0, 0.3)
+    )
+    shear_n = 0.3 * 1.9792 / np.sqrt(2.0)
+    assert with_friction.x_sd_m**2 - without.x_sd_m**2 == pytest.approx((shear_n * 1e-3) ** 2, rel=1e-3)
+    assert with_friction.force_sd_n**2 - without.force_sd_n**2 == pytest.approx((shear_n * 0.2) ** 2, rel=1e-3)
+    assert with_friction.x_m == without.x_m
+
+
+def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, pad: Pad) -> None:
+    """A network that answers with constants, at first inside and then outside of where it may."""
+    network = ContactNetwork(
+        np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0]),
+        np.ones(5),
+        Layers.drawn((10, 2, 2, 5), np.random.default_rng(0)).scaled(
+            np.array([3.0, -2.0, 1.0, 0.2, -0.1]), np.zeros(5)
+        ),
+    )
+    facts = ContactModel.load("default", pad).facts
+    own = msgspec.structs.replace(facts.own_error, shear_error_n=facts.own_error.force_error_n)
+    envelope = msgspec.structs.replace(facts.envelope, x_mm=(-8.0, 8.0), y_mm=(-8.0, 8.0))
+    facts = msgspec.structs.replace(facts, outputs=SHEAR_OUTPUT_ORDER, own_error=own, envelope=envelope)
+    path = tmp_path / "five.onnx"
+    path.write_bytes(export(network, facts, None))
+    model = ContactModel.load(str(path), pad)
+    inside = model.estimate(pad.rest_position_m, pad.rest_axis, CERTAIN)
+    assert inside.shear_n is not None
+    np.testing.assert_allclose(inside.shear_n, [0.2, -0.1], rtol=1e-6)
+    assert inside.covariance.shape == (5, 5)
+    assert not inside.refused
+    assert not model.plain
+    moved = replace(network, layers=network.layers.scaled(np.array([6.0, 0.0, 0.0, 0.0, 0.0]), np.ones(5)))
+    path.write_bytes(export(moved, facts, None))
+    assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused
