@@ -1,0 +1,82 @@
+"""The command: what a stranger is told who gets a verb wrong, and where he can read on."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from fmfts import exit_codes
+from fmfts.bus.messages import Health
+from fmfts.cli import main
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "config.toml"
+CALIBRATION = ROOT / "tests" / "data" / "calibration_1.23T.csv"
+CODES = [value for name, value in vars(exit_codes).items() if name.isupper()]
+
+
+def changed(folder: Path, before: str, after: str) -> str:
+    text = SHIPPED.read_text()
+    assert before in text
+    (folder / "pad.toml").write_text(text.replace(before, after))
+    return str(folder / "pad.toml")
+
+
+def test_check_config_says_what_each_pad_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check-config", "--config", str(SHIPPED)]) == 0
+    assert re.fullmatch(r"good: 1 pad\ndemo: simulated, 220 Hz, contact model [0-9a-f]{12}…\n", capsys.readouterr().out)
+
+
+def test_check_config_refuses_the_model_of_another_pad_as_run_would(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = changed(tmp_path, "rest_mm = [0, 0, 12]", "rest_mm = [0, 0, 11]")
+    assert main(["check-config", "--config", config]) == exit_codes.CONFIG
+    said = capsys.readouterr().err
+    assert said.startswith("fmfts-daemon check-config: contact model ")
+    assert "was trained for a pad of other dimensions" in said
+
+
+def test_absent_package_comes_with_the_line_that_installs_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "fmfts.offline.calibrate", None)
+    arguments = ["calibrate", str(CALIBRATION), "-o", "m.onnx", "--config", str(SHIPPED)]
+    assert main(arguments) == exit_codes.UNAVAILABLE
+    assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err
+
+
+def test_reader_that_leaves_is_no_error() -> None:
+    command = [sys.executable, "-m", "fmfts", "pose", str(CALIBRATION), "--config", str(SHIPPED)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(60) == 141
+
+
+@pytest.mark.parametrize("place", ["--help", "docs/troubleshooting.md"])
+def test_every_exit_code_is_explained(place: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if place == "--help":
+        with pytest.raises(SystemExit):
+            main([place])
+        text = capsys.readouterr().out
+    else:
+        text = (ROOT / place).read_text()
+    assert [code for code in CODES if not re.search(rf"\b{code}\b", text)] == []
+
+
+def test_every_word_of_health_comes_with_what_to_do() -> None:
+    text = (ROOT / "docs/troubleshooting.md").read_text()
+    assert [word for word in get_args(Health) if word != "ok" and f"\n| `{word}` |" not in text] == []
+
+
+def test_every_page_of_the_documentation_is_named_in_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text()
+    assert [page.name for page in sorted((ROOT / "docs").glob("*.md")) if f"docs/{page.name}" not in readme] == []
