@@ -53,6 +53,7 @@ type = "bridge"
 port = "{folder}/board"
 [collect]
 settle_s = 0.1
+average_s = {average_s}
 silence_ms = {silence_ms}
 [collect.gauge]
 {gauge}
@@ -113,6 +114,7 @@ class PressedBench:
         delay_s: float = 0.02,
         told_delay_s: float | None = None,
         dropout: float = 0.02,
+        average_s: float = 0.3,
         overshoot_mm: float = 0.2,
         speed: float = 10.0,
         limit_n: float = 4.5,
@@ -153,7 +155,9 @@ class PressedBench:
         told_ms = (delay_s if told_delay_s is None else told_delay_s) * 1e3
         gauge = LOAD_CELL if load_cell else SERIAL_GAUGE.format(folder=folder, delay_ms=told_ms)
         facts = {"folder": folder, "dialect": dialect, "gauge": gauge, "limit_n": limit_n, "silence_ms": silence_ms}
-        self.config.write_text(CONFIG.format(clear_mm=CLEAR_MM, overshoot_mm=overshoot_mm, **facts))
+        self.config.write_text(
+            CONFIG.format(clear_mm=CLEAR_MM, overshoot_mm=overshoot_mm, average_s=average_s, **facts)
+        )
         self.environment = os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
         self._rod_mm = list(self.machine.place)
         self._load_cell = load_cell
