@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.pad import Array
+from fmfts.simulate.check_table import errors
 from fmfts.simulate.solved_presses import centre_grid, normal_grid, normal_test, press_columns, shear_grid, shear_test
 from fmfts.simulate.solved_table import (
     CENTRE_PATH,
@@ -20,18 +20,12 @@ from fmfts.simulate.solved_table import (
 SIMULATE = PRESSED_PATH.parent
 
 
-def errors(rows: Array) -> Array:
-    """(K, 5) table less finite elements, in m and as numbers."""
-    found = standard_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, *rows[:, 2:5].T)
-    return np.asarray(found - rows[:, RESPONSE] * SI, dtype=np.float64)
-
-
 def test_table_is_within_three_thousandths_of_the_finite_elements_off_its_grid() -> None:
     """Of the way that the magnet goes, and of its tilt; within a millimetre of the centre, where a tilt that comes to
     nothing is no measure, to 0.12 mrad (one frame's noise is 2 mrad)."""
     rows = read_solved(SIMULATE / "test_normal.csv")
     assert len(rows) == 90
-    error = errors(rows)
+    error = errors(standard_mechanics(), rows)
     assert (np.linalg.norm(error[:, :3], axis=1) < 0.003e-6 * np.linalg.norm(rows[:, 5:8], axis=1)).all()
     tilt_error, tilt = np.linalg.norm(error[:, 3:], axis=1), np.linalg.norm(rows[:, 8:], axis=1)
     central = np.hypot(rows[:, 0], rows[:, 1]) < 1.0
@@ -42,7 +36,7 @@ def test_sheared_presses_are_within_three_thousandths_too() -> None:
     """In any direction, up to half the normal force, within 8 mm: way and tilt."""
     rows = read_solved(SIMULATE / "test_shear.csv")
     assert len(rows) == 60
-    error = errors(rows)
+    error = errors(standard_mechanics(), rows)
     assert (np.linalg.norm(error[:, :3], axis=1) < 0.003e-6 * np.linalg.norm(rows[:, 5:8], axis=1)).all()
     assert (np.linalg.norm(error[:, 3:], axis=1) < 0.003 * np.linalg.norm(rows[:, 8:], axis=1)).all()
 
@@ -53,7 +47,7 @@ def test_shear_adds_what_it_adds() -> None:
     normal = standard_mechanics().response(rows[:, 0] * 1e-3, rows[:, 1] * 1e-3, rows[:, 2])
     added = rows[:, RESPONSE] * SI - normal
     for part in (slice(0, 3), slice(3, 5)):
-        assert np.linalg.norm(errors(rows)[:, part]) < 0.01 * np.linalg.norm(added[:, part])
+        assert np.linalg.norm(errors(standard_mechanics(), rows)[:, part]) < 0.01 * np.linalg.norm(added[:, part])
 
 
 def test_solved_files_hold_the_presses_that_the_command_names() -> None:
@@ -66,7 +60,7 @@ def test_solved_files_hold_the_presses_that_the_command_names() -> None:
 
 def test_table_meets_its_own_presses() -> None:
     """To their rounding, 0.1 nm and 1e-7 rad."""
-    error = errors(np.concatenate([read_solved(PRESSED_PATH), read_solved(CENTRE_PATH)]))
+    error = errors(standard_mechanics(), np.concatenate([read_solved(PRESSED_PATH), read_solved(CENTRE_PATH)]))
     assert np.abs(error[:, :3]).max() < 2e-10
     assert np.abs(error[:, 3:]).max() < 2e-7
 
