@@ -34,8 +34,7 @@ from fmfts.sensor.bridge import Bridge
 FOLDER = Path(__file__).parent / "recordings"
 PAD, BOOT, RATE_HZ = "paper", "recorded", 220
 BARE_FRAMES, SHOWN_FRAMES = 660, 66  # 3 s, 0.3 s
-# Of the reading before, on their way when the next is shown; of no reading, while the chips are set up.
-SETTLING_FRAMES = 30
+SETTLING_FRAMES = 12  # until every chip has measured what is shown now
 
 
 def frames_of(bridge: Bridge) -> Iterator[Frame]:
@@ -62,15 +61,20 @@ def make(path: Path, port_folder: Path) -> None:
         while not next(frames).valid.all():
             pass
         take(frames, SETTLING_FRAMES)
-        bare = ambient.summarise(take(frames, BARE_FRAMES))
+        nothing = take(frames, BARE_FRAMES)
+        bare, before = ambient.summarise(nothing), nothing[-1]
         pipeline.use(ambient.make_bare(drawing, config.tolerance.si(), bare, None))
         writer = RecordingWriter(path)
         state = msgspec.structs.replace(state_message(pipeline, config, BOOT), utc_ns=0)
         writer.add("state", PAD, msgspec.to_builtins(state))
         for reading in readings():
             host.field(reading.field_t)
+            while np.array_equal(next(frames).counts, before.counts):
+                pass  # on its way since before
             take(frames, SETTLING_FRAMES)
-            for frame in take(frames, SHOWN_FRAMES):
+            shown = take(frames, SHOWN_FRAMES)
+            before = shown[-1]
+            for frame in shown:
                 at_ns = frame.host_time_ns
                 writer.add("frame", PAD, msgspec.to_builtins(frame_message(frame, PAD, BOOT, at_ns)))
                 contact = msgspec.structs.replace(pipeline.process(frame), t_publish_ns=at_ns, utc_ns=at_ns)
