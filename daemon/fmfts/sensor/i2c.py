@@ -24,7 +24,8 @@ READ_BYTES = 65536
 CHECK_NS = 100_000_000
 STUCK_NS = 300_000_000  # no transfer of ours takes a millisecond
 KILL_NS = 2_000_000_000
-SILENCE_NS = 3_000_000_000  # alive, in no call, and yet without a word; starting takes up to a second
+SILENCE_NS = 3_000_000_000  # alive, in no call, and yet without a word
+START_NS = 10_000_000_000  # until its first word: half a second, but many times that on a busy computer
 FIRST_BACKOFF_NS = 200_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
 WARNING_NS = 3_000_000_000
@@ -133,14 +134,15 @@ class I2c:
             self._ended(now_ns)
             return
         call = self._record.current()
+        patience_ns = SILENCE_NS if self._link.heard_ns else START_NS
         if call is not None and now_ns - call[0] > STUCK_NS:
             stuck_s = (now_ns - call[0]) / 1e9
             reason = f"{self._path} is wedged for {stuck_s:.1f} s in {call[1]}: look for SDA or SCL held low"
             self.state.disconnect(reason, now_ns)
             if now_ns - call[0] > KILL_NS and not self._killed:
                 self._kill(reason)
-        elif now_ns - max(self._link.heard_ns, self._started_ns) > SILENCE_NS and not self._killed:
-            self._kill(f"the reader of {self._path} has sent nothing for {SILENCE_NS / 1e9:.0f} s")
+        elif now_ns - max(self._link.heard_ns, self._started_ns) > patience_ns and not self._killed:
+            self._kill(f"the reader of {self._path} has sent nothing for {patience_ns / 1e9:.0f} s")
             self.state.disconnect(self._killed, now_ns)
 
     def _kill(self, reason: str) -> None:
