@@ -34,7 +34,9 @@ class Means:
 def means(frames: Sequence[Frame]) -> Means:
     """BaselineError where too few frames are whole. Chips run free: each frame is brought to one instant first."""
     if len(frames) < MINIMUM_FRAMES:
-        raise BaselineError(f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming?")
+        raise BaselineError(
+            f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
+        )
     if len({frame.gain_code for frame in frames}) > 1:
         raise BaselineError("the range was changed during the recording: record again")
     fields, times = _aligned(frames)

@@ -49,7 +49,9 @@ class Recording:
 def summarise(frames: Sequence[Frame]) -> Recording:
     """The recording that these frames make; BaselineError where they are too few, incomplete, saturated or moving."""
     if len(frames) < MINIMUM_FRAMES:
-        raise BaselineError(f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, or this computer too busy?")
+        raise BaselineError(
+            f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
+        )
     gain_codes = {frame.gain_code for frame in frames}
     if len(gain_codes) > 1:
         raise BaselineError("the range was changed during the recording: record again")
