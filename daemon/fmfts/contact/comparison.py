@@ -69,7 +69,12 @@ def answers(inference: CompiledInference, poses: Poses) -> NDArray[np.float64]:
 
 def answers_of_onnxruntime(content: bytes, poses: Poses, outputs: int) -> NDArray[np.float64]:
     """The same, from a process of its own. NotComparedError where there is none."""
-    command = [sys.executable, "-m", "fmfts.contact.session"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "fmfts.contact.session",
+    ]  # -P: nothing is imported from the working directory
     question = struct.pack("<I", len(content)) + content + poses.tobytes()
     try:
         ended = subprocess.run(command, input=question, capture_output=True, timeout=LONGEST_S, check=False)

@@ -7,7 +7,7 @@
 #include "../contact/network.h"
 #include "healthy.h"
 
-enum { POSE = 6, CONTACT = 3, INTEGERS = 4 };
+enum { POSE = 6, CONTACT = 3, INTEGERS = FMFTS_MESSAGE_INTEGERS };
 
 /* What a frame is on its way to its message, the memory included that it will leave if its contact is a number. */
 typedef struct {
@@ -177,21 +177,6 @@ static PyObject *conclude(PyObject *module, PyObject *args)
     return result;
 }
 
-/* Into a msgpack float64 or uint64, whose type byte the template has already. */
-static void put_unsigned(uint8_t *place, uint64_t value)
-{
-    for (int byte = 8; byte-- > 0; value >>= 8) {
-        place[byte] = (uint8_t)value;
-    }
-}
-
-static void put_float(uint8_t *place, double value)
-{
-    uint64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    put_unsigned(place, bits);
-}
-
 /* message(template, places, passage, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32, of the integers and
  * of every number in the template; −1 where it has none. */
 static PyObject *message(PyObject *module, PyObject *args)
@@ -203,22 +188,12 @@ static PyObject *message(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "y*y*y*KKKK", &b[0], &b[1], &b[2], &integer[0], &integer[1], &integer[2], &integer[3])) {
         return NULL;
     }
-    const size_t numbers = sizeof(fmfts_numbers) / sizeof(double);
-    if (has_size(&b[1], (INTEGERS + numbers) * sizeof(int32_t), "places") &&
+    if (has_size(&b[1], (INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places") &&
         has_size(&b[2], sizeof(fmfts_passage), "passage")) {
-        const int32_t *place = b[1].buf;
-        const double *number = (const double *)&((const fmfts_passage *)b[2].buf)->numbers;
         result = PyBytes_FromStringAndSize(b[0].buf, b[0].len);
-        uint8_t *text = result ? (uint8_t *)PyBytes_AsString(result) : NULL;
-        for (size_t i = 0; text && i < INTEGERS + numbers; i++) {
-            if (place[i] < 0 || place[i] + 8 > b[0].len) {
-                continue;
-            }
-            if (i < INTEGERS) {
-                put_unsigned(text + place[i], integer[i]);
-            } else {
-                put_float(text + place[i], number[i - INTEGERS]);
-            }
+        if (result) {
+            fmfts_fill((uint8_t *)PyBytes_AsString(result), (size_t)b[0].len, b[1].buf, integer,
+                       &((const fmfts_passage *)b[2].buf)->numbers);
         }
     }
     release(b, 3);

@@ -219,4 +219,9 @@ bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *questio
 fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_found *found,
                            fmfts_numbers *numbers);
 
+/* message.c: into `text` [size], at the places of its integers and then of every number; a place below zero is none. */
+enum { FMFTS_MESSAGE_INTEGERS = 4, FMFTS_NUMBER_COUNT = sizeof(fmfts_numbers) / sizeof(double) };
+void fmfts_fill(uint8_t *text, size_t size, const int32_t *place, const unsigned long long *integer,
+                const fmfts_numbers *numbers);
+
 #endif
