@@ -16,7 +16,7 @@ from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact.response import Response
 from fmfts.pad import Array
 
-HIDDEN = (6, 8, 12, 16, 20, 24, 28, 32)
+HIDDEN = (6, 8, 12, 16, 20, 24)
 FOLDS = 3
 PRESSES, STEPS, COPIES = 4000, 30, 8
 RADIAL_CENTRES, FIRM_SHARE = 150, 0.1
