@@ -102,6 +102,12 @@ def test_collector_killed(benches: Benches) -> None:
     assert "the rod was sent up" in said
 
 
+def test_collector_told_to_end(benches: Benches) -> None:
+    code, reason = lifted(benches, lambda _, process: process.terminate())
+    assert code == STOPPED
+    assert "interrupted; the rod was lifted by" in reason
+
+
 def test_plan_is_collected(benches: Benches) -> None:
     for bench in benches:
         done = bench.command("collect", plan(bench.folder), "-o", bench.folder / "data.csv")

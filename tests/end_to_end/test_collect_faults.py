@@ -20,6 +20,8 @@ from end_to_end.processes import run_command
 from end_to_end.test_collect import frames_behind, plan, rows
 from fmfts import exit_codes
 from fmfts.collect.errors import CollectError, RefusedError, StoppedError
+from fmfts.collect.guard import Guard
+from fmfts.collect.machine import Machine
 
 TESTS = Path(__file__).parents[1]
 LIFTED_WITHIN_S = 0.15
@@ -124,11 +126,25 @@ def test_rod_is_lifted_when_somebody_interrupts(bench: PressedBench) -> None:
     def interrupt() -> None:
         raise KeyboardInterrupt
 
+    end = ended(bench, interrupt)
+    assert isinstance(end, StoppedError)
+    assert "interrupted; the rod was lifted by" in str(end)
+    assert bench.rod_is_up()
+
+
+def test_guard_is_left_to_lift_the_rod_when_the_lifting_is_interrupted(
+    bench: PressedBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Machine, "rise", interrupt)
+    left_to_lift, close = [], Guard.close
+    monkeypatch.setattr(Guard, "close", lambda guard, *, lift: (left_to_lift.append(lift), close(guard)))
     bench.when_pressing(interrupt)
     with pytest.raises(KeyboardInterrupt):
         bench.collect(plan(bench.folder, ONE_PLACE), bench.folder / "data.csv")
-    bench.clock.sleep(0.5)
-    assert bench.rod_is_up()
+    assert left_to_lift == [True]
 
 
 def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBench) -> None:

@@ -93,7 +93,7 @@ def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str
         assert process.wait(PATIENCE_S) < 0
         assert stands_at(machine, 12.0)
         assert process.stderr is not None
-        assert "collect was killed: the rod was sent up" in process.stderr.read()
+        assert "collect ended with the rod down: the rod was sent up" in process.stderr.read()
 
 
 def test_guard_leaves_the_machine_alone_when_the_collector_ends_by_itself(tmp_path: Path) -> None:

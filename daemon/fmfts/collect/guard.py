@@ -46,9 +46,9 @@ class Guard:
     def pid(self) -> int:
         return self._process.pid
 
-    def close(self) -> None:
-        """All is well, or said: it is not needed any more."""
-        self._process.communicate(DONE)
+    def close(self, *, lift: bool = False) -> None:
+        """It is not needed any more; or, where lifting was not brought to an end, it does it now."""
+        self._process.communicate(b"" if lift else DONE)
 
 
 def main(words: Sequence[str]) -> None:
@@ -64,9 +64,12 @@ def main(words: Sequence[str]) -> None:
         _write(port, rise)
         time.sleep(seconds)
     except OSError as error:
-        print(f"collect was killed, and the rod MAY STILL PRESS: {error.strerror}; lift it by hand", file=sys.stderr)
+        print(
+            f"collect ended with the rod down, and it MAY STILL PRESS: {error.strerror}; lift it by hand",
+            file=sys.stderr,
+        )
         return
-    print("collect was killed: the rod was sent up", file=sys.stderr)
+    print("collect ended with the rod down: the rod was sent up", file=sys.stderr)
 
 
 def _write(port: int, data: bytes) -> None:

@@ -76,7 +76,9 @@ class Session:
                 self._work_on(presses, told)
         except CollectError as error:
             raise type(error)(f"{error}; {self._presser.release()}") from error
-        except BaseException:  # Ctrl-C among them
+        except KeyboardInterrupt as interrupt:
+            raise StoppedError(f"interrupted; {self._presser.release()}") from interrupt
+        except BaseException:
             self._presser.release()
             raise
 

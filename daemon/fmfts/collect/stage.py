@@ -31,6 +31,7 @@ class Stage:
         self._tolerance = tolerance
         self._machine = Machine(config, watch.clock)
         self._guard: Guard | None = None
+        self._down = False
         self._surface_mm: float | None = None
         self._n_per_mm = 0.0
         self._last: tuple[float, float] | None = None  # z, force of the last step
@@ -51,6 +52,7 @@ class Stage:
         self._machine.move(z=self._config.clear_z_mm, mm_per_s=self._config.travel_mm_per_s)
         self._watch.on_guard = False
         self._last = None
+        self._down = False
 
     def stand_over(self, press: Press) -> None:
         """Over its place with the rod up, reached from the lower side of both axes."""
@@ -62,7 +64,7 @@ class Stage:
 
     def press(self, press: Press) -> None:
         """Down until its force is reached. StoppedError where it cannot be."""
-        self._watch.on_guard = True
+        self._watch.on_guard = self._down = True
         if self._last is None and self._surface_mm is not None:
             self._machine.move(z=self._above(self._surface_mm), mm_per_s=self._config.travel_mm_per_s)
         for _ in range(MOST_STEPS):
@@ -78,6 +80,11 @@ class Stage:
 
     def release(self) -> str:
         """Lift whatever happens, and say how that ended."""
+        ended = self._lifted()
+        self._down = False
+        return ended
+
+    def _lifted(self) -> str:
         place = self._machine.place
         self._watch.on_guard = False
         if place is None:
@@ -92,7 +99,7 @@ class Stage:
 
     def close(self) -> None:
         if self._guard is not None:
-            self._guard.close()
+            self._guard.close(lift=self._down)
         self._machine.close()
 
     def _above(self, surface_mm: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,10 @@ def _collect(options: argparse.Namespace) -> int:
 
     pad = configured_pad(options)
     config, _ = load(options.config)
+    # However somebody ends it, the rod is lifted first; stopped and not ended, it would stay down.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.default_int_handler)
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     try:
         facts = _done(options, config, pad)
     except CollectError as error:
