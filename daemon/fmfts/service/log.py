@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import queue
+import select
 import sys
 import threading
 import time
@@ -74,6 +75,7 @@ class PatientHandler(logging.Handler):
             data = memoryview(f"{self._lines.get()}\n".encode(errors="backslashreplace"))
             with suppress(OSError):  # there is nobody to be told that the log cannot be written
                 while data:
+                    select.select([], [self._descriptor], [])  # who shares a terminal may have made it non-blocking
                     data = data[os.write(self._descriptor, data) :]
             self._lines.task_done()
 
@@ -87,7 +89,7 @@ def configure(
 ) -> None:
     """Send the log to `stream` (stderr). Replaces what an earlier call set up.
 
-    command: which a person waits for; what it has to say bears its name, not the time. None: a service.
+    command: which a person waits for; what it has to say bears its name, not the time. "": a service.
     """
     stream = sys.stderr if stream is None else stream
     handler = logging.StreamHandler(stream) if command else PatientHandler(stream.fileno())
