@@ -201,6 +201,11 @@ class PressedBench:
         """What happens once, on the way to the second force."""
         self._fault = fault
 
+    @property
+    def fault_happened(self) -> bool:
+        """That of `when_pressing`."""
+        return self._fault_ns is not None
+
     def _keep_time(self) -> None:
         put_ahead(threading.get_native_id())
         before_s = time.monotonic()
