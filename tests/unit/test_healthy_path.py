@@ -27,6 +27,7 @@ from fmfts.scene import choose
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
 from fmfts.sensor.simulated import Simulated
+from fmfts.simulate.finger import Touch
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
@@ -102,6 +103,23 @@ def test_a_refined_session_says_the_same_in_c_and_in_python() -> None:
     kinds = compared(compiled, python_only(oracle), frames_of(config, 8.0))
     assert kinds[None] < 10
     assert kinds[Kind.TOUCHED] > 400
+
+
+def test_what_friction_may_do_to_a_squeeze_is_the_same_in_c_and_in_python() -> None:
+    """A force that rises past the calibrated one, where shear would add most."""
+    config = config_of(3)
+    pad, scene, baseline = config.pad(), choose(config.scene, config.magnet), simulated_baseline(config)
+    compiled, oracle = (
+        PadPipeline(pad, ContactModel.load("default", pad, friction=0.3), "boot", 220.0, scene.tracking)
+        for _ in range(2)
+    )
+    for pipeline in (compiled, oracle):
+        pipeline.use(baseline)
+    source = Simulated(config)
+    source.finger = lambda time_s: Touch(6e-3, 1e-3, 1.4 * time_s)
+    frames = [frame for step in range(2 * 220) for frame in source.poll(step * PERIOD_NS)]
+    kinds = compared(compiled, python_only(oracle), frames)
+    assert min(kinds[Kind.TOUCHED], kinds[Kind.OVER_RANGE]) > 50
 
 
 def with_faults(frames: Iterable[Frame]) -> Iterator[Frame]:
