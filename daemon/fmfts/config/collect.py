@@ -37,7 +37,7 @@ class UdpGauge(_AsciiGauge, frozen=True, kw_only=True, tag="udp", tag_field="typ
 
 
 class LoadCellGauge(_Gauge, frozen=True, kw_only=True, tag="hx711", tag_field="type"):
-    newton_per_count: float  # `fmfts-daemon collect --weigh` finds it with two known weights
+    newton_per_count: float  # `fmfts-daemon collect --weigh-g` finds it with two known weights
 
 
 GaugeConfig = SerialGauge | UdpGauge | LoadCellGauge
