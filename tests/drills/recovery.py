@@ -40,7 +40,7 @@ Facts = dict[str, Any]
 HELD: dict[str, Callable[[Facts], bool]] = {
     "replug": lambda facts: facts["longest_s"] <= 1.0,
     "reset": lambda facts: facts["longest_s"] <= 1.0,
-    "wedge": lambda facts: facts["least_share_of_rate"] >= 0.95,
+    "wedge": lambda facts: facts["least_share_of_rate"] >= 0.95 and not facts["other_health"],
     "probe": lambda facts: not facts["not_ok"],
 }
 BURST_BYTES = 1000
