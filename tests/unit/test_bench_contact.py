@@ -6,7 +6,7 @@ import numpy as np
 
 from fmfts.bench.contact import accuracy
 from fmfts.bench.contact_live import motion, squeezes, touch
-from fmfts.bench.contact_sizes import cost
+from fmfts.bench.contact_sizes import sizes
 from fmfts.bench.workspace import standard_pad
 from fmfts.contact import ContactModel
 
@@ -28,12 +28,14 @@ def test_shipped_model_is_near_the_best_and_honest() -> None:
     np.testing.assert_allclose(facts["remanences"]["1.28 T"], 1.0, atol=0.05)
 
 
-def test_costs_of_a_size_are_those_of_a_model_that_runs() -> None:
+def test_sizes_stand_beside_what_they_cost() -> None:
     """Parameters are most of what a larger network adds: 4 bytes each, and as much again for their transposes."""
-    shipped = ContactModel.load("default", standard_pad(), refine=True)
-    small, large = (cost(hidden, shipped) for hidden in (8, 24))
-    assert large[0] - small[0] > 4 * (3027 - 499)
-    assert small[1] > 0.0
+    facts = sizes((4, 8), presses=300)
+    small, large = (facts[f"two layers of {hidden}"] for hidden in (4, 8))
+    assert large["file_bytes"] - small["file_bytes"] > 4 * (large["parameters"] - small["parameters"])
+    assert min(small["inference_us"], large["inference_us"]) > 0.0
+    assert facts["chosen"] == "two layers of 8"
+    assert facts["table inversion"]["error_in_bounds"] < 1.1 < large["error_in_bounds"] < small["error_in_bounds"]
 
 
 def test_smallest_touch_is_a_few_millinewtons_at_the_centre_and_seen_at_once_at_twice_it() -> None:

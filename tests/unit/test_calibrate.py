@@ -21,8 +21,8 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import parse_response
-from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.contact.response import Response
+from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulate.chip import NOISE_T
 

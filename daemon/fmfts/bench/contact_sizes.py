@@ -16,7 +16,7 @@ from fmfts.calibrate.export import export
 from fmfts.calibrate.fitting import best_roughness
 from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import ContactNetwork
-from fmfts.calibrate.selection import HIDDEN, Candidate, compare, smallest_within_noise
+from fmfts.calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
 from fmfts.calibrate.training import NOISE_T, solved, solver_of
 from fmfts.contact import ContactModel
 from fmfts.study.paper_inputs import CALIBRATION
@@ -25,14 +25,14 @@ LARGER = (28, 32)  # what `calibrate` does not try: they gain nothing, and take 
 RUNS = 2000
 
 
-def sizes() -> dict[str, Any]:
+def sizes(hidden: tuple[int, ...] = (*HIDDEN, *LARGER), presses: int = PRESSES) -> dict[str, Any]:
     """Every candidate's error on left-out presses; parameters, file and processor time of those that are networks."""
     calibration = read_calibration_set(CALIBRATION)
     solver = solver_of(calibration, "drifting", NOISE_T)
     tracked = solved(str(CALIBRATION), calibration, solver)
     change = tracked.pose[:, :5] - solver.rest_pose[:5]
     roughness = best_roughness(calibration.press, change, tracked.deviation)
-    candidates = compare(solver, calibration.press, tracked, roughness, (*HIDDEN, *LARGER))
+    candidates = compare(solver, calibration.press, tracked, roughness, hidden, presses)
     chosen = smallest_within_noise(candidates)
     plain = ContactModel.load("default", standard_pad(), refine=True)
     print("on left-out presses, errors in bounds; against the chosen; processor time of an inference")
@@ -40,13 +40,13 @@ def sizes() -> dict[str, Any]:
     facts: dict[str, Any] = {"chosen": chosen.name}
     for one in candidates:
         facts[one.name] = one.facts() | {"folds_deviation": rounded(one.score.std(ddof=1))}
-        cost = ""
+        costs = ""
         if one.hidden is not None:
             size, microseconds = cost(one.hidden, plain)
             facts[one.name] |= {"file_bytes": size, "inference_us": microseconds}
-            cost = f" {size:8d} {microseconds:6.2f}"
+            costs = f" {size:8d} {microseconds:6.2f}"
         mark = "  <- chosen" if one is chosen else ""
-        print(f"  {_line(one, chosen)}{cost}{mark}")
+        print(f"  {_line(one, chosen)}{costs}{mark}")
     return facts
 
 
