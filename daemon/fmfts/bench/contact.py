@@ -25,7 +25,7 @@ from fmfts.contact.response import Response, most_likely
 from fmfts.contact.verified import path_of
 from fmfts.pad import Pad
 
-PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "friction", "shear")
+PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "friction", "shear", "sizes")
 SCENES: tuple[Scene, ...] = ("drifting", "constant")
 SPEED_RUNS = 3000
 MM = np.array([1e3, 1e3, 1.0])
