@@ -21,7 +21,7 @@ from end_to_end import collect_judging as judging
 from end_to_end.collecting_bench import PressedBench, exact_pad, magnet_field_t
 from fmfts.collect.plan import read_plan
 
-GRAIN_S = 0.01
+GRAIN_S = 0.005
 FIELDS = [f"b{sensor}{axis}_ut" for sensor in range(1, 5) for axis in "xyz"]
 BACKLASH = {"backlash_mm": 0.05}
 NOISE = {"noise_n": 0.005, "dropout": 0.02}

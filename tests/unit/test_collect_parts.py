@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from emulator.pty_port import PtyPort
+from fmfts.calibrate.fitting import empty_response
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.gauge import Reading, open_gauge
 from fmfts.collect.hand import Hand
@@ -283,3 +284,11 @@ def test_hand_is_told_what_to_do_and_asked_again_for_a_number() -> None:
     assert hand.typed_n == 1.05
     assert "press 1.00 N at x +2.0, y -4.0 mm" in said[1]
     assert "no number" in said[2]
+
+
+def test_forces_that_a_stage_reached_about_as_planned_are_as_many_levels_as_planned() -> None:
+    plan, random = read_plan("simulation"), np.random.default_rng(2)
+    press = np.array([[p.x_m * 1e3, p.y_m * 1e3, p.force_n * random.uniform(0.94, 1.06)] for p in plan.presses])
+    assert empty_response(press).exponent.ravel().tolist() == [1, 2, 3]
+    press[:, 2] = random.uniform(0.3, 4.0, len(press))
+    assert empty_response(press).exponent.ravel().tolist() == [1, 2, 3, 4, 5]

@@ -8,9 +8,9 @@ import numpy as np
 
 from fmfts.contact.response import CHANGE, Array, Indices, Response
 
-# Of the normal force: three are exact to 0.01 mm up to 2 N, five up to 4 N. Forces within a tenth of the largest are
-# one level: a gauge's scatter tells no curvature.
-NORMAL_POWERS, LEVEL_SHARE = 5, 0.1
+# Of the normal force: three are exact to 0.01 mm up to 2 N, five up to 4 N. Forces within a seventh of the largest
+# are one level: a stage reaches them to 5 % or worse, and such scatter tells no curvature.
+NORMAL_POWERS, LEVEL_SHARE = 5, 0.15
 # Loads: normal, shear x, shear y. Shear acts in proportion, a little stronger on a squeezed pad, and in its square.
 SHEAR_EXPONENTS = ((0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 2, 0), (0, 1, 1), (0, 0, 2))
 # Weights of roughness, over that of the data: from "pass through every point" to "noise is most of it".
@@ -57,9 +57,17 @@ def _cells(coordinate_mm: Array) -> int:
 def _exponents(load: Array) -> Indices:
     """Monomials of a degree that the levels of the normal force determine, and of shear where there is any."""
     force = load[load[:, 0] > 0.0, 0]
-    levels = len(np.unique(np.round(force / (LEVEL_SHARE * force.max()))))
-    normal = [(power, *(0,) * (load.shape[1] - 1)) for power in range(1, min(levels, NORMAL_POWERS) + 1)]
+    normal = [(power, *(0,) * (load.shape[1] - 1)) for power in range(1, min(_levels(force), NORMAL_POWERS) + 1)]
     return np.array(normal + list(SHEAR_EXPONENTS if load.shape[1] > 1 else ()), dtype=np.intp)
+
+
+def _levels(force: Array) -> int:
+    """How many forces there are; each begins with its lightest press, so that no scatter makes two of one."""
+    count, lightest = 0, -np.inf
+    for one in np.sort(force):
+        if one > lightest + LEVEL_SHARE * force.max():
+            count, lightest = count + 1, one
+    return count
 
 
 def _left_out_error(empty: Response, press: Array, change: Array, deviation: Array, roughness: float) -> float:
