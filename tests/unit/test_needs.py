@@ -95,7 +95,10 @@ def test_bus_too_slow_for_220_hz_is_told_with_what_it_carries(response: Response
 def test_range_holds_the_hardest_press_or_says_which_magnet_would(response: Response) -> None:
     standard = Surroundings(pad(), response)
     assert 2.5 < largest_field_gauss(standard) < 2.55  # 2.02 of the magnet under 1.98 N, and 0.5 of the Earth
-    assert recommended_range_gauss(standard) == 4.0
+    # ±2.5 G is what the data sheet recommends of 660 counts a gauss; 2047 of them are 3.10 G.
+    assert recommended_range_gauss(standard) == SimulatedSource().range_gauss == 2.5
+    (said, _) = limits(standard)
+    assert said == "largest field on an axis: 2.52 G; set to ±2.5 G, chips saturate at 3.10 G"
     assert recommended_range_gauss(Surroundings(pad(magnet=LARGE), response)) == 8.1
     strong = MagnetConfig(diameter_mm=6.0, length_mm=6.0, remanence_t=1.23, rest_mm=(0, 0, 6))
     assert "no range holds it" in limits(Surroundings(pad(magnet=strong), response))[0]

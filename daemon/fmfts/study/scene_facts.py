@@ -13,7 +13,7 @@ from fmfts.calibrate.simulated import magnet_fields
 from fmfts.config import I2cSource, PadConfig
 from fmfts.needs import AMBIENT_CHANGE_T, WORTH, Cost, Model, Surroundings, costs
 from fmfts.sensor.frame import TESLA_PER_GAUSS
-from fmfts.sensor.hmc5983 import RANGE_GAUSS
+from fmfts.sensor.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 
 
@@ -67,9 +67,15 @@ def _drifting(around: Surroundings) -> PadConfig:
 
 
 def recommended_range_gauss(around: Surroundings) -> float | None:
-    """The finest that the hardest press and the Earth's field do not saturate; None: there is none."""
-    needed = largest_field_gauss(around)
-    return next((each for each in sorted(RANGE_GAUSS) if each > needed), None)
+    """The finest that the hardest press and the Earth's field do not saturate, however the gains are off; None: there
+    is none."""
+    needed = largest_field_gauss(around) * (1.0 + around.config.tolerance.gain)
+    return next((each for each in sorted(RANGE_GAUSS) if saturation_gauss(each) > needed), None)
+
+
+def saturation_gauss(range_gauss: float) -> float:
+    """The converter's last count."""
+    return LARGEST_COUNT / LSB_PER_GAUSS[gain_code_for_range(range_gauss)]
 
 
 def largest_field_gauss(around: Surroundings) -> float:
@@ -85,9 +91,11 @@ def largest_field_gauss(around: Surroundings) -> float:
 
 def _range(around: Surroundings) -> str:
     has, largest, best = around.config.source.range_gauss, largest_field_gauss(around), recommended_range_gauss(around)
-    said = f"largest field on an axis: {largest:.2g} G, of ±{has:g} G that the chips are set to"
+    said = (
+        f"largest field on an axis: {largest:.2f} G; set to ±{has:g} G, chips saturate at {saturation_gauss(has):.2f} G"
+    )
     if best is None:
-        weaker = around.config.magnet.remanence_t * max(RANGE_GAUSS) / largest
+        weaker = around.config.magnet.remanence_t * saturation_gauss(max(RANGE_GAUSS)) / largest
         return f"{said}: no range holds it; a remanence of at most {weaker:.2g} T, or a magnet farther away, would do"
     return said if best == has else f"{said}: recommended is ±{best:g} G"
 
