@@ -243,7 +243,9 @@ def test_key_is_never_written_over(tmp_path: Path) -> None:
     assert list(folder.clients()) == ["one"]
 
 
-@pytest.mark.parametrize("line", ["x friend", "0" * 40, "0" * 39 + "~ friend", "\x00" * 40 + " friend"])
+@pytest.mark.parametrize(
+    "line", ["x friend", "0" * 40, "0" * 39 + "~ friend", "\x00" * 40 + " friend", "#" * 40 + " friend"]
+)
 def test_damaged_list_is_named_with_its_line(tmp_path: Path, line: str) -> None:
     folder = KeyFolder(tmp_path / "keys")
     folder.add("friend", tmp_path / "friend.key")

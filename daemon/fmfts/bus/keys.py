@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -102,7 +103,7 @@ class KeyFolder:
             key, _, name = line.partition(" ")
             try:
                 public = z85.decode(key) if len(key) == KEY_CHARACTERS else b""
-            except (KeyError, ValueError):
+            except (KeyError, ValueError, struct.error):  # struct.error: five characters beyond 32 bits
                 public = b""
             if len(public) != 32 or not CLIENT_NAME.match(name):
                 raise BusError(f"{self._clients}, line {number}: not `key name`; remove it")
