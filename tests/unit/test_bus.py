@@ -13,7 +13,7 @@ import pytest
 import zmq
 from bus_messages import BOOT, contact_message, event_message, frame_message, status_message
 
-from fmfts.bus.publisher import BUS_HIGH_MARK, Publisher
+from fmfts.bus.publisher import BUS_HIGH_MARK, LARGEST_BATCH, Publisher
 from fmfts_client import Client, Endpoints, SchemaError, Subscription
 
 LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
@@ -26,7 +26,7 @@ def endpoints(tmp_path: Path) -> Endpoints:
 
 @pytest.fixture
 def publisher(endpoints: Endpoints) -> Iterator[Publisher]:
-    publisher = Publisher(endpoints, BOOT)
+    publisher = Publisher(endpoints, BOOT, pads=["demo", "other"])
     yield publisher
     publisher.close()
 
@@ -254,3 +254,29 @@ def test_frames_are_wanted_while_somebody_subscribes(publisher: Publisher, endpo
             received.append(message.body["sequence"])
         assert received == list(range(3000)), "a recording loses nothing"
     eventually(lambda: not publisher.frames_wanted("demo", time.monotonic_ns()))
+
+
+@pytest.mark.parametrize("pattern", ["frame/demo{}", "frame/{}", "state/{}", "{}"])
+def test_peer_with_thousands_of_subscriptions_costs_a_frame_no_more(
+    publisher: Publisher, endpoints: Endpoints, pattern: str
+) -> None:
+    prefixes = [pattern.format(f"-{number}") for number in range(20 * LARGEST_BATCH)]
+    with zmq.Context() as context:
+        peer = context.socket(zmq.SUB)
+        peer.linger = 0
+        peer.sndhwm = 0  # or it loses subscriptions
+        peer.connect(endpoints.frames)
+        for prefix in [*prefixes, "frame/demo"]:
+            peer.subscribe(prefix)
+        eventually(publisher._frames.readable)
+        looks = []
+        eventually(lambda: looks.append(1) or publisher.frames_wanted("demo", time.monotonic_ns()))
+        assert len(looks) > len(prefixes) // LARGEST_BATCH, "each look takes a batch"
+        assert publisher._subscriptions == {b"frame/demo"}
+        peer.close()
+
+
+def test_what_peers_subscribe_to_on_the_bus_is_nobodys_work(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        assert not publisher._bus.readable()

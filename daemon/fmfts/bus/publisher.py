@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 
 import msgspec
 import zmq
@@ -32,7 +33,8 @@ LARGEST_SUBSCRIPTION = 1024
 LOOK_NS = 50_000_000
 # As members of an enumeration they cost more than a send.
 NO_WAIT, NO_WAIT_AND_MORE = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
-LONGEST_TOPIC = 64
+# Of what peers subscribe to, fetched at once: what else they do waits until the frame is sent.
+LARGEST_BATCH = 64
 
 log = logging.getLogger(__name__)
 
@@ -40,18 +42,22 @@ log = logging.getLogger(__name__)
 class Publisher:
     """Serves `endpoints.bus` and `endpoints.frames`; `boot` is this run's random word; over tcp with `key`.
 
+    pads: names of those whose raw frames may be asked for.
+
     `refused` counts the messages that held a number that is none (an error of this program): such a contact goes out
     as "lost" without any estimate, so that listeners learn of it at once; anything else is withheld. Both are logged.
     Raises BusError when the endpoints cannot be had.
     """
 
-    def __init__(self, endpoints: Endpoints, boot: str, key: ServerKey | None = None) -> None:
+    def __init__(self, endpoints: Endpoints, boot: str, key: ServerKey | None = None, pads: Iterable[str] = ()) -> None:
         self.boot = boot
         self.refused = 0
+        self._answered = {prefix for pad in pads for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
         self._states_told: set[str] = set()
-        self._bus = BoundSocket(zmq.XPUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
+        # PUB keeps to itself what peers subscribe to: nobody has to fetch it.
+        self._bus = BoundSocket(zmq.PUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         try:
             self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         except Exception:
@@ -82,7 +88,6 @@ class Publisher:
         self._send_checked(self._bus, f"event/{pad}".encode(), message)
 
     def send_status(self, pad: str, message: StatusMessage) -> None:
-        _drain(self._bus)
         self._send_checked(self._bus, f"status/{pad}".encode(), message)
 
     def frames_wanted(self, pad: str, now_ns: int) -> bool:
@@ -93,13 +98,17 @@ class Publisher:
         return bool(self._subscriptions) and self._is_subscribed(f"frame/{pad}")
 
     def _follow_subscriptions(self) -> None:
-        for change in _drain(self._frames):
+        for _ in range(LARGEST_BATCH):
+            if not self._frames.readable():
+                return
+            change = b"".join(self._frames.zmq.recv_multipart(zmq.NOBLOCK))
             # XPUB hands on every subscription (1), and the end of the last one to a topic (0).
-            if change[:1] == b"\x01" and _is_ours(change[1:]):
+            if change[:1] == b"\x01" and change[1:] in self._answered:
                 self._subscriptions.add(change[1:])
                 self._states_told.clear()
             elif change[:1] == b"\x00":
                 self._subscriptions.discard(change[1:])
+        self._look_ns = 0  # there may be more: go on with the next frame
 
     def state_wanted(self, pad: str) -> bool:
         """Does somebody wait for this pad's state? Ask after `frames_wanted`."""
@@ -155,18 +164,14 @@ def _send(socket: BoundSocket, topic: bytes, payload: bytes) -> None:
     socket.zmq.send_multipart((topic, payload), flags=zmq.NOBLOCK)
 
 
-def _is_ours(prefix: bytes) -> bool:
-    """Only what can begin a topic is remembered: a peer may subscribe to anything, and to any number of things."""
-    kinds = (b"frame/", b"state/")
-    return len(prefix) <= LONGEST_TOPIC and any(prefix.startswith(kind) or kind.startswith(prefix) for kind in kinds)
+def _raw_topics(pad: str) -> tuple[str, str]:
+    return f"frame/{pad}", f"state/{pad}"
 
 
-def _drain(socket: BoundSocket) -> list[bytes]:
-    """Subscriptions pile up in the socket's memory until they are fetched."""
-    changes = []
-    while socket.readable():
-        changes.append(b"".join(socket.zmq.recv_multipart(zmq.NOBLOCK)))
-    return changes
+def _prefixes(topic: str) -> list[bytes]:
+    """All that a peer may subscribe to in order to get this topic."""
+    whole = topic.encode()
+    return [whole[:length] for length in range(len(whole) + 1)]
 
 
 def _without_estimate(message: ContactMessage, reason: str) -> ContactMessage:

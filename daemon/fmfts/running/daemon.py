@@ -61,7 +61,7 @@ class Daemon:
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
         key = None if keys is None else keys.server()
         self._gate = None if keys is None else Gate(keys)
-        self._publisher = Publisher(endpoints, self._boot, key)
+        self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad])
         self._control = ControlServer(endpoints.control, key)
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
