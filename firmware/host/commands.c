@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,6 +21,8 @@ const char commands_help[] =
     "  garbage N SEED                        N pseudo-random bytes into the stream, between packets\n"
     "  truncate                              the next packet loses its second half, closing zero included\n"
     "  reset                                 restart the core as a software reset does\n"
+    "  frames PAD                            `ok N`: frames made of this pad, those before a reset included\n"
+    "  hold on|off                           the board's time stands still, and catches up afterwards\n"
     "  time US                               jump the board's time forward\n"
     "  run US                                with --stepped: let so much time pass\n"
     "  quit\n";
@@ -189,6 +192,25 @@ static const char *reset(struct session *session, struct words *words, struct pl
     return NULL;
 }
 
+static const char *frames(struct session *session, struct words *words, struct place place)
+{
+    (void)words;
+    const struct emulation *emulation = &session->emulation;
+    uint64_t made = emulation->frames_before_reset[place.pad] + emulation->device.sampler.pads[place.pad].sequence;
+    snprintf(session->answer, sizeof session->answer, " %llu", (unsigned long long)made);
+    return NULL;
+}
+
+static const char *hold(struct session *session, struct words *words, struct place place)
+{
+    (void)place;
+    bool on = strcmp(words->word[1], "on") == 0;
+    if (!on && strcmp(words->word[1], "off") != 0)
+        return "hold is on or off";
+    session->held = on;
+    return NULL;
+}
+
 static const char *jump(struct session *session, struct words *words, struct place place)
 {
     (void)place;
@@ -262,6 +284,8 @@ static const struct command {
     {"garbage", 3, false, false, garbage},
     {"truncate", 1, false, false, cut},
     {"reset", 1, false, false, reset},
+    {"frames", 2, true, false, frames},
+    {"hold", 2, false, false, hold},
     {"time", 2, false, false, jump},
     {"run", 2, false, false, run},
     {"quit", 1, false, false, quit},
@@ -271,6 +295,7 @@ const char *commands_execute(struct session *session, char *line)
 {
     struct words words = split(line);
     struct place place = {0, 0};
+    session->answer[0] = '\0';
     for (size_t i = 0; i < sizeof commands / sizeof *commands && words.count > 0; i++) {
         const struct command *command = &commands[i];
         if (strcmp(words.word[0], command->name) != 0)

@@ -13,6 +13,8 @@ struct session {
     uint64_t paced_ns;  // virtual time that passed tick by tick
     uint64_t jumped_ns; // virtual time that did not
     bool stepped;       // it passes by `run` alone
+    bool held;          // it stands still
+    char answer[24];    // of the last command, besides "ok"
     bool quit;
 };
 

@@ -64,6 +64,8 @@ void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_
 
 void emulation_reset(struct emulation *emulation)
 {
+    for (int p = 0; p < SAMPLER_PADS_MAX; p++)
+        emulation->frames_before_reset[p] += emulation->device.sampler.pads[p].sequence;
     emulation->bench.reset_ns = emulation->bench.now_ns;
     emulation->bench.counter_at_reset = 0;
     emulation->board.reset_cause = RESET_SOFTWARE;

@@ -14,6 +14,7 @@ struct emulation {
     struct emulated_converter converter;
     struct board board;
     struct device device;
+    uint64_t frames_before_reset[SAMPLER_PADS_MAX];
     bool (*send)(void *line_context, const uint8_t *line, size_t count);
     void *line_context;
 };

@@ -126,7 +126,7 @@ static void say(const char *word, const char *rest)
 static void execute_line(struct session *session, char *command)
 {
     const char *wrong = commands_execute(session, command);
-    say(wrong ? "error: " : "ok", wrong ? wrong : "");
+    say(wrong ? "error: " : "ok", wrong ? wrong : session->answer);
 }
 
 // Executes the commands that have come within the patience (-1: any). False: standard input is closed.
@@ -172,8 +172,8 @@ static void sleep_until(uint64_t ns)
 static void stream(struct session *session, double speed)
 {
     uint64_t tick_ns = monotonic_ns();
-    while (!terminated && !session->quit && take_commands(session, session->stepped ? -1 : 0)) {
-        if (session->stepped)
+    while (!terminated && !session->quit && take_commands(session, session->stepped || session->held ? -1 : 0)) {
+        if (session->stepped || session->held)
             continue;
         session_pass(session, (uint64_t)(TICK_NS * speed));
         tick_ns += TICK_NS;

@@ -55,6 +55,12 @@ class FirmwareHost:
         self._process.stdin.write(command + "\n")
         return self._process.stdout.readline().strip()
 
+    def frames(self, pad: int = 0) -> int:
+        """How many the board made, those before a reset included."""
+        word, _, count = self.ask(f"frames {pad}").partition(" ")
+        assert word == "ok", word
+        return int(count)
+
     def field(self, field_t: np.ndarray, pad: int = 0) -> None:
         """The field (4, 3) in tesla at the chips, in their own axes."""
         self.tell(f"field {pad} " + " ".join(f"{value * 1e6:.6f}" for value in field_t.ravel()))

@@ -217,3 +217,16 @@ def test_stepped_board_sends_what_its_time_allows_and_nothing_by_itself() -> Non
 
 def test_board_whose_time_runs_is_not_stepped(board: HostBoard) -> None:
     assert board.command("run 1000") == "error: time passes by itself: start with --stepped"
+
+
+def test_board_that_is_held_makes_no_frame_and_counts_those_before_a_reset(board: HostBoard) -> None:
+    seen = board.wait_for_sample(5, lambda s: s.sequence > 20)
+    assert board.command("hold on") == "ok"
+    made = board.command("frames 0")
+    *_, last = seen, *board.samples(0.2)
+    assert made == f"ok {last.sequence + 1}"
+    assert board.command("reset") == "ok"
+    assert board.command("frames 0") == made
+    assert board.command("hold off") == "ok"
+    board.wait_for_sample(5, lambda s: s.sequence > 3)
+    assert int(board.command("frames 0").split()[1]) > last.sequence + 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import cast
 
@@ -13,6 +14,7 @@ from wire_packets import make_sample, packets, samples, selftests
 
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
 from fmfts.jobs.probing import faults_of
+from fmfts.running.statistics import PadStatistics
 from fmfts.sensor import Source
 from fmfts.sensor.clock import DeviceClock
 from fmfts.sensor.framing import Decoder, encode
@@ -59,6 +61,11 @@ def sample(sensors: int = 4, pad_index: int = 0, **changes: int) -> Sample:
     return make_sample(
         [(1, 2, 3)] * sensors, [0] * sensors, pad_index=pad_index, temperature_raw=0, **(fields | changes)
     )
+
+
+def run_of(numbers: Iterable[int]) -> list[Sample]:
+    """Samples with these sequence numbers, of a board whose clock counts from its start as they do."""
+    return [sample(sequence=number, time_us=(number + 1) * 4545) for number in numbers]
 
 
 class Line:
@@ -261,3 +268,19 @@ def test_a_new_hello_forgets_the_faults_of_sensors_that_are_gone() -> None:
     line.feed(hello(3))
     assert line.state.sensor_faults == {}
     assert np.array_equal(list(line.state.pad_faults), [0])
+
+
+@pytest.mark.parametrize("reopened", [True, False], ids=["plugged in again", "reset on an open line"])
+@pytest.mark.parametrize("before", [100, 1000])
+def test_frames_between_two_runs_of_a_board_are_no_gap(before: int, reopened: bool) -> None:
+    line, statistics = Line(), PadStatistics()
+    later = [*range(250, 300), *range(303, 310)]
+    if not reopened and before == 100:
+        later = [number - 200 for number in later]  # a board that was silent for longer than it ran has been reopened
+    for numbers in (range(before), later):
+        for one in run_of(numbers):
+            for frame in line.feed(one):
+                statistics.frame(frame)
+        if reopened:
+            line.link.restart()
+    assert (statistics.frames, statistics.gaps) == (before + 57, 3)

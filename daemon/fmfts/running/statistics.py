@@ -11,23 +11,25 @@ from fmfts.sensor import Frame
 class PadStatistics:
     """Counters since the start, and the latencies (sample → publish) since the last `interval`.
 
-    gaps: frames that were produced and never came. dropped: frames that came and were not used.
+    gaps: frames that were produced and never came, of those between two that came in one run of the source. What was
+    lost at the seam of two runs is not known: a board that restarts counts from 0 again.
+    dropped: frames that came and were not used.
     """
 
     frames: int = 0
     gaps: int = 0
     dropped: int = 0
     rate_hz: float = 0.0
-    _sequence: int | None = None
+    _last: tuple[int, int] | None = None  # run, sequence
     _first_ns: int | None = None
     _latencies_s: list[float] = field(default_factory=list)
 
     def frame(self, frame: Frame) -> None:
-        """Account for a frame: a jump of the sequence is a gap of that many, a step back a restart of the board."""
+        """Account for a frame: a jump of the sequence within a run is a gap of that many."""
         self.frames += 1
-        if self._sequence is not None and frame.sequence > self._sequence + 1:
-            self.gaps += frame.sequence - self._sequence - 1
-        self._sequence = frame.sequence
+        if self._last is not None and self._last[0] == frame.run:
+            self.gaps += max(frame.sequence - self._last[1] - 1, 0)
+        self._last = frame.run, frame.sequence
 
     def published(self, sampled_ns: int, published_ns: int) -> None:
         self._latencies_s.append((published_ns - sampled_ns) * 1e-9)

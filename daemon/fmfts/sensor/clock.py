@@ -29,13 +29,16 @@ class HostClock:
     """The clock of a source on this host: its device time is CLOCK_MONOTONIC already."""
 
     drift_ppm = 0.0
-    restarts = 0
+
+    def __init__(self) -> None:
+        self.restarts = 0
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         return min(device_us * 1000, arrival_ns)
 
     def restart(self) -> None:
-        """Nothing to forget."""
+        """There is nothing to forget."""
+        self.restarts += 1
 
 
 class DeviceClock:

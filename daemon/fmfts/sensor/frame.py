@@ -34,6 +34,7 @@ class Frame:
     device_time_us: the source's own clock at the newest conversion, 64 bit, never wraps.
     host_time_ns: the same instant on the host's CLOCK_MONOTONIC.
     temperature_c: None where the source has no thermometer.
+    run: another number after each restart of the source, whose sequence and clock begin anew then.
     """
 
     pad_index: int
@@ -46,6 +47,7 @@ class Frame:
     fresh: NDArray[np.bool_]
     valid: NDArray[np.bool_]
     temperature_c: float | None
+    run: int = 0
 
     @property
     def packed(self) -> Packed:
@@ -90,6 +92,7 @@ class WireFrame(Frame):
         host_time_ns: int,
         packed: Packed,
         temperature_c: float | None,
+        run: int = 0,
     ) -> None:
         put = object.__setattr__  # a frame is frozen
         put(self, "pad_index", pad_index)
@@ -97,6 +100,7 @@ class WireFrame(Frame):
         put(self, "device_time_us", device_time_us)
         put(self, "host_time_ns", host_time_ns)
         put(self, "temperature_c", temperature_c)
+        put(self, "run", run)
         put(self, "_packed", packed)
 
     @property

@@ -144,7 +144,8 @@ class Link:
                 self._welcome.add(key)
         if host_time_ns is None:
             return None
-        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, _temperature_c(temperature_raw))
+        temperature_c, run = _temperature_c(temperature_raw), self._clock.restarts
+        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, run)
 
     def _host_time_ns(self, time_us: int, now_ns: int) -> int:
         restarts = self._clock.restarts
@@ -181,6 +182,7 @@ class Link:
             bits(sample.fresh, sensors),
             bits(sample.valid, sensors),
             _temperature_c(sample.temperature_raw),
+            self._clock.restarts,
         )
 
     def _fits(self, what: str, pad_index: int, sensors: int) -> bool:
