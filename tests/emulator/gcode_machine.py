@@ -16,7 +16,7 @@ from typing import Self
 
 from emulator.pty_port import PtyPort
 
-HOMING_MM_PER_S = 50.0
+CLEANING_S = 1.0  # after M410 Marlin drops moves (planner.cpp, quick_stop)
 Place = list[float]
 
 
@@ -27,23 +27,31 @@ class Move:
 
 
 class GcodeMachine:
-    """`switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn and nothing moves on.
+    """homing_mm_per_s: None homes at once. z_limit_mm_per_s: faster feeds are clamped without a word; 5 is stock Marlin.
+    `switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn and nothing moves on.
 
     backlash_mm: an axis that comes from above stands so much higher than it was told.
     """
 
-    def __init__(self, link: Path, dialect: str, *, backlash_mm: float = 0.0, speed: float = 1.0) -> None:
+    def __init__(
+        self, link: Path, dialect: str, *, backlash_mm: float = 0.0, speed: float = 1.0, z_limit_mm_per_s: float = 5.0
+    ) -> None:
         self.port = PtyPort(link)
         self.home: Place = [98.0, 98.0, 13.0]
         self.backlash_mm = backlash_mm
         self.switch_mm: float | None = None
         self.stalled = False
         self.deaf = False
+        self.homing_mm_per_s: float | None = None
         self.killed = False
         self.received: list[str] = []
         self.on_moved: Callable[[Place], None] = lambda place: None
         self._grbl = dialect == "grbl"
         self._speed = speed
+        self._z_limit_mm_per_s = z_limit_mm_per_s
+        self._cleaning_s = 0.0
+        self._homing = False
+        self._awaits_reset = False  # GRBL after a hard limit
         self._told = [10.0, 10.0, 20.0]  # where the motors believe to be
         self._from_above = [False, False, False]
         self._moves: deque[Move] = deque()
@@ -63,11 +71,20 @@ class GcodeMachine:
         """Where the rod really is."""
         return [told + self.backlash_mm * above for told, above in zip(self._told, self._from_above, strict=True)]
 
+    @property
+    def locked(self) -> bool:
+        """It moves no more until somebody unlocks or resets it."""
+        return self.killed or self._alarm
+
     def turn(self, seconds: float) -> None:
         """Hear what has come, and move on for so long."""
         self._hear(self.port.read(0.0))
         self._advance(seconds * self._speed)
-        while self._held and not self._moves:
+        if self._homing and not self._moves:
+            self._homing, self._from_above = False, [False] * 3
+            self._say("ok")
+        self._cleaning_s = max(0.0, self._cleaning_s - seconds)
+        while self._held and not self._moves and not self._cleaning_s:
             self._marlin(self._held.popleft())
 
     def _hear(self, data: bytes) -> None:
@@ -76,7 +93,7 @@ class GcodeMachine:
                 self._realtime(byte)
             elif byte in b"\r\n":
                 line, self._rest = self._rest.decode(), b""
-                if line and not self.killed and not self.deaf:
+                if line and not self.killed and not self.deaf and not self._awaits_reset:
                     self.received.append(line)
                     self._obey(line)
             else:
@@ -89,8 +106,9 @@ class GcodeMachine:
             self._kill()
         elif line == "M410":  # the emergency parser takes it out of turn
             self._moves.clear()
+            self._cleaning_s = CLEANING_S
             self._say("ok")
-        elif self._held or (line in ("M400", "M114", "G28") and self._moves):
+        elif self._held or self._homing or (line in ("M400", "M114", "G28") and (self._moves or self._cleaning_s)):
             self._held.append(line)
         else:
             self._marlin(line)
@@ -100,7 +118,8 @@ class GcodeMachine:
             x, y, z = self._told
             self._say(f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f} E:0.00 Count X:{x * 80:.0f} Y:{y * 80:.0f} Z:{z * 400:.0f}")
         elif line == "G28":
-            self._told, self._from_above = list(self.home), [False] * 3
+            self._home()
+            return
         elif line in ("G90", "G91"):
             self._relative = line == "G91"
         elif line.startswith("G1 "):
@@ -117,7 +136,8 @@ class GcodeMachine:
             self._say("error:9")
             return
         elif line == "$H":
-            self._told, self._from_above = list(self.home), [False] * 3
+            self._home()
+            return
         elif line.startswith("$J="):
             if self._moves:
                 self._say("error:8")  # stricter than GRBL, which would take it for a queue
@@ -129,31 +149,56 @@ class GcodeMachine:
         self._say("ok")
 
     def _realtime(self, byte: int) -> None:
-        if self.deaf:
+        if self.deaf or (self._awaits_reset and byte != 0x18):
             return
         if byte == ord("?"):
-            state = "Alarm" if self._alarm else "Jog" if self._moves else "Idle"
+            state = "Alarm" if self._alarm else "Home" if self._homing else "Jog" if self._moves else "Idle"
             x, y, z = self._told
             self._say(f"<{state}|MPos:{x:.3f},{y:.3f},{z:.3f}|FS:0,0>")
         elif byte == 0x85:
             self._moves.clear()
         elif byte == 0x18:
-            self._kill()
+            self._reset()
+
+    def _reset(self) -> None:
+        """GRBL's soft reset: an alarm stays, and a move that it cuts off is one. The position is kept."""
+        if self._moves:
+            self._alarm = True
+            self._say("ALARM:3")
+        self._moves.clear()
+        self._awaits_reset = self._homing = False
+        self._rest = b""
+        self._say("Grbl 1.1h ['$' for help]")
+        if self._alarm:
+            self._say("[MSG:'$H'|'$X' to unlock]")
+
+    def _home(self) -> None:
+        if self.homing_mm_per_s is None:
+            self._told = list(self.home)
+        else:
+            self._moves.append(Move(list(self.home), self.homing_mm_per_s))
+        self._homing = True
 
     def _queue(self, line: str, relative: bool) -> None:
+        if self._cleaning_s:
+            return
         words = dict(re.findall(r"([XYZF])(-?[\d.]+)", line))
         start = self._moves[-1].target if self._moves else self._told
         target = [
             (start[i] if relative or axis not in words else 0.0) + float(words.get(axis, 0.0))
             for i, axis in enumerate("XYZ")
         ]
-        self._moves.append(Move(target, float(words["F"]) / 60.0))
+        mm_per_s, along_z_mm = float(words["F"]) / 60.0, abs(target[2] - start[2])
+        if along_z_mm:
+            mm_per_s = min(mm_per_s, self._z_limit_mm_per_s * math.dist(target, start) / along_z_mm)
+        self._moves.append(Move(target, mm_per_s))
 
     def _kill(self) -> None:
         self._moves.clear()
         self._held.clear()
+        self._homing = False
         self.killed = True
-        self._say("Error:Printer halted. kill() called!" if not self._grbl else "ALARM:3")
+        self._say("Error:Printer halted. kill() called!")
 
     def _advance(self, seconds: float) -> None:
         while seconds > 0.0 and self._moves and not self.stalled:
@@ -177,8 +222,9 @@ class GcodeMachine:
         self._moves.clear()
         self._held.clear()
         if self._grbl:
-            self._alarm = True
+            self._alarm = self._awaits_reset = True
             self._say("ALARM:1")
+            self._say("[MSG:Reset to continue]")
         else:
             self._say("echo:endstops hit:  Z:" + f"{self._told[2]:.2f}")
 

@@ -64,6 +64,7 @@ travel_mm = [[80, 120], [80, 120], [5, 40]]
 force_limit_n = {limit_n}
 origin_mm = [100, 100]
 clear_z_mm = {clear_mm}
+lift_mm_per_s = {lift_mm_per_s}
 step_mm = 0.1
 overshoot_mm = {overshoot_mm}
 """
@@ -117,6 +118,8 @@ class PressedBench:
         average_s: float = 0.3,
         overshoot_mm: float = 0.2,
         speed: float = 10.0,
+        lift_mm_per_s: float = 4.0,
+        z_limit_mm_per_s: float = 5.0,
         limit_n: float = 4.5,
         silence_ms: float = 100.0,
         chip_noise_ut: float = 0.2,
@@ -141,7 +144,9 @@ class PressedBench:
         self._chip_noise_ut = chip_noise_ut
         self._stepped = not real_time
         self.board = FirmwareHost(folder, *(["--stepped"] if self._stepped else []))
-        self.machine = GcodeMachine(folder / "machine", dialect, backlash_mm=backlash_mm, speed=speed)
+        self.machine = GcodeMachine(
+            folder / "machine", dialect, backlash_mm=backlash_mm, speed=speed, z_limit_mm_per_s=z_limit_mm_per_s
+        )
         self.gauge = SerialForceGauge(
             folder / "gauge",
             lambda: self.force_n,
@@ -155,9 +160,8 @@ class PressedBench:
         told_ms = (delay_s if told_delay_s is None else told_delay_s) * 1e3
         gauge = LOAD_CELL if load_cell else SERIAL_GAUGE.format(folder=folder, delay_ms=told_ms)
         facts = {"folder": folder, "dialect": dialect, "gauge": gauge, "limit_n": limit_n, "silence_ms": silence_ms}
-        self.config.write_text(
-            CONFIG.format(clear_mm=CLEAR_MM, overshoot_mm=overshoot_mm, average_s=average_s, **facts)
-        )
+        facts |= {"overshoot_mm": overshoot_mm, "average_s": average_s, "lift_mm_per_s": lift_mm_per_s}
+        self.config.write_text(CONFIG.format(clear_mm=CLEAR_MM, **facts))
         self.environment = os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
         self._rod_mm = list(self.machine.place)
         self._load_cell = load_cell

@@ -30,8 +30,8 @@ class Silence:
 port, dialect, how = sys.argv[1:]
 stage = Stage(
     StageConfig(port=port, dialect=dialect, travel_mm=((80, 120), (80, 120), (5, 40)), force_limit_n=4.5,
-                origin_mm=(100, 100), clear_z_mm=12.0, press_mm_per_s=20.0),
-    Watch(Silence(), None, Limits(None, 1.0)), 0.05,
+                origin_mm=(100, 100), clear_z_mm=12.0, press_mm_per_s=0.1),
+    Watch(Silence(), None, Limits(None, 1000.0)), 0.05,
 )
 stage.begin()
 stage._machine.move(z=9.0, mm_per_s=20.0)
@@ -42,7 +42,7 @@ elif how == "crashes":
     import os
     os.abort()
 else:
-    stage._machine.move(z=6.0, mm_per_s=0.1)
+    stage._creep(3.0, 1.0)
 """
 
 

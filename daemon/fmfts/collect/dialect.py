@@ -1,7 +1,9 @@
 """The two dialects of G-code that hobby machines speak: what is sent, and what the answers mean.
 
-Marlin: https://marlinfw.org/meta/gcode/ (M112, M114, M211, M400, M410). GRBL 1.1: https://github.com/gnea/grbl/wiki,
-"Grbl v1.1 Interface", "Jogging" (moves are jogs: 0x85 ends them at once, and the position is kept).
+Marlin: https://marlinfw.org/meta/gcode/ (M112, M114, M211, M400, M410). After M410 it drops every move for a second
+(planner.cpp, quick_stop: cleaning_buffer_counter), and M400 waits for the end of that. GRBL 1.1:
+https://github.com/gnea/grbl/wiki, "Grbl v1.1 Interface", "Jogging" (moves are jogs: 0x85 ends them at once, and the
+position is kept). After ALARM:1 and ALARM:2 it hears nothing but 0x18 (protocol.c, "Reset to continue").
 """
 
 from __future__ import annotations
@@ -32,10 +34,12 @@ class Dialect(Protocol):
     """`settle` is sent once after each move, and `ask` again until an answer is `standing`."""
 
     set_up: tuple[str, ...]
-    home: str
+    home: tuple[str, ...]  # z goes up first: the rod may stand on the pad
     settle: tuple[str, ...]
     ask: bytes
     halt: bytes  # ends motion at once and keeps the position
+    halt_s: float  # it takes no move for so long after a halt
+    reset: bytes  # after it the machine hears again, and keeps its position; b"" where it always hears
     emergency: bytes  # stops everything; the machine must be reset by hand
     unlock: tuple[str, ...]  # after an alarm, before it moves again
 
@@ -63,10 +67,12 @@ GRBL_TROUBLES = {
 
 class Marlin:
     set_up: tuple[str, ...] = ("G21", "G90", "M211 S1")  # millimetres, absolute, soft limits on
-    home = "G28"
+    home: tuple[str, ...] = ("G91", "G1 Z5 F240", "G90", "G28")
     settle: tuple[str, ...] = ("M400", "M114")
     ask = b""
     halt = b"M410\n"
+    halt_s = 1.0
+    reset = b""
     emergency = b"M112\n"
     unlock: tuple[str, ...] = ()
 
@@ -78,7 +84,7 @@ class Marlin:
         return f"G1 X{x:.4f} Y{y:.4f} Z{z:.4f} F{mm_per_s * 60:.1f}"
 
     def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
-        return ("G90", f"G1 Z{z_mm:.4f} F{mm_per_s * 60:.1f}")
+        return ("M400", "G90", f"G1 Z{z_mm:.4f} F{mm_per_s * 60:.1f}")
 
     def read(self, line: str) -> Answer:
         if line.startswith("ok"):
@@ -93,10 +99,12 @@ class Marlin:
 
 class Grbl:
     set_up: tuple[str, ...] = ("G21", "G90", "$10=1")  # the report tells machine positions
-    home = "$H"
+    home: tuple[str, ...] = ("$H",)  # HOMING_CYCLE_0 is z
     settle: tuple[str, ...] = ()
     ask = b"?"
     halt = b"\x85"
+    halt_s = 0.0
+    reset = b"\x18"
     emergency = b"\x18"
     unlock: tuple[str, ...] = ("$X",)
 

@@ -15,25 +15,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 DONE = b"done"
-HALTED_S = 0.2  # a machine takes no moves before it stands
 PATIENCE_S = 2.0
 TURN_S = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Rescue:
-    """halt: ends all motion. rise: sent then, lifts the rod. seconds: it may take so long."""
+    """What is sent in turn, and how long is waited after each (s)."""
 
-    halt: bytes
-    rise: bytes
-    seconds: float
+    steps: tuple[tuple[bytes, float], ...]
 
 
 class Guard:
     """Watches over the machine on `port` (a file descriptor) from now on, until `close`."""
 
     def __init__(self, port: int, rescue: Rescue) -> None:
-        words = [str(port), rescue.halt.hex(), rescue.rise.hex(), f"{rescue.seconds:.3f}"]
+        words = [str(port), *(f"{data.hex()}:{seconds:.3f}" for data, seconds in rescue.steps)]
         # In a session of its own: Ctrl-C and a closed terminal reach the collector alone.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "fmfts.collect.guard", *words],
@@ -52,17 +49,16 @@ class Guard:
 
 
 def main(words: Sequence[str]) -> None:
-    port, halt, rise, seconds = int(words[0]), bytes.fromhex(words[1]), bytes.fromhex(words[2]), float(words[3])
+    port, steps = int(words[0]), [word.split(":") for word in words[1:]]
     heard = b""
     while more := os.read(sys.stdin.fileno(), 64):
         heard += more
     if heard == DONE:
         return
     try:
-        _write(port, halt)
-        time.sleep(HALTED_S)
-        _write(port, rise)
-        time.sleep(seconds)
+        for data, seconds in steps:
+            _write(port, bytes.fromhex(data))
+            time.sleep(float(seconds))
     except OSError as error:
         print(
             f"collect ended with the rod down, and it MAY STILL PRESS: {error.strerror}; lift it by hand",

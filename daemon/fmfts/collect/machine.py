@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from fmfts.collect.clock import Clock
 from fmfts.collect.dialect import DIALECTS, Answer, Dialect, Place
@@ -17,12 +18,24 @@ from fmfts.sensor import serial_port
 BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
 ANSWER_S = 1.0
 HOMING_S = 120.0
+SHORT_S = 0.05  # a move so short need not be cut off: what is sent behind it comes soon enough
 LATE_S = 2.0  # a move that takes so much longer than its way needs has stalled
 ASK_S = 0.02
 HALTED_S = 0.1
+STANDS_S = 1.0  # from a halt: it slows down first
+RESET_S = 1.0
 ARRIVED_MM = 0.02
 TURN_S = 0.001
 SENT_S = 0.1  # closing the port throws away what is not sent yet, and five bytes are sent by then
+
+
+@dataclass(frozen=True, slots=True)
+class _UnderWay:
+    """A move that was sent: when it should end, and its lower end."""
+
+    ends_s: float
+    low_mm: float
+    up: bool  # and nothing else
 
 
 class Machine:
@@ -30,14 +43,16 @@ class Machine:
 
     def __init__(self, config: StageConfig, clock: Clock) -> None:
         self.place: Place | None = None  # where it stands, as far as it said
+        self.homed: bool | None = None  # False while it homes, None before: then its place means nothing
         self.trouble = ""
         self.listen: Callable[[], None] = lambda: None
         self._config = config
         self._clock = clock
         self._dialect: Dialect = DIALECTS[config.dialect]
         self._answers_due = 0
-        self._standing = False
+        self._standing: bool | None = False  # None: it has not said yet
         self._started = False
+        self._under_way: _UnderWay | None = None
         self._rest = b""
         try:
             self._port = serial_port.open_raw(config.port, config.baud)
@@ -57,7 +72,9 @@ class Machine:
         self._send(*self._dialect.unlock, *self._dialect.set_up)
         self._wait(lambda: self._answers_due == 0, ANSWER_S)
         self.trouble = ""
+        self.homed = False
         self._carry_out(self._dialect.home, HOMING_S)
+        self.homed = True
 
     def move(
         self, x: float | None = None, y: float | None = None, z: float | None = None, mm_per_s: float = 1.0
@@ -71,48 +88,87 @@ class Machine:
         for axis, value, (low, high) in zip("xyz", (x, y, z), self._config.travel_mm, strict=True):
             if value is not None and not low <= value <= high:
                 raise RefusedError(f"{axis} = {value:.3f} mm is outside collect.stage.travel_mm ({low:g} to {high:g})")
-        line = self._dialect.move((target[0], target[1], target[2]), mm_per_s)
-        self._carry_out(line, math.dist(target, self.place) / mm_per_s + LATE_S)
+        seconds = math.dist(target, self.place) / mm_per_s
+        up = target[2] > self.place[2] and target[:2] == self.place[:2]
+        self._under_way = _UnderWay(self._now_s() + seconds, min(target[2], self.place[2]), up)
+        self._carry_out((self._dialect.move((target[0], target[1], target[2]), mm_per_s),), seconds + LATE_S)
+        self._under_way = None
         if math.dist(target, self.place) > ARRIVED_MM:
             raise StoppedError(f"the stage stands at {_shown(self.place)} instead of {_shown(target)}: did it stall?")
         self.place = (target[0], target[1], target[2])  # Marlin rounds what it tells to 0.01 mm
 
     def rescue(self, z_mm: float, mm_per_s: float) -> Rescue:
         """What brings it up to that height from anywhere when this process is no more."""
-        rise = "".join(f"{line}\n" for line in (*self._dialect.unlock, *self._dialect.rise(z_mm, mm_per_s)))
-        farthest_mm = z_mm - self._config.travel_mm[2][0]
-        return Rescue(self._dialect.halt, rise.encode(), farthest_mm / mm_per_s + LATE_S)
+        dialect, farthest_mm = self._dialect, z_mm - self._config.travel_mm[2][0]
+        rise = "".join(f"{line}\n" for line in (*dialect.unlock, *dialect.rise(z_mm, mm_per_s))).encode()
+        # The guard hears no answers: GRBL is reset whether it needs that or not, and Marlin, which presses by short
+        # moves, lifts sooner without its halt.
+        freed = ((dialect.halt, 2 * HALTED_S), (dialect.reset, RESET_S / 2)) if dialect.reset else ()
+        return Rescue((*freed, (rise, farthest_mm / mm_per_s + LATE_S)))
 
     def fileno(self) -> int:
         return int(self._port.fileno())
 
+    def lowest_mm(self) -> float:
+        """Where its z is by now, or, while it moves, the lower end of that move."""
+        assert self.place is not None
+        return self.place[2] if self._under_way is None else self._under_way.low_mm
+
+    def halt(self) -> bool:
+        """End what is under way, unless it ends as soon by itself, or leads up; whether it was ended."""
+        move = self._under_way
+        if move is None:
+            return False
+        left_s = move.ends_s - self._now_s()
+        if self._dialect.halt_s and left_s > -2 * SHORT_S and (move.up or left_s < 2 * SHORT_S):
+            return False
+        self._write(self._dialect.halt)
+        return True
+
     def rise(self, z_mm: float, mm_per_s: float) -> bool:
         """End whatever moves, and go up; whether it says that it did. Listens to nobody, for nothing may prevent it."""
         self.listen = lambda: None
-        before, locked = self.place, bool(self.trouble)
+        locked, low_mm = bool(self.trouble), self.lowest_mm()
+        way_mm = z_mm - low_mm
         try:
-            self._write(self._dialect.halt)
-            self._halted(locked)
-            self._answers_due = 0
-            self._send(*self._dialect.rise(z_mm, mm_per_s), *self._dialect.settle)
-            way_mm = 0.0 if before is None else z_mm - before[2]
-            end_s = self._now_s() + way_mm / mm_per_s + LATE_S
-            while before is not None and self._now_s() < end_s:
-                self.trouble = ""  # of before: what counts now is whether it rises
-                if self._wait(lambda: self.place is not None and self.place[2] > before[2] + 0.5 * way_mm, HALTED_S):
+            lost_s = self._dialect.halt_s if self.halt() else 0.0
+            self._under_way = self.place = None
+            end_s = self._now_s() + lost_s + way_mm / mm_per_s + LATE_S
+            while self._now_s() < end_s:
+                self._make_ready(locked)
+                self._send(*self._dialect.rise(z_mm, mm_per_s), *self._dialect.settle)
+                if self._wait(
+                    lambda: self.place is not None and self.place[2] > low_mm + 0.5 * way_mm, end_s - self._now_s()
+                ):
                     return True
+                locked = True  # a switch that bounces when it is left locks GRBL once more
         except AbsentError:
             return False
         return False
 
-    def _halted(self, locked: bool) -> None:
-        """Jogs are taken only by a machine that stands, and none by one that is locked."""
-        self.trouble = ""
-        if locked:
-            self._send(*self._dialect.unlock)
-        elif self._dialect.ask:
-            self._answers_due, self._standing = 0, False
-            self._wait(lambda: self._standing, HALTED_S)
+    def _make_ready(self, locked: bool) -> None:
+        """GRBL takes jogs when it stands, and hears nothing but a reset after a limit's alarm."""
+        self.trouble, self._answers_due, self._standing = "", 0, None
+        if not self._dialect.reset:
+            return
+        if not locked and self._wait(lambda: self._standing is not None, HALTED_S) and not self.trouble:
+            self._wait(lambda: bool(self._standing), STANDS_S)
+            if not self.trouble:
+                return
+        self._started = False
+        self._write(self._dialect.reset)
+        self._insist(lambda: self._started, RESET_S)
+        self._answers_due = 0
+        self._send(*self._dialect.unlock)
+        self._insist(lambda: self._answers_due == 0, ANSWER_S)
+        self.trouble, self._answers_due = "", 0
+
+    def _insist(self, done: Callable[[], bool], seconds: float) -> None:
+        """Until `done`, whatever it complains of meanwhile, or the time is over."""
+        end_s = self._now_s() + seconds
+        while not done() and self._now_s() < end_s:
+            self.trouble = ""
+            self._wait(done, end_s - self._now_s())
 
     def emergency_stop(self) -> None:
         """Cut everything off; it must be reset by hand afterwards."""
@@ -136,16 +192,18 @@ class Machine:
         self._answers_due = 0
         return True
 
-    def _carry_out(self, line: str, seconds: float) -> None:
+    def _carry_out(self, lines: tuple[str, ...], seconds: float) -> None:
         """Until it stands again. StoppedError where it says that it cannot, or does not within this time."""
         self._standing = False
-        self._send(line, *self._dialect.settle)
-        arrived = self._wait(lambda: self._answers_due == 0 and self._standing, seconds)
+        self._send(*lines, *self._dialect.settle)
+        arrived = self._wait(lambda: self._answers_due == 0 and bool(self._standing), seconds)
         if self.trouble:
             raise StoppedError(f"the stage says: {self.trouble}")
         if not arrived:
             where = _shown(self.place)
-            raise StoppedError(f"the stage did not end `{line}` within {seconds:.1f} s, and was at {where}: it stalled")
+            raise StoppedError(
+                f"the stage did not end `{lines[-1]}` within {seconds:.1f} s, and was at {where}: it stalled"
+            )
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> bool:
         """Until `done`, trouble, or the time is over."""

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fmfts.collect.errors import RefusedError, StoppedError
+from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.guard import Guard
-from fmfts.collect.machine import Machine
+from fmfts.collect.machine import SHORT_S, Machine
 from fmfts.collect.plan import Press
 from fmfts.collect.watch import Watch
 from fmfts.config.collect import StageConfig
 
 TOUCH_N = 0.03  # a gauge of ±5 mN does not read so much by chance
 NEAR_MM = 0.3  # above the surface that the last press found, steps begin
+TILT = 0.05  # and by so much higher for each mm that it was pressed away from here: pads lie askew
 READINGS = 3  # behind each step's force
 PATIENCE_S = 1.0
-MOST_STEPS = 400
+MOST_STEPS = 400  # from the first touch on
 SMALLEST_FORCE_ERROR_N = 0.01  # what less means, a gauge of ±5 mN does not tell
 LONGER = 4.0  # than step_mm a step may be where the stiffness is known
 CAUTION = 0.8  # of the step that a straight line would need: silicone stiffens
@@ -32,7 +33,7 @@ class Stage:
         self._machine = Machine(config, watch.clock)
         self._guard: Guard | None = None
         self._down = False
-        self._surface_mm: float | None = None
+        self._surface: tuple[float, float, float] | None = None  # where the last press began to touch
         self._n_per_mm = 0.0
         self._last: tuple[float, float] | None = None  # z, force of the last step
 
@@ -41,15 +42,17 @@ class Stage:
         return f"the {self._config.dialect} stage on {self._config.port}"
 
     def begin(self) -> None:
-        """Home, and go up where nothing is touched. Frames and forces are not yet guarded."""
-        self._machine.listen = self._watch.turn
+        """Home, and go up where nothing is touched."""
+        if self._watch.readings:
+            self._watch.tare_n += self._settled_force_n()  # what the rod weighs presses nothing
+        self._machine.listen = lambda: self._watch.turn(moving=True)
         self._machine.begin()
         self.lift()
-        rescue = self._machine.rescue(self._config.clear_z_mm, self._config.travel_mm_per_s)
+        rescue = self._machine.rescue(self._config.clear_z_mm, self._config.lift_mm_per_s)
         self._guard = Guard(self._machine.fileno(), rescue)
 
     def lift(self) -> None:
-        self._machine.move(z=self._config.clear_z_mm, mm_per_s=self._config.travel_mm_per_s)
+        self._machine.move(z=self._config.clear_z_mm, mm_per_s=self._config.lift_mm_per_s)
         self._watch.on_guard = False
         self._last = None
         self._down = False
@@ -65,17 +68,17 @@ class Stage:
     def press(self, press: Press) -> None:
         """Down until its force is reached. StoppedError where it cannot be."""
         self._watch.on_guard = self._down = True
-        if self._last is None and self._surface_mm is not None:
-            self._machine.move(z=self._above(self._surface_mm), mm_per_s=self._config.travel_mm_per_s)
-        for _ in range(MOST_STEPS):
+        if self._last is None and self._surface is not None:
+            self._machine.move(z=self._near_mm(self._surface), mm_per_s=self._config.lift_mm_per_s)
+        steps = 0
+        while steps < MOST_STEPS:
             force_n = self._settled_force_n()
             error_n = press.force_n - force_n
             if abs(error_n) <= max(self._tolerance * press.force_n, SMALLEST_FORCE_ERROR_N):
                 return
             self._learn(force_n)
-            assert self._machine.place is not None
-            z_mm = self._machine.place[2] - self._step_mm(force_n, error_n)
-            self._machine.move(z=z_mm, mm_per_s=self._config.press_mm_per_s)
+            steps += force_n >= TOUCH_N
+            self._creep(self._step_mm(force_n, error_n), force_n)
         raise StoppedError(f"{press.force_n:.3f} N was not reached in {MOST_STEPS} steps: it swings about the force")
 
     def release(self) -> str:
@@ -87,12 +90,15 @@ class Stage:
     def _lifted(self) -> str:
         place = self._machine.place
         self._watch.on_guard = False
-        if place is None:
+        if self._machine.homed is None:
             return "the stage was not homed yet"
-        rise_mm = self._config.clear_z_mm - place[2]
+        if place is None or not self._machine.homed:
+            self._machine.emergency_stop()
+            return "the stage was not homed yet, and got the emergency stop: see that the rod is up before you go on"
+        rise_mm = self._config.clear_z_mm - self._machine.lowest_mm()
         if rise_mm <= 0.0:
-            return "the rod was up"
-        if self._machine.rise(self._config.clear_z_mm, self._config.travel_mm_per_s):
+            return self._halted_up()
+        if self._machine.rise(self._config.clear_z_mm, self._config.lift_mm_per_s):
             return f"the rod was lifted by {rise_mm:.2f} mm"
         self._machine.emergency_stop()
         return "THE ROD MAY STILL PRESS: the stage did not rise, and got the emergency stop; lift it by hand"
@@ -102,8 +108,30 @@ class Stage:
             self._guard.close(lift=self._down)
         self._machine.close()
 
-    def _above(self, surface_mm: float) -> float:
-        return min(surface_mm + NEAR_MM, self._config.clear_z_mm)
+    def _halted_up(self) -> str:
+        try:
+            self._machine.halt()
+        except AbsentError:
+            return "the rod was up, and the stage has gone: it ends its move"
+        return "the rod was up"
+
+    def _near_mm(self, surface: tuple[float, float, float]) -> float:
+        assert self._machine.place is not None
+        away_mm = math.dist(surface[:2], self._machine.place[:2])
+        return min(surface[2] + NEAR_MM + TILT * away_mm, self._config.clear_z_mm)
+
+    def _creep(self, deeper_mm: float, force_n: float) -> None:
+        """In moves so short that a rise need not cut one off: Marlin takes no move for a second after its halt."""
+        assert self._machine.place is not None
+        from_mm, low_mm = self._machine.place[2], self._config.travel_mm[2][0]
+        if force_n < TOUCH_N and from_mm - deeper_mm < low_mm:
+            raise StoppedError(
+                f"nothing was touched down to z = {from_mm:.2f} mm, and collect.stage.travel_mm ends at {low_mm:g} mm: "
+                f"is the pad under the rod? The gauge reads {force_n:.3f} N: does it change when you push the rod?"
+            )
+        moves = math.ceil(abs(deeper_mm) / (SHORT_S * self._config.press_mm_per_s) - 1e-9)
+        for number in range(1, moves + 1):
+            self._machine.move(z=from_mm - deeper_mm * number / moves, mm_per_s=self._config.press_mm_per_s)
 
     def _settled_force_n(self) -> float:
         """The mean of READINGS that are younger than the last move; the first may still have felt its end."""
@@ -123,7 +151,7 @@ class Stage:
             if abs(more_n) > SMALLEST_FORCE_ERROR_N and more_n * deeper_mm > 0.0 and force_n > TOUCH_N:
                 self._n_per_mm = more_n / deeper_mm
         if force_n < TOUCH_N:
-            self._surface_mm = z_mm  # or deeper: the next step tells
+            self._surface = self._machine.place  # or deeper: the next step tells
         self._last = (z_mm, force_n)
 
     def _step_mm(self, force_n: float, error_n: float) -> float:

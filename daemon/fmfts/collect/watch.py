@@ -43,8 +43,11 @@ class Watch:
         self._heard_frame_s = self._heard_force_s = self._turned_s = self._now_s()
         self._sequence: int | None = None
 
-    def turn(self) -> None:
-        """Take in what has come. StoppedError on guard; AbsentError where a device has gone."""
+    def turn(self, *, moving: bool = False) -> None:
+        """Take in what has come. StoppedError on guard; AbsentError where a device has gone.
+
+        moving: the rod may meet something. Then force and silence are guarded anyway, but a lost frame spoils no row.
+        """
         now_ns = self.clock.now_ns()
         now_s = now_ns * 1e-9
         slept = now_s - self._turned_s > SLEPT_S
@@ -52,8 +55,8 @@ class Watch:
         lost = self._take_frames(now_ns)
         self._take_readings(now_ns)
         self._forget(now_s)
-        if self.on_guard:
-            self._judge(lost, now_s, slept)
+        if self.on_guard or moving:
+            self._judge(lost if self.on_guard else "", now_s, slept)
 
     def wait(self, seconds: float) -> None:
         """Listen for so long."""

@@ -54,7 +54,8 @@ class StageConfig(Section, frozen=True):
     clear_z_mm: float  # here the rod touches nothing wherever it travels
     baud: Annotated[int, Meta(ge=1200)] = 115200
     turn_deg: float = 0.0  # of the pad's x axis against the machine's
-    travel_mm_per_s: PositiveFloat = 20.0  # clear of the pad, and lifting
+    travel_mm_per_s: PositiveFloat = 20.0  # sideways, clear of the pad
+    lift_mm_per_s: PositiveFloat = 4.0  # up, and down to the pad: not more than the machine's z can (M203, $112)
     press_mm_per_s: PositiveFloat = 2.0
     step_mm: PositiveFloat = 0.1  # the longest step towards a force
     overshoot_mm: NonNegativeFloat = 0.2  # each place is reached from its lower side: takes up backlash of so much

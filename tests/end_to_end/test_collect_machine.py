@@ -1,0 +1,160 @@
+"""The driver of a G-code machine alone, on the emulated one, in simulated time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from emulator.gcode_machine import GcodeMachine
+from end_to_end.collecting_bench import SimulatedClock
+from fmfts.collect.errors import StoppedError
+from fmfts.collect.feed import Feed
+from fmfts.collect.gauge import Reading
+from fmfts.collect.machine import Machine
+from fmfts.collect.stage import Stage
+from fmfts.collect.watch import Limits, Watch
+from fmfts.config.collect import StageConfig
+from fmfts.sensor import Frame
+
+CLEAR_MM = 39.0
+both_dialects = pytest.mark.parametrize("dialect", ["marlin", "grbl"])
+
+
+def stage_config(port: Path, dialect: str) -> StageConfig:
+    return StageConfig(
+        port=str(port),
+        dialect=dialect,  # type: ignore[arg-type]
+        travel_mm=((80, 120), (80, 120), (5, 40)),
+        force_limit_n=4.5,
+        origin_mm=(100, 100),
+        clear_z_mm=CLEAR_MM,
+    )
+
+
+@contextmanager
+def stock_machine(folder: Path, dialect: str) -> Iterator[tuple[GcodeMachine, StageConfig, SimulatedClock]]:
+    with GcodeMachine(folder / "machine", dialect) as machine:
+        machine.port.lockstep = True
+        yield machine, stage_config(folder / "machine", dialect), SimulatedClock(machine.turn, 0.002)
+
+
+@both_dialects
+def test_high_lift_at_the_default_speed_is_no_stall(tmp_path: Path, dialect: str) -> None:
+    """26 mm take a stock z axis five seconds, whatever feed it is told."""
+    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
+        machine = Machine(config, clock)
+        machine.begin()
+        machine.move(z=CLEAR_MM, mm_per_s=config.lift_mm_per_s)
+        assert emulated.place[2] == CLEAR_MM
+        machine.close()
+
+
+@both_dialects
+def test_rise_from_a_long_way_down_ends_that_way(tmp_path: Path, dialect: str) -> None:
+    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
+        machine = Machine(config, clock)
+        machine.begin()
+        machine.move(z=30.0, mm_per_s=4.0)
+        heard_ns = clock.now_ns()
+
+        def interrupt() -> None:
+            if clock.now_ns() - heard_ns > 500_000_000:
+                raise StoppedError("enough")
+
+        machine.listen = interrupt
+        with pytest.raises(StoppedError):
+            machine.move(z=6.0, mm_per_s=4.0)
+        assert machine.lowest_mm() == 6.0
+        reached_mm: list[float] = []
+        emulated.on_moved = lambda place: reached_mm.append(place[2])
+        assert machine.rise(CLEAR_MM, 4.0)
+        assert min(reached_mm) > 27.0  # half a second at 4 mm/s below 30, and what it takes to hear of the halt
+        clock.sleep(8.0)
+        assert emulated.place[2] == CLEAR_MM
+        machine.close()
+
+
+def test_z_goes_up_before_marlin_homes(tmp_path: Path) -> None:
+    with stock_machine(tmp_path, "marlin") as (emulated, config, clock):
+        machine = Machine(config, clock)
+        reached_mm: list[float] = []
+        emulated.on_moved = lambda place: reached_mm.append(place[2])
+        begun_mm = emulated.place[2]
+        machine.begin()
+        assert max(reached_mm) == begun_mm + 5.0
+        assert emulated.received.index("G1 Z5 F240") < emulated.received.index("G28")
+        machine.close()
+
+
+class OneFrameEach(Feed):
+    """A board that never loses a frame."""
+
+    description, counts = "a board", None
+
+    def poll(self, now_ns: int) -> list[Frame]:
+        self.number = getattr(self, "number", 0) + 1
+        return [Frame(0, self.number, 0, now_ns, 3, None, None, None, None, 25.0)]  # type: ignore[arg-type]
+
+
+class Gauge:
+    """Reads what it is told."""
+
+    description = "a gauge"
+    last_unread = ""
+
+    def __init__(self) -> None:
+        self.force_n = 7.0  # the rod's weight, more than the limit
+
+    def poll(self, now_ns: int) -> list[Reading]:
+        return [Reading(now_ns, self.force_n)]
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+@both_dialects
+def test_collision_while_homing_gets_the_emergency_stop(tmp_path: Path, dialect: str) -> None:
+    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
+        gauge = Gauge()
+        watch = Watch(OneFrameEach(), gauge, Limits(4.5, 0.1), clock)
+        watch.begin()
+        stage = Stage(config, watch, 0.05)
+
+        def collide(place: list[float]) -> None:
+            if any("G28" in line or "$H" in line for line in emulated.received):
+                gauge.force_n = 12.0
+
+        emulated.on_moved = collide
+        emulated.homing_mm_per_s = 20.0
+        with pytest.raises(StoppedError, match="over-force"):
+            stage.begin()
+        assert "got the emergency stop" in stage.release()
+        clock.sleep(0.1)
+        assert emulated.locked
+        stage.close()
+
+
+@both_dialects
+def test_collision_while_travelling_halts_the_machine(tmp_path: Path, dialect: str) -> None:
+    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
+        gauge = Gauge()
+        watch = Watch(OneFrameEach(), gauge, Limits(4.5, 0.1), clock)
+        watch.begin()
+        stage = Stage(config, watch, 0.05)
+        stage.begin()
+
+        def collide(place: list[float]) -> None:
+            if place[0] > 90.0:
+                gauge.force_n = 12.0
+
+        stage._machine.move(x=82.0, mm_per_s=20.0)
+        emulated.on_moved = collide
+        with pytest.raises(StoppedError, match="over-force"):
+            stage._machine.move(x=118.0, mm_per_s=20.0)
+        assert stage.release() == "the rod was up"
+        clock.sleep(3.0)
+        assert emulated.place[0] < 92.0
+        stage.close()
