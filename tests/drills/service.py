@@ -6,6 +6,7 @@ Run as root: `make drill-service`. Prints what it saw; ends with an error at the
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shutil
 import subprocess
@@ -96,6 +97,14 @@ def drill_access(container: Container) -> None:
     require(container.python(STRANGER, "stranger") == "nothing in 3 s", "and gets from the socket", "nothing in 3 s")
     listing = container.run("ls -ld /run/fmfts /var/lib/fmfts /run/fmfts/* | cut -d' ' -f1,3,4,9-")
     require("srw-rw---- fmfts fmfts" in listing and "drwxr-x---" in listing, "modes", "\n" + listing)
+
+
+def drill_recording(container: Container) -> None:
+    """With the packages that apt installed and nothing else."""
+    container.run("cd /home/controller && fmfts-daemon record a.mcap --seconds 3", user="controller")
+    compared = json.loads(container.run("cd /home/controller && fmfts-daemon replay a.mcap --json", user="controller"))
+    seen = {key: compared[key] for key in ("identical", "different")}
+    require(seen["identical"] > 300 and not seen["different"], "recorded for 3 s and replayed", seen)
 
 
 def drill_watchdog(container: Container) -> None:
@@ -202,6 +211,7 @@ def main() -> None:
         try:
             drill_boot(container)
             drill_access(container)
+            drill_recording(container)
             drill_watchdog(container)
             drill_wrong_config(container)
             drill_board(container)
