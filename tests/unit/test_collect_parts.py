@@ -1,4 +1,4 @@
-"""Parts of `collect` alone: plans, gauges, the hand, two weights, and the log of another machine."""
+"""Parts of `collect` alone: plans, gauges, the hand, and two weights."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rich.console import Console
 
 from emulator.pty_port import PtyPort
@@ -20,14 +18,13 @@ from fmfts.calibrate.fitting import empty_response
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.gauge import Reading, open_gauge
 from fmfts.collect.hand import Hand
-from fmfts.collect.merge import Log, align, plateaus, read_log
 from fmfts.collect.picture import Picture, cells_of
 from fmfts.collect.plan import PlanError, Press, read_plan
 from fmfts.collect.stage import machine_place, require_within_reach
 from fmfts.collect.watch import Limits, Watch
 from fmfts.collect.weigh import GRAVITY_M_S2, weigh
 from fmfts.config.collect import LoadCellGauge, SerialGauge, StageConfig, UdpGauge
-from fmfts.sensor import Frame, step_t
+from fmfts.sensor import Frame
 
 
 @pytest.mark.parametrize(
@@ -205,67 +202,6 @@ def test_picture_tells_what_is_done_what_presses_and_the_time_left() -> None:
     assert "6 of 675 presses, 223 min left" in text  # a minute for three, 669 are left
     assert "0.500 N" in text
     assert (text.count("●"), text.count("◉")) == (2, 1)
-
-
-REST_T = np.full((4, 3), 300 * step_t(3))
-
-
-def frames_of(time_s: np.ndarray, force_n: np.ndarray) -> list[Frame]:
-    """Frames whose field follows a force, with a board's noise."""
-    random = np.random.default_rng(5)
-    counts = (300.0 + 40.0 * force_n[:, None, None] * np.array([[1.0, -0.5, 0.2]]).repeat(4, axis=0)).astype(float)
-    counts = np.rint(counts + random.normal(0.0, 1.3, counts.shape)).astype(np.int16)
-    four = np.ones(4, dtype=bool)
-    return [
-        Frame(0, number, int(at * 1e6), int(at * 1e9), 3, count, np.zeros(4, np.uint16), four, four, 25.0)
-        for number, (at, count) in enumerate(zip(time_s, counts, strict=True))
-    ]
-
-
-def presses(time_s: np.ndarray, seed: int) -> np.ndarray:
-    random = np.random.default_rng(seed)
-    edges = np.cumsum(random.uniform(0.6, 1.4, 40))
-    levels = np.where(np.arange(41) % 2 == 0, 0.0, random.uniform(0.3, 2.0, 41))
-    return levels[np.searchsorted(edges, time_s)]
-
-
-@given(lag_s=st.floats(-3.0, 3.0), seed=st.integers(0, 20))
-def test_log_is_aligned_with_the_frames_to_some_milliseconds(lag_s: float, seed: int) -> None:
-    log_s, frame_s = np.arange(0.0, 20.0, 0.02), np.arange(100.0, 120.0, 1 / 220)
-    log = Log(log_s, np.zeros((len(log_s), 2)), presses(log_s, seed))
-    alignment = align(log, frames_of(frame_s, presses(np.clip(frame_s - 100.0 - lag_s, 0.0, 20.0), seed)), REST_T)
-    # half a row of the log, and half a frame
-    assert alignment.lag_s == pytest.approx(100.0 + lag_s, abs=0.0125)
-
-
-def test_log_of_another_session_is_refused() -> None:
-    log_s, frame_s = np.arange(0.0, 20.0, 0.02), np.arange(0.0, 20.0, 1 / 220)
-    log = Log(log_s, np.zeros((len(log_s), 2)), presses(log_s, 1))
-    with pytest.raises(RefusedError, match="are they of one session"):
-        align(log, frames_of(frame_s, presses(frame_s, 2)), REST_T)
-
-
-def test_regular_presses_are_refused_as_ambiguous() -> None:
-    log_s, frame_s = np.arange(0.0, 60.0, 0.02), np.arange(0.0, 60.0, 1 / 220)
-    regular = lambda at: 1.0 * (at % 1.0 > 0.5)  # noqa: E731
-    log = Log(log_s, np.zeros((len(log_s), 2)), regular(log_s))
-    with pytest.raises(RefusedError, match="irregular rhythm"):
-        align(log, frames_of(frame_s, regular(frame_s)), REST_T)
-
-
-def test_plateaus_are_where_force_and_place_stand(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    lines = [f"{0.01 * i},{2.0 if i < 300 else 4.0},0,{0.0 if i < 100 else 1.5}" for i in range(500)]
-    path.write_text("t_s,x_mm,y_mm,force_n\n" + "\n".join(lines) + "\n")
-    found = plateaus(read_log(path), 0.3)
-    assert [(round(p.begun_s, 2), round(p.ended_s, 2), p.x_mm, p.force_n, p.untouched) for p in found] == [
-        (0.1, 0.89, 2.0, 0.0, True),
-        (1.1, 2.89, 2.0, 1.5, False),
-        (3.1, 4.89, 4.0, 1.5, False),
-    ]
-    path.write_text("t_s,x_mm,y_mm,force_n\n0,0,0,0\n1,0,nix,0\n")
-    with pytest.raises(RefusedError, match="row 3, column y_mm: 'nix' is not a number"):
-        read_log(path)
 
 
 def test_hand_is_told_what_to_do_and_asked_again_for_a_number() -> None:

@@ -124,7 +124,12 @@ def _pressing(settings: CollectConfig, watch: Watch, picture: Picture, draw: Any
 
 def _timing(settings: CollectConfig, pad: PadConfig) -> Timing:
     delay_s = 0.0 if settings.gauge is None else settings.gauge.delay_ms * 1e-3
-    return Timing(max(settings.average_s, FRAMES_A_ROW / pad.source.rate_hz), settings.settle_s, delay_s)
+    return Timing(averaging_s(settings, pad), settings.settle_s, delay_s)
+
+
+def averaging_s(settings: CollectConfig, pad: PadConfig) -> float:
+    """How long a row is listened to."""
+    return max(settings.average_s, FRAMES_A_ROW / pad.source.rate_hz)
 
 
 def _telling(picture: Picture, draw: Any) -> Any:

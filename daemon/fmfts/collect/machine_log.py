@@ -1,0 +1,109 @@
+"""The force log that another machine wrote: read, and the presses in it found where force and place stand still."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.collect.errors import RefusedError
+
+Array = NDArray[np.float64]
+
+MEAN_S = 0.1  # a gauge's single readings scatter by more than a plateau may wander: means of so long are judged
+STEADY_FORCE = 0.02
+STEADY_FORCE_N = 0.01
+STEADY_PLACE_MM = 0.01
+NOISE_DEVIATIONS = 4.0  # of such a mean's own noise are allowed beside: an hour has 36,000 means
+EDGE_S = 0.1  # of a plateau, left out on both sides: what the lag may be off
+LONGEST_GAP = 3.0  # rows or means that are further apart are not one plateau: nobody knows what was between
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """time_s (K,) on the machine's clock; place_mm (K, 2); force_n (K,), by the machine's zero."""
+
+    time_s: Array
+    place_mm: Array
+    force_n: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Plateau:
+    """One steady press, or a pause: rows `first` to before `end` of the log, edges left out."""
+
+    first: int
+    end: int
+    begun_s: float
+    ended_s: float
+    x_mm: float
+    y_mm: float
+
+
+def read_log(path: Path) -> Log:
+    """A CSV with t_s, x_mm, y_mm and force_n. RefusedError, naming row and column, where it is not."""
+    names = ("t_s", "x_mm", "y_mm", "force_n")
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as lines:
+            reader = csv.DictReader(lines)
+            missing = [name for name in names if name not in (reader.fieldnames or [])]
+            if missing:
+                raise RefusedError(f"{path}: row 1 has no column {', '.join(missing)}")
+            table = [[_number(path, reader.line_num, name, row[name]) for name in names] for row in reader]
+    except (OSError, UnicodeDecodeError) as error:
+        raise RefusedError(f"{path}: cannot be read: {error}") from error
+    values = np.array(table).reshape(-1, len(names))
+    if len(values) < 2 or not (np.diff(values[:, 0]) > 0.0).all():
+        raise RefusedError(f"{path}: t_s must rise from row to row, over at least two")
+    return Log(values[:, 0], values[:, 1:3], values[:, 3])
+
+
+def plateaus(log: Log, settle_s: float, least_s: float) -> list[Plateau]:
+    """Where force and place stood for at least `least_s`, after `settle_s` (silicone creeps) and without the edges."""
+    first = _first_rows(log.time_s)
+    count = np.diff(first, append=len(log.time_s))
+    values = np.column_stack([log.force_n, log.place_mm])
+    means = np.add.reduceat(values, first) / count[:, None]
+    time_s = np.add.reduceat(log.time_s, first) / count
+    # Neighbouring rows differ by the gauge's noise, but for the few where a press begins or ends.
+    noise_n = float(np.median(np.abs(np.diff(log.force_n)))) / 0.6745
+    allowed_n = STEADY_FORCE_N + NOISE_DEVIATIONS * noise_n / np.sqrt(count)
+    gap_s = LONGEST_GAP * max(MEAN_S, float(np.median(np.diff(log.time_s))))
+
+    found: list[Plateau] = []
+    begin = 0
+    for end in range(1, len(first) + 1):
+        if end < len(first) and time_s[end] - time_s[end - 1] < gap_s:
+            so_far = means[begin:end].mean(axis=0)
+            force_off_n, *place_off_mm = np.abs(means[end] - so_far)
+            limit_n = max(STEADY_FORCE * abs(so_far[0]), allowed_n[end])
+            if force_off_n <= limit_n and max(place_off_mm) < STEADY_PLACE_MM:
+                continue
+        last = (first[end] if end < len(first) else len(log.time_s)) - 1
+        begun_s = float(log.time_s[first[begin]]) + max(EDGE_S, settle_s)
+        ended_s = float(log.time_s[last]) - EDGE_S
+        inside, after = np.searchsorted(log.time_s, [begun_s, ended_s]).tolist()
+        if ended_s - begun_s >= least_s and inside < after:
+            x_mm, y_mm = log.place_mm[inside:after].mean(axis=0).tolist()
+            found.append(Plateau(inside, after, begun_s, ended_s, x_mm, y_mm))
+        begin = end
+    return found
+
+
+def _first_rows(time_s: Array) -> NDArray[np.int64]:
+    """Of each MEAN_S that has any."""
+    number = np.floor((time_s - time_s[0]) / MEAN_S)
+    return np.flatnonzero(np.diff(number, prepend=-1.0))
+
+
+def _number(path: Path, line: int, name: str, cell: str | None) -> float:
+    try:
+        value = float(cell or "")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise RefusedError(f"{path}: row {line}, column {name}: '{cell}' is not a number")
+    return value
