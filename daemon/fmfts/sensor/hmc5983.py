@@ -12,6 +12,7 @@ ADDRESS = 0x1E
 # Gain code (CRB bits 7–5) → counts per gauss and the largest field per axis, both from the gain table.
 LSB_PER_GAUSS = (1370, 1090, 820, 660, 440, 390, 330, 230)
 RANGE_GAUSS = (0.88, 1.3, 1.9, 2.5, 4.0, 4.7, 5.6, 8.1)
+LARGEST_COUNT = 2047  # of the 12-bit converter; the gain table's range is the one it recommends, a fifth smaller
 OVERFLOW_COUNT = -4096
 OUTPUT_RATE_HZ = (0.75, 1.5, 3.0, 7.5, 15.0, 30.0, 75.0, 220.0)  # CRA bits 4–2; code 7 on the HMC5983 only
 CHIP_RATE_HZ = {"hmc5983": 220, "hmc5883l": 75}

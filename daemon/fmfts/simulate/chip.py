@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from fmfts.pad import Array
 from fmfts.sensor.frame import TESLA_PER_GAUSS
-from fmfts.sensor.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
+from fmfts.sensor.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, OVERFLOW_COUNT
 
 NOISE_T = 2e-3 * TESLA_PER_GAUSS
 CLOCK_TOLERANCE = 0.03
-LARGEST_COUNT = 2047  # of the 12-bit converter
 SINGLE_CONVERSION_S = 6e-3
 SENSITIVITY_PER_K = {"hmc5983": -0.0003, "hmc5883l": -0.003}  # with and without the chip's own compensation
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.config import I2cSource, PadConfig
-from fmfts.needs import AMBIENT_CHANGE_T, WORTH, Cost, Model, Surroundings, costs
+from fmfts.needs import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
 from fmfts.sensor.frame import TESLA_PER_GAUSS
-from fmfts.sensor.hmc5983 import RANGE_GAUSS
+from fmfts.sensor.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
 
 
@@ -30,9 +30,10 @@ def would_pay(around: Surroundings, best: Cost) -> list[str]:
             strong = replace(around, config=_drifting(around))
         found = {cost.model: cost for cost in costs(strong)}
         left, taken = found[best.model], found[larger]
-        # error² of the smaller: what it has anyway, and k² of this cause's; sought is k where it is WORTH too large.
+        # error² of the smaller: what it has anyway, and k² of this cause's; sought is k where it is `worth` too large.
+        worth = WORTH_OF_TERM if larger.unknown == best.model.unknown else WORTH
         anyway = max(left.error**2 - left.bias_of[cause] ** 2, 0.0)
-        room = ((1.0 + WORTH) * taken.error) ** 2 - anyway
+        room = ((1.0 + worth) * taken.error) ** 2 - anyway
         if left.bias_of[cause] < 1e-9:
             lines.append(f"{larger} would never pay here")
         else:
@@ -67,9 +68,15 @@ def _drifting(around: Surroundings) -> PadConfig:
 
 
 def recommended_range_gauss(around: Surroundings) -> float | None:
-    """The finest that the hardest press and the Earth's field do not saturate; None: there is none."""
-    needed = largest_field_gauss(around)
-    return next((each for each in sorted(RANGE_GAUSS) if each > needed), None)
+    """The finest that the hardest press and the Earth's field do not saturate, however the gains are off; None: there
+    is none."""
+    needed = largest_field_gauss(around) * (1.0 + around.config.tolerance.gain)
+    return next((each for each in sorted(RANGE_GAUSS) if saturation_gauss(each) > needed), None)
+
+
+def saturation_gauss(range_gauss: float) -> float:
+    """The converter's last count."""
+    return LARGEST_COUNT / LSB_PER_GAUSS[gain_code_for_range(range_gauss)]
 
 
 def largest_field_gauss(around: Surroundings) -> float:
@@ -85,9 +92,11 @@ def largest_field_gauss(around: Surroundings) -> float:
 
 def _range(around: Surroundings) -> str:
     has, largest, best = around.config.source.range_gauss, largest_field_gauss(around), recommended_range_gauss(around)
-    said = f"largest field on an axis: {largest:.2g} G, of ±{has:g} G that the chips are set to"
+    said = (
+        f"largest field on an axis: {largest:.2f} G; set to ±{has:g} G, chips saturate at {saturation_gauss(has):.2f} G"
+    )
     if best is None:
-        weaker = around.config.magnet.remanence_t * max(RANGE_GAUSS) / largest
+        weaker = around.config.magnet.remanence_t * saturation_gauss(max(RANGE_GAUSS)) / largest
         return f"{said}: no range holds it; a remanence of at most {weaker:.2g} T, or a magnet farther away, would do"
     return said if best == has else f"{said}: recommended is ±{best:g} G"
 

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.bench.workspace import MODELS
 from fmfts.config import SceneConfig
+from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pose import STOP_CHI2, Batch, State, parts_of
 from fmfts.pose.problem import magnet_rows, measurement_rows
@@ -94,10 +95,11 @@ def _points(request: Request) -> dict[str, Callable[[], list[Row]]]:
         for method in pose_methods():
             if not (request.quick and method.name in NOT_QUICK):
                 points[f"pose, {scene}, {method.name}"] = partial(_pose_point, request, scene, method)
+    model = f"contact model {ContactModel.load(request.pad.contact.model, request.pad.pad()).hash}"
     for built in (False, True):
         for way in contact_methods():
             if not (request.quick and way.name in NOT_QUICK):
-                points[f"contact, {_pad_name(built)}, {way.name}"] = partial(_contact_point, request, built, way)
+                points[f"{model}, {_pad_name(built)}, {way.name}"] = partial(_contact_point, request, built, way)
     points["batches"] = partial(batch_rows, request)
     points["rates"] = partial(rate_rows, request)
     return points

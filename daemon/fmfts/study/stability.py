@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,7 @@ from fmfts.ambient import BaselineError
 from fmfts.bench.truth import PUBLISHED, WRONG_DEVIATIONS
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import SceneConfig
-from fmfts.contact import ModelError
+from fmfts.contact import ContactModel, ModelError
 from fmfts.contact_message import PackedMessage
 from fmfts.pad import Array
 from fmfts.study import heat_map
@@ -21,7 +21,7 @@ from fmfts.study.dimensions import HAZARDS
 from fmfts.study.frame import Facts, Request, Row, Study
 from fmfts.study.hazards import Cell
 from fmfts.study.kernels import daemon
-from fmfts.study.method import NOTHING, Answer, Method
+from fmfts.study.method import NOTHING, Answer, Maker
 from fmfts.study.pose_methods import DEFAULT, pose_methods
 from fmfts.study.world import Sample, World, in_scene
 
@@ -60,7 +60,12 @@ class Daemon:
 
 def run(request: Request) -> Facts:
     study = Study("stability", request, COLUMNS)
-    points = {cell.name: partial(_judge, request, cell) for cell in _cells(request)}
+    model = ContactModel.load(request.pad.contact.model, request.pad.pad()).hash
+    points: dict[str, Callable[[], list[Row]]] = {}
+    for cell in _cells(request):
+        # The daemon's answers are those of its contact model, all others' of none.
+        points[f"{cell.name}, contact model {model}"] = partial(_judge, request, cell, {DAEMON: Daemon})
+        points[cell.name] = partial(_judge, request, cell, _others(request))
     with threadpool_limits(1):
         rows = study.measure(points)
     for suffix, figure in heat_map.figures(rows, DAEMON):
@@ -121,17 +126,19 @@ def _cells(request: Request) -> Iterator[Cell]:
         yield from cells[:: max(len(cells) // 3, 1)] if request.quick else cells
 
 
-def _judge(request: Request, cell: Cell) -> list[Row]:
-    """Every method on the samples of one cell."""
+def _others(request: Request) -> dict[str, Maker]:
+    wanted = QUICK_COMPARED if request.quick else COMPARED
+    return {entry.name: entry.make for entry in pose_methods() if entry.name in wanted}
+
+
+def _judge(request: Request, cell: Cell, makers: Mapping[str, Maker]) -> list[Row]:
+    """The methods on the samples of one cell, the same for all."""
     random = np.random.default_rng([request.seed, *cell.name.encode()])
     samples = cell.world.samples(cell.path, random)
-    wanted = QUICK_COMPARED if request.quick else COMPARED
-    makers: dict[str, Callable[[World], Method]] = {DAEMON: Daemon}
-    makers |= {entry.name: entry.make for entry in pose_methods() if entry.name in wanted}
     return [_row(cell, name, _outcome(cell, make, samples)) for name, make in makers.items()]
 
 
-def _outcome(cell: Cell, make: Callable[[World], Method], samples: Sequence[Sample]) -> Array:
+def _outcome(cell: Cell, make: Maker, samples: Sequence[Sample]) -> Array:
     """(K, 2) error in published deviations (NaN where none are) and in m; both NaN where flagged."""
     errors = np.full((len(samples), 2), np.nan)
     try:

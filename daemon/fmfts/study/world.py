@@ -17,9 +17,9 @@ from fmfts.pad import Array, Pad, rotation_from_vector
 from fmfts.pose import State
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import TESLA_PER_GAUSS, WireFrame
-from fmfts.sensor.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT, gain_code_for_range
+from fmfts.sensor.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, OVERFLOW_COUNT, gain_code_for_range
 from fmfts.sensor.simulated import TURNING_AXIS
-from fmfts.simulate.chip import LARGEST_COUNT, NOISE_T
+from fmfts.simulate.chip import NOISE_T
 from fmfts.simulate.cylinder import cylinder_field
 from fmfts.simulate.mounted import EARTH_T, MountedPad
 
