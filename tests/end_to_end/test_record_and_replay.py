@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from end_to_end.processes import RunningDaemon
+from fmfts.bus.messages import ContactMessage
 from fmfts.record.file import is_whole, read
 
 TAPPED = """
@@ -93,6 +94,30 @@ def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_p
     facts = json.loads(replayed.stdout)
     assert "cut off" in facts["recording"]
     assert (facts["different"], facts["identical"] > 10) == (0, True)
+
+
+INTERRUPTED = """
+import os, signal, sys
+from fmfts import cli
+write = os.write
+def interrupted(descriptor, data):
+    count = write(descriptor, data)
+    if len(data) > 10_000:
+        os.kill(os.getpid(), signal.SIGINT)
+    return count
+os.write = interrupted
+sys.exit(cli.main(["record", sys.argv[1]]))
+"""
+
+
+def test_interrupt_while_a_chunk_is_written_doubles_nothing(daemon: RunningDaemon, tmp_path: Path) -> None:
+    output = tmp_path / "a.mcap"
+    words = [sys.executable, "-c", INTERRUPTED, output]
+    ended = subprocess.run(words, env=daemon.environment, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 0, ended
+    assert is_whole(output)
+    contacts = [(one.pad, one.message.seq) for one in read(output) if isinstance(one.message, ContactMessage)]
+    assert len(contacts) == len(set(contacts)) > 100
 
 
 def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_path: Path) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import random
 import subprocess
 import sys
+from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import msgspec
@@ -13,9 +16,10 @@ import pytest
 from bus_messages import contact_message, frame_message
 from mcap.reader import make_reader
 
+from fmfts import cli
 from fmfts.bus.messages import ContactMessage
 from fmfts.record.file import Recorded, RecordingError, RecordingWriter, is_whole, read
-from fmfts.record.replay import Replay
+from fmfts.record.replay import Comparison, Replay
 from fmfts.sensor.replayed import frame_of
 
 COUNT = 300
@@ -128,3 +132,85 @@ def test_frame_comes_back_as_its_source_gave_it() -> None:
     assert (frame.counts.dtype, frame.age_us.dtype) == ("int16", "uint16")
     assert frame.overflow[1, 2]
     assert (frame.sequence, frame.device_time_us) == (message.sequence, message.device_time_us)
+
+
+TAPS = Path(__file__).parents[1] / "data" / "recordings" / "taps.mcap"
+
+
+def rewritten(path: Path, change: Callable[[Recorded], dict[str, Any] | None]) -> Path:
+    """The first COUNT messages of the taps, each as `change` makes it; left out where that is None."""
+    writer = RecordingWriter(path)
+    for one in islice(read(TAPS), COUNT):
+        body = change(one)
+        if body is not None:
+            writer.add(one.kind, one.pad, body)
+    writer.finish()
+    writer.close()
+    return path
+
+
+def whole(one: Recorded) -> dict[str, Any]:
+    body: dict[str, Any] = msgspec.to_builtins(one.message)
+    return body
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"config": {}},
+        {"config": {"name": 5}},
+        {"baseline": {}},
+        {"baseline": {"id": "x"}},
+        {"memory": b"\xc1"},
+        {"model": "0123456789ab"},
+    ],
+    ids=str,
+)
+def test_state_that_is_wrong_is_refused_with_its_pad_and_file(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    path = rewritten(tmp_path / "a.mcap", lambda one: whole(one) | (wrong if one.kind == "state" else {}))
+    with pytest.raises(RecordingError, match=r"a\.mcap.* pad '\w+'"):
+        list(Replay(path).contacts())
+
+
+def test_baseline_of_another_shape_is_refused_with_its_pad_and_file(tmp_path: Path) -> None:
+    def of_three_sensors(one: Recorded) -> dict[str, Any]:
+        body = whole(one)
+        if one.kind == "state":
+            body["baseline"]["rest"]["mean_t"] = body["baseline"]["rest"]["mean_t"][:3]
+        return body
+
+    with pytest.raises(RecordingError, match=r"a\.mcap.* pad '\w+'"):
+        list(Replay(rewritten(tmp_path / "a.mcap", of_three_sensors)).contacts())
+
+
+@pytest.mark.parametrize(
+    ("left_out", "code"),
+    [
+        pytest.param(lambda one, contacts: False, 0, id="nothing"),
+        pytest.param(lambda one, contacts: one.kind == "contact" and contacts < 5, 0, id="contacts at an end"),
+        pytest.param(lambda one, contacts: one.kind == "contact", 65, id="every contact"),
+        pytest.param(lambda one, contacts: one.kind == "frame", 65, id="every frame"),
+    ],
+)
+def test_replay_that_could_compare_nothing_is_no_success(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], left_out: Callable[[Recorded, int], bool], code: int
+) -> None:
+    contacts = 0
+
+    def change(one: Recorded) -> dict[str, Any] | None:
+        nonlocal contacts
+        contacts += one.kind == "contact"
+        return None if left_out(one, contacts) else whole(one)
+
+    assert cli.main(["replay", str(rewritten(tmp_path / "a.mcap", change)), "--json"]) == code
+    assert msgspec.json.decode(capsys.readouterr().out)["different"] == 0
+
+
+def test_recorded_contact_in_the_middle_that_no_frame_gives_again_is_found() -> None:
+    comparison = Comparison()
+    for seq in range(10):
+        comparison.recorded(contact_message(seq=seq, t_sample_ns=seq))
+        if seq not in (0, 4, 9):
+            comparison.replayed(contact_message(seq=seq, t_sample_ns=seq))
+    assert (comparison.identical, comparison.alone, comparison.unreplayed) == (7, 3, 1)
+    assert not comparison.is_the_same

@@ -1,7 +1,9 @@
-"""What /sys tells of a serial adapter."""
+"""What /sys tells of a serial adapter, and why one does not open."""
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -42,3 +44,10 @@ def test_bytes_take_time_on_a_uart_and_none_on_usb(adapter: Path, tmp_path: Path
     (adapter / "driver").unlink()
     (adapter / "driver").symlink_to(drivers / "cdc_acm")
     assert serial_port.transfer_ns("/dev/ttyUSB0", 460_800, 53) == 0
+
+
+@pytest.mark.parametrize(("code", "words"), [(errno.EPERM, "systemctl restart fmfts"), (errno.EACCES, "dialout")])
+def test_a_service_that_was_not_given_the_device_is_told_apart_from_a_user_who_lacks_a_group(
+    code: int, words: str
+) -> None:
+    assert words in serial_port.why_not_open("/dev/ttyUSB0", OSError(code, os.strerror(code)))

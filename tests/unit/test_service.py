@@ -171,6 +171,19 @@ def test_unit_is_one_that_systemd_accepts_without_a_word(unit: Path) -> None:
     assert (run.stdout + run.stderr, run.returncode) == ("", 0)
 
 
+DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm", "i2c": "i2c_dev"}
+BUILT_IN = {"ttyS", "ttyAMA"}
+
+
+def test_drivers_of_allowed_devices_are_loaded_before_the_unit_starts(unit: Path) -> None:
+    """systemd resolves DeviceAllow=char-… once; what is not in /proc/devices then is refused for ever."""
+    lines = unit.read_text().splitlines()
+    allowed = {line.removeprefix("DeviceAllow=char-").split()[0] for line in lines if line.startswith("DeviceAllow=")}
+    loaded = {f"modprobe@{DRIVERS[name]}.service" for name in allowed - BUILT_IN}
+    for key in ("Wants=", "After="):
+        assert {word for line in lines if line.startswith(key) for word in line.removeprefix(key).split()} == loaded
+
+
 def test_unit_is_exposed_by_no_more_than_one_and_a_half(unit: Path) -> None:
     run = systemd_analyze("security", "--offline=true", "--threshold=15", "--no-pager", unit)
     assert run.returncode == 0, run.stdout[-2000:] + run.stderr

@@ -39,22 +39,22 @@ class Recorder:
         self._with_state: set[str] = set()
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missed = 0
+        self._told_to_end = False
 
     def run(self, seconds: float | None) -> dict[str, Any]:
         """Until `seconds` are over (None: for ever) or an interrupt; the facts of the recording."""
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        # An exception amid a write would leave it open how much of the chunk is in the file.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._end)
         begun_s = flushed_s = time.monotonic()
-        try:
-            while seconds is None or time.monotonic() - begun_s < seconds:
-                self._turn()
-                now_s = time.monotonic()
-                if not self._writer.messages and now_s - begun_s > PATIENCE_S:
-                    raise RecordingError(f"nothing came for {PATIENCE_S:g} s: is fmfts-daemon running there?")
-                if now_s - flushed_s > FLUSH_S:
-                    flushed_s = now_s
-                    self._writer.flush()
-        except KeyboardInterrupt:
-            pass
+        while not self._told_to_end and (seconds is None or time.monotonic() - begun_s < seconds):
+            self._turn()
+            now_s = time.monotonic()
+            if not self._writer.messages and now_s - begun_s > PATIENCE_S:
+                raise RecordingError(f"nothing came for {PATIENCE_S:g} s: is fmfts-daemon running there?")
+            if now_s - flushed_s > FLUSH_S:
+                flushed_s = now_s
+                self._writer.flush()
         self._writer.finish()
         return {
             "recording": str(self._writer.path),
@@ -69,6 +69,9 @@ class Recorder:
         self._writer.close()
         self._frames.close()
         self._bus.close()
+
+    def _end(self, *_: object) -> None:
+        self._told_to_end = True
 
     def _turn(self) -> None:
         self._poller.poll(round(TURN_S * 1e3))

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from fmfts.ambient import Baseline
+from fmfts.ambient import Baseline, BaselineError
 from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
 from fmfts.config import SHIPPED_MODELS, PadConfig
 from fmfts.contact import ContactModel, ModelError
-from fmfts.memory import BadMemoryError, restore
+from fmfts.memory import restore
 from fmfts.pipeline import PadPipeline
 from fmfts.pose import SOLVER
 from fmfts.record.file import RecordingError, is_whole, read
 from fmfts.scene import around, choose
 from fmfts.sensor.replayed import frame_of
 
+Key = tuple[str, str, int]  # boot, pad, number
 # What is said while no frame can be used comes of the source's silence, which is no frame: it is taken as it was.
 SILENT = ("stale", "disconnected")
+# What arithmetic on a state says where it is not one.
+OF_A_WRONG_VALUE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # A contact's own time of leaving.
 OF_THE_MOMENT = ("boot", "t_publish_ns", "utc_ns")
 
@@ -37,15 +41,27 @@ class Comparison:
 
     identical: int = 0
     different: list[tuple[str, int, list[str]]] = field(default_factory=list)
-    _waiting: dict[tuple[str, str, int], ContactMessage] = field(default_factory=dict)
+    _recorded: dict[Key, ContactMessage] = field(default_factory=dict)  # without their other, up to now
+    _replayed: dict[Key, ContactMessage] = field(default_factory=dict)
+    _compared: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)  # boot, pad: first and last number
 
-    def add(self, contact: ContactMessage) -> None:
-        """One of either kind; they are compared when both are there."""
+    def recorded(self, contact: ContactMessage) -> None:
+        self._add(contact, self._recorded, self._replayed)
+
+    def replayed(self, contact: ContactMessage) -> None:
+        self._add(contact, self._replayed, self._recorded)
+
+    def _add(
+        self, contact: ContactMessage, waiting: dict[Key, ContactMessage], others: dict[Key, ContactMessage]
+    ) -> None:
+        """They are compared when both are there."""
         key = (contact.boot, contact.pad, contact.seq)
-        other = self._waiting.pop(key, None)
+        other = others.pop(key, None)
         if other is None:
-            self._waiting[key] = contact
+            waiting[key] = contact
             return
+        first, last = self._compared.get(key[:2], (contact.seq, contact.seq))
+        self._compared[key[:2]] = min(first, contact.seq), max(last, contact.seq)
         one, two = essence(contact), essence(other)
         if one == two:
             self.identical += 1
@@ -55,7 +71,18 @@ class Comparison:
     @property
     def alone(self) -> int:
         """Contacts of one kind without their other: at both ends of a recording there are some."""
-        return len(self._waiting)
+        return len(self._recorded) + len(self._replayed)
+
+    @property
+    def unreplayed(self) -> int:
+        """Recorded contacts between the first and the last that were compared that no frame gave again."""
+        ranges = [(self._compared.get(key[:2]), key[2]) for key in self._recorded]
+        return sum(compared is not None and compared[0] < number < compared[1] for compared, number in ranges)
+
+    @property
+    def is_the_same(self) -> bool:
+        """False also where nothing could be compared."""
+        return self.identical > 0 and not self.different and not self.unreplayed
 
 
 class Replay:
@@ -91,7 +118,7 @@ class Replay:
             elif isinstance(message, FrameMessage) and message.used and one.pad in self._pipelines:
                 yield from self._replayed(self._pipelines[one.pad], message)
             elif isinstance(message, ContactMessage):
-                self.comparison.add(message)
+                self.comparison.recorded(message)
 
     def facts(self) -> dict[str, Any]:
         """Of the comparison, after the last contact."""
@@ -102,6 +129,7 @@ class Replay:
             "identical": compared.identical,
             "different": len(compared.different),
             "first_differences": [f"{pad} {seq}: {', '.join(names)}" for pad, seq, names in compared.different[:3]],
+            "unreplayed": compared.unreplayed,
             "without_their_other": compared.alone,
             "recorded_with": sorted(self.solvers),
             "replayed_with": SOLVER,
@@ -110,38 +138,47 @@ class Replay:
     def _replayed(self, pipeline: PadPipeline, message: FrameMessage) -> Iterator[ContactMessage]:
         while (silence := self._silences.get((self._boot, message.pad, pipeline.messages + 1))) is not None:
             contact = pipeline.absent(silence.health, silence.reason)
-            self.comparison.add(contact)
+            self.comparison.replayed(contact)
             yield contact
         contact = pipeline.process(frame_of(message))
-        self.comparison.add(contact)
+        self.comparison.replayed(contact)
         yield contact
 
     def _put(self, state: StateMessage) -> None:
         """From here on as the daemon stood there."""
         if state.boot != self._boot:
-            self._boot = state.boot
+            self._boot, self._pipelines = state.boot, {}
             self._build(list(self._first[state.boot].values()))
         pipeline = self._pipelines[state.pad]
-        baseline = None if state.baseline is None else msgspec.convert(state.baseline, Baseline)
-        if baseline is not None and (pipeline.baseline is None or pipeline.baseline.id != baseline.id):
-            pipeline.use(baseline)
-        try:
+        with self._believed(state):
+            baseline = None if state.baseline is None else msgspec.convert(state.baseline, Baseline)
+            if baseline is not None and (pipeline.baseline is None or pipeline.baseline.id != baseline.id):
+                pipeline.use(baseline)
             restore(pipeline, state.memory)
-        except BadMemoryError as error:
+
+    @contextmanager
+    def _believed(self, state: StateMessage) -> Iterator[None]:
+        """While work is done with what a state says, which may be anything."""
+        try:
+            yield
+        except (msgspec.MsgspecError, BaselineError, *OF_A_WRONG_VALUE) as error:
             raise RecordingError(
-                f"{self.path}: pad '{state.pad}': {error}: replay it with the daemon that made it"
+                f"{self.path}: the state of pad '{state.pad}' is damaged or another version's: "
+                f"{type(error).__name__}: {error}: replay it with the daemon that made it"
             ) from error
 
     def _build(self, states: list[StateMessage]) -> None:
         """All pads at once: neighbours count with each other from their first frame on."""
-        configs = [msgspec.convert(state.config, PadConfig) for state in states]
-        self._pipelines = {
-            state.pad: self._pipeline(config, state) for config, state in zip(configs, states, strict=True)
-        }
-        for config in configs:
-            for neighbour in around(config, configs):
-                if neighbour.is_felt:
-                    self._pipelines[config.name].feel(self._pipelines[neighbour.name], neighbour.placement)
+        configs = []
+        for state in states:
+            with self._believed(state):
+                configs.append(msgspec.convert(state.config, PadConfig))
+                self._pipelines[state.pad] = self._pipeline(configs[-1], state)
+        for config, state in zip(configs, states, strict=True):
+            with self._believed(state):
+                for neighbour in around(config, configs):
+                    if neighbour.is_felt:
+                        self._pipelines[config.name].feel(self._pipelines[neighbour.name], neighbour.placement)
         for state in states:
             self._put(state)
 

@@ -55,4 +55,4 @@ def _replay(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.DATA, str(error)) from error
     if not options.contacts:
         print_facts(replay.facts(), as_json=options.json)
-    return exit_codes.DATA if replay.comparison.different else 0
+    return 0 if replay.comparison.is_the_same else exit_codes.DATA

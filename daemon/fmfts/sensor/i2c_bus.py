@@ -13,7 +13,7 @@ from struct import Struct
 import smbus2
 
 from fmfts.sensor.hmc5983 import ADDRESS, DATA, STATUS
-from fmfts.sensor.lock import lock_device
+from fmfts.sensor.lock import lock_device, not_permitted
 from fmfts.sensor.source import SourceError
 
 NOT_ACKNOWLEDGED = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)  # 6 and 121; some adapters say 5
@@ -64,8 +64,10 @@ class I2cBus:
             self._bus = smbus2.SMBus(self.path)
         except FileNotFoundError:
             raise SourceError(f"{self.path} does not exist: enable I2C (raspi-config, or `modprobe i2c-dev`)") from None
+        except PermissionError as error:
+            raise SourceError(f"{self.path} {not_permitted(error, group='i2c')}") from None
         except OSError as error:
-            raise SourceError(f"{self.path}: {error.strerror}: may this user open it (group i2c)?") from None
+            raise SourceError(f"{self.path} does not open: {error.strerror}") from None
 
     def require_unbound(self, address: int) -> None:
         """SourceError when a kernel driver owns `address`: a transfer would go through all the same, and disturb it."""

@@ -1,7 +1,8 @@
-"""One user per device: an flock on the device node itself, so that no lock file can be left behind."""
+"""Whose a device is. One user each: an flock on the device node itself, so that no lock file can be left behind."""
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from pathlib import Path
@@ -23,6 +24,20 @@ def in_use(path: str) -> str:
     if pid is None:
         return f"{path} is in use by another process: stop it first (`fuser {path}` may name it)"
     return f"{path} is in use by process {pid} ({_command(pid)}): stop that one first"
+
+
+def not_permitted(error: OSError, group: str) -> str:
+    """The end of a sentence that begins with a device that is there and may not be opened; group: whose it usually is.
+
+    The modes of the node give EACCES; EPERM comes of a service's DeviceAllow=, resolved once at its start (systemd
+    leaves out classes whose driver is not loaded by then: systemd.resource-control(5)).
+    """
+    if error.errno == errno.EPERM:
+        return (
+            "is not among the devices that the service was given at its start, when the driver was not loaded yet, or "
+            "DeviceAllow= does not name it: `systemctl restart fmfts`; if that does not help, `systemctl edit fmfts`"
+        )
+    return f"may not be opened by this user: add it to the group of the device ({group} on Debian)"
 
 
 def _holder(path: str) -> int | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import serial
 
-from fmfts.sensor.lock import in_use
+from fmfts.sensor.lock import in_use, not_permitted
 
 SYS_CLASS_TTY = Path("/sys/class/tty")
 BITS_PER_BYTE = 10  # start, eight data bits, stop
@@ -72,7 +72,7 @@ def why_not_open(port: str, error: OSError) -> str:
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
             return "does not exist: is the board plugged in?"
         case errno.EACCES | errno.EPERM:
-            return "may not be opened by this user: add it to the group of the device (dialout on Debian)"
+            return not_permitted(error, group="dialout")
         case errno.EAGAIN | errno.EBUSY:
             return in_use(port).removeprefix(f"{port} ")
         case code:
