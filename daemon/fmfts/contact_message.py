@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
-from fmfts.contact import ContactEstimate
+from fmfts.contact import ContactEstimate, doubt
 from fmfts.healthy import HealthyPath, Judged, Kind, Template
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
@@ -135,7 +135,7 @@ def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -
     }
     if not touching:
         return force | {"force_sd_n": quiet_force_sd_n(contact.force_sd_n, unfelt_n)}
-    force |= _shear_fields(contact)
+    force |= _shear_fields(contact) | {"force_sd_n": touched_force_sd_n(contact.force_n, contact.force_sd_n, unfelt_n)}
     return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
 
 
@@ -151,6 +151,11 @@ def quiet_force_sd_n(force_sd_n: float, unfelt_n: float) -> float:
     """Where no touch is felt, there may be any up to the weakest that would be, wherever on the pad it is felt least:
     an even spread."""
     return hypot(force_sd_n, unfelt_n / sqrt(3.0))
+
+
+def touched_force_sd_n(force_n: float, force_sd_n: float, unfelt_n: float) -> float:
+    """The more a felt force may be none, the more it may be any that is hardly felt."""
+    return quiet_force_sd_n(force_sd_n, doubt(force_n, force_sd_n**2) * unfelt_n)
 
 
 def felt_force_sd_n(quiet_sd_n: float, unfelt_n: float) -> float:

@@ -50,14 +50,15 @@ class SensorArray:
         return turned
 
 
-# Largest field that the octupole of a cylinder may have at a sensor and be left out. At half of it, as on the standard
-# pad, it adds a fiftieth to the error of a contact; at this, a tenth (docs/studies.md, `study scene`).
-NEGLECTED_OCTUPOLE_T = 1e-6
+# Largest field that the octupole of a cylinder may have at a sensor and be left out: a sample's noise. It is no unknown
+# and costs no time (`python -m fmfts.bench speed`), so that whatever can be felt counts; on the standard pad 0.5 µT,
+# which bend a pose by a tenth of its bound (docs/studies.md).
+NEGLECTED_OCTUPOLE_T = 2e-7
 
 
 @dataclass(frozen=True, slots=True)
 class Magnet:
-    """An axially magnetised cylinder. as_cylinder: so near its sensors that a dipole does not describe it."""
+    """An axially magnetised cylinder. as_cylinder: so near its sensors that they feel it is no dipole."""
 
     diameter_m: float
     length_m: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 
 class ZeroedPad:
     """drawing: what was meant; pad: what is mounted. at_rest: is rest recorded? Without it, nothing is known of moment
-    or drift, and the paper's own method serves. repeats_allowed: see `fmfts.pose.repeats_allowed`."""
+    or drift, and the paper's own method serves, its dipole too. repeats_allowed: see `fmfts.pose.repeats_allowed`."""
 
     def __init__(self, drawing: Pad, baseline: Baseline, mounting: Mounting, scene: TrackingModel) -> None:
         recorded = baseline.rest or baseline.bare
@@ -40,8 +41,9 @@ class ZeroedPad:
         self.drawing = drawing
         self.baseline = baseline
         self.mounting = mounting
-        self.pad = mounting.mounted(drawing)
         self.at_rest = baseline.rest is not None
+        pad = mounting.mounted(drawing)
+        self.pad = pad if self.at_rest else replace(pad, magnet=replace(pad.magnet, as_cylinder=False))
         self.temperature_c = recorded.temperature_c if self.at_rest else None
         self.tracking = scene if self.at_rest else PAPER
         self.repeats_allowed = repeats_allowed(mounting.noise_t, step_t(recorded.gain_code))

@@ -20,7 +20,7 @@ PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
 def started(command: tuple[str | Path, ...]) -> subprocess.Popen[str]:
     """In a process group of its own, as a shell starts it: Ctrl-C goes to all of them.
 
-    nohup, under which the tests may run, would leave the demo deaf to a hangup.
+    nohup, or a shell's background, where the tests may run, would leave the demo deaf to a hangup, or to Ctrl-C.
     """
     pipe = subprocess.PIPE
     return subprocess.Popen(
@@ -29,8 +29,13 @@ def started(command: tuple[str | Path, ...]) -> subprocess.Popen[str]:
         stderr=pipe,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+        preexec_fn=hearing,
     )
+
+
+def hearing() -> None:
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def child_of(process: subprocess.Popen[str]) -> int:
@@ -85,6 +90,7 @@ def test_interrupted_paper_demo_ends_without_a_traceback() -> None:
 def test_daemon_that_dies_during_the_demo_leaves_its_log() -> None:
     with started(DEMO) as demo:
         daemon = child_of(demo)
+        first_line(demo)  # is there as soon as the daemon's socket is
         first_line(demo)
         os.kill(daemon, signal.SIGKILL)
         _, stderr = demo.communicate(timeout=PATIENCE_S)

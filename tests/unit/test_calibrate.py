@@ -188,12 +188,27 @@ def test_left_out_presses_tell_a_useful_network_from_one_that_is_too_small(pad: 
 def test_own_error_of_a_biased_model_is_its_bias(response: Response, solver: FrameSolver) -> None:
     press = presses_within(response, 3000, np.random.default_rng(10), beyond=1.0)
     samples = Samples.expected(response, solver, press)
-    facts = own_error(lambda pose: press + np.array([0.3, -0.2, 0.05]), samples)
+    bias = np.array([0.3, -0.2, 0.05])
+    facts = own_error(lambda pose: press + bias, samples, samples)
     np.testing.assert_allclose(facts.x_mm, 0.3, atol=1e-5)
     np.testing.assert_allclose(facts.y_mm, 0.2, atol=1e-5)
     np.testing.assert_allclose(facts.force_error_n, 0.05, atol=1e-5)
     with pytest.raises(ValueError, match="draw more"):
         error_tables(press[:20], press[:20])
+
+
+def test_own_error_leaves_what_the_jacobian_carries_and_holds_the_rest(response: Response, solver: FrameSolver) -> None:
+    samples = Samples.expected(response, solver, presses_within(response, 3000, np.random.default_rng(10), beyond=1.0))
+    noisy, still = samples.noisy(1, np.random.default_rng(11)), samples.pose
+
+    def linear(pose: np.ndarray) -> np.ndarray:
+        return np.asarray(samples.press + np.column_stack([pose[:, :2] - still[:, :2], np.zeros(len(pose))]))
+
+    deviation = np.sqrt(samples.covariance[:, 0, 0].max())
+    # Of 50 in a bin, the mean of e² − σ² scatters by √(2/50) σ²: half of the bins have √0.2 σ, the others nothing.
+    assert np.mean(own_error(linear, samples, noisy).x_mm) < 0.4 * deviation
+    shifted = replace(noisy, press=np.add(samples.press, [5.0 * deviation, 0.0, 0.0]))
+    assert np.min(own_error(linear, samples, shifted).x_mm) > 4.0 * deviation
 
 
 def test_rows_of_an_evaluation_are_the_errors_of_their_regions() -> None:

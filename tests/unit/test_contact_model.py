@@ -11,7 +11,7 @@ import onnxruntime
 import pytest
 from numpy.typing import NDArray
 
-from fmfts.calibrate.dataset import read_calibration_set
+from fmfts.calibrate.dataset import read_calibration_set, standard_pad
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactEstimate, ContactModel
@@ -29,6 +29,12 @@ Array = NDArray[np.float64]
 
 
 CERTAIN = np.eye(6) * 1e-16  # deviations of 10 nm and 1e-8
+
+
+@pytest.fixture
+def pad() -> Pad:
+    """That the model was made for: its magnet is a cylinder."""
+    return standard_pad()
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import pytest
 from test_contact_model import CERTAIN, Frames
 from test_contact_model_file import edited, with_facts
 
+from fmfts.bench.workspace import standard_pad
 from fmfts.calibrate.export import export
 from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import ContactNetwork
@@ -35,7 +36,7 @@ def test_refined_answers_are_the_most_likely_and_say_so(pad: Pad, model: Contact
     rms = np.sqrt(np.mean((error / deviation)[outer] ** 2, axis=0))
     assert (rms < 1.15).all()
     assert (rms > 0.85).all()
-    clean = Frames.of(pad, frames.press[:200])
+    clean = Frames.of(standard_pad(), frames.press[:200])
     assert (np.abs(clean.found(refining) - clean.press).mean(axis=0) < [0.02, 0.02, 0.002]).all()
     assert model.plain
 

@@ -111,7 +111,12 @@ def in_terminal(
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
     environ = os.environ | {"TERM": "xterm-256color"}
     process = subprocess.Popen(
-        [sys.executable, "-c", LISTEN, base, options], stdin=slave, stdout=slave, stderr=slave, env=environ
+        [sys.executable, "-c", LISTEN, base, options],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env=environ,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a shell's background jobs are deaf to Ctrl-C
     )
     os.close(slave)
     shown, started = b"", time.monotonic()

@@ -28,7 +28,8 @@ def near() -> PadConfig:
 
 def test_a_magnet_is_a_cylinder_only_where_its_octupole_could_be_felt() -> None:
     assert near().pad().magnet.as_cylinder
-    assert not PadConfig(name="standard", source=SimulatedSource()).pad().magnet.as_cylinder
+    weak = PadConfig(name="weak", source=SimulatedSource(), magnet=MagnetConfig(remanence_t=0.3))
+    assert not weak.pad().magnet.as_cylinder
     # L/D = √3/2 has no octupole, however near it is.
     assert not Magnet(6e-3, 6e-3 * np.sqrt(3.0) / 2.0, 1.2).seen_from(5e-3).as_cylinder
 
@@ -68,9 +69,7 @@ def test_baseline_and_solver_place_a_near_magnet_where_it_is() -> None:
 
 
 @pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
-def test_compiled_path_counts_with_the_octupole_as_python_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the standard pad, whose model ships, told that its magnet is near: 1.9 mG are as large as the noise."""
-    monkeypatch.setattr("fmfts.pad.NEGLECTED_OCTUPOLE_T", 0.0)
+def test_compiled_path_counts_with_the_octupole_as_python_does() -> None:
     assert config_of(3).pad().magnet.as_cylinder
     kinds = both(config_of(3), frames_of(config_of(3), 6.0))
     assert sum(count for kind, count in kinds.items() if kind is not None) > 1000

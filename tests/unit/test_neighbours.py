@@ -40,9 +40,8 @@ def test_neighbour_has_the_field_that_the_common_frame_gives_it(
     sighting = Sighting(pad.magnet, State.at_rest(pad), moved, np.diag(STEP_SD**2), 0)
     seen = NeighbourView(sighting, others.seen_from(own)).at(0)
     places = np.array([own.point(place) for place in pad.sensors.position_m])
-    common = dipole_field(
-        places, others.point(moved.position_m), others.rotation @ moved.axis, pad.magnet.strength_t_m3
-    )
+    magnet = pad.magnet.strength_t_m3, pad.magnet.octupole_m2
+    common = dipole_field(places, others.point(moved.position_m), others.rotation @ moved.axis, *magnet)
     np.testing.assert_allclose(seen.field(pad.sensors, seen.now), common @ own.rotation, rtol=1e-9, atol=1e-15)
 
 

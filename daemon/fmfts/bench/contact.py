@@ -13,15 +13,13 @@ import numpy as np
 
 from fmfts.bench import contact_live, contact_shear, contact_sizes
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
-from fmfts.calibrate import standard_set
 from fmfts.calibrate.evaluation import rms, rounded
-from fmfts.calibrate.fitting import fit_response
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.model import POSE_UNIT
-from fmfts.contact.response import Response, most_likely
+from fmfts.contact.response import Response
 from fmfts.contact.verified import path_of
 from fmfts.pad import Pad
 
@@ -132,26 +130,15 @@ def _noise_free(pad: Pad, press: Array, model: ContactModel, response: Response)
     table = invert(response, change, tracked.covariance)
     network = answers(model, tracked).found
     between = np.abs(press[:, :2]).max(axis=1) <= RELIABLE_MM
-    rested, *_ = most_likely(_table_with_rest(pad, solver), change, tracked.covariance, press, REFINING_STEPS)
     inside = np.hypot(press[:, 0], press[:, 1]) <= CENTRE_MM
     print("noise-free, mean absolute errors")
     return {
         "table": _row("table inversion", np.abs(table - press).mean(axis=0)),
         "table_largest": _row("table inversion, the largest", np.abs(table - press).max(axis=0)),
         "table_largest_inside": _row("the largest within ±11 mm", np.abs(table - press)[between].max(axis=0)),
-        "rested_table": _row("table of a set that has rest", np.abs(rested - press).mean(axis=0)),
-        "rested_table_largest": _row("table of a set that has rest, the largest", np.abs(rested - press).max(axis=0)),
         "network": _row("network", np.abs(network - press).mean(axis=0)),
         "network_centre": _row("network within 8 mm", np.abs(network - press)[inside].mean(axis=0)),
     }
-
-
-def _table_with_rest(pad: Pad, solver: FrameSolver) -> Response:
-    """As the shipped model's, but for the rest pose: measured, where its set lets it be told from the presses."""
-    rows = standard_set.rows()
-    press, field_t = rows[:, :3], rows[:, 3:].reshape(len(rows), -1, 3) * 1e-6
-    tracked = solver.solved(field_t)
-    return fit_response(press, tracked.pose[:, :5] - solver.rest_pose[:5], tracked.deviation)
 
 
 def _beside_likelihood(

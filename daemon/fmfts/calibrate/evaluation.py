@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,9 @@ UNITS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n")
 CENTRE_MM, RELIABLE_MM = 8.0, 11.0
 LIGHT_N, FIRM_N = 0.5, 1.2
 FORCE_BINS_N = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0)
-RADIUS_BINS_MM = (4.0, 8.0, 12.0, 20.0)
+RADIUS_BINS_MM = (4.0, 8.0, 11.0, 12.5, 14.0, 15.5, 17.0, 18.5, 20.0)
+LEAST_ERROR = 1e-5
+STEP = 1e-4  # of a pose in mm and of its axis: central differences of a smooth function
 
 
 def regions(press: Array) -> Iterator[tuple[str, Mask]]:
@@ -68,9 +71,21 @@ def metrics(press: Array, found: Array) -> dict[str, float]:
     return {name: float(value) for name, value in rows(press, found)[0].items() if name not in ("region", "presses")}
 
 
-def own_error(predict: Predict, samples: Samples) -> ErrorTables:
-    """What remains of noise-free `samples`, by force and by distance from the centre."""
-    return error_tables(samples.press, predict(samples.pose) - samples.press)
+def own_error(predict: Predict, samples: Samples, noisy: Samples) -> ErrorTables:
+    """What remains of noise-free `samples`, by force and by distance from the centre; and, where it is more, what
+    `noisy` ones err by beyond what the Jacobian carries over of the noise, where they are found. A network that was
+    trained on noise answers the mean of what may have been: at the edge less than it was."""
+    found = predict(noisy.pose)
+    carried = np.einsum("kim,kij,kjm->km", by_pose := _slope(predict, noisy.pose), noisy.covariance, by_pose)
+    still = _squares(samples.press, (predict(samples.pose) - samples.press) ** 2)
+    return _tables(np.maximum(still, _squares(found, (found - noisy.press) ** 2 - carried)))
+
+
+def _slope(predict: Predict, pose: Array) -> Array:
+    """(K, 5, m) of the answers to poses (K, 6), by their first five components."""
+    steps = STEP * np.eye(5, 6)
+    slope: Array = np.stack([(predict(pose + step) - predict(pose - step)) / (2.0 * STEP) for step in steps], axis=1)
+    return slope
 
 
 def error_tables(press: Array, error: Array) -> ErrorTables:
@@ -78,21 +93,30 @@ def error_tables(press: Array, error: Array) -> ErrorTables:
 
     ValueError where a force has no press at all near the centre.
     """
+    return _tables(_squares(press, error**2))
+
+
+def _tables(square: Array) -> ErrorTables:
+    """From mean squares (forces, radii, m); shear has one table, of both its directions."""
+    if square.shape[2] > 3:
+        square = np.concatenate([square[:, :, :3], square[:, :, 3:].mean(axis=2, keepdims=True)], axis=2)
+    root = np.maximum(np.round(np.sqrt(np.maximum(square, 0.0)), 5), LEAST_ERROR)
+    tables = [tuple(tuple(row) for row in table.tolist()) for table in np.moveaxis(root, 2, 0)]
+    return ErrorTables(FORCE_BINS_N, RADIUS_BINS_MM, *tables)
+
+
+def _squares(press: Array, square: Array) -> Array:
+    """(forces, radii, m) means of (K, m) in the bins of presses (K, m)."""
     radius_mm = np.hypot(press[:, 0], press[:, 1])
     row = np.minimum(np.searchsorted(FORCE_BINS_N, press[:, 2]), len(FORCE_BINS_N) - 1)
     column = np.minimum(np.searchsorted(RADIUS_BINS_MM, radius_mm), len(RADIUS_BINS_MM) - 1)
-
-    def table(values: Array) -> tuple[tuple[float, ...], ...]:
-        bins: list[list[float]] = [[] for _ in FORCE_BINS_N]
-        for i, of_force in enumerate(bins):
-            for j in range(len(RADIUS_BINS_MM)):
-                inside = values[(row == i) & (column == j)]
-                of_force.append(of_force[-1] if len(inside) == 0 and j else _rms_of_bin(inside))
-        return tuple(tuple(of_force) for of_force in bins)
-
-    shear = table(np.sqrt(np.mean(error[:, 3:] ** 2, axis=1))) if error.shape[1] > 3 else None
-    x_mm, y_mm, force_n = (table(error[:, column]) for column in range(3))
-    return ErrorTables(FORCE_BINS_N, RADIUS_BINS_MM, x_mm, y_mm, force_n, shear)
+    means = np.empty((len(FORCE_BINS_N), len(RADIUS_BINS_MM), square.shape[1]))
+    for i, j in product(range(len(FORCE_BINS_N)), range(len(RADIUS_BINS_MM))):
+        inside = square[(row == i) & (column == j)]
+        if len(inside) == 0 and j == 0:
+            raise ValueError("no samples in a bin of the model's own error: draw more")
+        means[i, j] = inside.mean(axis=0) if len(inside) else means[i, j - 1]
+    return means
 
 
 def rms(values: Array) -> float:
@@ -101,9 +125,3 @@ def rms(values: Array) -> float:
 
 def rounded(value: float) -> float:
     return round(float(value), 5)
-
-
-def _rms_of_bin(values: Array) -> float:
-    if len(values) == 0:
-        raise ValueError("no samples in a bin of the model's own error: draw more")
-    return max(rms(values), 1e-5)

@@ -31,7 +31,7 @@ from fmfts.offline.field_table import DataError
 from fmfts.pad import Array
 
 NOISE_T = 2e-7
-PRESSES, HELD_OUT = 20000, 12000
+PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 # Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
 # out is learnt, so that a press beyond is found to be beyond.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
@@ -233,7 +233,8 @@ def describe(
     normal, outputs = _rows_for(response, calibration.press), 2 + response.loads
     press, rest = calibration.press[:, :outputs], solver.rest_pose
     poses = np.concatenate([tracked.pose, rest[None]])
-    held_out = presses_within(response, HELD_OUT, np.random.default_rng(5), beyond=1.0)
+    random = np.random.default_rng(5)
+    clean = Samples.expected(response, solver, presses_within(response, HELD_OUT, random, beyond=1.0))
     reach = np.full(2, SHEAR_REACH_MM if outputs > 3 else np.inf)
     first, last = np.maximum(press[:, :2].min(axis=0), -reach), np.minimum(press[:, :2].max(axis=0), reach)
     return Facts(
@@ -249,7 +250,7 @@ def describe(
             x_mm=(float(first[0]), float(last[0])),
             y_mm=(float(first[1]), float(last[1])),
         ),
-        own_error=own_error(network, Samples.expected(response, solver, held_out)),
+        own_error=own_error(network, clean, clean.noisy(NOISY_COPIES, random)),
         friction_error=friction,
         metrics=metrics(press[normal], network(tracked.pose[normal])),
         scene=solver.scene,

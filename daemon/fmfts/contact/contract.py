@@ -71,9 +71,10 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """What a model says of itself.
 
-    own_error: what remains of noise-free poses. friction_error: what a newton of shear, which a model of three outputs
-    does not know, does to them on average over its directions; None where the calibration set had no shear. scene and
-    noise_ut: what it was trained for. data: SHA-256 of the calibration set.
+    own_error: what the noise that the Jacobian carries over does not tell of the errors. friction_error: what a newton
+    of shear, which a model of three outputs does not know, does to noise-free answers on average over its directions;
+    None where the calibration set had no shear. scene and noise_ut: what it was trained for. data: SHA-256 of the
+    calibration set.
     """
 
     contract: Literal[2]

@@ -32,6 +32,8 @@ CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
 TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
 # Places along each side of the pad where the weakest touch is looked for.
 UNFELT_PLACES = 15
+# A force that is this many deviations from none certainly is one.
+CERTAIN_FORCE_DEVIATIONS = 2.0
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
 EVEN_SPREAD = 1.0 / np.sqrt(12.0)
 
@@ -246,8 +248,9 @@ class ContactModel:
         radius_bin = np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))
         own = np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
         spread = carried * self._unit * self._unit[:, None] + own
-        shrink = np.append(np.minimum(1.0, self.spread_m / np.sqrt(np.diagonal(spread)[:2])), np.ones(len(contact) - 2))
-        spread = spread * shrink * shrink[:, None]
+        certain, wider = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), np.ones(len(contact))
+        wider[:2] = self.spread_m / np.sqrt(np.maximum(np.diagonal(spread)[:2], certain * self.spread_m**2))
+        spread = spread * wider * wider[:, None]
         # Beyond the pad's edge the model was never trained, and its Jacobian means nothing.
         for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):
             spread[axis], spread[:, axis] = 0.0, 0.0
@@ -258,3 +261,10 @@ class ContactModel:
         self.inference.pose[:] = pose
         self.inference.run()
         return self.inference.contact.astype(np.float64), self.inference.jacobian.astype(np.float64)
+
+
+def doubt(force_n: float, variance: float) -> float:
+    """How far a force may be none for its noise, from 0 to 1: g of Fieller's theorem. A place is a ratio, of how the
+    magnet tilts and shifts over how far it sinks, and such a ratio's deviation grows by 1/√(1 − g)."""
+    least = CERTAIN_FORCE_DEVIATIONS**2 * variance
+    return least / force_n**2 if force_n > 0.0 and least < force_n**2 else 1.0

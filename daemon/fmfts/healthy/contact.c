@@ -66,6 +66,13 @@ bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *questio
     return true;
 }
 
+/* Fieller's theorem: model.py. */
+static double doubt(const fmfts_facts *facts, double force_n, double variance)
+{
+    double least = facts->certain_force_deviations[0] * facts->certain_force_deviations[0] * variance;
+    return force_n > 0.0 && least < force_n * force_n ? least / (force_n * force_n) : 1.0;
+}
+
 /* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
 static void spread_of(const fmfts_facts *facts, const double *contact, const double *found, double variance[CONTACT])
 {
@@ -75,11 +82,18 @@ static void spread_of(const fmfts_facts *facts, const double *contact, const dou
     for (int i = 0; i < CONTACT; i++) {
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
     }
+    double certain = 1.0 - doubt(facts, contact[2], found[2]);
     for (int i = 0; i < 2; i++) {
         double even = facts->spread_m[i] * facts->spread_m[i];
         bool beyond = contact[i] < facts->edges_m[2 * i] || contact[i] > facts->edges_m[2 * i + 1];
-        variance[i] = beyond ? even : fmin(variance[i], even);
+        variance[i] = beyond ? even : variance[i] * even / fmax(variance[i], certain * even);
     }
+}
+
+/* contact_message.py */
+static double quiet_force_sd_n(double force_sd_n, double unfelt_n)
+{
+    return hypot(force_sd_n, unfelt_n / sqrt(3.0));
 }
 
 static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)
@@ -112,9 +126,11 @@ fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *quest
     if (!isfinite(place[2]) || !all_numbers(numbers, !isnan(numbers->temperature_c[0]), !isnan(facts->ambient_t[0]))) {
         return FMFTS_NO_NUMBER;
     }
+    double unfelt_n = facts->unfelt_n[0];
     if (question->touching == 0.0) {
-        numbers->force_sd_n[0] = hypot(force_sd, facts->unfelt_n[0] / sqrt(3.0));
+        numbers->force_sd_n[0] = quiet_force_sd_n(force_sd, unfelt_n);
         return FMFTS_QUIET;
     }
+    numbers->force_sd_n[0] = quiet_force_sd_n(force_sd, doubt(facts, place[2], variance[2]) * unfelt_n);
     return over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }

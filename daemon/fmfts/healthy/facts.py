@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 from fmfts.ambient import Mounting
 from fmfts.chi2 import quantile
 from fmfts.contact import ContactModel, TouchDetector
-from fmfts.contact.model import CERTAIN_DEVIATIONS, HYSTERESIS_MM, LIFTED_DEVIATIONS, OUTSIDE_DEVIATIONS, TINY
+from fmfts.contact.model import (
+    CERTAIN_DEVIATIONS,
+    CERTAIN_FORCE_DEVIATIONS,
+    HYSTERESIS_MM,
+    LIFTED_DEVIATIONS,
+    OUTSIDE_DEVIATIONS,
+    TINY,
+)
 from fmfts.contact.refinement import STEPS
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.named import Named
@@ -97,6 +104,7 @@ def put_contact(
     facts.put("highest", model.highest)
     facts.put("outside_deviations", OUTSIDE_DEVIATIONS)
     facts.put("certain_deviations", CERTAIN_DEVIATIONS)
+    facts.put("certain_force_deviations", CERTAIN_FORCE_DEVIATIONS)
     facts.put("lifted_above_mm", model.facts.envelope.pose_max[2] + HYSTERESIS_MM)
     facts.put("lifted_deviations", LIFTED_DEVIATIONS)
     facts.put("force_max_n", model.facts.envelope.force_max_n)

@@ -81,6 +81,7 @@ enum {
     X(highest, 6)                                                                                                      \
     X(outside_deviations, 1)                                                                                           \
     X(certain_deviations, 1)                                                                                           \
+    X(certain_force_deviations, 1)                                                                                     \
     X(lifted_above_mm, 1)                                                                                              \
     X(lifted_deviations, 1)                                                                                            \
     X(force_max_n, 1)                                                                                                  \

@@ -1,6 +1,6 @@
 """What a scene needs: every model's error at the contact, and the smallest model that is enough."""
 
-from fmfts.needs.choice import WORTH, advice, configured, placed_beside, recommended
+from fmfts.needs.choice import WORTH, WORTH_OF_TERM, advice, configured, placed_beside, recommended
 from fmfts.needs.first_order import LOAD_SHARES, PLACES_MM, costs
 from fmfts.needs.model import AMBIENT_CHANGE_T, Cost, Model, Surroundings
 
@@ -9,6 +9,7 @@ __all__ = [
     "LOAD_SHARES",
     "PLACES_MM",
     "WORTH",
+    "WORTH_OF_TERM",
     "Cost",
     "Model",
     "Surroundings",

@@ -16,15 +16,21 @@ from fmfts.pose.state import AMBIENT
 from fmfts.scene import NOISE_T, choose
 from fmfts.scene import around as neighbours_around
 
-# A larger model has to lower the error by this share to be worth its unknowns.
-WORTH = 0.1
+# A larger model has to lower the error by this share to be worth its unknowns; by this, to be worth a term without any.
+WORTH, WORTH_OF_TERM = 0.1, 0.01
 
 
 def recommended(found: Sequence[Cost]) -> Cost:
-    """The smallest that a pad can run with, and whose error is no more than WORTH above the least."""
+    """The fewest unknowns that a pad can run with, and whose error is no more than WORTH above the least; with the
+    cylinder's term where it lowers that by WORTH_OF_TERM."""
     running = sorted((cost for cost in found if cost.model.unknowns in RUNNING), key=lambda cost: cost.model.size)
-    least = min(cost.error for cost in running)
-    return next(cost for cost in running if cost.error <= (1.0 + WORTH) * least)
+    enough = _first_within(WORTH, running)
+    return _first_within(WORTH_OF_TERM, [cost for cost in running if cost.model.unknown == enough.model.unknown])
+
+
+def _first_within(share: float, found: Sequence[Cost]) -> Cost:
+    least = min(cost.error for cost in found)
+    return next(cost for cost in found if cost.error <= (1.0 + share) * least)
 
 
 def configured(around: Surroundings) -> Model:
@@ -45,9 +51,9 @@ def advice(
     noise_t = NOISE_T if mounting is None else rms(mounting.noise_t)
     around = Surroundings(config, response, noise_t, placed_beside(config, pads))
     needed, has = recommended(costs(around, thorough=False)).model, configured(around)
-    if needed == has:
+    if needed.unknown == has.unknown:  # the cylinder's term is no key of the config: it is taken where it is felt
         return None
-    how = "more" if has.size > needed.size else "less"
+    how = "more" if has.unknown > needed.unknown else "less"
     return f"the config has {how} than its scene needs: {has}; recommended: {needed} (fmfts-daemon study scene)"
 
 

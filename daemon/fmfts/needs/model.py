@@ -32,7 +32,11 @@ class Model:
 
     @property
     def size(self) -> tuple[int, int, bool]:
-        return len(self.neighbours), self.unknowns, self.cylinder
+        return *self.unknown, self.cylinder
+
+    @property
+    def unknown(self) -> tuple[int, int]:
+        return len(self.neighbours), self.unknowns
 
     def __str__(self) -> str:
         beside = f", with {' and '.join(self.neighbours)}" if self.neighbours else ""

@@ -25,7 +25,7 @@ def add_to(verb: AddVerb) -> None:
         default=6,
         help="5: the pose; 6: and the moment; 8: pose and ambient field; 9: all (6)",
     )
-    pose.add_argument("--octupole", action="store_true", help="the magnet is a cylinder, not a dipole")
+    pose.add_argument("--octupole", action="store_true", help="a cylinder, as `run` has it; else the paper's dipole")
     pose.add_argument(
         "--gradient-ut-per-mm",
         type=float,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pad import Magnet, SensorArray
-from fmfts.pose.dipole import octupole_m2
 from fmfts.pose.state import COLUMN_NAMES, NEIGHBOUR_SIZE, SIZE, State
 
 Array = NDArray[np.float64]
@@ -151,11 +150,12 @@ def measurement_rows(
     return rows.reshape(-1, MEASUREMENT)
 
 
-def magnet_rows(*magnets: Magnet, octupole: bool = False) -> Array:
-    """(len(magnets), 2): strength, and κ of those that are near; with `octupole` of each."""
-    return np.array(
-        [(magnet.strength_t_m3, octupole_m2(magnet) if octupole else magnet.modelled_octupole_m2) for magnet in magnets]
-    )
+def magnet_rows(*magnets: Magnet, octupole: bool | None = None) -> Array:
+    """(len(magnets), 2): strength, and κ of cylinders; `octupole`: all are cylinders, or all dipoles; None: as each
+    magnet is described."""
+    if octupole is not None:
+        magnets = tuple(replace(magnet, as_cylinder=octupole) for magnet in magnets)
+    return np.array([(magnet.strength_t_m3, magnet.modelled_octupole_m2) for magnet in magnets])
 
 
 def parts_of(columns: int = SIZE, *, free: object = (), considered: object = (), prior: object = ()) -> Parts:

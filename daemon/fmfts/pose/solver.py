@@ -68,7 +68,7 @@ def solve(
     free: NDArray[np.intp] = FREE_PAPER,
     parts: Parts | None = None,
     prior: Prior | None = None,
-    octupole: bool = False,
+    octupole: bool | None = None,
     neighbours: Sequence[Magnet] = (),
     stop_chi2: float = STOP_CHI2,
 ) -> PoseEstimate:
@@ -79,12 +79,13 @@ def solve(
     square; infinite: left out; zero, negative or NaN: INVALID. age_s: (N,) age of each sensor's sample.
     start: the rest pose if None. free: the columns of the step that are unknown; the others keep the start's value.
     parts: (columns,) says more than `free`, and goes before it: which parts are considered, or have a prior.
-    octupole: the magnet is a cylinder, not a dipole, however far from its sensors.
+    octupole: the magnets are cylinders, or dipoles; None: as they are described, cylinders where that can be felt.
     neighbours: the magnets of the start's neighbours.
     stop_chi2: see STOP_CHI2, STOP_CONVERGED.
 
-    With the default unknowns and equal deviations this is the paper's method: twelve differences (the three sums that
-    Eq. 8 literally writes would leave six unknowns with three equations), minimised from the rest pose (Eq. 9–10).
+    With the default unknowns, equal deviations and dipoles this is the paper's method: twelve differences (the three
+    sums that Eq. 8 literally writes would leave six unknowns with three equations), minimised from the rest pose
+    (Eq. 9–10).
     """
     state = State.at_rest(pad) if start is None else start
     solution = solve_problem(

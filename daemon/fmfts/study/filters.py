@@ -90,7 +90,7 @@ class UnscentedKalman(ExtendedKalman):
         super().__init__(world)
         self._place = world.drawing.sensors.position_m
         self._rotation = world.drawing.sensors.rotation
-        self._strength = world.drawing.magnet.strength_t_m3
+        self._magnet = world.drawing.magnet.strength_t_m3, world.drawing.magnet.modelled_octupole_m2
 
     def _update(self, seen: Array) -> tuple[Updated, Array, Array]:
         size = len(self._columns)
@@ -109,7 +109,7 @@ class UnscentedKalman(ExtendedKalman):
         axis /= np.linalg.norm(axis, axis=1)[:, None]
         ambient = self.state.ambient_t + (points[:, 5:8] if self._drifts else 0.0)
         fields = np.stack(
-            [dipole_field(self._place, *pose, self._strength) for pose in zip(position, axis, strict=True)]
+            [dipole_field(self._place, *pose, *self._magnet) for pose in zip(position, axis, strict=True)]
         )
         fields = fields + np.broadcast_to(ambient, (len(points), 3))[:, None]
         readings: Array = np.einsum("nji,knj->kni", self._rotation, fields).reshape(len(points), -1)

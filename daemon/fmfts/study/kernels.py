@@ -35,12 +35,13 @@ class Kernel:
         world: World,
         unknowns: int,
         *,
-        cylinder: bool = False,
+        cylinder: bool | None = False,
         warm: bool = True,
         gated: bool = False,
         iterations: int = MAX_ITERATIONS,
     ) -> None:
-        """cylinder: the magnet's octupole counts. warm: start from the last answer. gated: χ² flags misfits."""
+        """cylinder: the octupole counts, None: as the daemon has it. warm: start from the last answer. gated: χ² flags
+        misfits."""
         self.batch = batch_of(world, parts_of(free=FREE[unknowns]), cylinder)
         self._rest = world.rest.vector()
         self._values = self.batch.measurements[0, :, VALUE]
@@ -67,7 +68,7 @@ class Kernel:
 class KernelFilter:
     """The daemon's own model of the scene in the bare kernel: with a prior, an iterated Kalman filter."""
 
-    def __init__(self, world: World, cylinder: bool = False) -> None:
+    def __init__(self, world: World, cylinder: bool | None = None) -> None:
         model = tracking_of(world)
         self.batch = batch_of(world, model.parts, cylinder, np.diag(model.initial))
         self._values = self.batch.measurements[0, :, VALUE]
@@ -94,8 +95,8 @@ class KernelFilter:
         return Answer(raw.state[0, :3].copy(), raw.state[0, 3:6].copy(), deviation, False)
 
 
-def default(world: World, cylinder: bool = False) -> Kernel | KernelFilter:
-    """What the daemon solves in the world's scene."""
+def default(world: World, cylinder: bool | None = None) -> Kernel | KernelFilter:
+    """What the daemon solves in the world's scene; cylinder: had it the magnet so."""
     if tracking_of(world).has_prior:
         return KernelFilter(world, cylinder)
     return Kernel(world, 6, cylinder=cylinder, gated=True)
@@ -108,7 +109,7 @@ class Solved:
         self, world: World, solver: Callable[[Problem], Any], told: Callable[[Any], Answer], unknowns: int = 6
     ) -> None:
         self._rows = measurement_rows(np.zeros((len(world.drawing.sensors), 3)), world.drawing.sensors, world.noise_t)
-        self._magnets = magnet_rows(world.drawing.magnet)
+        self._magnets = magnet_rows(world.drawing.magnet, octupole=False)
         self._parts = parts_of(free=FREE[unknowns])
         self._rest = self._start = world.rest
         self._solver, self._told = solver, told
@@ -178,7 +179,7 @@ def tracking_of(world: World) -> TrackingModel:
     return choose(world.config.scene, world.config.magnet).tracking
 
 
-def batch_of(world: World, parts: Any, cylinder: bool = False, prior: Array | None = None) -> Batch:
+def batch_of(world: World, parts: Any, cylinder: bool | None = None, prior: Array | None = None) -> Batch:
     """One problem, started at rest; its measurements still to be filled in."""
     pad, rest = world.drawing, world.rest.vector()
     rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, world.noise_t)

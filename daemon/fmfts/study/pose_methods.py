@@ -54,7 +54,7 @@ class Direct:
         starts = np.tile(world.rest.vector(), (len(known.pose), 1))
         starts[:, :6] = known.pose
         self._table = Nearest(known.inputs, starts, 1)
-        self._kernel = Kernel(world, unknowns, warm=False, iterations=1)
+        self._kernel = Kernel(world, unknowns, cylinder=None, warm=False, iterations=1)
         self._sees = partial(seen, world)
 
     def ask(self, sample: Sample) -> Batch | None:
@@ -156,7 +156,7 @@ def pose_methods() -> list[PoseMethod]:
         PoseMethod("kernel, 6, cylinder", KERNEL, partial(_kernel, 6, cylinder=True), f"octupole; {WARM}"),
         PoseMethod("kernel, 8, cylinder", KERNEL, partial(_kernel, 8, cylinder=True), f"octupole; {WARM}"),
         PoseMethod(
-            "the daemon's model, cylinder", KERNEL, partial(default, cylinder=True), "octupole; as the daemon's"
+            "the daemon's model, dipole", KERNEL, partial(default, cylinder=False), "no octupole; as the daemon's"
         ),
         PoseMethod("NumPy reference, 6", NUMPY, reference, WARM),
         PoseMethod("Gauss–Newton, NumPy, 8, float64", NUMPY, partial(_plain, np.float64), "two steps, warm"),

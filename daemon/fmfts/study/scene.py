@@ -21,7 +21,7 @@ from fmfts.study.frame import Facts, Request, Row, Study
 from fmfts.study.scene_networks import SIZES, Networks, smallest_network
 from fmfts.study.scene_trial import tried
 
-SHIPPED = Model(8, False)  # what config.toml has: a field that drifts, no neighbours
+SHIPPED = Model(8, True)  # what config.toml has: a field that drifts, no neighbours
 COLUMNS = ("kind", "model", "unknowns", "cylinder", "neighbours", "noise_mm", "bias_mm", "noise_n", "bias_n", "error",
            "causes", "hidden", "parameters", "noise_in_bounds", "bias_in_bounds", "score")  # fmt: skip
 

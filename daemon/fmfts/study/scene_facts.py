@@ -11,7 +11,7 @@ import numpy as np
 
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.config import I2cSource, PadConfig
-from fmfts.needs import AMBIENT_CHANGE_T, WORTH, Cost, Model, Surroundings, costs
+from fmfts.needs import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
 from fmfts.sensor.frame import TESLA_PER_GAUSS
 from fmfts.sensor.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
@@ -30,9 +30,10 @@ def would_pay(around: Surroundings, best: Cost) -> list[str]:
             strong = replace(around, config=_drifting(around))
         found = {cost.model: cost for cost in costs(strong)}
         left, taken = found[best.model], found[larger]
-        # error² of the smaller: what it has anyway, and k² of this cause's; sought is k where it is WORTH too large.
+        # error² of the smaller: what it has anyway, and k² of this cause's; sought is k where it is `worth` too large.
+        worth = WORTH_OF_TERM if larger.unknown == best.model.unknown else WORTH
         anyway = max(left.error**2 - left.bias_of[cause] ** 2, 0.0)
-        room = ((1.0 + WORTH) * taken.error) ** 2 - anyway
+        room = ((1.0 + worth) * taken.error) ** 2 - anyway
         if left.bias_of[cause] < 1e-9:
             lines.append(f"{larger} would never pay here")
         else:
