@@ -51,10 +51,11 @@ unit: $(VENV)/.installed-test
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
 
-bench: $(VENV)/.installed
+bench: $(VENV)/.installed-test
+	@mkdir -p build
 	@$(BIN)/python -m fmfts.bench speed
 	@$(BIN)/python -m fmfts.bench accuracy
-	@$(BIN)/python -m fmfts.bench latency
+	@$(BIN)/python -m fmfts.bench latency --chart build/latency.svg
 
 cold-starts: $(VENV)/.installed
 	@$(BIN)/python -m fmfts.bench convergence --draws 250000

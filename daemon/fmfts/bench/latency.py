@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,12 +30,20 @@ from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.sensor.framing import encode
 
 WARM_UP_S = 1.0
+LATEST_S = 1.0  # after the last frame: what is not heard by then counts as unheard
+COLUMNS = (
+    *("pads", "who", "publish p50", "p99", "p99.9", "max", "subscriber p50", "p99", "p99.9", "max"),
+    *("CPU", "RSS", "grew", "no room", "unheard"),
+)
 Times = NDArray[np.int64]
 
 
 @dataclass
 class Run:
-    """Nanoseconds of each frame, (frames,): to publish, to the subscriber; age_ns: how old it was when it was there."""
+    """Nanoseconds of each frame, (frames,): to publish, to the subscriber; age_ns: how old it was when it was there.
+
+    lost: of `sent`, what found no room on the pty. unheard: of those after the warm-up, what no message was about.
+    """
 
     to_publish_ns: Times
     to_subscriber_ns: Times
@@ -45,6 +53,7 @@ class Run:
     rss_growth_mb: float
     sent: int
     lost: int
+    unheard: int
 
 
 @dataclass
@@ -72,7 +81,7 @@ class Rig:
         cpu_of_frame_ns = (cpu_of(pid) - cpu_ns) / max(int((written_ns >= begun_ns).sum()) - lost, 1)
         cpu_share = cpu_of_frame_ns * 1e-9 * rig.RATE_HZ * self.count
         rss = rss_of(pid)
-        multiprocessing.connection.wait([board.sentinel], 0.3)
+        multiprocessing.connection.wait([board.sentinel], LATEST_S)
         listener_pipe.send("stop")
         messages = listener_pipe.recv()
         board_pipe.send("stop")
@@ -80,7 +89,8 @@ class Rig:
         for process in (board, listener):
             process.join()
         publish, arrive, age = matched(messages, written_ns, is_echo)
-        return Run(publish, arrive, age, cpu_share, rss, rss - rss_mb, written_ns.size, lost)
+        unheard = int((written_ns >= measured_from(written_ns)).sum()) - publish.size
+        return Run(publish, arrive, age, cpu_share, rss, rss - rss_mb, written_ns.size, lost, unheard)
 
     def echo(self, size: int) -> Run:
         pipe: Any = None
@@ -160,10 +170,15 @@ def store_baselines(folder: Path, count: int) -> None:
         (target / f"p{index}.json").write_bytes(ambient.encode(own))
 
 
+def measured_from(written_ns: Times) -> int:
+    """When the warm-up is over."""
+    return int(written_ns.min()) + round(WARM_UP_S * 1e9)
+
+
 def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo: bool) -> tuple[Times, Times, Times]:
-    """Each message with the frame that it is about: the last one of its number that was there before it came."""
-    rows = []
-    start_ns = written_ns.min() + round(WARM_UP_S * 1e9)
+    """Each frame after the warm-up that a message was about: to publish, to the subscriber, age (frames,)."""
+    rows: dict[tuple[int, int], tuple[int, int, int]] = {}
+    start_ns = measured_from(written_ns)
     for topic, arrived_ns, payload in messages:
         if is_echo:
             if not payload:
@@ -176,14 +191,16 @@ def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo
                 continue
             number = round((message["temperature_c"] - rig.ROOM_C) * rig.RAW_PER_K)
             published_ns, sampled_ns = message["t_publish_ns"], message["t_sample_ns"]
-        written = written_ns[int(topic.removeprefix(b"contact/p"))]
+        pad = int(topic.removeprefix(b"contact/p"))
+        written = written_ns[pad]
+        # The last one of its number that was there before the message came.
         frame = int(np.searchsorted(written, arrived_ns)) - 1
         frame -= (frame - number) % rig.NUMBERS
         if frame >= 0 and written[frame] >= start_ns:
-            rows.append((published_ns - written[frame], arrived_ns - written[frame], written[frame] - sampled_ns))
+            rows[pad, frame] = (published_ns - written[frame], arrived_ns - written[frame], written[frame] - sampled_ns)
     if not rows:
         raise SystemExit(f"none of {len(messages)} messages was about a frame; the last: {messages[-1:]}")
-    publish, arrive, age = np.array(rows).T
+    publish, arrive, age = np.array(list(rows.values())).T
     return publish, arrive, age
 
 
@@ -200,20 +217,25 @@ def rss_of(pid: int) -> float:
 
 
 def row(name: str, count: int, run: Run) -> str:
-    def percentiles(times_ns: Times) -> str:
-        values = np.percentile(times_ns, [50, 99, 99.9, 100]) / 1e3
-        return " ".join(f"{value:8.0f}" for value in values)
+    """A line of the table in Markdown whose head is COLUMNS."""
+    times_us = [
+        f"{value:.0f}"
+        for times_ns in (run.to_publish_ns, run.to_subscriber_ns)
+        for value in np.percentile(times_ns, [50, 99, 99.9, 100]) / 1e3
+    ]
+    cost = f"{100 * run.cpu_share:.1f}", f"{run.rss_mb:.1f}", f"{run.rss_growth_mb:+.2f}"
+    return table_line([str(count), name, *times_us, *cost, str(run.lost), str(run.unheard)])
 
-    return (
-        f"{name:>7} {count:4d} | {percentiles(run.to_publish_ns)} | {percentiles(run.to_subscriber_ns)} | "
-        f"{100 * run.cpu_share:6.1f} {run.rss_mb:6.1f} {run.rss_growth_mb:+6.2f} | {run.lost}"
-    )
+
+def table_line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def run(options: argparse.Namespace) -> None:
-    print("µs from a frame's last byte on the pty; CPU in % of one core; RSS in MB, and its growth after the warm-up")
-    columns = f"{'to publish: p50 p99 p99.9 max':>35} | {'to subscriber: p50 p99 p99.9 max':>35}"
-    print(f"{'':12} | {columns} |    CPU    RSS   grew | lost")
+    print(
+        "µs from a frame's last byte on the pty; CPU in % of one core; RSS in MB, and its growth after the warm-up.\n"
+    )
+    print(f"{table_line(COLUMNS)}\n{table_line(['---'] * len(COLUMNS))}")
     lines = [encode(sample) for sample in rig.samples(pad_of(0), WARM_UP_S + options.seconds)]
     runs: dict[str, list[tuple[int, Run]]] = {"echo": [], "daemon": []}
     for count in options.pads:
@@ -224,11 +246,8 @@ def run(options: argparse.Namespace) -> None:
                     one = around.echo(options.size) if kind == "echo" else around.daemon()
                 print(row(kind, count, one), flush=True)
                 runs[kind].append((count, one))
-                if kind == "daemon":
-                    age_ms = np.percentile(one.age_ns, [50, 99]) / 1e6
-                    print(
-                        f"{'':14}samples were {age_ms[0]:.1f} ms old when the frame was there, p99 {age_ms[1]:.1f} ms"
-                    )
+    age_ms = np.percentile(np.concatenate([one.age_ns for _, one in runs["daemon"]]), [50, 99]) / 1e6
+    print(f"\nSamples were {age_ms[0]:.1f} ms old when their frame was there, p99 {age_ms[1]:.1f} ms.")
     if options.chart is not None:
         from fmfts.bench.latency_chart import draw
 

@@ -21,8 +21,8 @@ from fmfts.sensor.packets import Hello, HelloPad, HelloSensor, Reply, Request, S
 from fmfts.sensor.simulated import Simulated
 
 RATE_HZ = 220
-# A frame's number, this many of them, stands in its temperature: so that a message tells which frame it is about.
-NUMBERS = 64
+# A frame's number stands in its temperature, so that a message tells which frame it is about: 37 s of them, and 64 K.
+NUMBERS = 8192
 RAW_PER_K = 128.0
 ROOM_C = 25.0
 CYCLE_S = 16.0  # of the scripted finger
@@ -154,7 +154,7 @@ def echo(pipe: Connection, endpoint: str, ports: list[str], size: int) -> None:
                 number = seen[descriptor]
                 seen[descriptor] = number + 1
                 socket.send(topics[descriptor], zmq.SNDMORE | zmq.NOBLOCK)
-                socket.send(struct.pack("<qq", number % NUMBERS, time.monotonic_ns()) + rest, zmq.NOBLOCK)
+                socket.send(struct.pack("<qq", number, time.monotonic_ns()) + rest, zmq.NOBLOCK)
 
 
 def subscriber(pipe: Connection, endpoint: str, count: int) -> None:
