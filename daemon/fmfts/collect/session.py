@@ -22,7 +22,6 @@ from fmfts.collect.watch import Watch
 ATTEMPTS = 3  # at one row
 DISK_S = 60.0
 ARRIVAL_S = 0.03  # what a frame or a reading of this moment takes to get here
-UNTOUCHED_N = 0.05  # the tare may have drifted by so much since the last place
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +66,14 @@ class Session:
         self._unmoved = unmoved
         self._timing = timing
         self._identity = identity
+        self._disk = ThreadPoolExecutor(max_workers=1)
 
     def run(self, plan: Plan, told: Told) -> None:
         """Until all is done. CollectError where it cannot go on: the reason, and how the lifting ended."""
+        with self._disk:  # waited for when the rod is up
+            self._run(plan, told)
+
+    def _run(self, plan: Plan, told: Told) -> None:
         try:
             self._presser.begin()
             for presses in _places(plan, self._table.done):
@@ -141,10 +145,10 @@ class Session:
             self._table.add(row)
 
         # A disk may take seconds, and the rod is down: what is heard must be listened to meanwhile.
-        with ThreadPoolExecutor(max_workers=1) as disk:
-            stored = disk.submit(keep)
-            self._watch.until(stored.done, DISK_S)
-            stored.result()
+        stored = self._disk.submit(keep)
+        if not self._watch.until(stored.done, DISK_S):
+            raise StoppedError(f"the disk of {self._table.path} did not take press {press.number} in {DISK_S:g} s")
+        stored.result()
 
     def _force_n(self, press: Press, loaded: Averaged) -> float:
         typed_n = getattr(self._presser, "typed_n", None)
