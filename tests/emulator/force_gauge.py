@@ -32,7 +32,8 @@ class ForceGauge:
         self.noise_n, self.delay_s, self.dropout = noise_n, delay_s, dropout
         self._force_n = force_n
         self._write = write
-        self._rate_hz = rate_hz
+        self.rate_hz = rate_hz
+        self.shown = ""  # instead of the force
         self._offset_n = offset_n
         self._random = np.random.default_rng(seed)
         self._past: deque[tuple[float, float]] = deque()
@@ -49,10 +50,10 @@ class ForceGauge:
         self._now += seconds
         force_n = self._delayed(self._now)
         while self._due <= self._now:
-            self._due += 1.0 / self._rate_hz
+            self._due += 1.0 / self.rate_hz
             if not self.silent and self._random.random() >= self.dropout:
                 shown = force_n + self._offset_n + self.noise_n * self._random.standard_normal()
-                self._write(f"ST,GS,{shown:+08.4f} N\r\n".encode())
+                self._write(f"ST,GS,{self.shown or f'{shown:+08.4f}'} N\r\n".encode())
 
     def _delayed(self, now: float) -> float:
         self._past.append((now, self._force_n()))

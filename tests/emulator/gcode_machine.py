@@ -27,7 +27,7 @@ class Move:
 
 
 class GcodeMachine:
-    """homing_mm_per_s: None homes at once. z_limit_mm_per_s: faster feeds are clamped without a word; 5 is stock Marlin.
+    """homing_mm_per_s: None homes at once. z_limit_mm_per_s: faster feeds are clamped silently; 5 is stock Marlin.
     `switch_mm`: z of a limit switch that ends all motion below it. `stalled`: motors turn and nothing moves on.
 
     backlash_mm: an axis that comes from above stands so much higher than it was told.

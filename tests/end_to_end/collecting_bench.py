@@ -72,7 +72,7 @@ overshoot_mm = {overshoot_mm}
 
 SERIAL_GAUGE = """type = "serial"
 port = "{folder}/gauge"
-pattern = '([-+]\\d+\\.\\d+) N'
+pattern = '([-+\\w.]+) N'
 delay_ms = {delay_ms}"""
 NEWTON_PER_COUNT, COUNTS_AT_ZERO = -2.1e-6, 81234  # a cell that counts down, and no cell is at zero
 LOAD_CELL = f'type = "hx711"\nnewton_per_count = {NEWTON_PER_COUNT}'

@@ -6,9 +6,11 @@ up by the real clock, `make collect-drills` tells.
 
 from __future__ import annotations
 
+import fcntl
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,6 +24,8 @@ from fmfts import exit_codes
 from fmfts.collect.errors import CollectError, RefusedError, StoppedError
 from fmfts.collect.guard import Guard
 from fmfts.collect.machine import Machine
+from fmfts.collect.stage import Stage
+from fmfts.collect.table import Row, Table
 
 TESTS = Path(__file__).parents[1]
 LIFTED_WITHIN_S = 0.15
@@ -90,6 +94,47 @@ def test_rod_is_lifted_when_the_gauge_falls_silent(bench: PressedBench) -> None:
     assert isinstance(end, StoppedError)
     assert "the gauge is silent for 1" in str(end)
     assert "the rod was lifted by" in str(end)
+
+
+@both_dialects
+def test_rod_is_lifted_when_the_gauge_prints_no_number(bench: PressedBench) -> None:
+    end = ended(bench, lambda: setattr(bench.gauge, "shown", "nan"))
+    assert isinstance(end, StoppedError)
+    assert "the gauge is silent for 1" in str(end)
+    assert "the last line without a number was 'ST,GS,nan N'" in str(end)
+    assert "the rod was lifted by" in str(end)
+
+
+def test_rod_is_lifted_while_the_disk_still_writes(bench: PressedBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that hangs holds up the end of the work, not the rod."""
+    lifted, add = threading.Event(), Table.add
+
+    def hang(table: Table, row: Row) -> None:
+        if row.press:
+            assert lifted.wait(10.0), "the rod waits for the disk"
+        add(table, row)
+
+    release = Stage.release
+
+    def told(stage: Stage) -> str:
+        ended = release(stage)
+        lifted.set()
+        return ended
+
+    monkeypatch.setattr(Table, "add", hang)
+    monkeypatch.setattr(Stage, "release", told)
+    monkeypatch.setattr("fmfts.collect.session.DISK_S", 0.5)
+    end = ended(bench)
+    assert isinstance(end, StoppedError)
+    assert "did not take press 1 in 0.5 s; the rod was lifted by" in str(end)
+    assert bench.rod_is_up()
+
+
+def test_slow_gauge_is_refused_with_what_to_set(bench: PressedBench) -> None:
+    bench.gauge.rate_hz = 10.0
+    end = ended(bench)
+    assert isinstance(end, RefusedError)
+    assert "silence_ms = 100 needs 20: set the gauge to a higher rate, or collect.silence_ms to 2" in str(end)
 
 
 @both_dialects
@@ -191,6 +236,16 @@ def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBen
     assert {row["recording"] for row in after} == {"data.1.mcap", "data.2.mcap"}
     bench.collect(grid, table)
     assert rows(table) == after
+    damaged = table.read_text().splitlines(keepends=True)
+    for line in ["\n", "4,0.0000\n", damaged[3].replace(damaged[3].split(",")[0], "four", 1)]:
+        table.write_text("".join([*damaged[:3], line, *damaged[4:]]))
+        with pytest.raises(RefusedError, match=r"data\.csv, line 4: .* is no row of a press"):
+            bench.collect(grid, table)
+    table.write_text("".join(damaged))
+    with table.open("a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(RefusedError, match="another collect is writing it"):
+            bench.collect(grid, table)
     with pytest.raises(RefusedError, match="was begun with another plan"):
         bench.collect(plan(bench.folder), table)
 

@@ -23,7 +23,7 @@ from fmfts.collect.plan import PlanError, Press, read_plan
 from fmfts.collect.stage import machine_place, require_within_reach
 from fmfts.collect.watch import Limits, Watch
 from fmfts.collect.weigh import GRAVITY_M_S2, weigh
-from fmfts.config.collect import LoadCellGauge, SerialGauge, StageConfig, UdpGauge
+from fmfts.config.collect import CollectConfig, LoadCellGauge, SerialGauge, StageConfig, UdpGauge, problems
 from fmfts.sensor import Frame
 
 
@@ -115,6 +115,29 @@ def test_serial_gauge_is_read_by_its_pattern_and_hangs_up_with_a_name(tmp_path: 
     with pytest.raises(AbsentError, match=r"the gauge on .* plug it in again"):
         gauge.poll(0)
     gauge.close()
+
+
+@pytest.mark.parametrize("shown", ["nan", "inf", "-inf", "1e999"])
+def test_what_is_not_finite_is_no_reading(tmp_path: Path, shown: str) -> None:
+    port = PtyPort(tmp_path / "gauge")
+    gauge = open_gauge(SerialGauge(port=str(tmp_path / "gauge"), pattern=r"F=(\S+)"), None)
+    port.write(f"F={shown}\r\nF=1.5\r\n".encode())
+    assert [reading.force_n for reading in readings(lambda: gauge.poll(0), 1)] == [1.5]
+    assert gauge.last_unread == f"F={shown}"
+    gauge.close()
+    port.unplug()
+
+
+@pytest.mark.parametrize("scale", [0.0, float("nan"), float("inf")])
+def test_scale_that_feels_no_force_is_refused(scale: float) -> None:
+    for gauge in [
+        SerialGauge(port="/dev/null", newton_per_unit=scale),
+        UdpGauge(port=5005, newton_per_unit=scale),
+        LoadCellGauge(newton_per_count=scale),
+    ]:
+        ((where, why),) = problems(CollectConfig(gauge=gauge))
+        assert where[0] == "gauge"
+        assert "no force is ever felt" in why
 
 
 def test_gauge_that_does_not_stream_is_asked(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import socket
@@ -30,6 +31,7 @@ class Gauge(Protocol):
     """No call here ever blocks."""
 
     description: str
+    last_unread: str  # the last line without a number, "" where there was none
 
     def poll(self, now_ns: int) -> Sequence[Reading]:
         """The readings that came since the last call. AbsentError where the gauge has gone."""
@@ -59,11 +61,10 @@ def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:
 
 
 class LineGauge:
-    """Lines of text, each with one number where the pattern says. A line without one is counted, and no reading."""
+    """Lines of text, each with one number where the pattern says. A line without a finite one is no reading."""
 
     def __init__(self, config: SerialGauge | UdpGauge, lines: _SerialLine | _Datagrams) -> None:
         self.description = lines.description
-        self.unread = 0
         self.last_unread = ""
         self._lines = lines
         self._pattern = re.compile(config.pattern)
@@ -75,14 +76,14 @@ class LineGauge:
         for line in self._lines.take(now_ns):
             found = self._pattern.search(line)
             try:
-                force_n = float(found[1]) * self._newton_per_unit if found else None
+                force_n = float(found[1]) * self._newton_per_unit if found else math.nan
             except (TypeError, ValueError):
-                force_n = None
-            if force_n is None:
-                self.unread += 1
-                self.last_unread = line[:40]
-            else:
+                force_n = math.nan
+            # No comparison with a limit, or with a force to be reached, holds for what is not a number.
+            if math.isfinite(force_n):
                 readings.append(Reading(now_ns - self._delay_ns, force_n))
+            else:
+                self.last_unread = line[:40]
         return readings
 
     def close(self) -> None:
@@ -93,6 +94,7 @@ class LoadCell:
     """An HX711 behind the STM32 bridge: 24-bit counts in the stream of the frames."""
 
     description = "the load cell on the pad's board"
+    last_unread = ""
 
     def __init__(self, config: LoadCellGauge, counts: Counts) -> None:
         self._counts = counts

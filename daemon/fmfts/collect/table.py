@@ -7,6 +7,7 @@ is there once, and only once. What a killed program left half written is cut off
 from __future__ import annotations
 
 import csv
+import fcntl
 import io
 import os
 from collections.abc import Sequence
@@ -87,11 +88,16 @@ class Table:
         self.header_path = path.with_suffix(".collection.json")
         columns = [*LABELS, *field_columns(sensors), *FACTS, *FRAMES]
         try:
-            self._require_own(header)
-            self.done = self._mend(columns)
             self._rows = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
-            if os.fstat(self._rows).st_size == 0:
-                self._append(self._rows, _line(columns))
+            try:
+                self._require_alone()
+                self._require_own(header)
+                self.done = self._mend(columns)
+                if os.fstat(self._rows).st_size == 0:
+                    self._append(self._rows, _line(columns))
+            except BaseException:
+                os.close(self._rows)
+                raise
         except OSError as error:
             raise RefusedError(f"{error.filename or path}: {error.strerror}") from error
 
@@ -116,8 +122,14 @@ class Table:
             data = data[os.write(file, data) :]
         os.fsync(file)
 
+    def _require_alone(self) -> None:
+        try:
+            fcntl.flock(self._rows, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RefusedError(f"{self.path}: another collect is writing it: let that end, or stop it") from error
+
     def _require_own(self, header: Header) -> None:
-        if not self.path.exists():
+        if os.fstat(self._rows).st_size == 0:
             write_atomically(self.header_path, msgspec.json.format(msgspec.json.encode(header), indent=1) + b"\n")
             return
         try:
@@ -133,10 +145,25 @@ class Table:
         lines = _whole_lines(self.path)
         if lines and lines[0] != ",".join(columns):
             raise RefusedError(f"{self.path}: its first line is not the header that belongs there")
-        done = [number for line in lines[1:] if (number := int(line.split(",", 1)[0])) != UNTOUCHED]
+        numbers = [self._number(at, line, len(columns)) for at, line in enumerate(lines[1:], start=2)]
+        done = [number for number in numbers if number != UNTOUCHED]
         if len(done) != len(set(done)):
             raise RefusedError(f"{self.path}: a press stands there twice: was it edited?")
         return set(done)
+
+    def _number(self, at: int, line: str, columns: int) -> int:
+        """Which press that line has."""
+        try:
+            (cells,) = csv.reader([line])
+            number = int(cells[0])
+        except (ValueError, IndexError, csv.Error):
+            cells, number = [], -1
+        if len(cells) != columns or number < UNTOUCHED:
+            raise RefusedError(
+                f"{self.path}, line {at}: {line[:40]!r} is no row of a press: was it edited? Mend that line, or remove "
+                "it to press its row again"
+            )
+        return number
 
 
 def _whole_lines(path: Path) -> list[str]:
@@ -148,7 +175,7 @@ def _whole_lines(path: Path) -> list[str]:
     if end < len(data):
         with path.open("rb+") as file:
             file.truncate(end)
-    return data[:end].decode().splitlines()
+    return data[:end].decode(errors="replace").split("\n")[:-1]
 
 
 def _line(cells: Sequence[str]) -> bytes:

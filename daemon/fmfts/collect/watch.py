@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import takewhile
 
 from fmfts.collect.clock import Clock, Monotonic
-from fmfts.collect.errors import AbsentError, CollectError, StoppedError
+from fmfts.collect.errors import AbsentError, CollectError, RefusedError, StoppedError
 from fmfts.collect.feed import Feed
 from fmfts.collect.gauge import Gauge, Reading
+from fmfts.config.collect import LONGEST_SILENCE_MS
 from fmfts.sensor import Frame
 
 TURN_S = 0.001
 KEPT_S = 30.0
+LISTEN_S = 1.0  # to a gauge, for its rate
+LEAST_READINGS = 2  # within the time that counts as silence: a single one may be lost on the way
 FIRST_S = 3.0  # a board says hello within a second of being opened
 # Whoever did not run for so long cannot tell silence from its own sleep: what waits is read first.
 SLEPT_S = 0.02
@@ -80,7 +84,35 @@ class Watch:
         if self._gauge is not None and not self.until(lambda: bool(self.readings), FIRST_S):
             raise AbsentError(
                 f"no force from {self._gauge.description} within {FIRST_S:g} s: is it on, are baud and pattern right?"
+                + self._unread()
             )
+        if self._gauge is not None and self._limits.force_n is not None:
+            self._require_often(self._gauge)
+
+    def _require_often(self, gauge: Gauge) -> None:
+        """RefusedError for readings that come so seldom, or so many at once, that the gauge seems silent meanwhile."""
+        silence_s = self._limits.silence_s
+        listen_s = max(LISTEN_S, 5 * silence_s)
+        heard_s = {self._heard_force_s}
+
+        def over() -> bool:
+            heard_s.add(self._heard_force_s)
+            return False
+
+        self.until(over, listen_s)
+        rate_hz, needed_hz = (len(heard_s) - 1) / listen_s, LEAST_READINGS / silence_s
+        if rate_hz + 1.0 / listen_s < needed_hz:
+            slower_ms = LEAST_READINGS / rate_hz * 1e3 if rate_hz else math.inf
+            longer = f", or collect.silence_ms to {slower_ms:.0f}: the rod stays down so much longer if it dies"
+            raise RefusedError(
+                f"{gauge.description} is heard {rate_hz:.1f} times a second, and collect.silence_ms = "
+                f"{silence_s * 1e3:g} needs {needed_hz:g}: set the gauge to a higher rate"
+                f"{longer if slower_ms <= LONGEST_SILENCE_MS else ''}"
+            )
+
+    def _unread(self) -> str:
+        line = "" if self._gauge is None else self._gauge.last_unread
+        return f"; the last line without a number was {line!r}" if line else ""
 
     def forces_since(self, since_ns: int) -> list[float]:
         """As the gauge gave them, in their order."""
@@ -141,6 +173,7 @@ class Watch:
         if self._gauge is not None and silent_ms > limit_ms:
             raise StoppedError(
                 f"the gauge is silent for {silent_ms:.0f} ms (limit {limit_ms:.0f} ms): check its plug and supply"
+                + self._unread()
             )
 
     def _forget(self, now_s: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from typing import Annotated, Literal
@@ -12,6 +13,7 @@ from fmfts.config.section import NonNegativeFloat, PositiveFloat, Section
 
 Span = tuple[float, float]
 Port = Annotated[int, Meta(ge=1, le=65535)]
+LONGEST_SILENCE_MS = 1000
 Problem = tuple[tuple[str | int, ...], str]
 DECIMAL = r"([-+]?\d+(?:\.\d+)?)"
 
@@ -66,7 +68,7 @@ class CollectConfig(Section, frozen=True):
     stage: StageConfig | None = None
     average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # of frames and forces behind each row
     settle_s: NonNegativeFloat = 0.3  # after the force is reached: silicone creeps
-    silence_ms: Annotated[float, Meta(gt=0, le=1000)] = 100.0  # of gauge or board; then the rod is lifted
+    silence_ms: Annotated[float, Meta(gt=0, le=LONGEST_SILENCE_MS)] = 100.0  # of gauge or board; then the rod is lifted
     force_tolerance: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # of a reached force, relative to the plan's
     moved_limit_mm: PositiveFloat = 0.05  # of the unloaded magnet since the baseline
     ambient_limit_ut: PositiveFloat = 2.0  # of the field of the unloaded pad since the baseline, µT
@@ -83,6 +85,11 @@ def problems(collect: CollectConfig) -> Iterator[Problem]:
         else:
             if groups < 1:
                 yield ("gauge", "pattern"), "the number needs (brackets) around it"
+    if gauge is not None:
+        name = "newton_per_count" if isinstance(gauge, LoadCellGauge) else "newton_per_unit"
+        scale = getattr(gauge, name)
+        if scale == 0.0 or not math.isfinite(scale):
+            yield ("gauge", name), f"is {scale:g}: with it no force is ever felt"
     if stage is None:
         return
     if gauge is None:
