@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from emulator.gcode_machine import GcodeMachine
@@ -14,6 +15,7 @@ from fmfts.collect.errors import StoppedError
 from fmfts.collect.feed import Feed
 from fmfts.collect.gauge import Reading
 from fmfts.collect.machine import Machine
+from fmfts.collect.plan import Press
 from fmfts.collect.stage import Stage
 from fmfts.collect.watch import Limits, Watch
 from fmfts.config.collect import StageConfig
@@ -158,3 +160,42 @@ def test_collision_while_travelling_halts_the_machine(tmp_path: Path, dialect: s
         clock.sleep(3.0)
         assert emulated.place[0] < 92.0
         stage.close()
+
+
+@contextmanager
+def standing_stage(folder: Path, **changes: object) -> Iterator[tuple[GcodeMachine, Gauge, Stage]]:
+    """A Marlin stage that is homed, its gauge at zero."""
+    with stock_machine(folder, "marlin") as (emulated, config, clock):
+        gauge = Gauge()
+        watch = Watch(OneFrameEach(), gauge, Limits(4.5, 0.1), clock)
+        watch.begin()
+        stage = Stage(msgspec.structs.replace(config, **changes), watch, 0.05)
+        stage.begin()
+        yield emulated, gauge, stage
+        stage.close()
+
+
+def test_pad_that_is_not_there_is_told_by_the_end_of_the_travel(tmp_path: Path) -> None:
+    """Seven hundred steps of 0.01 mm: no force swings."""
+    with standing_stage(tmp_path, clear_z_mm=12.0, step_mm=0.01) as (_, _, stage):
+        with pytest.raises(StoppedError, match=r"nothing was touched down to z = 5\.00 mm"):
+            stage.press(Press(1, 0.0, 0.0, 1.0))
+        assert "the rod was lifted by 7.00 mm" in stage.release()
+
+
+def test_pad_that_lies_askew_is_approached_from_higher_the_farther_away(tmp_path: Path) -> None:
+    with standing_stage(tmp_path, press_mm_per_s=1.0) as (emulated, gauge, stage):
+        felt_n: list[float] = []
+
+        def press_down(place: list[float]) -> None:
+            surface_mm = 30.0 + 0.04 * (place[0] - 82.0)  # 1 N/mm
+            felt_n.append(max(0.0, surface_mm - place[2]))
+            gauge.force_n = 7.0 + felt_n[-1]
+
+        emulated.on_moved = press_down
+        for x_m in (-0.018, 0.018):
+            press = Press(1, x_m, 0.0, 0.5)
+            stage.stand_over(press)
+            stage.press(press)
+            stage.lift()
+        assert max(felt_n) < 0.55  # the tolerance, and a step's caution; 1.6 N from 0.3 mm above the first place
