@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmfts.bench.drills import FRAME_NS, live_finger, pad_config
-from fmfts.bench.faults import pipeline_of
+from fmfts.bench.tapped import pipeline_of
 from fmfts.bus.messages import ContactMessage
 from fmfts.contact import ContactModel
 from fmfts.sensor import Frame

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
+from bus_messages import contact_message
 
-from fmfts.bench.drills import Ambient, field_faults, sensor_faults
-from fmfts.bench.faults import Outcome, Well, as_json, drilled, tapped
+from fmfts.bench.drills import RATE_HZ, Ambient, field_faults, pad_config, record, sensor_faults
+from fmfts.bench.faults import Outcome, as_json, drilled
+from fmfts.bench.tapped import ManyFrames, Well, tapped, tapping
+from fmfts.sensor.simulated import Simulated
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
@@ -46,6 +50,27 @@ def test_magnet_that_returns_under_a_finger_is_right_at_once(ambient: Ambient) -
 def test_taps_on_chips_that_run_free_are_no_alarm() -> None:
     well = tapped("drifting", (1,), 5.0)
     assert (well.alarms, well.wrong) == (0, 0), well.line
+
+
+@pytest.mark.parametrize("ambient", ["constant", "drifting"])
+def test_many_frames_at_once_are_those_of_as_many_polls(ambient: Ambient) -> None:
+    polled = record(Simulated(pad_config(ambient, 1)), tapping, 6.0)
+    source = ManyFrames(pad_config(ambient, 1))
+    source.finger = tapping
+    at_once = [frame for batch in source.batches(round(6.0 * RATE_HZ)) for frame in batch]
+    for one, other in zip(polled, at_once, strict=True):
+        assert one.packed == other.packed
+        assert (one.sequence, one.device_time_us, one.host_time_ns, one.temperature_c) == (
+            *(other.sequence, other.device_time_us, other.host_time_ns, other.temperature_c),
+        )
+
+
+def test_an_alarm_is_a_run_of_messages_that_are_not_ok() -> None:
+    well = Well("constant")
+    ok, lost = contact_message(health="ok"), contact_message(health="lost")
+    well.saw([lost, lost, ok, lost], np.zeros(4), was_ok=True)
+    well.saw([lost, ok, ok, ok], np.zeros(4), was_ok=False)
+    assert (well.frames, well.not_ok, well.alarms) == (8, 4, 2)
 
 
 def test_facts_of_the_drills_are_json() -> None:

@@ -6,13 +6,11 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from math import cos, pi
 
 import msgspec
 
 from fmfts.bench.drills import (
     FINGERS,
-    FRAME_NS,
     RATE_HZ,
     Ambient,
     DrillSource,
@@ -23,20 +21,16 @@ from fmfts.bench.drills import (
     sensor_faults,
     spoiled,
 )
+from fmfts.bench.tapped import Well, pipeline_of, tapped, without_baseline
 from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
-from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.memory import restore, snapshot
 from fmfts.pipeline import PadPipeline
-from fmfts.scene import choose
 from fmfts.sensor import Frame
-from fmfts.simulate.finger import Touch
 
 WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 0.3
 GRACE_S = 0.5
-TAP_S = 50e-3
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
 
 
@@ -141,17 +135,6 @@ def named_right(message: ContactMessage, fault: Fault) -> bool:
     return message.health == "degraded" and message.reason.startswith(f"sensor {fault.sensor + 1} ")
 
 
-def pipeline_of(config: PadConfig, model: ContactModel) -> PadPipeline:
-    pipeline = without_baseline(config, model)
-    pipeline.use(simulated_baseline(config))
-    return pipeline
-
-
-def without_baseline(config: PadConfig, model: ContactModel) -> PadPipeline:
-    tracking = choose(config.scene, config.magnet).tracking
-    return PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking)
-
-
 def drilled(
     faults: Sequence[Fault],
     seeds: Iterable[int],
@@ -170,50 +153,6 @@ def drilled(
                     outcome = outcomes.setdefault(key, Outcome(*key))
                     healthy.drill(fault, outcome)
     return list(outcomes.values())
-
-
-def tapping(time_s: float) -> Touch:
-    """1 N taps of 50 ms, three a second."""
-    within_s = time_s % (1.0 / 3.0) - 0.1
-    return Touch(1e-3, 2e-3, 0.5 * (1.0 - cos(2 * pi * within_s / TAP_S)) if 0.0 < within_s < TAP_S else 0.0)
-
-
-@dataclass(slots=True)
-class Well:
-    """A healthy pad that is tapped: alarms are false here."""
-
-    ambient: str
-    frames: int = 0
-    alarms: int = 0
-    wrong: int = 0
-    worst: float = 0.0
-
-    @property
-    def line(self) -> str:
-        return (
-            f"healthy, tapped, {self.ambient:8} {self.frames:8d} frames, {self.alarms} not ok "
-            f"({self.alarms / self.frames:.1e}), available {1 - self.alarms / self.frames:.4%}, "
-            f"{self.wrong} wrong, worst {self.worst:.1f} deviations"
-        )
-
-
-def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
-    well = Well(ambient)
-    for seed in seeds:
-        config = pad_config(ambient, seed)
-        pipeline = pipeline_of(config, ContactModel.load("default", config.pad()))
-        source = DrillSource(config)
-        source.finger = tapping
-        truth = Truth(source.built, tapping)
-        for step in range(round(seconds * RATE_HZ)):
-            for frame in source.poll(step * FRAME_NS):
-                message = pipeline.process(frame)
-                off = truth.deviations(message)
-                well.frames += 1
-                well.alarms += message.health != "ok"
-                well.wrong += off > WRONG_DEVIATIONS
-                well.worst = max(well.worst, off)
-    return well
 
 
 def run(options: Namespace) -> None:

@@ -13,7 +13,7 @@ from fmfts.ambient.aligned import MEAN_OF
 from fmfts.ambient.gains import Gains, relative_deviation
 from fmfts.ambient.turn import ORIENTATIONS, STRENGTH_DEVIATION, Turn, gains_from_turn
 from fmfts.bench.drills import Ambient
-from fmfts.bench.faults import pipeline_of
+from fmfts.bench.tapped import pipeline_of
 from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.bench.workspace import Array, standard_pad
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig

@@ -43,16 +43,16 @@ class ChipArray:
             self._period_s = np.full(count, 1.0 / rate_hz)
             self._first_s = np.full(count, -SINGLE_CONVERSION_S)
 
-    def newest_conversion(self, time_s: float) -> NDArray[np.int64]:
-        """(N,) number of each chip's newest conversion at `time_s`."""
+    def newest_conversion(self, time_s: float | Array) -> NDArray[np.int64]:
+        """(…, N) number of each chip's newest conversion at `time_s`, a number or (…, 1)."""
         return np.floor((time_s - self._first_s) / self._period_s).astype(np.int64)
 
     def time_of(self, conversion: NDArray[np.int64]) -> Array:
-        """(N,) seconds."""
+        """(…, N) seconds."""
         return self._first_s + conversion * self._period_s
 
     def counts(self, field_t: Array, gain_code: int, warming_k: float) -> NDArray[np.int16]:
-        """Readings (N, 3) of `field_t` (N, 3) in each chip's own axes, `warming_k` above 25 °C."""
+        """Readings (…, N, 3) of `field_t` (…, N, 3) in each chip's own axes, `warming_k` above 25 °C."""
         noisy = field_t + self._noise_t * self._random.standard_normal(field_t.shape)
         sensitivity = (1.0 + self._sensitivity_per_k * warming_k) * LSB_PER_GAUSS[gain_code] / TESLA_PER_GAUSS
         counts = np.rint(noisy * sensitivity)
