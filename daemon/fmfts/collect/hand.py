@@ -6,6 +6,7 @@ import os
 import select
 import sys
 from collections.abc import Callable
+from statistics import fmean, pstdev
 from typing import TextIO
 
 from fmfts.collect.errors import StoppedError
@@ -32,9 +33,11 @@ class Hand:
         self.typed_n: float | None = None
         self._watch = watch
         self._tolerance = tolerance
-        self._say = say
+        self._say_to_person = say
         self._gauge = gauge
         self._answers = answers
+        self._why_again = ""
+        self._zero_is_known = False
 
     def begin(self) -> None:
         """Nothing to get ready."""
@@ -45,14 +48,17 @@ class Hand:
             self._answer()
             return
         self._say("take your hands off the pad")
-        self._held(lambda: abs(self._raw_force_n() - self._watch.tare_n) < RELEASED_N)
+        if not self._held(self._is_let_go):
+            raise StoppedError(f"the gauge shows no untouched pad for {PATIENCE_S:g} s: {self._reading()}")
 
     def press(self, press: Press) -> None:
+        self._zero_is_known = True
         target = f"{press.force_n:.2f} N at x {press.x_m * 1e3:+.1f}, y {press.y_m * 1e3:+.1f} mm"
         if self._gauge:
             self._say(f"press {target}, and hold")
             near_n = max(self._tolerance * press.force_n, RELEASED_N)
-            self._held(lambda: abs(self._raw_force_n() - self._watch.tare_n - press.force_n) < near_n)
+            if not self._held(lambda: abs(self._force_n() - press.force_n) < near_n):
+                raise StoppedError(f"{press.force_n:.2f} N was not felt for {PATIENCE_S:g} s: {self._reading()}")
             self._say("hold")
             return
         self._say(f"press {target}, type the force in N, press Enter, and hold")
@@ -63,22 +69,43 @@ class Hand:
             except ValueError:
                 self._say("that was no number: the force in N, and Enter")
 
+    def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
+        """A person is told, and presses once more: as often as it takes."""
+        self._why_again = why
+        once_more()
+
     def lift(self) -> None:
         self._say("let go")
 
     def release(self) -> str:
-        return "let go of the pad"
+        return "nothing presses" if self._gauge and self._is_let_go() else "let go of the pad"
 
     def close(self) -> None:
         """A hand needs no closing."""
 
-    def _raw_force_n(self) -> float:
-        since_ns = self._watch.clock.now_ns() - round(HEARD_S * 1e9)
-        forces = self._watch.forces_since(since_ns)
-        return sum(forces) / len(forces) if forces else float("nan")
+    def _say(self, text: str) -> None:
+        self._say_to_person(f"once more, for {self._why_again}: {text}" if self._why_again else text)
+        self._why_again = ""
 
-    def _held(self, there: Callable[[], bool]) -> None:
-        """Until it was so for STEADY_S without a break."""
+    def _is_let_go(self) -> bool:
+        """By the gauge's zero; before that is known by a force that stands still, and the field tells the rest."""
+        if self._zero_is_known:
+            return abs(self._force_n()) < RELEASED_N
+        forces = self._forces(STEADY_S)
+        return len(forces) > 1 and pstdev(forces) < RELEASED_N
+
+    def _forces(self, seconds: float) -> list[float]:
+        return self._watch.forces_since(self._watch.clock.now_ns() - round(seconds * 1e9))
+
+    def _force_n(self) -> float:
+        forces = self._forces(HEARD_S)
+        return fmean(forces) - self._watch.tare_n if forces else float("nan")
+
+    def _reading(self) -> str:
+        return f"it reads {self._force_n():.3f} N; are its unit and its zero right?"
+
+    def _held(self, there: Callable[[], bool]) -> bool:
+        """Until it was so for STEADY_S without a break; whether it was."""
         begun_s: float | None = None
 
         def steady() -> bool:
@@ -87,8 +114,7 @@ class Hand:
             begun_s = (begun_s or now_s) if there() else None
             return begun_s is not None and now_s - begun_s >= STEADY_S
 
-        if not self._watch.until(steady, PATIENCE_S):
-            raise StoppedError(f"nobody pressed for {PATIENCE_S:g} s")
+        return self._watch.until(steady, PATIENCE_S)
 
     def _answer(self) -> str:
         """The next line that is typed, while frames are still heard."""

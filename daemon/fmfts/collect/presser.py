@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from fmfts.collect.plan import Press
@@ -22,6 +23,12 @@ class Presser(Protocol):
 
     def press(self, press: Press) -> None:
         """Press, and hold the force."""
+
+    def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
+        """A row was refused so many times; returns when the next may be tried. RefusedError: that is enough.
+
+        once_more: the call of `stand_over` or `press` that led to it.
+        """
 
     def lift(self) -> None:
         """Touch the pad no more."""

@@ -12,14 +12,13 @@ import numpy as np
 
 from fmfts.ambient import Mounting
 from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
-from fmfts.collect.errors import CollectError, RefusedError, StoppedError
+from fmfts.collect.errors import CollectError, StoppedError
 from fmfts.collect.frames import Frames
 from fmfts.collect.plan import Plan, Press
 from fmfts.collect.presser import Presser
 from fmfts.collect.table import UNTOUCHED, Row, Table
 from fmfts.collect.watch import Watch
 
-ATTEMPTS = 3  # at one row
 DISK_S = 60.0
 ARRIVAL_S = 0.03  # what a frame or a reading of this moment takes to get here
 
@@ -88,19 +87,20 @@ class Session:
 
     def _work_on(self, presses: Sequence[Press], told: Told) -> None:
         told(presses[0], False)
-        self._presser.stand_over(presses[0])
-        unloaded = self._untouched()
+        unloaded = self._untouched(presses[0])
         self._store(Press(UNTOUCHED, *presses[0].place_m, 0.0), unloaded, 0.0)
         for press in presses:
             told(press, False)
-            self._presser.press(press)
             loaded = self._loaded(press, unloaded)
             self._store(press, loaded, self._force_n(press, loaded))
             told(press, True)
         self._presser.lift()
 
-    def _untouched(self) -> Averaged:
+    def _untouched(self, press: Press) -> Averaged:
         """The pad with nothing on it: where its baseline found it, and the gauge's zero."""
+
+        def let_go() -> None:
+            self._presser.stand_over(press)
 
         def judged(begun_ns: int, ended_ns: int) -> Averaged:
             frames, readings = self._watch.window(begun_ns, ended_ns)
@@ -108,13 +108,15 @@ class Session:
             self._unmoved.require(unloaded)
             return unloaded
 
-        unloaded = self._attempt(judged, "the untouched pad")
+        unloaded = self._attempt(let_go, judged)
         if unloaded.force_n is not None:
             self._watch.tare_n = unloaded.force_n
         return unloaded
 
     def _loaded(self, press: Press, unloaded: Averaged) -> Averaged:
-        self._watch.wait(self._timing.settle_s)
+        def held() -> None:
+            self._presser.press(press)
+            self._watch.wait(self._timing.settle_s)
 
         def judged(begun_ns: int, ended_ns: int) -> Averaged:
             loaded = average(*self._watch.window(begun_ns, ended_ns), self._watch.tare_n)
@@ -123,19 +125,20 @@ class Session:
                 raise RowError(f"the gauge reads {loaded.force_n:.3f} N where {press.force_n:.3f} N should press")
             return loaded
 
-        return self._attempt(judged, f"press {press.number}")
+        return self._attempt(held, judged)
 
-    def _attempt(self, judged: Callable[[int, int], Averaged], what: str) -> Averaged:
-        """Listen for a row's time, and judge; again where it made none."""
-        why = ""
-        for _ in range(ATTEMPTS):
+    def _attempt(self, get_there: Callable[[], None], judged: Callable[[int, int], Averaged]) -> Averaged:
+        """Listen for a row's time, and judge; again where it made none, as often as who presses bears it."""
+        get_there()
+        times = 0
+        while True:
             begun_ns = self._watch.clock.now_ns()
             self._watch.wait(self._timing.average_s + self._timing.delay_s + ARRIVAL_S)
             try:
                 return judged(begun_ns, begun_ns + round(self._timing.average_s * 1e9))
             except RowError as error:
-                why = str(error)
-        raise RefusedError(f"{what}: refused {ATTEMPTS} times: {why}")
+                times += 1
+                self._presser.refused(str(error), times, get_there)
 
     def _store(self, press: Press, averaged: Averaged, force_n: float) -> None:
         row = row_of(press, averaged, force_n, self._unmoved.mounting, self._identity)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.guard import Guard
@@ -17,6 +17,7 @@ NEAR_MM = 0.3  # above the surface that the last press found, steps begin
 TILT = 0.05  # and by so much higher for each mm that it was pressed away from here: pads lie askew
 READINGS = 3  # behind each step's force
 PATIENCE_S = 1.0
+ATTEMPTS = 3  # at one row
 MOST_STEPS = 400  # from the first touch on
 SMALLEST_FORCE_ERROR_N = 0.01  # what less means, a gauge of ±5 mN does not tell
 LONGER = 4.0  # than step_mm a step may be where the stiffness is known
@@ -50,6 +51,11 @@ class Stage:
         self.lift()
         rescue = self._machine.rescue(self._config.clear_z_mm, self._config.lift_mm_per_s)
         self._guard = Guard(self._machine.fileno(), rescue)
+
+    def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
+        """It holds what it holds: listening again is all that may help."""
+        if times == ATTEMPTS:
+            raise RefusedError(f"refused {ATTEMPTS} times: {why}")
 
     def lift(self) -> None:
         self._machine.move(z=self._config.clear_z_mm, mm_per_s=self._config.lift_mm_per_s)
