@@ -154,7 +154,7 @@ def test_person_is_asked_again_until_each_press_was_good(tmp_path: Path, board: 
         assert daemon.stop() == 0
         code, facts, heard = pressed_by_hand(board, daemon, gauge_port, ["sways"] * 4 + ["beside"])
     assert (code, facts.get("collected")) == (0, 4), heard
-    again = [line for line in heard if line.startswith("once more, for ")]
+    again = [line for line in heard if line.startswith("once more (press 1: ")]
     assert len(again) == 5
     assert all("moves" in line or "swings" in line for line in again[:4])
     assert "the pad is not touched" in again[4]

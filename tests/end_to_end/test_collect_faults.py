@@ -274,7 +274,7 @@ def test_press_beside_the_pad_makes_no_row(bench: PressedBench) -> None:
     bench.beside = True
     end = ended(bench)
     assert isinstance(end, RefusedError)
-    assert "the pad is not touched" in str(end)
+    assert "refused 3 times: press 1: the pad is not touched" in str(end)
     assert "the rod was lifted" in str(end)
     assert rows(bench.folder / "data.csv") == []
 

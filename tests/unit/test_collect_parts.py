@@ -245,6 +245,32 @@ def test_hand_is_told_what_to_do_and_asked_again_for_a_number() -> None:
     assert "no number" in said[2]
 
 
+class Resting:
+    """A gauge on which nobody presses."""
+
+    description = "a gauge"
+
+    def poll(self, now_ns: int) -> list[Reading]:
+        return [Reading(now_ns, 0.2)]
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_press_that_was_not_felt_is_called_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fmfts.collect.hand.PATIENCE_S", 0.6)
+    watch = Watch(Cell(), Resting(), Limits(None, 1.0))
+    hand, press = Hand(watch, 0.05, lambda _: None, gauge=True), Press(1, 2e-3, -4e-3, 1.0)
+    hand.stand_over(press)  # though its zero is not known yet
+    watch.tare_n = 0.15
+    with pytest.raises(StoppedError, match=r"1\.00 N was not felt for 0\.6 s: it reads 0\.050 N"):
+        hand.press(press)
+    watch.tare_n = 0.19
+    assert hand.release() == "nothing presses"
+    watch.tare_n = 0.1
+    assert hand.release() == "let go of the pad"
+
+
 def test_forces_that_a_stage_reached_about_as_planned_are_as_many_levels_as_planned() -> None:
     plan, random = read_plan("simulation"), np.random.default_rng(2)
     press = np.array([[p.x_m * 1e3, p.y_m * 1e3, p.force_n * random.uniform(0.94, 1.06)] for p in plan.presses])

@@ -84,7 +84,7 @@ class Hand:
         """A hand needs no closing."""
 
     def _say(self, text: str) -> None:
-        self._say_to_person(f"once more, for {self._why_again}: {text}" if self._why_again else text)
+        self._say_to_person(f"once more ({self._why_again}): {text}" if self._why_again else text)
         self._why_again = ""
 
     def _is_let_go(self) -> bool:

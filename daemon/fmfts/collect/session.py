@@ -108,7 +108,7 @@ class Session:
             self._unmoved.require(unloaded)
             return unloaded
 
-        unloaded = self._attempt(let_go, judged)
+        unloaded = self._attempt("the untouched pad", let_go, judged)
         if unloaded.force_n is not None:
             self._watch.tare_n = unloaded.force_n
         return unloaded
@@ -125,9 +125,9 @@ class Session:
                 raise RowError(f"the gauge reads {loaded.force_n:.3f} N where {press.force_n:.3f} N should press")
             return loaded
 
-        return self._attempt(held, judged)
+        return self._attempt(f"press {press.number}", held, judged)
 
-    def _attempt(self, get_there: Callable[[], None], judged: Callable[[int, int], Averaged]) -> Averaged:
+    def _attempt(self, what: str, get_there: Callable[[], None], judged: Callable[[int, int], Averaged]) -> Averaged:
         """Listen for a row's time, and judge; again where it made none, as often as who presses bears it."""
         get_there()
         times = 0
@@ -138,7 +138,7 @@ class Session:
                 return judged(begun_ns, begun_ns + round(self._timing.average_s * 1e9))
             except RowError as error:
                 times += 1
-                self._presser.refused(str(error), times, get_there)
+                self._presser.refused(f"{what}: {error}", times, get_there)
 
     def _store(self, press: Press, averaged: Averaged, force_n: float) -> None:
         row = row_of(press, averaged, force_n, self._unmoved.mounting, self._identity)
