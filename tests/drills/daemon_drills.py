@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 import zmq
 
-from drills.rig import PATIENCE_S, Ear, resident_kb
+from drills.rig import PATIENCE_S, Ear, longest_gap_s, none_wrong, resident_kb
 from end_to_end.processes import RunningDaemon
 from end_to_end.test_i2c_bus import KernelBus
 from fmfts_client import Contact, Subscription
@@ -94,6 +94,7 @@ def _wedge(daemon: RunningDaemon, bus: KernelBus, seconds: float) -> Facts:
             said.add(contact.health)
             assert time.monotonic() - start < PATIENCE_S, contact
         recovered_s = time.monotonic() - start
+        none_wrong(left)
     facts = {
         "seconds": seconds,
         "recovered_s": round(recovered_s, 3),
@@ -124,6 +125,8 @@ def others(daemon: RunningDaemon, pads: Sequence[str]) -> Iterator[Callable[[flo
             return {pad: _stretch(ear, begin_ns, end_ns, health[pad]) for pad, ear in ears.items()}
 
         yield heard
+        for ear in ears.values():
+            none_wrong(ear)
 
 
 def _stretch(ear: Ear, begin_ns: int, end_ns: int, health: str) -> Facts:
@@ -181,10 +184,11 @@ def deaf_subscriber(folder: Path, seconds: float) -> Facts:
             heard = ear.listen(seconds)
             grown = resident_kb(daemon.process.pid) - before
     missing = heard[-1].seq - heard[0].seq + 1 - len(heard)
-    facts = {"seconds": seconds, "memory_grown_kb": grown, "lost_by_the_other": missing}
+    facts = {"seconds": seconds, "memory_grown_kb": grown, "lost_by_the_other": missing,
+             "longest_gap_s": longest_gap_s(heard)}  # fmt: skip
     assert missing == 0, facts
     assert grown < 20_000, facts  # 256 messages of 600 bytes for each subscriber, and what the kernel holds
-    return facts
+    return facts | none_wrong(ear)
 
 
 @contextmanager
@@ -213,10 +217,9 @@ def clock_set_back(folder: Path, seconds: float) -> Facts:
         heard += ear.listen(seconds)
     offsets = [contact.utc_ns - contact.t_publish_ns for contact in heard]
     jumps = sorted(round((b - a) * 1e-9) for a, b in pairwise(offsets) if abs(b - a) > 1e9)
-    gaps_s = [(b.t_publish_ns - a.t_publish_ns) * 1e-9 for a, b in pairwise(heard)]
-    facts = {"jumps_of_utc_s": jumps, "messages": len(heard), "longest_gap_s": round(max(gaps_s), 3),
+    facts = {"jumps_of_utc_s": jumps, "messages": len(heard), "longest_gap_s": longest_gap_s(heard),
              "not_ok": sum(contact.health != "ok" for contact in heard)}  # fmt: skip
     assert jumps == [-3600, 7200], facts  # or the clock was never set
     assert all(b.seq == a.seq + 1 and b.t_sample_ns > a.t_sample_ns for a, b in pairwise(heard))
     assert facts["not_ok"] == 0, facts
-    return facts
+    return facts | none_wrong(ear)

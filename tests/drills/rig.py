@@ -1,50 +1,34 @@
-"""What drills share: a board whose true field is known, the daemon on it, and an ear that judges each number."""
+"""What drills share: a board whose true press is known, the daemon on it, and an ear that judges each number."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
-from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
-from fmfts.config import PadConfig, SimulatedSource
-from fmfts.pad import Pad
+from drills.pressed_board import PressedBoard
+from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
 from fmfts_client import Contact, Subscription
 
-# A number is wrong when it is published with health ok and is further from the truth than five of its deviations.
-DEVIATIONS = 5.0
 PATIENCE_S = 20.0
-STANDARD_PAD = PadConfig(name="standard", source=SimulatedSource()).pad()
-
-
-def wrong(contact: Contact, pad: Pad = STANDARD_PAD) -> str:
-    """What is wrong with a contact of an unloaded pad, "" where nothing is."""
-    if contact.health != "ok":
-        numbers = (contact.force_n, contact.x_m, contact.y_m) if contact.health != "degraded" else ()
-        return f"{contact.health} with a number: {contact}" if any(value is not None for value in numbers) else ""
-    if contact.pose is None:
-        return f"ok without a pose: {contact}"
-    off = np.abs(np.array(contact.pose.position_m) - pad.rest_position_m) / np.array(contact.pose.position_sd_m)
-    if not (off <= DEVIATIONS).all():
-        return f"the magnet {off} deviations off its rest: {contact}"
-    return f"touched, and nothing touches it: {contact}" if contact.contact else ""
 
 
 @dataclass
 class Ear:
-    """Listens to one daemon without a pause; every message is judged."""
+    """Listens to one daemon without a pause; every message is judged. tend: what has to be done meanwhile."""
 
     messages: Subscription
-    judge: Callable[[Contact], str] = wrong
+    judge: Callable[[Contact], str]
+    tend: Callable[[], None] = lambda: None
     heard: int = 0
     wrong_numbers: list[str] = field(default_factory=list)
 
     def next(self, patience_s: float = PATIENCE_S) -> Contact:
+        self.tend()
         message = self.messages.receive(patience_s)
         assert message is not None, f"silence for {patience_s} s"
         contact = Contact.from_message(message.body)
@@ -60,6 +44,13 @@ class Ear:
         while not wanted(last := self.next()):
             assert time.monotonic() - start < patience_s, f"nothing of the kind in {patience_s} s; last: {last}"
         return time.monotonic() - start
+
+    def recovered(self, mended_ns: int, wanted: Callable[[Contact], bool] | None = None) -> float:
+        """Seconds from CLOCK_MONOTONIC `mended_ns` to a contact that was sampled after it, and for which `wanted` holds
+        (None: that it is ok)."""
+        wanted = wanted or is_ok
+        self.until(lambda contact: wanted(contact) and contact.t_sample_ns > mended_ns)
+        return (time.monotonic_ns() - mended_ns) * 1e-9
 
     def listen(self, seconds: float) -> list[Contact]:
         end = time.monotonic() + seconds
@@ -78,32 +69,40 @@ def is_not_ok(contact: Contact) -> bool:
 
 
 @contextmanager
-def calibrated(folder: Path) -> Iterator[tuple[RunningDaemon, FirmwareHost, Ear]]:
-    """The daemon on an emulated board at rest, its baseline recorded."""
-    host = plugged_in(folder)
+def calibrated(folder: Path) -> Iterator[tuple[RunningDaemon, PressedBoard, Ear]]:
+    """The daemon on an emulated board, its baseline recorded at rest; its pad is pressed while the ear listens."""
+    board = PressedBoard(folder)
     try:
-        with RunningDaemon(folder, BRIDGE_CONFIG.format(port=host.port)) as daemon:
+        with RunningDaemon(folder, BRIDGE_CONFIG.format(port=board.port)) as daemon:
             daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
             recorded = daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config)
             assert recorded.returncode == 0, recorded.stderr
             with daemon.subscribe() as messages:
-                ear = Ear(messages)
+                ear = Ear(messages, board.wrong, board.tend)
                 ear.until(is_ok)
-                yield daemon, host, ear
+                board.press()
+                yield daemon, board, ear
     finally:
-        host.kill()
+        board.kill()
 
 
-def plugged_in(folder: Path) -> FirmwareHost:
-    host = FirmwareHost(folder)
-    host.field(resting_field(STANDARD_PAD))
-    return host
+def none_wrong(ear: Ear, board: PressedBoard | None = None) -> dict[str, int]:
+    """How much was judged. AssertionError with the first wrong numbers, and where no press could be judged."""
+    assert not ear.wrong_numbers, ear.wrong_numbers[:3]
+    if board is None:
+        return {"judged": ear.heard}
+    assert board.judged_pressed
+    return {"judged": board.judged, "judged_pressed": board.judged_pressed}
 
 
 def send_garbage(host: FirmwareHost, size: int, seed: int, wait: Callable[[float], object]) -> None:
     """Random bytes on the line; on a busy computer it may be full of what was not fetched yet."""
     while host.ask(f"garbage {size} {seed}") != "ok":
         wait(0.05)
+
+
+def longest_gap_s(heard: Sequence[Contact]) -> float:
+    return round(max((b.t_publish_ns - a.t_publish_ns) * 1e-9 for a, b in pairwise(heard)), 3)
 
 
 def descriptors(pid: int) -> int:
