@@ -102,3 +102,15 @@ def test_guard_leaves_the_machine_alone_when_the_collector_ends_by_itself(tmp_pa
         done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
         assert (done.returncode, done.stderr) == (0, "")
         assert stands_at(machine, 9.0)
+
+
+@pytest.mark.parametrize("dialect", ["marlin", "grbl"])
+def test_rod_is_lifted_when_the_collector_dies_of_a_limit_switch(tmp_path: Path, dialect: str) -> None:
+    """GRBL then hears nothing but a reset, also from the guard."""
+    words = [sys.executable, "-c", COLLECTOR, tmp_path / "machine", dialect, "ends"]
+    with running(tmp_path / "machine", dialect) as machine:
+        machine.switch_mm = 9.5
+        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+        assert done.returncode == 1
+        assert stands_at(machine, 12.0)
+        assert "the rod was sent up" in done.stderr
