@@ -34,6 +34,8 @@ FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Moun
 # What follows from the mounting: it may be another than before, or made anew.
 OF_THE_MOUNTING = {"_rest", "rest", "_rows", "_magnets", "_errors"}
 PASSING = OF_THE_MOUNTING | {"_nearest", "_neighbours", "_templates", "_path", "_compiled", "_new_warmth"}
+# What memories of earlier versions lack, as it was in them.
+ADDED = {"_unread_variance": 0.0}
 LARGEST = 1 << 20
 
 
@@ -113,6 +115,7 @@ def _encoded(value: Any, where: str) -> Any:
 
 def _put_back(owner: object, taken: dict[str, Any]) -> None:
     expected = {name for name, _ in _attributes(owner)}
+    taken = {name: value for name, value in ADDED.items() if name in expected} | taken
     if set(taken) != expected:
         raise ValueError(f"{type(owner).__name__} has {', '.join(sorted(expected ^ set(taken)))} on one side only")
     for name, value in taken.items():

@@ -36,6 +36,8 @@ MOMENT_DEVIATION = 5e-4
 MOMENT_WALK_PER_S = 1e-3**2 / 3600.0
 # Without a thermometer, a board may be so much warmer after so long.
 UNSEEN_WARMING_K, UNSEEN_WARMING_S = 3.0, 600.0
+# With one that has not been read yet, or was not at the baseline: what a board warms from start to steady.
+UNREAD_WARMING_K = 20.0
 # A magnet beside a hot motor, beyond what its board's thermometer says.
 HOTTER_K = 10.0
 # The temperature coefficient of a grade of magnet is known to about a fifth.
@@ -79,7 +81,8 @@ def choose(scene: SceneConfig, magnet: MagnetConfig, thermometer: bool = True) -
     if scene.remanence == "drifting":
         initial[LOG_MOMENT] += (per_k * HOTTER_K) ** 2
         why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
-    return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE), why)
+    unread_k = UNREAD_WARMING_K if thermometer else 0.0
+    return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k), why)
 
 
 def blind(pad: Pad, tracking: TrackingModel) -> list[str]:

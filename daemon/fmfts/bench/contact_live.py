@@ -15,6 +15,7 @@ from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.pad import Pad
 from fmfts.pose import STOP_CONVERGED, Tracker, as_drawn, solve
 from fmfts.scene import choose
+from fmfts.sensor.simulated import ROOM_C
 
 RATE_HZ = 220.0
 MEMORY_S = 0.04
@@ -91,10 +92,10 @@ def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
             field = pressed_fields(pad, press)
             noisy = field + random.normal(0.0, NOISE_T, field.shape)
             tracking = choose(SceneConfig(), MagnetConfig()).tracking
-            tracker, smoother = Tracker(pad, rest, tracking), Smoother(MEMORY_S)
+            tracker, smoother = Tracker(pad, rest, tracking, ROOM_C), Smoother(MEMORY_S)
             found: dict[str, list[list[float]]] = {name: [] for name in errors}
             for frame in noisy:
-                estimate = tracker.update(frame, np.full(frame.shape, NOISE_T), 1.0 / RATE_HZ).estimate
+                estimate = tracker.update(frame, np.full(frame.shape, NOISE_T), 1.0 / RATE_HZ, ROOM_C).estimate
                 assert estimate is not None
                 pose = as_drawn(estimate, rest, pad)
                 for name, asked in (("single frames", pose), ("smoothed", smoother.update(*pose, 1.0 / RATE_HZ))):

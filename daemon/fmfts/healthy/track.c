@@ -11,17 +11,18 @@ static double elapsed_s(const fmfts_memory *memory, const fmfts_field *field)
     return fmax(field->instant_us - memory->last_us[0], 0.0) * 1e-6;
 }
 
-/* The last state, as uncertain as time and warmth have made it since. */
+/* The last state, as uncertain as time and warmth have made it since; as warm as when that was last known. */
 static void predict(const fmfts_facts *facts, fmfts_memory *memory, double elapsed, double temperature_c)
 {
-    double warmer_k = temperature_c - facts->rest_temperature_c[0];
-    warmer_k = isfinite(warmer_k) ? warmer_k : 0.0;
-    double warmth = facts->moment_per_k_deviation[0] * warmer_k;
-    double *moment_variance = &memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN];
     for (int c = 0; c < FMFTS_STEP; c++) {
         memory->covariance[c * FMFTS_STEP + c] += facts->walk_per_s[c] * elapsed;
     }
-    *moment_variance += fmax(warmth * warmth - memory->warmth_variance[0], 0.0);
+    double warmer_k = temperature_c - facts->rest_temperature_c[0];
+    if (!isfinite(warmer_k)) {
+        return;
+    }
+    double warmth = facts->moment_per_k_deviation[0] * warmer_k;
+    memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN] += fmax(warmth * warmth - memory->warmth_variance[0], 0.0);
     memory->warmth_variance[0] = fmax(warmth * warmth, memory->warmth_variance[0]);
     if (facts->part[LOG_COLUMN] == FMFTS_CONSIDERED) {
         memory->state[LOG_VALUE] = facts->rest[LOG_VALUE] + facts->moment_per_k[0] * warmer_k;

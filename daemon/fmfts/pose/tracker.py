@@ -79,6 +79,8 @@ class Tracker:
         self._rest_temperature_c = rest_temperature_c
         self._last = rest
         self._covariance = np.diag(model.initial)
+        self._unread_variance = (model.moment_per_k * model.unread_warming_k) ** 2
+        self._covariance[LOG_MOMENT, LOG_MOMENT] += self._unread_variance
         self._since_good_s = 0.0
         self._warmth_variance = 0.0
         self._disturbed_frames = 0
@@ -97,11 +99,14 @@ class Tracker:
         return ambient_t
 
     def write(self, memory: Named) -> bool:
-        """For the compiled path; False where the last frame was not good, or something is found."""
+        """For the compiled path; False where the last frame was not good, something is found, or the pad's temperature
+        has yet to be read."""
         memory.put("state", self._last.vector())
         memory.put("covariance", self._covariance)
         memory.put("warmth_variance", self._warmth_variance)
         memory.put("misfit", self._misfit)
+        if self._unread_variance > 0.0 and self._rest_temperature_c is not None:
+            return False
         return self._since_good_s == 0.0 and self._watch is not None and self._watch.write(memory)
 
     def read(self, memory: Named) -> None:
@@ -125,7 +130,7 @@ class Tracker:
     ) -> Track:
         """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3), of which
         lasting_t is what no averaging takes away and `errors` do not say; elapsed_s since the last frame;
-        temperature_c of the pad, None where unknown. neighbours: other magnets that the field holds as well."""
+        temperature_c of the pad, None where unknown: then as it was. neighbours: other magnets in the field."""
         self._neighbours = neighbours
         self._since_good_s += max(elapsed_s, 0.0)
         self._nearest = None
@@ -157,18 +162,26 @@ class Tracker:
         return Track(published, used, "degraded", f"{_listed(~whole)} silent, saturated or stuck: left out")
 
     def _predicted(self, temperature_c: float | None) -> Prior:
-        """The last good state, as uncertain as time and warmth have made it since."""
-        warmer_k = 0.0
+        """The last good state, as warm as last known, as uncertain as time and warmth have made it since."""
+        moment, self._new_warmth = self._last.log_moment, self._warmth_variance
         if temperature_c is not None and self._rest_temperature_c is not None:
             warmer_k = temperature_c - self._rest_temperature_c
+            self._count_with(warmer_k)
+            self._new_warmth = max((self._model.moment_per_k_deviation * warmer_k) ** 2, self._warmth_variance)
+            if self._model.parts[LOG_MOMENT] == Part.CONSIDERED:
+                moment = self._rest.log_moment + self._model.moment_per_k * warmer_k
         covariance = self._covariance + np.diag(self._model.walk_per_s * self._since_good_s)
-        warmth = (self._model.moment_per_k_deviation * warmer_k) ** 2
-        covariance[LOG_MOMENT, LOG_MOMENT] += max(warmth - self._warmth_variance, 0.0)
-        self._new_warmth = max(warmth, self._warmth_variance)
-        moment = self._last.log_moment
-        if self._model.parts[LOG_MOMENT] == Part.CONSIDERED:
-            moment = self._rest.log_moment + self._model.moment_per_k * warmer_k
+        covariance[LOG_MOMENT, LOG_MOMENT] += self._new_warmth - self._warmth_variance
         return Prior(replace(self._last, log_moment=moment), covariance)
+
+    def _count_with(self, warmer_k: float) -> None:
+        """The first temperature that is read takes its share of the moment's error away, and of all that went with it:
+        a Kalman update by a part of the error that is then known exactly."""
+        if self._unread_variance > 0.0:
+            by_moment = self._covariance[:, LOG_MOMENT] / self._covariance[LOG_MOMENT, LOG_MOMENT]
+            self._last = self._last.stepped(by_moment * (self._model.moment_per_k * warmer_k))
+            self._covariance = self._covariance - self._unread_variance * np.outer(by_moment, by_moment)
+            self._unread_variance = 0.0
 
     def _accept(self, estimate: PoseEstimate) -> PoseEstimate:
         """Go on from this estimate, and publish it as uncertain as frames of late misfit, or their mean does.

@@ -20,6 +20,7 @@ class TrackingModel:
 
     parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline; walk_per_s (SIZE,):
     what is added to it per second. moment_per_k, moment_per_k_deviation: change of the log moment with temperature.
+    unread_warming_k: how much warmer than at the baseline (a deviation) the pad may be until a temperature is read.
     """
 
     parts: Parts
@@ -27,6 +28,7 @@ class TrackingModel:
     walk_per_s: Array = field(default_factory=lambda: np.zeros(SIZE))
     moment_per_k: float = 0.0
     moment_per_k_deviation: float = 0.0
+    unread_warming_k: float = 0.0
 
     @property
     def has_prior(self) -> bool:
