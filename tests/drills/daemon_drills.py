@@ -220,6 +220,6 @@ def clock_set_back(folder: Path, seconds: float) -> Facts:
     facts = {"jumps_of_utc_s": jumps, "messages": len(heard), "longest_gap_s": longest_gap_s(heard),
              "not_ok": sum(contact.health != "ok" for contact in heard)}  # fmt: skip
     assert jumps == [-3600, 7200], facts  # or the clock was never set
-    assert all(b.seq == a.seq + 1 and b.t_sample_ns > a.t_sample_ns for a, b in pairwise(heard))
+    assert all(b.seq == a.seq + 1 and b.t_sample_ns > a.t_sample_ns for a, b in pairwise(heard)), facts
     assert facts["not_ok"] == 0, facts
     return facts | none_wrong(ear)
