@@ -18,6 +18,7 @@ from fmfts.pad import Pad
 from fmfts.pose import (
     SOLVER,
     STOP_CONVERGED,
+    Motion,
     Part,
     Prior,
     Problem,
@@ -103,6 +104,9 @@ BAD_ROWS = {
     "zero noise": (NOISE, 0.0),
     "negative noise": (NOISE, -1e-7),
     "noise that is no number": (NOISE, np.nan),
+    "noise too large to square": (NOISE, 1e200),
+    "noise too small to square": (NOISE, 1e-200),
+    "proportional part too large to square": (PROPORTIONAL, 1e200),
     "negative proportional part": (PROPORTIONAL, -0.01),
     "age that is no number": (AGE, np.nan),
     "sample from the future": (AGE, -1e-3),
@@ -149,6 +153,34 @@ BAD_STARTS = {
 @pytest.mark.parametrize("what", BAD_STARTS)
 def test_a_start_that_is_no_state_is_refused(solver, pad: Pad, what: str) -> None:
     assert solver(replace(problem_at(pad), start=BAD_STARTS[what])).status is Status.INVALID
+
+
+NONE, ONE = np.zeros(SIZE), np.eye(SIZE)[6]
+BAD_MOTIONS = {
+    "diffusion that narrows": Motion(NONE, -1e-12 * ONE),
+    "infinite diffusion": Motion(NONE, np.where(ONE > 0.0, np.inf, 0.0)),
+    "diffusion that is no number": Motion(NONE, np.nan * ONE),
+    "rate that is no number": Motion(np.where(ONE > 0.0, np.nan, 0.0), NONE),
+}
+
+
+@pytest.mark.parametrize("what", BAD_MOTIONS)
+def test_a_motion_that_is_none_is_refused(solver, pad: Pad, what: str) -> None:
+    problem = problem_at(pad)
+    problem.measurements[:, AGE] = 1e-3
+    assert solver(replace(problem, motion=Motion(NONE, 1e-12 * ONE))).status is Status.CONVERGED
+    assert solver(replace(problem, motion=BAD_MOTIONS[what])).status is Status.INVALID
+
+
+def test_a_part_that_is_none_is_refused(solver, pad: Pad) -> None:
+    problem = problem_at(pad)
+    problem.parts[12] = 7
+    assert solver(problem).status is Status.INVALID
+
+
+@pytest.mark.parametrize("stop_chi2", [0.0, -1.0, np.inf, np.nan])
+def test_a_search_that_would_never_or_always_end_is_refused(solver, pad: Pad, stop_chi2: float) -> None:
+    assert solver(problem_at(pad, stop_chi2=stop_chi2)).status is Status.INVALID
 
 
 @pytest.mark.parametrize("part", [Part.PRIOR, Part.CONSIDERED])

@@ -45,7 +45,8 @@ def brought_to_now(problem: Problem, rows: Array) -> tuple[Array, Array]:
         _, jacobian = predict(rows, problem.magnets, problem.start)
         value = value + rows[:, AGE] * (jacobian @ problem.motion.rate)
         variance = variance + rows[:, AGE] * (jacobian**2 @ problem.motion.diffusion)
-    return value, 1.0 / np.sqrt(variance)
+    with np.errstate(divide="ignore"):
+        return value, 1.0 / np.sqrt(variance)
 
 
 def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:

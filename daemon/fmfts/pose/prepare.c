@@ -34,9 +34,25 @@ static bool valid_state(const fmfts_problem *problem, const double *state)
     return true;
 }
 
+/* Whether every column has a role that there is, moves at a rate, and diffuses rather than contracts. */
+static bool valid_columns(const fmfts_problem *problem)
+{
+    for (size_t c = 0; c < FMFTS_COLUMNS(problem->magnet_count); c++) {
+        bool moves = !problem->rate || isfinite(problem->rate[c]);
+        bool spreads = !problem->diffusion || (problem->diffusion[c] >= 0.0 && isfinite(problem->diffusion[c]));
+        if (problem->parts[c] > FMFTS_PRIOR || !moves || !spreads) {
+            return false;
+        }
+    }
+    return true;
+}
+
 bool fmfts_valid(const fmfts_problem *problem)
 {
-    if (problem->magnet_count < 1 || problem->magnet_count > FMFTS_MAX_MAGNETS || !(problem->stop_chi2 > 0.0)) {
+    if (problem->magnet_count < 1 || problem->magnet_count > FMFTS_MAX_MAGNETS || !valid_columns(problem)) {
+        return false;
+    }
+    if (!(problem->stop_chi2 > 0.0) || !isfinite(problem->stop_chi2)) {
         return false;
     }
     if (!all_finite(problem->magnets, FMFTS_MAGNET * problem->magnet_count)) {
@@ -86,6 +102,9 @@ bool fmfts_prepare_rows(fmfts_search *search, fmfts_row *rows)
         double variance = noise * noise + proportional * proportional * value * value;
         if (problem->rate || problem->diffusion) {
             bring_to_now(search, row->place, row->direction, from[9], &value, &variance);
+        }
+        if (!(variance > 0.0) || !isfinite(variance)) {
+            return false; /* its square is beyond a double's range */
         }
         row->deviation = sqrt(variance);
         double weight = 1.0 / row->deviation;

@@ -48,6 +48,8 @@ def solve_reference(problem: Problem) -> Solution:
         return _failed(problem, problem.start, Status.INVALID)
     order = np.concatenate([active, considered])
     value, weight = brought_to_now(problem, rows)
+    if not (np.isfinite(weight) & (weight > 0.0)).all():  # a square is beyond a double's range
+        return _failed(problem, problem.start, Status.INVALID)
     rows = np.column_stack([rows[:, :VALUE], value, rows[:, VALUE + 1 :]])
     search = _Search(problem, rows, weight, information[np.ix_(order, order)], order, len(active))
     return search.run()
@@ -185,7 +187,13 @@ def _valid(problem: Problem) -> bool:
             tilt = problem.parts[first:][AXIS]
             if abs(np.sqrt(magnet.axis @ magnet.axis) - 1.0) > UNIT or tilt[0] != tilt[1]:
                 return False
-    return bool(np.isfinite(problem.magnets).all() and (problem.magnets[:, 0] > 0.0).all() and problem.stop_chi2 > 0.0)
+    if problem.motion is not None:
+        rate, diffusion = problem.motion.rate, problem.motion.diffusion
+        if not (np.isfinite(rate) & np.isfinite(diffusion) & (diffusion >= 0.0)).all():
+            return False
+    magnets, stop = problem.magnets, problem.stop_chi2
+    known_parts = bool((problem.parts <= max(Part)).all())
+    return known_parts and bool(np.isfinite(magnets).all() and (magnets[:, 0] > 0.0).all() and 0.0 < stop < np.inf)
 
 
 def _information(problem: Problem) -> Array | None:
