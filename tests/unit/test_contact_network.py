@@ -20,7 +20,6 @@ from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxr
 from fmfts.contact.inference import _network
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
-from fmfts.contact.session import SessionInference
 from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.healthy import Kind
 from fmfts.pad import Pad
@@ -205,6 +204,8 @@ def test_process_that_ends_without_an_answer_is_no_answer() -> None:
 
 
 def test_it_answers_as_onnxruntime_does_and_repeats_itself(pad: Pad) -> None:
+    from fmfts.contact.session import SessionInference  # the other tests run where onnxruntime does not
+
     model = ContactModel.load("default", pad)
     poses = poses_of(model.facts)
     compiled, session = answers(model.inference, poses), answers(SessionInference(CONTENT), poses)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import onnxruntime
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,6 +16,7 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.contact import _refine
 from fmfts.contact.contract import RESPONSE_KEY, parse_response
+from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import Response, most_likely
 from fmfts.contact.verified import DEFAULT_PATH
@@ -27,8 +27,12 @@ Array = NDArray[np.float64]
 SHEARED = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0), *SHEAR_EXPONENTS], dtype=np.intp)
 
 
+def metadata_of_default() -> dict[str, str]:
+    return parse(DEFAULT_PATH.read_bytes()).metadata
+
+
 def shipped() -> Response:
-    found = parse_response(onnxruntime.InferenceSession(DEFAULT_PATH).get_modelmeta().custom_metadata_map)
+    found = parse_response(metadata_of_default())
     assert found is not None
     return found
 
@@ -124,8 +128,7 @@ def test_kernel_refuses_what_does_not_fit_together() -> None:
 
 
 def test_response_that_is_damaged_is_refused() -> None:
-    metadata = onnxruntime.InferenceSession(DEFAULT_PATH).get_modelmeta().custom_metadata_map
-    packed = metadata[RESPONSE_KEY]
+    packed = metadata_of_default()[RESPONSE_KEY]
     assert parse_response({}) is None
     for broken, complaint in (
         (packed[:-9], "its response is wrong"),
