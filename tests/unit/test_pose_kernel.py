@@ -319,6 +319,35 @@ def test_arrays_of_the_wrong_size_are_refused(pad: Pad) -> None:
         replace(batch, magnets=crowd[None]).solve(1e-3, 50)
 
 
+def test_a_batch_without_the_kernel_is_solved_by_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Priors, considered parts, ages and what is refused included; to convergence, the same."""
+    seeds = (3, 5, 8, 13)
+    several = [random_problem(seed, 4, 1, True) for seed in seeds]
+    several[2].measurements[0, NOISE] = -1.0
+
+    def stacked(of: Callable[[Problem], object]) -> np.ndarray:
+        return np.array([of(problem) for problem in several])
+
+    batch = Batch.of(
+        stacked(lambda p: p.measurements),
+        stacked(lambda p: p.magnets),
+        stacked(lambda p: p.parts),
+        stacked(lambda p: p.start.vector()),
+        *(stacked(lambda p: p.prior.mean.vector()), stacked(lambda p: p.prior.covariance)),
+        diffusion=np.full((4, SIZE + 6), 1e-14),
+    )
+    results = []
+    for solver in ("c", "numpy"):
+        monkeypatch.setattr("fmfts.pose.kernel.SOLVER", solver)
+        if solver == "numpy":
+            monkeypatch.setattr("fmfts.pose.kernel._kernel", None)
+        batch.solve(STOP_CONVERGED, 50)
+        results.append([batch.state.copy(), batch.covariance.copy(), batch.summary[:, [0, 1, 2, 4, 5]].copy()])
+        assert batch.solution(2).status is Status.INVALID
+    for compiled, reference in zip(*results, strict=True):
+        np.testing.assert_allclose(compiled, reference, rtol=1e-6, atol=1e-15)
+
+
 def test_without_the_kernel_the_reference_serves() -> None:
     """Also what `FMFTS_SOLVER=numpy` asks for: the same pose, and the name that says so."""
     script = (

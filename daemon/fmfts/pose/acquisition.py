@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.pose.kernel import SOLVER, Batch
+from fmfts.pose.kernel import Batch
 from fmfts.pose.model import brought_to_now, predict, usable_rows
 from fmfts.pose.problem import PLACE, Part, Problem, Solution, Status
-from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import POSITION, State
 
 Array = NDArray[np.float64]
@@ -85,8 +84,6 @@ def starts_in_box(middle_m: Array, half_m: Array) -> Array:
 
 
 def _solve_each(problem: Problem, starts: list[State]) -> list[Solution]:
-    if SOLVER == "numpy":
-        return [solve_reference(replace(problem, start=start)) for start in starts]
     prior, motion = problem.prior, problem.motion
     batch = Batch.of(
         np.repeat(problem.measurements[None], len(starts), axis=0),

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.pose.problem import Parts, Problem, Solution, Status
+from fmfts.pose.problem import Motion, Parts, Prior, Problem, Solution, Status
 from fmfts.pose.reference import solve_reference
 from fmfts.pose.state import NEIGHBOUR_SIZE, NEIGHBOUR_VALUES, SIZE, VALUES, State
 
@@ -91,7 +91,14 @@ class Batch:
         )
 
     def solve(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
-        """Fill the results, by the kernel, which lets other threads run meanwhile."""
+        """Fill the results: by the kernel, which lets other threads run meanwhile, or one by one by the reference."""
+        if SOLVER == "c":
+            self.solve_compiled(stop_chi2, max_iterations, project)
+            return
+        for index in range(len(self.summary)):
+            self._put(index, solve_reference(self._problem(index, stop_chi2, max_iterations, project)))
+
+    def solve_compiled(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
         count, rows, _ = self.measurements.shape
         _kernel.solve(
             count,
@@ -112,6 +119,36 @@ class Batch:
             self.covariance,
             self.direction,
             self.summary,
+        )
+
+    def _problem(self, index: int, stop_chi2: float, max_iterations: int, project: bool) -> Problem:
+        prior = motion = None
+        if self.prior_mean is not None and self.prior_covariance is not None:
+            prior = Prior(State.from_vector(self.prior_mean[index]), self.prior_covariance[index])
+        if self.rate is not None or self.diffusion is not None:
+            none = np.zeros(self.parts.shape[1])
+            rate = none if self.rate is None else self.rate[index]
+            motion = Motion(rate, none if self.diffusion is None else self.diffusion[index])
+        return Problem(
+            self.measurements[index],
+            self.magnets[index],
+            self.parts[index],
+            State.from_vector(self.start[index]),
+            prior,
+            motion,
+            stop_chi2,
+            max_iterations,
+            project,
+        )
+
+    def _put(self, index: int, solution: Solution) -> None:
+        self.state[index] = solution.state.vector()
+        self.covariance[index] = solution.covariance
+        self.direction[index] = solution.direction
+        # In the order of STATUS … UNKNOWNS.
+        self.summary[index] = (
+            *(STATUSES.index(solution.status), solution.chi2, solution.residual_t),
+            *(solution.iterations, solution.rows, solution.unknowns),
         )
 
     def solution(self, index: int) -> Solution:
@@ -154,5 +191,5 @@ def solve_kernel(problem: Problem) -> Solution:
         None if motion is None else motion.rate[None],
         None if motion is None else motion.diffusion[None],
     )
-    batch.solve(problem.stop_chi2, problem.max_iterations, problem.project)
+    batch.solve_compiled(problem.stop_chi2, problem.max_iterations, problem.project)
     return batch.solution(0)
