@@ -53,6 +53,7 @@ class GcodeMachine:
         self._homing = False
         self._awaits_reset = False  # GRBL after a hard limit
         self._told = [10.0, 10.0, 20.0]  # where the motors believe to be
+        self._zero = [0.0, 0.0, 0.0]  # where its coordinates begin
         self._from_above = [False, False, False]
         self._moves: deque[Move] = deque()
         self._held: deque[str] = deque()  # Marlin: lines that wait for a move to end
@@ -69,7 +70,8 @@ class GcodeMachine:
     @property
     def place(self) -> Place:
         """Where the rod really is."""
-        return [told + self.backlash_mm * above for told, above in zip(self._told, self._from_above, strict=True)]
+        axes = zip(self._zero, self._told, self._from_above, strict=True)
+        return [zero + told + self.backlash_mm * above for zero, told, above in axes]
 
     @property
     def locked(self) -> bool:
@@ -159,6 +161,15 @@ class GcodeMachine:
             self._moves.clear()
         elif byte == 0x18:
             self._reset()
+
+    def lose_power(self) -> None:
+        """For a moment: where it stands is zero then, and GRBL wants to be homed first."""
+        self._moves.clear()
+        self._held.clear()
+        self._zero = [zero + told for zero, told in zip(self._zero, self._told, strict=True)]
+        self._told = [0.0, 0.0, 0.0]
+        self._alarm = self._grbl
+        self.__enter__()
 
     def _reset(self) -> None:
         """GRBL's soft reset: an alarm stays, and a move that it cuts off is one. The position is kept."""

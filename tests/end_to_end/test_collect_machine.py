@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -12,9 +14,8 @@ import pytest
 from emulator.gcode_machine import GcodeMachine
 from end_to_end.collecting_bench import SimulatedClock
 from fmfts.collect.errors import StoppedError
-from fmfts.collect.feed import Feed
 from fmfts.collect.gauge import Reading
-from fmfts.collect.machine import Machine
+from fmfts.collect.machine import SHORT_S, Machine
 from fmfts.collect.plan import Press
 from fmfts.collect.stage import Stage
 from fmfts.collect.watch import Limits, Watch
@@ -22,6 +23,7 @@ from fmfts.config.collect import StageConfig
 from fmfts.sensor import Frame
 
 CLEAR_MM = 39.0
+PRESS_MM_PER_S = 1.0
 both_dialects = pytest.mark.parametrize("dialect", ["marlin", "grbl"])
 
 
@@ -79,6 +81,26 @@ def test_rise_from_a_long_way_down_ends_that_way(tmp_path: Path, dialect: str) -
         machine.close()
 
 
+@both_dialects
+def test_rise_after_a_power_failure_leads_up_whatever_zero_is(tmp_path: Path, dialect: str) -> None:
+    """Machine coordinates are negative where a machine homes to its upper end: "up to -5" would lead down from 0."""
+    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
+        emulated.home[2] = -1.0
+        travel_mm = (*config.travel_mm[:2], (-40.0, 0.0))
+        machine = Machine(msgspec.structs.replace(config, travel_mm=travel_mm, clear_z_mm=-5.0), clock)
+        machine.begin()
+        machine.move(z=-12.0, mm_per_s=4.0)
+        emulated.lose_power()
+        with pytest.raises(StoppedError, match="it was reset"):
+            machine.move(z=-13.0, mm_per_s=4.0)
+        assert machine.rise(-5.0, 4.0)
+        clock.sleep(3.0)
+        # by what was missing from the lower end of the move that was cut off
+        assert emulated.place[2] == pytest.approx(-12.0 + 8.0, abs=1.1)
+        assert emulated.place[2] >= -5.0
+        machine.close()
+
+
 def test_z_goes_up_before_marlin_homes(tmp_path: Path) -> None:
     with stock_machine(tmp_path, "marlin") as (emulated, config, clock):
         machine = Machine(config, clock)
@@ -91,7 +113,7 @@ def test_z_goes_up_before_marlin_homes(tmp_path: Path) -> None:
         machine.close()
 
 
-class OneFrameEach(Feed):
+class OneFrameEach:
     """A board that never loses a frame."""
 
     description, counts = "a board", None
@@ -184,7 +206,7 @@ def test_pad_that_is_not_there_is_told_by_the_end_of_the_travel(tmp_path: Path) 
 
 
 def test_pad_that_lies_askew_is_approached_from_higher_the_farther_away(tmp_path: Path) -> None:
-    with standing_stage(tmp_path, press_mm_per_s=1.0) as (emulated, gauge, stage):
+    with standing_stage(tmp_path, press_mm_per_s=PRESS_MM_PER_S) as (emulated, gauge, stage):
         felt_n: list[float] = []
 
         def press_down(place: list[float]) -> None:
@@ -198,4 +220,7 @@ def test_pad_that_lies_askew_is_approached_from_higher_the_farther_away(tmp_path
             stage.stand_over(press)
             stage.press(press)
             stage.lift()
+        heights_mm = [float(re.search(r"Z([\d.]+)", line)[1]) for line in emulated.received if line.startswith("G1 X")]
+        steps_mm = [abs(b - a) for a, b in pairwise(heights_mm) if 0.0 < abs(b - a) < 1.0]
+        assert max(steps_mm) < 1.01 * SHORT_S * PRESS_MM_PER_S  # what a rise has to wait for
         assert max(felt_n) < 0.55  # the tolerance, and a step's caution; 1.6 N from 0.3 mm above the first place

@@ -49,6 +49,9 @@ class Dialect(Protocol):
     def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
         """Straight up to that height, wherever it was halted."""
 
+    def rise_by(self, way_mm: float, mm_per_s: float) -> tuple[str, ...]:
+        """Straight up by so much, where it does not know its place."""
+
     def read(self, line: str) -> Answer:
         """What a line of the machine says."""
 
@@ -86,6 +89,9 @@ class Marlin:
     def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
         return ("M400", "G90", f"G1 Z{z_mm:.4f} F{mm_per_s * 60:.1f}")
 
+    def rise_by(self, way_mm: float, mm_per_s: float) -> tuple[str, ...]:
+        return ("G91", f"G1 Z{way_mm:.4f} F{mm_per_s * 60:.1f}", "G90")
+
     def read(self, line: str) -> Answer:
         if line.startswith("ok"):
             return Answer(ok=True)
@@ -116,6 +122,9 @@ class Grbl:
 
     def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
         return (f"$J=G53 Z{z_mm:.4f} F{mm_per_s * 60:.1f}",)
+
+    def rise_by(self, way_mm: float, mm_per_s: float) -> tuple[str, ...]:
+        return (f"$J=G91 Z{way_mm:.4f} F{mm_per_s * 60:.1f}",)
 
     def read(self, line: str) -> Answer:
         if line == "ok":

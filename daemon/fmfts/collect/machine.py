@@ -52,6 +52,7 @@ class Machine:
         self._answers_due = 0
         self._standing: bool | None = False  # None: it has not said yet
         self._started = False
+        self._forgot = False  # it was reset: its coordinates are not those of before
         self._under_way: _UnderWay | None = None
         self._rest = b""
         try:
@@ -69,6 +70,7 @@ class Machine:
                     f"stage: {self._config.port} does not answer: is it a {self._config.dialect} machine, at "
                     f"{self._config.baud} baud?"
                 )
+        self._started = True  # from here on another start is a reset
         self._send(*self._dialect.unlock, *self._dialect.set_up)
         self._wait(lambda: self._answers_due == 0, ANSWER_S)
         self.trouble = ""
@@ -103,7 +105,7 @@ class Machine:
         rise = "".join(f"{line}\n" for line in (*dialect.unlock, *dialect.rise(z_mm, mm_per_s))).encode()
         # The guard hears no answers: GRBL is reset whether it needs that or not, and Marlin, which presses by short
         # moves, lifts sooner without its halt.
-        freed = ((dialect.halt, 2 * HALTED_S), (dialect.reset, RESET_S / 2)) if dialect.reset else ()
+        freed = ((dialect.halt, 2 * HALTED_S), (dialect.reset, 2 * HALTED_S)) if dialect.reset else ()
         return Rescue((*freed, (rise, farthest_mm / mm_per_s + LATE_S)))
 
     def fileno(self) -> int:
@@ -129,18 +131,22 @@ class Machine:
         """End whatever moves, and go up; whether it says that it did. Listens to nobody, for nothing may prevent it."""
         self.listen = lambda: None
         locked, low_mm = bool(self.trouble), self.lowest_mm()
-        way_mm = z_mm - low_mm
+        way_mm, lines = z_mm - low_mm, self._dialect.rise(z_mm, mm_per_s)
+        if self._forgot:
+            low_mm, lines = 0.0, self._dialect.rise_by(way_mm, mm_per_s)
         try:
             lost_s = self._dialect.halt_s if self.halt() else 0.0
             self._under_way = self.place = None
             end_s = self._now_s() + lost_s + way_mm / mm_per_s + LATE_S
             while self._now_s() < end_s:
                 self._make_ready(locked)
-                self._send(*self._dialect.rise(z_mm, mm_per_s), *self._dialect.settle)
+                self._send(*lines, *self._dialect.settle)
                 if self._wait(
                     lambda: self.place is not None and self.place[2] > low_mm + 0.5 * way_mm, end_s - self._now_s()
                 ):
                     return True
+                if self._forgot:
+                    return False  # once more would be twice as high
                 locked = True  # a switch that bounces when it is left locks GRBL once more
         except AbsentError:
             return False
@@ -265,6 +271,7 @@ class Machine:
         if answer.started:
             if self._started and self.place is not None:
                 self.trouble = self.trouble or "it was reset"
+                self._forgot = True
             self._started = True
 
 
