@@ -261,8 +261,7 @@ def test_peer_with_thousands_of_subscriptions_costs_a_frame_no_more(
     publisher: Publisher, endpoints: Endpoints, pattern: str
 ) -> None:
     prefixes = [pattern.format(f"-{number}") for number in range(20 * LARGEST_BATCH)]
-    with zmq.Context() as context:
-        peer = context.socket(zmq.SUB)
+    with zmq.Context() as context, context.socket(zmq.SUB) as peer:
         peer.linger = 0
         peer.sndhwm = 0  # or it loses subscriptions
         peer.connect(endpoints.frames)
@@ -273,7 +272,6 @@ def test_peer_with_thousands_of_subscriptions_costs_a_frame_no_more(
         eventually(lambda: looks.append(1) or publisher.frames_wanted("demo", time.monotonic_ns()))
         assert len(looks) > len(prefixes) // LARGEST_BATCH, "each look takes a batch"
         assert publisher._subscriptions == {b"frame/demo"}
-        peer.close()
 
 
 def test_what_peers_subscribe_to_on_the_bus_is_nobodys_work(publisher: Publisher, endpoints: Endpoints) -> None:
