@@ -14,7 +14,7 @@ from fmfts import exit_codes
 from fmfts.calibrate.dataset import read_calibration_set, read_labelled, rest_field, standard_pad
 from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
-from fmfts.calibrate.training import solved
+from fmfts.calibrate.training import Options, calibrate, solved
 from fmfts.cli import main
 from fmfts.offline.field_table import DataError
 
@@ -23,7 +23,7 @@ CONFIG = '[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\n'
 Rows = list[dict[str, str]]
 
 
-def written(tmp_path: Path, edit: Callable[[Rows], Rows | None], count: int = 100) -> Path:
+def written(tmp_path: Path, edit: Callable[[Rows], Rows | None], count: int = 160) -> Path:
     """`count` rows of the calibration set, drawn from all of it, edited."""
     with CALIBRATION.open() as lines:
         rows = list(csv.DictReader(lines))
@@ -92,8 +92,8 @@ def weakest_labelled_as_strongest(rows: Rows) -> None:
         (times(1e-3, "x_mm", "y_mm"), "columns x_mm, y_mm: no place is farther than 0.014 mm from the centre"),
         (copied(20, 30, "b"), "row 30, columns x_mm, y_mm, force_n: the same field as in row 20"),
         (weakest_labelled_as_strongest, "which has the same x_mm, y_mm and force_n"),
-        (lambda rows: rows[:39], "39 presses; a calibration needs 40"),
-        (lambda rows: [row for row in rows if row["force_n"] == rows[1]["force_n"]] * 2, "column force_n has 1 differ"),
+        (lambda rows: rows[:149], "149 presses; a calibration needs 150"),
+        (lambda rows: [row for row in rows if row["force_n"] == rows[1]["force_n"]] * 4, "column force_n has 1 differ"),
         (lambda rows: [row | {"force_n": "0"} for row in rows], "column force_n is zero in every row"),
     ],
 )
@@ -149,7 +149,7 @@ def test_unloaded_rows_tell_the_rest_field_and_are_no_presses(tmp_path: Path) ->
                      (f"{value * 1e6:.6f}" for value in rest_field_of(pad).ravel()), strict=True))  # fmt: skip
     labels = {"x_mm": "0", "y_mm": "0", "force_n": "0"}
     calibration = read_calibration_set(written(tmp_path, lambda rows: [labels | cells, *rows, labels | cells]))
-    assert len(calibration.press) == 100
+    assert len(calibration.press) == 160
     assert calibration.rest_field_t is not None
     np.testing.assert_allclose(calibration.rest_field_t, rest_field_of(pad), atol=1e-11)
 
@@ -180,6 +180,30 @@ def test_verbs_refuse_bad_data_with_65(tmp_path: Path, config: str, capsys: pyte
     assert "row 7, column b2z_ut" in capsys.readouterr().err
     assert main(["evaluate", bad, "--config", config, "--model", "absent.onnx"]) == exit_codes.DATA
     assert "absent.onnx: it cannot be read" in capsys.readouterr().err
+
+
+def test_target_that_cannot_be_written_is_refused_before_anything_is_solved(
+    tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = str(written(tmp_path, lambda rows: None))
+    absent, report, folder = tmp_path / "absent" / "m.onnx", tmp_path / "m.json", tmp_path / "folder.onnx"
+    folder.mkdir()
+    for target, complaint in ((absent, "No such file"), (report, "name the model otherwise"), (folder, "directory")):
+        assert main(["calibrate", data, "-o", str(target), "--config", config]) == exit_codes.DATA
+        said = capsys.readouterr().err
+        assert complaint in said
+        assert "solving" not in said
+
+
+def test_slight_shear_of_a_real_gauge_is_none(tmp_path: Path) -> None:
+    """2 mN in each row, on forces from 283 mN; a press that is sheared stays one."""
+    path = written(tmp_path, lambda rows: [row | {"shear_x_n": "0.002", "shear_y_n": "-0.002"} for row in rows])
+    assert not read_calibration_set(path).press[:, 3:].any()
+    path = written(tmp_path, lambda rows: [row | {"shear_x_n": "0.1", "shear_y_n": "0"} for row in rows])
+    sheared = read_calibration_set(path)
+    assert sheared.press[:, 3].all()
+    with pytest.raises(DataError, match="columns shear_x_n, shear_y_n: every row has shear"):
+        calibrate(str(path), sheared, Options(hidden=4), lambda line: None)
 
 
 def test_calibrated_model_serves_and_its_report_stands_beside_it(

@@ -89,3 +89,34 @@ def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, 
     moved = replace(network, layers=network.layers.scaled(np.array([6.0, 0.0, 0.0, 0.0, 0.0]), np.ones(5)))
     path.write_bytes(export(moved, facts, None))
     assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused
+
+
+def test_error_of_the_response_stays_in_the_deviations_of_a_refined_answer(tmp_path: Path, pad: Pad) -> None:
+    """A response known to 1 mm and 0.2 N, whatever the network is."""
+
+    def tell(facts: dict[str, object]) -> None:
+        own = facts["own_error"]
+        assert isinstance(own, dict)
+        known_to = {"x_mm": 1.0, "y_mm": 1.0, "force_error_n": 0.2}
+        facts["response_error"] = own | {
+            name: [[value] * len(own["radius_mm"])] * len(own["force_n"]) for name, value in known_to.items()
+        }
+
+    refined = ContactModel.load(edited(tmp_path, with_facts(tell)), pad, refine=True)
+    (estimate,) = Frames.of(pad, np.array([[2.0, 1.0, 1.6]])).estimates(refined)
+    assert estimate.x_sd_m > 1e-3
+    assert estimate.force_sd_n > 0.2
+
+
+def test_friction_in_the_last_bin_counts_up_to_the_largest_force(tmp_path: Path, pad: Pad) -> None:
+    """A pad for 6 N whose last bin begins at 1.4 N: shear grows with the force, wherever the bins end."""
+
+    def tell(facts: dict[str, object]) -> None:
+        facts["friction_error"] = facts["own_error"]
+        facts["envelope"]["force_max_n"] = 6.0  # type: ignore[index]
+
+    path = edited(tmp_path, with_facts(tell))
+    of_two, of_six = (ContactModel.load(one, pad, friction=0.3) for one in ("default", path))
+    per_newton = np.array(of_six.facts.own_error.force_error_n)[-1]
+    np.testing.assert_allclose(of_six.slipping_n, 0.3 * 6.0 / np.sqrt(2.0) * per_newton, rtol=1e-9)
+    assert of_two.facts.envelope.force_max_n < 2.0

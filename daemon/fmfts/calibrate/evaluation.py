@@ -15,11 +15,12 @@ from fmfts.pad import Array
 Predict = Callable[[Array], Array]
 Row = dict[str, float | str]
 Mask = NDArray[np.bool_]
+ForceBins = tuple[float, ...]
 
 UNITS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n")
 CENTRE_MM, RELIABLE_MM = 8.0, 11.0
 LIGHT_N, FIRM_N = 0.5, 1.2
-FORCE_BINS_N = (0.05, 0.1, 0.2, 0.4, 0.8, 1.4, 2.0)
+FORCE_BINS = (0.025, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # ends, as shares of the largest force
 RADIUS_BINS_MM = (4.0, 8.0, 11.0, 12.5, 14.0, 15.5, 17.0, 18.5, 20.0)
 LEAST_ERROR = 1e-5
 STEP = 1e-4  # of a pose in mm and of its axis: central differences of a smooth function
@@ -71,14 +72,20 @@ def metrics(press: Array, found: Array) -> dict[str, float]:
     return {name: float(value) for name, value in rows(press, found)[0].items() if name not in ("region", "presses")}
 
 
-def own_error(predict: Predict, samples: Samples, noisy: Samples) -> ErrorTables:
+def force_bins(largest_n: float) -> ForceBins:
+    """Ends of the bins of force for a pad that is calibrated to `largest_n`."""
+    inner = (float(f"{share * largest_n:.4g}") for share in FORCE_BINS[:-1])
+    return (*inner, largest_n)
+
+
+def own_error(predict: Predict, samples: Samples, noisy: Samples, bins: ForceBins) -> ErrorTables:
     """What remains of noise-free `samples`, by force and by distance from the centre; and, where it is more, what
     `noisy` ones err by beyond what the Jacobian carries over of the noise, where they are found. A network that was
     trained on noise answers the mean of what may have been: at the edge less than it was."""
     found = predict(noisy.pose)
     carried = np.einsum("kim,kij,kjm->km", by_pose := _slope(predict, noisy.pose), noisy.covariance, by_pose)
-    still = _squares(samples.press, (predict(samples.pose) - samples.press) ** 2)
-    return _tables(np.maximum(still, _squares(found, (found - noisy.press) ** 2 - carried)))
+    still = _squares(bins, samples.press, (predict(samples.pose) - samples.press) ** 2)
+    return _tables(bins, np.maximum(still, _squares(bins, found, (found - noisy.press) ** 2 - carried)))
 
 
 def _slope(predict: Predict, pose: Array) -> Array:
@@ -88,35 +95,36 @@ def _slope(predict: Predict, pose: Array) -> Array:
     return slope
 
 
-def error_tables(press: Array, error: Array) -> ErrorTables:
-    """Rms of errors (K, m) in the bins of presses (K, m); a radius that no press had is as good as the one within.
-
-    ValueError where a force has no press at all near the centre.
-    """
-    return _tables(_squares(press, error**2))
+def tables_of_squares(bins: ForceBins, press: Array, square: Array) -> ErrorTables:
+    """Root means of squared errors (K, m) in the bins of presses (K, m); a bin without any is as the
+    nearest."""
+    return _tables(bins, _squares(bins, press, square))
 
 
-def _tables(square: Array) -> ErrorTables:
+def _tables(bins: ForceBins, square: Array) -> ErrorTables:
     """From mean squares (forces, radii, m); shear has one table, of both its directions."""
     if square.shape[2] > 3:
         square = np.concatenate([square[:, :, :3], square[:, :, 3:].mean(axis=2, keepdims=True)], axis=2)
     root = np.maximum(np.round(np.sqrt(np.maximum(square, 0.0)), 5), LEAST_ERROR)
     tables = [tuple(tuple(row) for row in table.tolist()) for table in np.moveaxis(root, 2, 0)]
-    return ErrorTables(FORCE_BINS_N, RADIUS_BINS_MM, *tables)
+    return ErrorTables(bins, RADIUS_BINS_MM, *tables)
 
 
-def _squares(press: Array, square: Array) -> Array:
-    """(forces, radii, m) means of (K, m) in the bins of presses (K, m)."""
+def _squares(bins: ForceBins, press: Array, square: Array) -> Array:
+    """(forces, radii, m) means of (K, m) in the bins of presses (K, m); a bin without any is as the nearest."""
     radius_mm = np.hypot(press[:, 0], press[:, 1])
-    row = np.minimum(np.searchsorted(FORCE_BINS_N, press[:, 2]), len(FORCE_BINS_N) - 1)
+    row = np.minimum(np.searchsorted(bins, press[:, 2]), len(bins) - 1)
     column = np.minimum(np.searchsorted(RADIUS_BINS_MM, radius_mm), len(RADIUS_BINS_MM) - 1)
-    means = np.empty((len(FORCE_BINS_N), len(RADIUS_BINS_MM), square.shape[1]))
-    for i, j in product(range(len(FORCE_BINS_N)), range(len(RADIUS_BINS_MM))):
-        inside = square[(row == i) & (column == j)]
-        if len(inside) == 0 and j == 0:
-            raise ValueError("no samples in a bin of the model's own error: draw more")
-        means[i, j] = inside.mean(axis=0) if len(inside) else means[i, j - 1]
+    means = np.empty((len(bins), len(RADIUS_BINS_MM), square.shape[1]))
+    for i, j in product(range(len(bins)), range(len(RADIUS_BINS_MM))):
+        nearest_row = row == _nearest(row, i)
+        nearest = nearest_row & (column == _nearest(column[nearest_row], j))
+        means[i, j] = square[nearest].mean(axis=0)
     return means
+
+
+def _nearest(values: NDArray[np.intp], wanted: int) -> int:
+    return int(values[np.argmin(np.abs(values - wanted))])
 
 
 def rms(values: Array) -> float:

@@ -35,6 +35,11 @@ def best_roughness(press: Array, change: Array, deviation: Array) -> float:
     return min(ROUGHNESS, key=lambda weight: _left_out_error(empty, press, change, deviation, weight))
 
 
+def left_out_residuals(press: Array, change: Array, deviation: Array, roughness: float) -> tuple[Indices, Array]:
+    """Rows (R,) of the presses that folds leave out, and by how much (R, 5) the fit without each misses its change."""
+    return _left_out(empty_response(press), press, change, deviation, roughness)
+
+
 def empty_response(press: Array) -> Response:
     """Knots and monomials that suit the presses (K, 2 + L); coefficients zero."""
     cells = np.array([_cells(press[:, axis]) for axis in (0, 1)])
@@ -71,19 +76,28 @@ def _levels(force: Array) -> int:
 
 
 def _left_out_error(empty: Response, press: Array, change: Array, deviation: Array, roughness: float) -> float:
-    """Squared error in deviations of presses that were left out of the fit, in folds that interleave.
+    """Squared error in deviations of presses that were left out of the fit."""
+    rows, residual = _left_out(empty, press, change, deviation, roughness)
+    return float(np.sum((residual / deviation[rows]) ** 2))
+
+
+def _left_out(
+    empty: Response, press: Array, change: Array, deviation: Array, roughness: float
+) -> tuple[Indices, Array]:
+    """Rows and residuals, in folds that interleave.
 
     Presses at the table's edge are kept in every fold: without them it would be extrapolation that is judged.
     """
     fold = np.random.default_rng(0).permutation(len(press)) % FOLDS
     inner = ((press[:, :2] > empty.first_mm) & (press[:, :2] < empty.last_mm)).all(axis=1)
-    total = 0.0
+    rows, residuals = list[Indices](), list[Array]()
     for left_out in range(FOLDS):
         out = (fold == left_out) & inner
         kept = ~out
         fitted = _solved(empty, press[kept], change[kept], deviation[kept], roughness)
-        total += float(np.sum(((fitted.change(press[out]) - change[out]) / deviation[out]) ** 2))
-    return total
+        rows.append(np.flatnonzero(out))
+        residuals.append(change[out] - fitted.change(press[out]))
+    return np.concatenate(rows), np.concatenate(residuals)
 
 
 def _solved(empty: Response, press: Array, change: Array, deviation: Array, roughness: float) -> Response:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -52,6 +54,16 @@ class Samples:
             np.concatenate([self.covariance, other.covariance]),
             np.concatenate([self.bound, other.bound]),
         )
+
+
+def presses_in_bins(response: Response, ends_n: Sequence[float], count: int, random: np.random.Generator) -> Array:
+    """(bins · count, 2 + L): `count` presses in each bin of force, UNLOADED of the first bin's at rest."""
+    press = presses_within(response, len(ends_n) * count, random, beyond=1.0)
+    force = np.concatenate([random.uniform(*ends, count) for ends in pairwise([0.0, *ends_n])])
+    force[: int(UNLOADED * count)] = 0.0
+    press[:, 3:] *= (force / np.where(press[:, 2] > 0.0, press[:, 2], 1.0))[:, None]
+    press[:, 2] = force
+    return press
 
 
 def presses_within(response: Response, count: int, random: np.random.Generator, beyond: float = BEYOND) -> Array:

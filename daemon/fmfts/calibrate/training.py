@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.dataset import CalibrationSet, rest_field
-from fmfts.calibrate.evaluation import error_tables, metrics, own_error, rounded, rows
+from fmfts.calibrate.evaluation import force_bins, metrics, own_error, rounded, rows, tables_of_squares
 from fmfts.calibrate.export import export
 from fmfts.calibrate.fitting import best_roughness, fit_response
+from fmfts.calibrate.left_out import LeftOut
 from fmfts.calibrate.network import ContactNetwork, train_network
-from fmfts.calibrate.samples import Samples, presses_within
+from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
 from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked, UnsolvedError
 from fmfts.contact.contract import (
@@ -32,6 +34,10 @@ from fmfts.pad import Array
 
 NOISE_T = 2e-7
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
+JUDGED_IN_A_BIN = 1500  # of force
+# Presses that the fit was not told may differ by so many deviations of a frame's noise, and no more: beyond, the set
+# does not determine the pad's response, or its labels are wrong.
+LARGEST_LEFT_OUT = 3.0
 # Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
 # out is learnt, so that a press beyond is found to be beyond.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
@@ -72,6 +78,7 @@ class LabelledPoses:
     tracked: Tracked
     roughness: float
     response: Response
+    left_out: LeftOut
 
     @classmethod
     def of(cls, path: str, calibration: CalibrationSet, options: Options, say: Say) -> LabelledPoses:
@@ -83,7 +90,15 @@ class LabelledPoses:
         say("fitting the pad's response")
         roughness = best_roughness(calibration.press, change, tracked.deviation)
         response = fit_response(calibration.press, change, tracked.deviation, roughness)
-        return cls(calibration, solver, tracked, roughness, response)
+        left_out = LeftOut.of(calibration.press, change, tracked.deviation, roughness)
+        say(f"presses left out of the fit differ from it by {left_out.in_deviations:.2g} deviations of a frame's noise")
+        if left_out.in_deviations > LARGEST_LEFT_OUT:
+            raise DataError(
+                f"{path}: {len(calibration.press)} presses do not tell this pad's response: those left out of its fit "
+                f"differ from it by {left_out.in_deviations:.3g} deviations of a frame's noise, {LARGEST_LEFT_OUT:g} "
+                "are allowed: press more places (every 2 mm) and forces, or see whether labels are as wrong as that"
+            )
+        return cls(calibration, solver, tracked, roughness, response, left_out)
 
 
 def calibrate(
@@ -98,8 +113,22 @@ def calibrate(
     sheared: another set of the same pad, and its path: from it a model of three outputs learns what shear does to its
     answers, where `calibration` has none.
     """
+    with threadpool_limits(1):  # the same file on any computer, and no fight over its cores
+        return _calibrated(path, calibration, options, say, sheared)
+
+
+def _calibrated(
+    path: str, calibration: CalibrationSet, options: Options, say: Say, sheared: tuple[str, CalibrationSet] | None
+) -> Calibrated:
     if options.shear:
         calibration = _where_shear_can_be_told(path, calibration)
+    elif not calibration.press[:, 3:].any():
+        calibration = replace(calibration, press=calibration.press[:, :3])
+    elif calibration.press[:, 3:].any(axis=1).all():
+        raise DataError(
+            f"{path}: columns shear_x_n, shear_y_n: every row has shear, so none tells what a normal press does: add "
+            "presses without it, or make a model that tells shear (--shear)"
+        )
     known = LabelledPoses.of(path, calibration, options, say)
     solver, tracked = known.solver, known.tracked
     response = known.response if options.shear else known.response.without_shear()
@@ -118,7 +147,7 @@ def calibrate(
     say(f"training two layers of {hidden} on {options.presses} presses with noise")
     network = train(response, solver, hidden, options.presses)
     normal = _rows_for(response, calibration.press)
-    facts = describe(calibration, solver, tracked, response, network, friction_error(network, known_shear))
+    facts = describe(known, response, network, friction_error(network, known_shear))
     model = export(network, facts, response)
     judged = calibration.press[normal, : 2 + response.loads]
     report = {
@@ -133,6 +162,7 @@ def calibrate(
         "parameters": network.layers.parameters,
         "file_bytes": len(model),
         "roughness": known.roughness,
+        "left_out_in_deviations": rounded(known.left_out.in_deviations),
         "on_the_calibration_set": rows(judged, network(tracked.pose[normal])),
         "on_new_presses_with_noise": _on_new_presses(network, response, solver),
         "compared": [candidate.facts() for candidate in candidates],
@@ -170,7 +200,8 @@ def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables
     fitted, solver = known.response, known.solver
     if fitted.loads == 1 or len(network.layers.bias[-1]) > 3:
         return None
-    press = presses_within(fitted.without_shear(), HELD_OUT // 4, np.random.default_rng(6), beyond=1.0)
+    bins = force_bins(fitted.scale_n)
+    press = presses_in_bins(fitted.without_shear(), bins, JUDGED_IN_A_BIN // 3, np.random.default_rng(6))
     press = press[press[:, 2] > 0.0]
     still = Samples.expected(fitted, solver, np.column_stack([press, np.zeros((len(press), 2))]))
     # In proportion to the force, as friction is: the place that is found depends on the loads' direction.
@@ -179,7 +210,7 @@ def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables
     for direction in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
         moved = Samples.expected(fitted, solver, np.column_stack([press, shear_n * direction]))
         errors.append((network(moved.pose) - network(still.pose)) / shear_n)
-    return error_tables(np.tile(press, (len(errors), 1)), np.concatenate(errors))
+    return tables_of_squares(bins, np.tile(press, (len(errors), 1)), np.concatenate(errors) ** 2)
 
 
 def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Tracked:
@@ -221,20 +252,15 @@ def train(response: Response, solver: FrameSolver, hidden: int, presses: int) ->
     return train_network(clean.noisy(1, random), solver.rest_pose, hidden)
 
 
-def describe(
-    calibration: CalibrationSet,
-    solver: FrameSolver,
-    tracked: Tracked,
-    response: Response,
-    network: ContactNetwork,
-    friction: ErrorTables | None,
-) -> Facts:
-    """What the model says of itself."""
+def describe(known: LabelledPoses, response: Response, network: ContactNetwork, friction: ErrorTables | None) -> Facts:
+    """What the model of a response, all or part of the known one, says of itself."""
+    calibration, solver, tracked = known.calibration, known.solver, known.tracked
     normal, outputs = _rows_for(response, calibration.press), 2 + response.loads
     press, rest = calibration.press[:, :outputs], solver.rest_pose
     poses = np.concatenate([tracked.pose, rest[None]])
     random = np.random.default_rng(5)
-    clean = Samples.expected(response, solver, presses_within(response, HELD_OUT, random, beyond=1.0))
+    bins = force_bins(response.scale_n)
+    clean = Samples.expected(response, solver, presses_in_bins(response, bins, JUDGED_IN_A_BIN, random))
     reach = np.full(2, SHEAR_REACH_MM if outputs > 3 else np.inf)
     first, last = np.maximum(press[:, :2].min(axis=0), -reach), np.minimum(press[:, :2].max(axis=0), reach)
     return Facts(
@@ -250,7 +276,8 @@ def describe(
             x_mm=(float(first[0]), float(last[0])),
             y_mm=(float(first[1]), float(last[1])),
         ),
-        own_error=own_error(network, clean, clean.noisy(NOISY_COPIES, random)),
+        own_error=own_error(network, clean, clean.noisy(NOISY_COPIES, random), bins),
+        response_error=known.left_out.error(response, clean, bins),
         friction_error=friction,
         metrics=metrics(press[normal], network(tracked.pose[normal])),
         scene=solver.scene,

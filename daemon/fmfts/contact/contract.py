@@ -71,10 +71,11 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """What a model says of itself.
 
-    own_error: what the noise that the Jacobian carries over does not tell of the errors. friction_error: what a newton
-    of shear, which a model of three outputs does not know, does to noise-free answers on average over its directions;
-    None where the calibration set had no shear. scene and noise_ut: what it was trained for. data: SHA-256 of the
-    calibration set.
+    own_error: what the noise that the Jacobian carries over does not tell of the errors. response_error: what the fit
+    that the network was trained on leaves open, by the presses left out of it; None in older models. friction_error:
+    what a newton of shear, which a model of three outputs does not know, does to noise-free answers on average over its
+    directions; None where the calibration set had no shear. scene and noise_ut: what it was trained for. data: SHA-256
+    of the calibration set.
     """
 
     contract: Literal[2]
@@ -90,6 +91,7 @@ class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     noise_ut: Positive
     data: str
     made_by: str
+    response_error: ErrorTables | None = None
 
     def __post_init__(self) -> None:
         if self.inputs != INPUT_ORDER:
@@ -99,8 +101,11 @@ class Facts(Struct, frozen=True, forbid_unknown_fields=True):
                 f"its output order is {', '.join(self.outputs)}, not {', '.join(OUTPUT_ORDER)}"
                 f"(, {', '.join(SHEAR_OUTPUT_ORDER[3:])})"
             )
-        if len(self.own_error.tables) != len(self.outputs):
+        own, fit = self.own_error, self.response_error or self.own_error
+        if not len(own.tables) == len(fit.tables) == len(self.outputs):
             raise ValueError("its own error is not told for each of its outputs")
+        if (own.force_n, own.radius_mm) != (fit.force_n, fit.radius_mm):
+            raise ValueError("its own error and its response's are told in other bins")
         below = (low > rest + 1e-6 for low, rest in zip(self.envelope.pose_min, self.rest_pose, strict=True))
         above = (rest > high + 1e-6 for rest, high in zip(self.rest_pose, self.envelope.pose_max, strict=True))
         if any(below) or any(above):

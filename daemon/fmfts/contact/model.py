@@ -103,11 +103,13 @@ class ContactModel:
         self.lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
         # A magnet above its rest height is not a squeeze, however it came there.
         self.highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
-        own = facts.own_error
-        # What remains of the network's own error after it was refined is that of the table: nothing beside the noise.
-        whole = np.stack(own.tables, axis=-1) * self._unit
-        of_friction = np.broadcast_to(self._friction_deviation(friction), whole.shape)
-        self.own_deviation = np.hypot(0.0 * whole if refiner else whole, of_friction)
+        own, fit = facts.own_error, facts.response_error
+        of_network = np.stack(own.tables, axis=-1) * self._unit
+        of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
+        of_friction = np.broadcast_to(self._friction_deviation(friction), of_network.shape)
+        # To refine takes the network's own error away: what remains is that of the response.
+        trained = of_response if refiner else np.hypot(of_network, of_response)
+        self.own_deviation = np.hypot(trained, of_friction)
         self.slipping_n = of_friction[-1, :, 2]  # what shear does to the largest force, by radius
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
@@ -123,7 +125,9 @@ class ContactModel:
         tables = self.facts.friction_error
         if tables is None or self.has_shear:
             return 0.0
-        force_n = np.minimum(tables.force_n, self.facts.envelope.force_max_n)
+        force_max_n = self.facts.envelope.force_max_n
+        # The last bin has no end: forces in it reach to the largest.
+        force_n = np.append(np.minimum(tables.force_n[:-1], force_max_n), force_max_n)
         shear_n = friction * force_n / np.sqrt(2.0)  # rms over the disc of radius µF
         deviation: Array = np.stack(tables.tables, axis=-1) * self._unit * shear_n[:, None, None]
         return deviation

@@ -137,6 +137,14 @@ def most_likely(
     return press, inverse_of(_normal(slope, information)), chi2
 
 
+def answer_by_change(slope: Array, covariance: Array) -> Array:
+    """(K, 2 + L, 5) how the most likely press moves with the change of pose, by the slope (K, 5, 2 + L) of the response
+    and the change's covariance (K, 5, 5)."""
+    information = inverse_of(covariance)
+    answer: Array = inverse_of(_normal(slope, information)) @ slope.transpose(0, 2, 1) @ information
+    return answer
+
+
 def bound_of(slope: Array, covariance: Array) -> Array:
     """(K, 2 + L) the Cramér–Rao bound: least deviations of a press whose change has `covariance` (K, 5, 5)."""
     bound: Array = np.sqrt(np.einsum("kii->ki", inverse_of(_normal(slope, inverse_of(covariance)))))
