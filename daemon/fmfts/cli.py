@@ -198,6 +198,7 @@ def _status(options: argparse.Namespace) -> int:
 
 
 def _check_config(options: argparse.Namespace) -> int:
+    from fmfts.config.checks import other_silicone
     from fmfts.contact import ModelError
     from fmfts.running.daemon import load_models
 
@@ -215,6 +216,8 @@ def _check_config(options: argparse.Namespace) -> int:
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
+            if (doubt := other_silicone(pad)) is not None:
+                print(f"{pad.name}: warning: {doubt}", file=sys.stderr)
     return 0
 
 

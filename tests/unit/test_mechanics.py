@@ -10,6 +10,7 @@ import pytest
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.recovered import recover_poses
 from fmfts.calibrate.standard_set import rows
+from fmfts.cli import main
 from fmfts.simulate.solved_table import standard_mechanics
 
 DATA = Path(__file__).parents[1] / "data"
@@ -69,3 +70,19 @@ def test_response_is_smooth_where_the_table_ends() -> None:
     displacement_m, _ = standard_mechanics().displacement(np.full(5, 4e-3), np.full(5, 2e-3), force)
     compliance = np.diff(displacement_m[:, 2]) / 1e-4
     np.testing.assert_allclose(compliance, compliance[0], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("mechanics", "model", "warned"), [("soft.npz", "default", True), ("standard", "default", False)]
+)
+def test_slab_that_the_shipped_model_was_not_made_for_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], mechanics: str, model: str, warned: bool
+) -> None:
+    (tmp_path / "soft.npz").touch()
+    config = tmp_path / "pad.toml"
+    config.write_text(
+        f'[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\nmechanics = "{mechanics}"\n'
+        f'[pad.contact]\nmodel = "{model}"\n'
+    )
+    assert main(["check-config", "--config", str(config)]) == 0
+    assert ("one: warning: [pad.source] mechanics is" in capsys.readouterr().err) == warned

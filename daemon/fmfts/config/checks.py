@@ -139,6 +139,17 @@ def _model(pad: PadConfig) -> Iterator[Problem]:
         yield ("contact", "model"), f'neither "default" nor "shear" nor a file: there is no {pad.contact.model}'
 
 
+def other_silicone(pad: PadConfig) -> str | None:
+    """What is to be said of a simulated slab that the model was not made for; nothing in a model tells its own."""
+    source = pad.source
+    if isinstance(source, SimulatedSource) and source.mechanics != "standard" and pad.contact.model in SHIPPED_MODELS:
+        return (
+            f"[pad.source] mechanics is {source.mechanics}, but [pad.contact] model {pad.contact.model!r} was made for "
+            "the standard slab: places and forces will be wrong; calibrate this one (docs/calibration.md) and set model"
+        )
+    return None
+
+
 def _names(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     for number, pad in enumerate(pads):
         if any(pad.name == earlier.name for earlier in pads[:number]):

@@ -19,6 +19,7 @@ from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.config.checks import other_silicone
 from fmfts.contact import ContactModel
 from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.recorded_baseline import recorded_baseline
@@ -163,6 +164,8 @@ class Daemon:
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in blind(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
+        if (doubt := other_silicone(config)) is not None:
+            log.warning("pad '%s': %s", pad.name, doubt)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
         channel.config = config
         try:
