@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmfts.pad import Pad
 from fmfts.pose import State, Tracker, TrackingModel, dipole_field, parts_of
+from fmfts.pose.tracker import SEARCH_EVERY
 
 NOISE_T = 2e-7
 DEVIATION = np.full((4, 3), NOISE_T)
@@ -84,6 +87,31 @@ def test_vanished_magnet_is_lost_and_found_again(pad: Pad, tracker: Tracker, pre
     assert found.health == "ok"
     assert found.estimate is not None
     assert found.estimate.position_m == pytest.approx(pressed.position_m, abs=1e-6)
+
+
+def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: Tracker, rest: State) -> None:
+    """A magnet that was seen upside down, then steel, then the pad as it should be: no search from there leads back."""
+    fallen = replace(
+        rest,
+        position_m=np.array([1.14964e-3, 1.80606e-3, 8.66247e-3]),
+        axis=np.array([0.65950428, -0.08882453, -0.7464344]) / np.linalg.norm([0.65950428, -0.08882453, -0.7464344]),
+    )
+    tracker._last = fallen
+    assert tracker.update(field_at(pad, fallen), DEVIATION).health == "ok"
+    steel = np.random.default_rng(5).normal(0.0, 1e-4, (4, 3))
+    assert tracker.update(field_at(pad, fallen) + steel, DEVIATION).estimate is None
+    back = rest.stepped(np.array([-9.2e-4, -6.1e-4, 8.9e-4, -0.2, 0.2, 0, 0, 0, 0]))
+    health = [tracker.update(field_at(pad, back), DEVIATION).health for _ in range(2 * SEARCH_EVERY)]
+    assert health[0] != "ok"  # or this pose is none from which nothing is found
+    assert health[SEARCH_EVERY:] == ["ok"] * SEARCH_EVERY
+
+
+def test_a_disturbed_frame_has_no_pose_to_be_believed(pad: Pad, tracker: Tracker, rest: State) -> None:
+    """Its χ² has failed, so its covariance says nothing: a robot that has turned in 60 mG."""
+    for _ in range(2 * SEARCH_EVERY):
+        track = tracker.update(field_at(pad, rest) + np.array([3e-6, -3e-6, 4e-6]), DEVIATION)
+        assert track.health == "disturbed"
+        assert track.estimate is None
 
 
 def test_two_sensors_are_too_few(pad: Pad, tracker: Tracker, pressed: State) -> None:

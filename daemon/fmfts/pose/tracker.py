@@ -47,7 +47,10 @@ VAGUE_M = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """estimate: None where nothing could be solved. used: (N, 3) axes behind it. reason: empty when ok."""
+    """estimate: None unless ok or degraded: a pose that does not fit has no deviations.
+
+    used: (N, 3) axes behind it. reason: empty when ok.
+    """
 
     estimate: PoseEstimate | None
     used: NDArray[np.bool_]
@@ -144,7 +147,7 @@ class Tracker:
         if told is None:
             return track
         health, reason = told
-        return Track(track.estimate if health != "lost" else None, track.used, health, reason)
+        return Track(track.estimate if health == "degraded" else None, track.used, health, reason)
 
     def _follow(self, field_t: Array, deviation_t: Array, temperature_c: float | None) -> Track:
         """What this frame says by itself."""
@@ -200,9 +203,9 @@ class Tracker:
         return replace(estimate, covariance=max(self._misfit, lasting) * estimate.covariance)
 
     def _solve(self, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool = False) -> PoseEstimate:
-        """From the last pose; if that does not fit, from rest as well."""
+        """From the last pose; if that does not fit, from rest as well: at first, and then at every search."""
         estimate = self._solve_from(prior.mean, field_t, deviation_t, prior, gradient)
-        if self._fits(estimate) or self._disturbed_frames:
+        if self._fits(estimate) or self._disturbed_frames % SEARCH_EVERY:
             return estimate
         start = replace(prior.mean, position_m=self._rest.position_m, axis=self._rest.axis)
         again = self._solve_from(start, field_t, deviation_t, prior, gradient)
@@ -254,7 +257,7 @@ class Tracker:
             self._verdict = self._judge(whole, list(fitting), outside > FALSE_ALARM)
         self._disturbed_frames += 1
         health, reason = self._verdict
-        return Track(whole if health == "disturbed" and self._plausible(whole) else None, used, health, reason)
+        return Track(None, used, health, reason)
 
     def _fitting_without(self, field_t: Array, deviation_t: Array, prior: Prior) -> dict[int, PoseEstimate]:
         """Sensor → the estimate that fits without it, for every sensor whose absence lets the others agree."""
