@@ -10,13 +10,14 @@ import pytest
 
 from fmfts.cli import main
 from fmfts.config.file import ConfigError, load
-from fmfts.exit_codes import USAGE
+from fmfts.exit_codes import DATA, USAGE
 from fmfts.sensor.simulated import Simulated
 from fmfts.sensor.source import SourceError
 from fmfts.simulate.finite_element import PressedSlab
 from fmfts.simulate.pad_file import read_pad_file, write_pad_file
 from fmfts.simulate.reciprocity import Influence
 from fmfts.simulate.slab import Press, Slab
+from fmfts.simulate.solved_presses import solve_into
 from fmfts.simulate.solved_table import PRESSED_PATH, RESPONSE, SI, read_solved
 
 ELEMENT_M = 2e-3
@@ -117,3 +118,25 @@ def test_unusable_pad_file_is_named_with_a_remedy(tmp_path: Path) -> None:
     write_pad_file(tmp_path / "pad.npz", influence().mechanics(), Slab())
     with pytest.raises(SourceError, match="was made for a magnet of 2 × 2 mm, not of 3 × 2 mm"):
         simulated(tmp_path, "diameter_mm = 3.0\n")
+
+
+def test_presses_of_another_slab_are_not_taken_for_this_ones(tmp_path: Path) -> None:
+    path, press = tmp_path / "presses.csv", [Press(4e-3, 1e-3, 0.2)]
+    solve_into(path, press, Slab(), ELEMENT_M, lambda share: None)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-9])  # ended amid its last line
+    solve_into(path, press, Slab(), ELEMENT_M, lambda share: None)
+    assert path.read_bytes() == whole
+    for slab, element_m in ((Slab(c10_pa=0.1e6), ELEMENT_M), (Slab(), 1e-3)):
+        with pytest.raises(ValueError, match="another slab or element size"):
+            solve_into(path, press, slab, element_m, lambda share: None)
+    path.with_suffix(".json").unlink()
+    with pytest.raises(ValueError, match="is not there to tell its slab"):
+        solve_into(path, press, Slab(), ELEMENT_M, lambda share: None)
+    assert path.read_bytes() == whole
+
+
+def test_mesh_that_no_memory_holds_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fine = ["pad-model", "--config", "config.toml", "-o", str(tmp_path / "p.npz"), "--element-mm", "0.2"]
+    assert main(fine) == DATA
+    assert "memory than a computer has" in capsys.readouterr().err

@@ -13,6 +13,8 @@ from fmfts.pad import Array
 from fmfts.simulate.slab import Press, Slab
 
 MM = 1e3
+# Factors of the stiffness grow with the square of the mesh: 0.67 mm (21,600 points) needs over 6 GB.
+MOST_POINTS = 25_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,12 @@ class SlabMesh:
         line = _divided([-half_width, -span, -radius, radius, span, half_width], MM * element_m)
         height = _divided([0.0, bottom, top, MM * slab.thickness_m], MM * element_m)
 
+        points_asked = len(line) ** 2 * len(height)
+        if points_asked > MOST_POINTS:
+            raise ValueError(
+                f"elements of {MM * element_m:g} mm make {points_asked} points; more than {MOST_POINTS} need more "
+                "memory than a computer has: take larger ones (--element-mm)"
+            )
         x, y, z = np.meshgrid(line, line, height, indexing="ij")
         points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
         index = np.arange(x.size).reshape(x.shape)

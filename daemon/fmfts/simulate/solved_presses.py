@@ -9,8 +9,10 @@ interrupted run goes on where it was.
 from __future__ import annotations
 
 import csv
+import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -111,9 +113,14 @@ SETS = {
 def solve_into(
     path: Path, presses: Sequence[Press], slab: Slab, element_m: float, show: Callable[[float], None]
 ) -> None:
-    """Append to the CSV at `path` the rows of `presses` that it lacks; `show` is told the share that is done."""
+    """Append to the CSV at `path` the rows of `presses` that it lacks; `show` is told the share that is done.
+
+    Slab and element size stand beside it, as .json. ValueError where they are others, or not told.
+    """
+    _require_same(path, json.dumps({"slab": asdict(slab), "element_m": element_m}, indent=1) + "\n")
+    _drop_incomplete_line(path)
     solved = PressedSlab(slab, element_m)
-    known = {tuple(row[:5]) for row in csv.reader(path.open())} if path.exists() else set()
+    known = {tuple(row[:5]) for row in csv.reader(path.read_text().splitlines())} if path.exists() else set()
     with path.open("a", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         if not known:
@@ -131,6 +138,24 @@ def solve_into(
             before = press
             writer.writerow([*key, *pose_columns(displacement_m, axis)])
             file.flush()
+
+
+def _require_same(path: Path, made_of: str) -> None:
+    beside = path.with_suffix(".json")
+    if beside == path:
+        raise ValueError(f"{path}: a table of presses ends in .csv")
+    has_rows = path.exists() and path.stat().st_size > 0
+    if has_rows and (not beside.exists() or beside.read_text() != made_of):
+        found = "tells of another slab or element size" if beside.exists() else "is not there to tell its slab"
+        raise ValueError(f"{path}: holds presses already, and {beside} {found}: solve into another file")
+    beside.write_text(made_of)
+
+
+def _drop_incomplete_line(path: Path) -> None:
+    """What was being written when a run was ended."""
+    if path.exists():
+        content = path.read_bytes()
+        path.write_bytes(content[: content.rfind(b"\n") + 1])
 
 
 def _stepped(solved: PressedSlab, before: Press, press: Press, halvings: int = HALVINGS) -> tuple[Array, Array]:

@@ -35,7 +35,7 @@ def add_to(verb: AddVerb) -> None:
     ):
         model.add_argument(f"--{name}", type=float, default=default, metavar=name[-3:].strip("-").upper(), help=text)
     model.add_argument(
-        "--solved", type=Path, metavar="FILE.csv", help="for large forces: solve each press, kept here (half an hour)"
+        "--solved", type=Path, metavar="FILE.csv", help="for large forces: solve each press, kept here (ten minutes)"
     )
 
 
@@ -61,6 +61,10 @@ def _pad_model(options: argparse.Namespace) -> int:
         draw(mechanics, picture)
     except (OSError, ValueError) as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
+    if options.solved is None:
+        print(f"{options.output}: linear, to 2 % up to 0.25 N on the standard slab; --solved tables larger forces")
+    else:
+        print(f"{options.output}: solved up to {mechanics.largest_force_n:g} N")
     print(f"{options.output}: set [pad.source] mechanics to it; {picture} shows it")
     return 0
 
