@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.calibrate.dataset import standard_pad
+from fmfts.calibrate.dataset import read_calibration_set, standard_pad
+from fmfts.calibrate.standard_set import standard_set
 from fmfts.cli import main
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulate.solved_table import standard_mechanics
@@ -119,3 +120,11 @@ def test_experiment_blames_what_was_not_estimated(tmp_path: Path) -> None:
     assert mae["remanence", "bare + rest"][0] == pytest.approx(mae["none", "bare + rest"][0], abs=0.02)
     assert "mae_x_mm 2.845" in experiment.printed(facts)
     assert (tmp_path / "paper-table4-figure11.svg").is_file()
+
+
+def test_training_set_of_the_paper_needs_no_file_of_the_repository() -> None:
+    """As the command makes it; the file has six digits of it."""
+    path = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
+    made, kept = standard_set(), read_calibration_set(path)
+    np.testing.assert_array_equal(made.press, kept.press)
+    np.testing.assert_allclose(made.field_t, kept.field_t, rtol=1e-5)

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from fmfts.bench.workspace import standard_pad
-from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import rounded
 from fmfts.calibrate.export import export
 from fmfts.calibrate.fitting import best_roughness
 from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import ContactNetwork
 from fmfts.calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
+from fmfts.calibrate.standard_set import standard_set
 from fmfts.calibrate.training import NOISE_T, solved, solver_of
 from fmfts.contact import ContactModel
-from fmfts.study.paper_inputs import CALIBRATION
 
 LARGER = (28, 32)  # what `calibrate` does not try: they gain nothing, and take as long as all the others
 RUNS = 2000
@@ -27,9 +26,9 @@ RUNS = 2000
 
 def sizes(hidden: tuple[int, ...] = (*HIDDEN, *LARGER), presses: int = PRESSES) -> dict[str, Any]:
     """Every candidate's error on left-out presses; parameters, file and processor time of those that are networks."""
-    calibration = read_calibration_set(CALIBRATION)
+    calibration = standard_set()
     solver = solver_of(calibration, "drifting", NOISE_T)
-    tracked = solved(str(CALIBRATION), calibration, solver)
+    tracked = solved("the standard set", calibration, solver)
     change = tracked.pose[:, :5] - solver.rest_pose[:5]
     roughness = best_roughness(calibration.press, change, tracked.deviation)
     candidates = compare(solver, calibration.press, tracked, roughness, hidden, presses)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.calibrate.dataset import standard_pad
+from fmfts.calibrate.dataset import CalibrationSet, standard_pad
 from fmfts.calibrate.simulated import pressed_fields
 from fmfts.contact.contract import OUTPUT_ORDER
 from fmfts.offline.field_table import field_columns
@@ -28,6 +28,13 @@ def rows() -> Array:
     pad = standard_pad()
     press = np.array(list(product(PLACES_MM, PLACES_MM, FORCE_N)), dtype=np.float64)
     return np.column_stack([press, pressed_fields(pad, press).reshape(len(press), -1) * 1e6])
+
+
+def standard_set() -> CalibrationSet:
+    """The same, as a set of the standard pad."""
+    table, pad = rows(), standard_pad()
+    field_t = table[:, 3:].reshape(len(table), len(pad.sensors), 3) * 1e-6
+    return CalibrationSet(pad, table[:, :3], field_t, tuple(range(2, len(table) + 2)), "none", None)
 
 
 def main(arguments: list[str]) -> int:

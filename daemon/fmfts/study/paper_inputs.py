@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from fmfts import simulate
-from fmfts.calibrate.dataset import CalibrationSet, read_calibration_set, rest_field
+from fmfts.calibrate.dataset import rest_field
 from fmfts.calibrate.simulated import magnet_fields, rest_field_of
+from fmfts.calibrate.standard_set import standard_set
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.offline.field_table import DataError
 from fmfts.pad import Array, Pad
 
-# Of the repository: what the shipped model is made of, and the presses solved to test it with.
-CALIBRATION = Path(__file__).parents[3] / "tests" / "data" / "calibration_1.23T.csv"
+# The presses solved to test the shipped model with.
 SOLVED_TEST = Path(simulate.__path__[0]) / "test_normal.csv"
 PAPER_REMANENCE_T = 1.23  # Eq. 5: its moment vector has the length that a magnet of 1.23 T has as one
 NOISE_T = 2e-7  # only weighs the measurements, which have none
@@ -43,7 +43,7 @@ class Readings:
     @classmethod
     def calibration(cls) -> Readings:
         """The paper's grid and forces at 1.23 T."""
-        known: CalibrationSet = read_calibration_set(_required(CALIBRATION, "it is part of the repository"))
+        known = standard_set()
         return cls.of(known.pad, known.press, known.field_t, rest_field(known))
 
     @classmethod
