@@ -80,3 +80,13 @@ def test_facts_of_the_drills_are_json() -> None:
     assert facts["faults"][0]["health"] == {"ok": 3}
     assert facts["faults"][0]["worst"] is None
     assert facts["healthy"][0]["frames"] == 10
+
+
+def test_a_field_that_goes_again_is_followed_until_the_pad_is_well() -> None:
+    """30 mG for 1.2 s in a constant scene, and then none."""
+    step = [fault for fault in field_faults() if fault.kind == "field step 30 mG"]
+    (outcome,) = drilled(step, [1], ["constant"], ["rest"])
+    assert outcome.health["ok"] < 0.2 * outcome.frames
+    # A second of sound frames, since the field was seen to move, after the mean residuals have forgotten.
+    assert len(outcome.back_ms) == 1
+    assert 1000.0 <= outcome.back_ms[0] < 2000.0

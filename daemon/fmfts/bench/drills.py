@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import pi, sin
+from math import inf, pi, sin
 from typing import Literal
 
 import numpy as np
@@ -73,10 +73,12 @@ FINGERS: dict[str, Finger] = {"rest": no_finger, "pressed": live_finger}
 class DrillSource(Simulated):
     """A simulated pad with a field that is not its own, from `begin_s` on."""
 
-    def __init__(self, config: PadConfig, field: FieldFault | None = None, begin_s: float = 0.0) -> None:
+    def __init__(
+        self, config: PadConfig, field: FieldFault | None = None, begin_s: float = 0.0, end_s: float = inf
+    ) -> None:
         super().__init__(config)
         self._foreign = field
-        self._begin_s = begin_s
+        self._begin_s, self._end_s = begin_s, end_s
 
     def _field(self, sampled_s: Array, warming_k: float) -> Array:
         own = super()._field(sampled_s, warming_k)
@@ -84,7 +86,7 @@ class DrillSource(Simulated):
             return own
         foreign = [
             self._foreign(float(moment) - self._begin_s, self._built, self.finger(float(moment)))[sensor]
-            if moment >= self._begin_s
+            if self._begin_s <= moment < self._end_s
             else np.zeros(3)
             for sensor, moment in enumerate(sampled_s)
         ]
