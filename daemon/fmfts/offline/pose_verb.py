@@ -23,7 +23,8 @@ def add_to(verb: AddVerb) -> None:
         type=int,
         choices=(5, 6, 8, 9),
         default=6,
-        help="5: the pose; 6: and the moment; 8: pose and ambient field; 9: all (6)",
+        help="5: the pose; 6: and the moment; 8: pose and ambient field; 9: all (6). 5 and 8 take the moment as exact: "
+        "its error is in no deviation",
     )
     pose.add_argument("--octupole", action="store_true", help="a cylinder, as `run` has it; else the paper's dipole")
     pose.add_argument(
