@@ -13,7 +13,11 @@ from fmfts.study.frame import Row
 
 # A single wrong frame shows: shares below this have its colour.
 FAINTEST = 0.25
-PLANES = ("start error", "finger speed")
+# Dimension → what runs down and across its map.
+PLANES = {
+    "start error": ("the magnet jumps by", "its axis turns by"),
+    "finger speed": ("a press lasts", "frames per second"),
+}
 
 
 def figures(rows: Sequence[Row], default: str) -> Iterator[tuple[str, Figure]]:
@@ -59,8 +63,12 @@ def _maps(rows: Sequence[Row], default: str) -> Figure:
     columns = 4
     lines = -(-len(methods) // columns)
     figure = Figure(figsize=(13.0, 2.4 * lines * len(PLANES)), layout="constrained")
-    for half, dimension in zip(figure.subfigures(len(PLANES), 1, squeeze=False)[:, 0], PLANES, strict=True):
-        half.suptitle(dimension, fontsize=10)
+    for half, (dimension, names) in zip(
+        figure.subfigures(len(PLANES), 1, squeeze=False)[:, 0], PLANES.items(), strict=True
+    ):
+        half.suptitle(f"{dimension}   (red: wrong and not flagged; grey: flagged; white: right)", fontsize=10)
+        half.supylabel(names[0], fontsize=8)
+        half.supxlabel(names[1], fontsize=8)
         grid = half.subplots(lines, columns, squeeze=False)
         for axes in grid.flat:
             axes.axis("off")

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from fmfts.study.frame import Row
 
 COLOURS = ("tab:blue", "tab:green", "tab:orange", "tab:red", "tab:purple", "tab:brown")
+LINE_INCH = 0.17  # of the list of methods
 
 
 def front(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
@@ -31,7 +35,7 @@ def draw(axes: Axes, rows: Sequence[Row], error: str, default: str) -> list[Row]
     unanswered. What it returns is the front."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
     best = front(rows, "median_us", error)
-    for place, row in enumerate(rows, 1):
+    for row in rows:
         x, y = number(row, "median_us"), number(row, error)
         colour = COLOURS[families.index(str(row["family"]))]
         axes.plot([x, number(row, "p99_us")], [y, y], color=colour, linewidth=0.8, alpha=0.6)
@@ -41,19 +45,51 @@ def draw(axes: Axes, rows: Sequence[Row], error: str, default: str) -> list[Row]
             x, y, "*" if is_default else "o", color=colour, markersize=13 if is_default else 5,
             markerfacecolor=colour if whole else "white", markeredgecolor="black" if is_default else colour, zorder=3,
         )  # fmt: skip
-        axes.annotate(str(place), (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
     axes.step([number(row, "median_us") for row in best], [number(row, error) for row in best], where="post",
               color="black", linewidth=0.8, linestyle="--", zorder=1)  # fmt: skip
     axes.set(xscale="log", yscale="log")
     axes.grid(alpha=0.2)
+    name_ticks(axes.yaxis)
+    axes.xaxis.set_tick_params(labelsize=8)
+    for places, at in _hiding_each_other(axes, [(number(row, "median_us"), number(row, error)) for row in rows]):
+        text = ", ".join(str(place) for place in places)
+        white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.5, "pad": 0.3}
+        axes.annotate(text, at, (5, 4), textcoords="offset points", fontsize=7, zorder=4, bbox=white)
     return best
+
+
+def name_ticks(axis: Axis) -> None:
+    """Plain numbers at 1, 2 and 5: an axis may hold less than a decade."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axis.set_minor_formatter("{x:g}")
+    axis.set_tick_params(which="both", labelsize=8)
+
+
+def _figure(axes: Axes) -> Figure:
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def _hiding_each_other(
+    axes: Axes, points: Sequence[tuple[float, float]]
+) -> Iterator[tuple[list[int], tuple[float, float]]]:
+    """Numbers, from one, of the points whose numbers would be written over each other, and the place of the first."""
+    inches = axes.transData.transform(points) / _figure(axes).dpi
+    left = list(range(len(points)))
+    while left:
+        away = abs(inches[left] - inches[left[0]])
+        near = [place for place, (right, up) in zip(left, away, strict=True) if right < 0.3 and up < 0.1]
+        yield [place + 1 for place in near], points[left[0]]
+        left = [place for place in left if place not in near]
 
 
 def name_methods(axes: Axes, rows: Sequence[Row], default: str) -> None:
     """The numbers' meanings, in the families' colours."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
     axes.axis("off")
-    step = 1.0 / max(len(rows) + len(families), 1)
+    step = min(1.0 / max(len(rows) + len(families), 1), LINE_INCH / _figure(axes).get_figheight())
     height = 1.0
     for family in families:
         height -= step

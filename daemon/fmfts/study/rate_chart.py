@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from fmfts.study.frame import Row
-from fmfts.study.pareto import number
+from fmfts.study.pareto import name_ticks, number
 
 
 def draw(rows: Sequence[Row]) -> Figure:
@@ -29,5 +29,7 @@ def draw(rows: Sequence[Row]) -> Figure:
             [str(row["batch"]) for row in line], [number(row, "median_us") for row in line], "o-", label=method
         )
     batches.set(yscale="log", xlabel="frames in a call", ylabel="processor time per frame (µs)")
+    name_ticks(batches.yaxis)
+    batches.set_title("one call for many frames", fontsize=9)
     batches.legend(fontsize=8)
     return figure

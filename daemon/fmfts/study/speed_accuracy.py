@@ -194,7 +194,7 @@ def _draw(study: Study, rows: Sequence[Row]) -> None:
         ("contact", "as drawn", "mae_n", "mean error of force (N)", DAEMON),
         ("contact", "as built", "mae_n", "mean error of force (N)", DAEMON),
     ]
-    for chart, height in (("pose", 5.0), ("contact", 8.5)):
+    for chart, height in (("pose", 6.5), ("contact", 8.5)):
         own = [panel for panel in panels if panel[0] == chart]
         figure = Figure(figsize=(12.5, height), layout="constrained")
         grid = figure.add_gridspec(len(own) // 2, 3, width_ratios=[1, 1, 0.62])
@@ -203,7 +203,8 @@ def _draw(study: Study, rows: Sequence[Row]) -> None:
             shown = [row for row in rows if row["chart"] == chart and row["scene"] == scene and row[error] is not None]
             axes = figure.add_subplot(grid[index // 2, index % 2])
             pareto.draw(axes, shown, error, default)
-            axes.set(xlabel="processor time per frame (µs): median, and to the 99th percentile", ylabel=label)
+            axes.set_xlabel("processor time per frame (µs): median, line to 99 %", fontsize=9)
+            axes.set_ylabel(label, fontsize=9)
             axes.set_title(_title(chart, scene), fontsize=9)
         pareto.name_methods(figure.add_subplot(grid[:, 2]), shown, own[0][4])
         study.draw(figure, f"-{chart}")
