@@ -36,8 +36,8 @@ NOISE_T = 2e-7
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # of force
 # Presses that the fit was not told may differ by so many deviations of a frame's noise, and no more: beyond, the set
-# does not determine the pad's response, or its labels are wrong.
-LARGEST_LEFT_OUT = 3.0
+# does not determine the response, or its labels are wrong. Places to 0.1 mm and forces to 1 % leave 4.9.
+LARGEST_LEFT_OUT = 8.0
 # Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
 # out is learnt, so that a press beyond is found to be beyond.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
