@@ -13,16 +13,36 @@ from fmfts.calibrate.dataset import standard_pad
 from fmfts.calibrate.samples import Samples
 from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
-from fmfts.config import I2cSource, MagnetConfig, PadConfig, PlacementConfig, SceneConfig, SimulatedSource
+from fmfts.config import (
+    I2cSource,
+    MagnetConfig,
+    PadConfig,
+    PlacementConfig,
+    SceneConfig,
+    SimulatedSource,
+    ToleranceConfig,
+)
+from fmfts.config.file import load
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
-from fmfts.needs import LOAD_SHARES, PLACES_MM, Cost, Model, Surroundings, advice, costs, placed_beside, recommended
+from fmfts.needs import (
+    LOAD_SHARES,
+    PLACES_MM,
+    Cost,
+    Model,
+    Surroundings,
+    advice,
+    configured,
+    costs,
+    placed_beside,
+    recommended,
+)
 from fmfts.scene import NOISE_T
 from fmfts.study.frame import Request
 from fmfts.study.scene import SHIPPED, printed, run
 from fmfts.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
 from fmfts.study.scene_networks import Networks
-from fmfts.study.scene_trial import tried
+from fmfts.study.scene_trial import tried, tried_beside
 
 BENCH_TOP = SceneConfig(ambient="constant")
 # Three times larger at half the distance, of weak ferrite: neodymium would saturate the widest range tenfold.
@@ -35,6 +55,16 @@ def pad(name: str = "one", **changes: object) -> PadConfig:
 
 def beside(distance_mm: float) -> PadConfig:
     return pad("two", placement=PlacementConfig(position_mm=(distance_mm, 0.0, 0.0)))
+
+
+def told_of(other: str, distance_mm: float = 0.0) -> PadConfig:
+    return pad(
+        "two" if other == "one" else "one",
+        source=SimulatedSource(range_gauss=4.0),
+        tolerance=ToleranceConfig(gain=0.005),
+        scene=SceneConfig(neighbours=(other,)),
+        placement=PlacementConfig(position_mm=(distance_mm, 0.0, 0.0), rotation_deg=(8.0, 0.0, 0.0)),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +163,22 @@ def test_cylinder_term_beats_the_dipole_for_a_larger_magnet(response: Response) 
     mine, dipole, default = (rms(tried(around, model, 400, 1)) for model in (Model(6, True), Model(6, False), SHIPPED))
     assert (mine < 0.8 * dipole).all()
     assert (mine < 0.1 * default).all()
+
+
+def test_pad_that_is_told_of_its_neighbour_answers_more_presses_and_none_wrong(response: Response) -> None:
+    near = Surroundings(told_of("two"), response, others=[told_of("one", distance_mm=20.0)])
+    told, untold = tried_beside(near, 6.0, 1)
+    assert told.outcome.wrong == 0
+    assert told.answered > 0.99
+    assert untold.answered < 0.8  # whenever the other's finger presses too, it is `disturbed`
+
+
+@pytest.mark.parametrize("name", ["bench-top", "large-magnet", "neighbour"])
+def test_scenes_of_the_docs_need_something_else_than_the_default(response: Response, name: str) -> None:
+    (config, _) = load(Path(f"docs/scenes/{name}.toml"))
+    first, *others = config.pad
+    around = Surroundings(first, response, others=placed_beside(first, others))
+    assert recommended(costs(around, thorough=False)).model == configured(around) != SHIPPED
 
 
 def test_next_larger_model_pays_where_it_is_said_to(response: Response) -> None:

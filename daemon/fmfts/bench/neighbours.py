@@ -29,13 +29,15 @@ LATER_S = 3.7
 
 @dataclass(slots=True)
 class Outcome:
-    """Both pads of one pair. errors: of place and force where they are published, in their published deviations."""
+    """Both pads of one pair. errors: of place and force where they are published, in their published deviations.
+    answers: of each frame the errors of x and y (mm) and force (N), NaN where none is published, and the true force."""
 
     frames: int = 0
     wrong: int = 0
     false_contacts: int = 0
     health: Counter[str] = field(default_factory=Counter)
     errors: list[float] = field(default_factory=list)
+    answers: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     @property
     def line(self) -> str:
@@ -81,11 +83,16 @@ def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) 
         outcome.frames += 1
         outcome.health[message.health] += 1
         outcome.wrong += truth.deviations(message) > WRONG_DEVIATIONS
-        unloaded = fingers[message.pad](message.t_sample_ns * 1e-9).force_n == 0.0
-        outcome.false_contacts += unloaded and message.contact is True and touched[message.pad] is not True
+        touch = fingers[message.pad](message.t_sample_ns * 1e-9)
+        fresh = message.contact is True and touched[message.pad] is not True
+        outcome.false_contacts += fresh and touch.force_n == 0.0
         touched[message.pad] = message.contact
-        if message.x_m is not None:
+        error = np.nan, np.nan, np.nan
+        if message.x_m is not None and message.y_m is not None and message.force_n is not None:
             outcome.errors += truth.contact_errors(message)
+            away_mm = (message.x_m - touch.x_m) * 1e3, (message.y_m - touch.y_m) * 1e3
+            error = *away_mm, message.force_n - touch.force_n
+        outcome.answers.append((*error, touch.force_n))
     return outcome
 
 
@@ -117,7 +124,7 @@ def _source(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str
 
 
 def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> PadPipeline:
-    model = ContactModel.load("default", pad.pad())
+    model = ContactModel.load(pad.contact.model, pad.pad())
     pipeline = PadPipeline(pad.pad(), model, "bench", float(RATE_HZ), choose(pad.scene, pad.magnet).tracking)
     pipeline.use(simulated_baseline(pad, neighbours_of(pad, pads)))
     return pipeline

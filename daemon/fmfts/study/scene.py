@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,15 +15,19 @@ from fmfts.contact.response import Response
 from fmfts.jobs.baseline_files import stored
 from fmfts.needs import Cost, Model, Surroundings, configured, costs, placed_beside, recommended
 from fmfts.offline.field_table import DataError
+from fmfts.pad import Array
 from fmfts.scene import NOISE_T
 from fmfts.study import scene_chart, scene_facts
-from fmfts.study.frame import Facts, Request, Row, Study
+from fmfts.study.frame import Facts, Request, Row, Study, say
 from fmfts.study.scene_networks import SIZES, Networks, smallest_network
-from fmfts.study.scene_trial import tried
+from fmfts.study.scene_trial import tried, tried_beside
 
 SHIPPED = Model(8, True)  # what config.toml has: a field that drifts, no neighbours
 COLUMNS = ("kind", "model", "unknowns", "cylinder", "neighbours", "noise_mm", "bias_mm", "noise_n", "bias_n", "error",
-           "causes", "hidden", "parameters", "noise_in_bounds", "bias_in_bounds", "score")  # fmt: skip
+           "causes", "hidden", "parameters", "noise_in_bounds", "bias_in_bounds", "score",
+           "available", "answered", "wrong", "frames")  # fmt: skip
+TRIED = ("recommended", "shipped default")
+BESIDE_S, QUICK_BESIDE_S = 14.0, 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +55,10 @@ def run(request: Request) -> Facts:
     points: dict[str, Callable[[], Iterator[Row]]] = {"models": partial(_model_rows, found)}
     for hidden in SIZES[: 3 if request.quick else None]:
         points[f"network of {hidden}"] = partial(networks.rows, hidden)
-    # What neighbours do to a running pad, `python -m fmfts.bench neighbours` shows: single frames do not know them.
+    if best.model.neighbours:
+        points["running"] = partial(_running_rows, around, request)
     if (best.model.unknowns, best.model.cylinder) != (SHIPPED.unknowns, SHIPPED.cylinder):
-        for name, model in (("recommended", best.model), ("shipped default", SHIPPED)):
+        for name, model in zip(TRIED, (best.model, SHIPPED), strict=True):
             points[name] = partial(_trial_rows, around, name, model, request)
     rows = study.measure(points)
     facts = study.conclude(
@@ -67,6 +72,7 @@ def run(request: Request) -> Facts:
             "models": [row for row in rows if row["kind"] == "model"],
             "networks": [row for row in rows if row["kind"] == "network"],
             "trials": [row for row in rows if row["kind"] == "trial"],
+            "running": [row for row in rows if row["kind"] == "running"],
         }
     )
     study.draw(scene_chart.models(rows, str(best.model)))
@@ -88,6 +94,14 @@ def printed(facts: Facts) -> str:
     for row in facts["trials"]:
         errors = f"{row['noise_mm']:.3f} mm, {row['noise_n']:.4f} N rms"
         lines.append(f"single frames solved and inverted, {row['model']} ({row['causes']}): {errors}")
+    for row in facts["running"]:
+        if row["frames"] is None:  # no model or baseline to run them with, as was said
+            continue
+        lines.append(
+            f"both pads running and pressed, {row['model']} ({row['causes']}): {row['available']:.1%} of "
+            f"{row['frames']} frames ok, {row['wrong']} wrong; {row['answered']:.1%} of presses answered, those that "
+            f"both answer to {row['noise_mm']:.3f} mm, {row['noise_n']:.4f} N rms"
+        )
     lines.append("")
     for row in facts["networks"]:
         errors = f"bias {row['bias_in_bounds']:.2f}, error {row['score']:.3f} bounds"
@@ -109,8 +123,35 @@ def _model_rows(found: list[Cost]) -> Iterator[Row]:
 
 def _trial_rows(around: Surroundings, name: str, model: Model, request: Request) -> Iterator[Row]:
     errors = tried(around, model, 60 if request.quick else 600, request.seed)
-    place, force = np.sqrt(np.mean(errors[:, :2] ** 2)), np.sqrt(np.mean(errors[:, 2] ** 2))
-    yield _named("trial", model) | {"causes": name, "noise_mm": float(place), "noise_n": float(force)}
+    place, force = _rms(errors)
+    yield _named("trial", model) | {"causes": name, "noise_mm": place, "noise_n": force}
+
+
+def _running_rows(around: Surroundings, request: Request) -> Iterator[Row]:
+    seconds = QUICK_BESIDE_S if request.quick else BESIDE_S
+    models = replace(SHIPPED, neighbours=(around.others[0].name,)), SHIPPED
+    rows = [_named("running", model) | {"causes": name} for name, model in zip(TRIED, models, strict=True)]
+    try:
+        found = tried_beside(around, seconds, request.seed)
+    except (ModelError, BaselineError) as error:
+        say(f"the pads were not run: {error}")
+        yield from rows
+        return
+    for row, beside in zip(rows, found, strict=True):
+        outcome, (place, force) = beside.outcome, _rms(beside.errors)
+        yield row | {
+            "noise_mm": place,
+            "noise_n": force,
+            "available": outcome.health["ok"] / outcome.frames,
+            "answered": beside.answered,
+            "wrong": outcome.wrong,
+            "frames": outcome.frames,
+        }
+
+
+def _rms(errors: Array) -> tuple[float, float]:
+    """Of place and of force."""
+    return float(np.sqrt(np.mean(errors[:, :2] ** 2))), float(np.sqrt(np.mean(errors[:, 2] ** 2)))
 
 
 def _named(kind: str, model: Model) -> Row:

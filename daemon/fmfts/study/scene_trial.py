@@ -1,33 +1,41 @@
-"""A model on its scene, not to first order: exact fields with noise, solved, and the most likely press taken."""
+"""A model on its scene, not to first order: exact fields with noise, solved, and the most likely press taken; pads side
+by side run whole."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
+from fmfts.bench.neighbours import Outcome, pressed_pair
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.samples import presses_within
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.calibrate.tracked import FrameSolver, Tracked, UnsolvedError, upright
+from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.response import CHANGE
 from fmfts.needs import AMBIENT_CHANGE_T, Model, Surroundings
 from fmfts.pad import Array, Pad
 from fmfts.pose import STOP_CONVERGED, dipole_field, solve
+
+TURNING_DEG_PER_S = 20.0  # of a robot whose ambient field drifts
+LIGHTEST_SHARE = 0.15  # of full scale: below it a place is a guess
 
 
 def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
     """(K, 3) errors of x, y in mm and force in N, of up to `frames` presses within 8 mm, from light to full scale.
 
     The magnet has aged since the baseline, where a running model could tell; a field that drifts has turned. Neighbours
-    rest: what they do to a running pad, `python -m fmfts.bench neighbours` shows.
+    rest: what they do to a running pad, `tried_beside` shows.
     """
     random, pad = np.random.default_rng(seed), around.config.pad()
     modelled = replace(pad, magnet=replace(pad.magnet, as_cylinder=model.cylinder))
     rest_field = magnet_fields(pad, np.zeros((1, 3)), pad.rest_axis[None])[0]
     solver = FrameSolver(modelled, rest_field, "constant" if model.unknowns == 6 else "drifting", around.noise_t)
     press = presses_within(around.response, frames, random, beyond=1.0)
-    press = press[press[:, 2] >= 0.15 * around.response.scale_n]
+    press = press[press[:, 2] >= LIGHTEST_SHARE * around.response.scale_n]
     press = press[np.abs(press[:, :2]).max(axis=1) <= 8.0]
     field = _fields(pad, solver, around, press)
     if around.drifts:
@@ -40,6 +48,42 @@ def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
     found = invert(around.response, tracked.pose[:, :CHANGE] - solver.rest_pose[:CHANGE], tracked.covariance, across=3)
     errors: Array = found[:, :3] - press[:, :3]
     return errors
+
+
+class Beside(NamedTuple):
+    """errors (K, 3): of x, y in mm and force in N, of the presses that are answered both told and not. answered: the
+    share of all presses."""
+
+    outcome: Outcome
+    errors: Array
+    answered: float
+
+
+def tried_beside(around: Surroundings, seconds: float, seed: int) -> tuple[Beside, Beside]:
+    """The whole daemon on two simulated pads, this and the nearest other, both pressed by fingers of their own: with
+    each told of the other's magnet, and not.
+
+    ModelError where a config's model is not its pad's, BaselineError where the pads are too near for one.
+    """
+    here, there = around.config, around.others[0]
+    pads = _simulated(here, there, seed), _simulated(there, here, seed + 1000)
+    outcomes = [pressed_pair(pads, told, seconds) for told in (True, False)]
+    answers = np.array([outcome.answers for outcome in outcomes])
+    pressing = answers[0, :, 3] >= LIGHTEST_SHARE * around.response.scale_n
+    answers = answers[:, pressing, :3]
+    answered = np.isfinite(answers).all(axis=2)
+    told, untold = (
+        Beside(outcome, each[answered.all(axis=0)], float(mine.mean()))
+        for outcome, each, mine in zip(outcomes, answers, answered, strict=True)
+    )
+    return told, untold
+
+
+def _simulated(config: PadConfig, beside: PadConfig, seed: int) -> PadConfig:
+    turning = TURNING_DEG_PER_S if config.scene.ambient == "drifting" else 0.0
+    source = SimulatedSource(seed=seed, range_gauss=config.source.range_gauss, finger="none", turning_deg_per_s=turning)
+    scene = msgspec.structs.replace(config.scene, neighbours=(beside.name,))
+    return msgspec.structs.replace(config, source=source, scene=scene)
 
 
 def _solved(solver: FrameSolver, press: Array, field: Array) -> tuple[Array, Tracked]:
