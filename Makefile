@@ -5,6 +5,7 @@
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make install-c-client      the client for controllers in C and C++, into PREFIX
 # make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
+# make wheel   one wheel for this architecture, refused if a compiled part is missing
 # make bench   what a solve costs, how accurate and sure it is, how soon a frame is published; cold-starts: half an hour
 
 PYTHON ?= python3
@@ -21,7 +22,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd faketime libzmq3-dev cmake pkg-config)
 
-.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model recordings clean base-packages test-packages
+.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -83,6 +84,15 @@ model: $(VENV)/.installed-test
 	mkdir -p build
 	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
 	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
+
+# A compiler is optional where one installs from source, not where many get what was built.
+wheel: $(VENV)/.installed-test
+	rm -rf build/wheel
+	$(BIN)/pip wheel -q --no-deps -w build/wheel .
+	@for part in pose/_kernel healthy/_healthy sensor/_wire contact/_refine contact/_network; do \
+	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
+	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
+	@ls build/wheel/*.whl
 
 # The recordings that the tests replay, made again: a changed expectation wants a reason in its commit.
 recordings: $(VENV)/.installed-test firmware
