@@ -137,6 +137,9 @@ def test_range_holds_the_hardest_press_or_says_which_magnet_would(response: Resp
     (said, _) = limits(standard)
     assert said == "largest field on an axis: 2.52 G; set to ±2.5 G, chips saturate at 3.10 G"
     assert recommended_range_gauss(Surroundings(pad(magnet=LARGE), response)) == 8.1
+    near, far = (Surroundings(pad(), response, others=[beside(away_mm)]) for away_mm in (20.0, 200.0))
+    # A magnet 20 mm away is 19 mm from two of the sensors: 3.3 G in all.
+    assert (recommended_range_gauss(near), recommended_range_gauss(far)) == (4.0, 2.5)
     strong = MagnetConfig(diameter_mm=6.0, length_mm=6.0, remanence_t=1.23, rest_mm=(0, 0, 6))
     assert "no range holds it" in limits(Surroundings(pad(magnet=strong), response))[0]
 

@@ -12,6 +12,8 @@ import numpy as np
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.config import I2cSource, PadConfig
 from fmfts.needs import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
+from fmfts.pad import Array, Pad
+from fmfts.pose import dipole_field
 from fmfts.sensor.frame import TESLA_PER_GAUSS
 from fmfts.sensor.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
 from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
@@ -80,14 +82,24 @@ def saturation_gauss(range_gauss: float) -> float:
 
 
 def largest_field_gauss(around: Surroundings) -> float:
-    """On one axis of a sensor, under presses all over the pad, with the Earth's."""
+    """On one axis of a sensor, under presses all over the pad, with the Earth's and that of pads beside it."""
     pad, scale_n = around.config.pad(), around.response.scale_n
     places = np.linspace(around.response.first_mm, around.response.last_mm, 9)
     press = np.array([[x, y, f] for x in places[:, 0] for y in places[:, 1] for f in (0.0, scale_n)])
     change = around.response.change(press)
     axis = np.column_stack([change[:, 3:], np.sqrt(1.0 - np.sum(change[:, 3:] ** 2, axis=1))])
-    field = magnet_fields(pad, change[:, :3] * 1e-3, axis)
+    field = magnet_fields(pad, change[:, :3] * 1e-3, axis) + _beside_t(around, pad)
     return float(np.abs(field).max() / TESLA_PER_GAUSS) + AMBIENT_CHANGE_T / TESLA_PER_GAUSS
+
+
+def _beside_t(around: Surroundings, pad: Pad) -> Array:
+    """(N, 3) in sensor axes, of the neighbours' magnets at rest."""
+    field = np.zeros_like(pad.sensors.position_m)
+    for other in around.others:
+        there, their = other.placement.si().seen_from(around.config.placement.si()), other.pad()
+        place, axis = there.point(their.rest_position_m), there.rotation @ their.rest_axis
+        field += dipole_field(pad.sensors.position_m, place, axis, their.magnet.strength_t_m3)
+    return pad.sensors.to_sensor(field)
 
 
 def _range(around: Surroundings) -> str:
