@@ -172,7 +172,7 @@ def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path:
         own = facts["own_error"]
         assert isinstance(own, dict)
         own["shear_error_n"] = own["x_mm"]
-        facts["outputs"] = SHEAR_OUTPUT_ORDER
+        facts["outputs"], facts["response_error"] = SHEAR_OUTPUT_ORDER, None
 
     with pytest.raises(ModelError, match="another number of outputs"):
         ContactModel.load(edited(tmp_path, with_facts(five)), pad)

@@ -76,7 +76,9 @@ def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, 
     facts = ContactModel.load("default", pad).facts
     own = msgspec.structs.replace(facts.own_error, shear_error_n=facts.own_error.force_error_n)
     envelope = msgspec.structs.replace(facts.envelope, x_mm=(-8.0, 8.0), y_mm=(-8.0, 8.0))
-    facts = msgspec.structs.replace(facts, outputs=SHEAR_OUTPUT_ORDER, own_error=own, envelope=envelope)
+    facts = msgspec.structs.replace(
+        facts, outputs=SHEAR_OUTPUT_ORDER, own_error=own, response_error=None, envelope=envelope
+    )
     path = tmp_path / "five.onnx"
     path.write_bytes(export(network, facts, None))
     model = ContactModel.load(str(path), pad)
