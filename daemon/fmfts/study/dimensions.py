@@ -8,7 +8,7 @@ from fmfts.study.hazards import Hazard
 HAZARDS = (
     Hazard(
         "start error", hazards.start_error,
-        "Least squares runs to a mirrored minimum from an axis turned by 90° or more; a linearised filter from less.",
+        "From 135° on least squares on the sphere is lost; SciPy's free moment vector is not; a filter is at once.",
         "Start at rest and again where χ² is too large, as the tracker does; wider: fmfts.pose.acquire.",
     ),
     Hazard(
