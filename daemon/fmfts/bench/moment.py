@@ -85,7 +85,8 @@ def _warmed(force_n: float, since_s: float, random: np.random.Generator) -> tupl
         weaker = model.moment_per_k * (1.0 + COEFFICIENT_ERROR) * warmer_k
         truth = rest.stepped(np.array([0.0, 0.0, -DEPTH_M_PER_N * force, 0.0, 0.0, weaker]))
         strength = pad.magnet.strength_t_m3 * np.exp(truth.log_moment)
-        field_t = dipole_field(pad.sensors.position_m, truth.position_m, truth.axis, strength)
+        octupole_m2 = pad.magnet.modelled_octupole_m2
+        field_t = dipole_field(pad.sensors.position_m, truth.position_m, truth.axis, strength, octupole_m2)
         measured = field_t + random.normal(0.0, NOISE_T, field_t.shape)
         estimate = tracker.update(measured, np.full(field_t.shape, NOISE_T), 1.0 / RATE_HZ, 25.0 + warmer_k).estimate
         assert estimate is not None

@@ -105,7 +105,7 @@ def _turn(
 ) -> tuple[Array, Array]:
     """(K, 5) errors over the bound, and (K,) their squares in published deviations.
 
-    By the tracker alone against dipole fields, so that the bound is the yardstick.
+    By the tracker alone against fields of the model that it solves, so that the bound is the yardstick.
 
     Gains are off, the baseline has made rest agree: what remains is their error on what changed since. gains: what a
     sensor reads of a change (mean), and how well that is known.
@@ -135,7 +135,9 @@ def _bound(pad: Pad, truth: State) -> Array:
 
 
 def _field(pad: Pad, state: State) -> Array:
-    return dipole_field(pad.sensors.position_m, state.position_m, state.axis, pad.magnet.strength_t_m3)
+    magnet = pad.magnet
+    place_m = pad.sensors.position_m
+    return dipole_field(place_m, state.position_m, state.axis, magnet.strength_t_m3, magnet.modelled_octupole_m2)
 
 
 def _pressed(rest: State, frame: int) -> State:
