@@ -19,7 +19,7 @@ import zstandard
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, FrameMessage, StateMessage, StatusMessage
 
@@ -115,7 +115,10 @@ def read(path: Path) -> Iterator[Recorded]:
 
 def is_whole(path: Path) -> bool:
     """Was it brought to its end?"""
-    return any(isinstance(record, Footer) for record in _records(path))
+    ended = any(isinstance(record, Footer) for record in _records(path))
+    with path.open("rb") as file:
+        file.seek(-len(MCAP0_MAGIC), os.SEEK_END)
+        return ended and file.read() == MCAP0_MAGIC
 
 
 def _records(path: Path) -> Iterator[McapRecord]:
