@@ -29,6 +29,16 @@ for number in range(5000):
     logging.info("line %d", number)
 print("done", flush=True)
 """
+INTERRUPTED = """
+import logging, signal
+from fmfts.service import log
+log.configure()
+signal.signal(signal.SIGALRM, lambda number, frame: logging.info("amid another"))
+signal.setitimer(signal.ITIMER_REAL, 1e-4, 1e-4)
+for number in range(20000):
+    logging.info("line %d", number)
+signal.setitimer(signal.ITIMER_REAL, 0)
+"""
 F_SETPIPE_SZ = 1031  # fcntl(2)
 FILLING = b"." * 4096
 
@@ -86,3 +96,11 @@ def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
     (left_out,) = re.findall(r"(\d+) lines were left out", heard)
     assert written + int(left_out) == 5000
     assert 1000 <= written < 5000
+
+
+def test_line_that_a_signal_adds_amid_another_hangs_nobody() -> None:
+    """As a daemon that is stopped while it logs."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0
+    assert "amid another" in done.stderr
+    assert "Traceback" not in done.stderr

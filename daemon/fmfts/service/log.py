@@ -8,7 +8,6 @@ import queue
 import select
 import sys
 import threading
-import time
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import TextIO
@@ -39,45 +38,43 @@ class PatientHandler(logging.Handler):
     def __init__(self, descriptor: int) -> None:
         super().__init__()
         self._descriptor = descriptor
-        self._lines: queue.Queue[str] = queue.Queue(LINES_WAITING)
+        # A signal's handler logs too, and may do so amid another line's put: this queue takes that, queue.Queue hangs.
+        self._lines: queue.SimpleQueue[str | threading.Event] = queue.SimpleQueue()
         self._left_out = 0
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        try:
-            if self._left_out:
-                self._lines.put_nowait(self._told_left_out())
-                self._left_out = 0
-            self._lines.put_nowait(self.format(record))
-        except queue.Full:
+        if self._lines.qsize() >= LINES_WAITING:
             self._left_out += 1
+            return
+        self._tell_left_out()
+        self._lines.put(self.format(record))
 
     def flush(self) -> None:
         """Called at exit, too: until all is written, or nobody takes it for a second."""
-        self._wait()
-        if self._left_out:
-            with suppress(queue.Full):
-                self._lines.put_nowait(self._told_left_out())
-                self._left_out = 0
-            self._wait()
+        self._tell_left_out()
+        written = threading.Event()
+        self._lines.put(written)
+        written.wait(LAST_LINES_S)
 
-    def _wait(self) -> None:
-        end = time.monotonic() + LAST_LINES_S
-        while self._lines.unfinished_tasks and time.monotonic() < end:
-            time.sleep(0.001)
-
-    def _told_left_out(self) -> str:
-        text = f"{self._left_out} lines were left out here: the log was not taken in time"
-        return self.format(logging.makeLogRecord({"levelno": logging.WARNING, "levelname": "WARNING", "msg": text}))
+    def _tell_left_out(self) -> None:
+        left_out, self._left_out = self._left_out, 0
+        if left_out:
+            text = f"{left_out} lines were left out here: the log was not taken in time"
+            record = logging.makeLogRecord({"levelno": logging.WARNING, "levelname": "WARNING", "msg": text})
+            self._lines.put(self.format(record))
 
     def _write(self) -> None:
         while True:
-            data = memoryview(f"{self._lines.get()}\n".encode(errors="backslashreplace"))
+            line = self._lines.get()
+            if isinstance(line, threading.Event):
+                line.set()
+                continue
+            data = memoryview(f"{line}\n".encode(errors="backslashreplace"))
             with suppress(OSError):  # there is nobody to be told that the log cannot be written
                 while data:
                     select.select([], [self._descriptor], [])  # who shares a terminal may have made it non-blocking
                     data = data[os.write(self._descriptor, data) :]
-            self._lines.task_done()
 
 
 def configure(
