@@ -5,11 +5,14 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+import time
 from pathlib import Path
 
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # <sys/mman.h>
 TASKS = Path("/proc/self/task")
 BUS_THREAD = "ZMQbg"  # what libzmq calls its threads: without them a message waits after all
+BUS_THREADS = 2  # the reaper, and one for the sockets
+NAMED_WITHIN_S = 5.0  # a thread gives itself its name, on a busy computer only after a while
 
 
 class RealtimeError(Exception):
@@ -35,16 +38,30 @@ def take_priority(priority: int) -> None:
 
     Raises RealtimeError.
     """
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-    for task in TASKS.iterdir():
-        if int(task.name) != os.getpid() and not (task / "comm").read_text().startswith(BUS_THREAD):
-            continue
-        try:
-            os.sched_setscheduler(int(task.name), policy, os.sched_param(priority))
-        except OSError as error:
-            if error.errno != errno.EPERM:
-                raise RealtimeError(f"service.realtime_priority = {priority}: {error.strerror}") from error
+    _set_priority(os.getpid(), priority)
+    until = time.monotonic() + NAMED_WITHIN_S
+    while len(threads := _bus_threads()) < BUS_THREADS:
+        if time.monotonic() > until:
             raise RealtimeError(
-                f"service.realtime_priority = {priority}: not permitted: grant it (a service: LimitRTPRIO={priority}; "
-                "a shell: ulimit -r), or set it to 0"
-            ) from error
+                f"service.realtime_priority = {priority}: the bus's threads ({BUS_THREAD}…) were not found among this "
+                "process's: libzmq was built without their names; set it to 0"
+            )
+        time.sleep(1e-3)
+    for thread in threads:
+        _set_priority(thread, priority)
+
+
+def _bus_threads() -> list[int]:
+    return [int(task.name) for task in TASKS.iterdir() if (task / "comm").read_text().startswith(BUS_THREAD)]
+
+
+def _set_priority(thread: int, priority: int) -> None:
+    try:
+        os.sched_setscheduler(thread, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except OSError as error:
+        if error.errno != errno.EPERM:
+            raise RealtimeError(f"service.realtime_priority = {priority}: {error.strerror}") from error
+        raise RealtimeError(
+            f"service.realtime_priority = {priority}: not permitted: grant it (a service: LimitRTPRIO={priority}; "
+            "a shell: ulimit -r), or set it to 0"
+        ) from error
