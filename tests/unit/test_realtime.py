@@ -21,7 +21,8 @@ seen = []
 thread = threading.Thread(target=lambda: seen.append(os.sched_getscheduler(0)))
 thread.start()
 thread.join()
-print(policies == [True, True], os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO, seen[0] == os.SCHED_OTHER)
+policy = os.sched_getscheduler(0)
+print(policies == [True, True], policy & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO, seen[0] == os.SCHED_OTHER)
 """
 LOCKED = """
 from fmfts.service.realtime import lock_memory
