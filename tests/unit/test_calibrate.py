@@ -26,7 +26,7 @@ from fmfts.contact import ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import Response
 from fmfts.contact.verified import DEFAULT_PATH
-from fmfts.offline.field_table import DataError
+from fmfts.field_table import DataError
 from fmfts.pad import Pad
 from fmfts.simulate.chip import NOISE_T
 

@@ -16,7 +16,7 @@ from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
 from fmfts.calibrate.training import Options, calibrate, solved
 from fmfts.cli import main
-from fmfts.offline.field_table import DataError
+from fmfts.field_table import DataError
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 CONFIG = '[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\n'

@@ -12,8 +12,8 @@ from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.simulated import magnet_fields, rest_field_of
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
+from fmfts.field_table import DataError
 from fmfts.offline.evaluate import evaluate
-from fmfts.offline.field_table import DataError
 from fmfts.pad import Pad
 from fmfts.simulate.solved_table import standard_mechanics
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmfts.cli import main
-from fmfts.offline.field_table import field_columns
+from fmfts.field_table import field_columns
 from fmfts.pad import Pad
 from fmfts.pose import State, dipole_field
 from fmfts.pose.model import predict

@@ -12,7 +12,7 @@ from mounted_world import NOISE_T, TOLERANCE, World
 
 from fmfts.ambient import Baseline, BaselineError, encode, make_rest
 from fmfts.cli import main
-from fmfts.offline.field_table import field_columns
+from fmfts.field_table import field_columns
 from fmfts.pad import Pad
 
 PRESSES = 300

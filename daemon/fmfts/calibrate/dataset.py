@@ -11,8 +11,7 @@ import numpy as np
 from fmfts.ambient import Mounting
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
-from fmfts.offline.field_table import DataError, FieldTable, field_columns, read
-from fmfts.offline.pose import mounting_of
+from fmfts.field_table import DataError, FieldTable, field_columns, mounting_of, read
 from fmfts.pad import Array, Pad
 from fmfts.pose import solve
 from fmfts.simulate.cylinder import cylinder_field

@@ -18,7 +18,7 @@ import numpy as np
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
-from fmfts.offline.field_table import field_columns
+from fmfts.field_table import field_columns
 from fmfts.pad import Array, Pad
 from fmfts.simulate.solved_table import mirrored, read_solved
 

@@ -29,7 +29,7 @@ from fmfts.contact.contract import (
     Facts,
 )
 from fmfts.contact.response import Response
-from fmfts.offline.field_table import DataError
+from fmfts.field_table import DataError
 from fmfts.pad import Array
 
 NOISE_T = 2e-7

@@ -17,7 +17,7 @@ from typing import Self
 import msgspec
 
 from fmfts.collect.errors import RefusedError
-from fmfts.offline.field_table import field_columns
+from fmfts.field_table import field_columns
 from fmfts.service.state import write_atomically
 
 FORMAT = 2

@@ -12,7 +12,7 @@ from typing import Any
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import printed
 from fmfts.calibrate.training import Options, Say, calibrate
-from fmfts.offline.field_table import DataError
+from fmfts.field_table import DataError
 from fmfts.pad import Pad
 
 

@@ -41,7 +41,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         from fmfts.offline.calibrate import make_model
     except ImportError as error:
         raise lacking(error, "calibrate") from error
-    from fmfts.offline.field_table import DataError
+    from fmfts.field_table import DataError
 
     if options.hidden is not None and not 2 <= options.hidden <= 64:
         raise VerbError(exit_codes.USAGE, f"--hidden is {options.hidden}: from 2 to 64")
@@ -87,7 +87,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from fmfts.calibrate.dataset import read_labelled
     from fmfts.calibrate.evaluation import printed
     from fmfts.contact import ContactModel, ModelError
-    from fmfts.offline.field_table import DataError
+    from fmfts.field_table import DataError
 
     try:
         model = ContactModel.load(options.model, pad.pad())

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts import ambient
-from fmfts.ambient import BaselineError, Mounting
-from fmfts.offline.field_table import DataError, FieldTable
+from fmfts.field_table import FieldTable, mounting_of
 from fmfts.pad import Array, Pad
 from fmfts.pose import (
     AMBIENT,
@@ -90,17 +88,6 @@ def _solve(field_t: Array, pad: Pad, start: State, options: PoseOptions) -> Pose
         octupole=options.octupole,
         neighbours=[other.magnet for other in options.neighbours],
     )
-
-
-def mounting_of(path: Path, pad: Pad) -> Mounting:
-    """What the baseline file at `path` says of `pad`; DataError where it cannot be used."""
-    try:
-        baseline = ambient.load(path, pad)
-        if baseline is None:
-            raise DataError(f"{path}: there is no such baseline")
-        return baseline.mounting(pad)
-    except BaselineError as error:
-        raise DataError(str(error)) from error
 
 
 def _columns(estimates: list[PoseEstimate], names: Sequence[str]) -> dict[str, list[str]]:

@@ -38,7 +38,7 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _pose(options: argparse.Namespace) -> int:
-    from fmfts.offline import field_table
+    from fmfts import field_table
     from fmfts.offline.pose import PoseOptions, solve_table
     from fmfts.scene import unseen
 

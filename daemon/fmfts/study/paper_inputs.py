@@ -13,7 +13,7 @@ from fmfts.calibrate.dataset import rest_field
 from fmfts.calibrate.simulated import magnet_fields, rest_field_of
 from fmfts.calibrate.standard_set import standard_set
 from fmfts.calibrate.tracked import FrameSolver, Tracked
-from fmfts.offline.field_table import DataError
+from fmfts.field_table import DataError
 from fmfts.pad import Array, Pad
 
 # The presses solved to test the shipped model with.

@@ -12,9 +12,9 @@ from fmfts.ambient import BaselineError
 from fmfts.calibrate.dataset import standard_pad
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.response import Response
+from fmfts.field_table import DataError
 from fmfts.jobs.baseline_files import stored
 from fmfts.needs import Cost, Model, Surroundings, configured, costs, placed_beside, recommended
-from fmfts.offline.field_table import DataError
 from fmfts.pad import Array
 from fmfts.scene import NOISE_T
 from fmfts.study import scene_chart, scene_facts

@@ -32,7 +32,7 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from fmfts.offline.field_table import DataError
+    from fmfts.field_table import DataError
 
     pad = configured_pad(options)
     if options.seed < 0:

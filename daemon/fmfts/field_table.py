@@ -1,4 +1,5 @@
-"""CSV files of fields: the offline verbs' input. Columns b1x_ut … bNz_ut in µT, sensors in the order of the config."""
+"""CSV files of fields, the offline verbs' input, and the baselines that go with them. Columns b1x_ut … bNz_ut in µT,
+sensors in the order of the config."""
 
 from __future__ import annotations
 
@@ -11,9 +12,11 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fmfts import ambient
+from fmfts.ambient import BaselineError, Mounting
+from fmfts.pad import Array, Pad
+
 LARGEST_CHARACTERS = 200_000_000  # a day of one frame a second, or a quarter of an hour of all frames
 LARGEST_FIELD_UT = 1000.0  # 10 G: the chip's largest range ends at 8.1 G
 
@@ -77,6 +80,17 @@ def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
+
+
+def mounting_of(path: Path, pad: Pad) -> Mounting:
+    """What the baseline file at `path` says of `pad`; DataError where it cannot be used."""
+    try:
+        baseline = ambient.load(path, pad)
+        if baseline is None:
+            raise DataError(f"{path}: there is no such baseline")
+        return baseline.mounting(pad)
+    except BaselineError as error:
+        raise DataError(str(error)) from error
 
 
 def _require_as_many(path: Path, line: int, row: Mapping[str | None, object], header: Sequence[str]) -> None:
