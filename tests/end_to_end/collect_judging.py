@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.calibrate.dataset import PAD_SIZE_MM, CalibrationSet, read_calibration_set, read_labelled
+from fmfts.calibrate.labelled_poses import LabelledPoses, solver_of
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.network import train_network
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.tracked import Tracked
-from fmfts.calibrate.training import PRESSES, LabelledPoses, Options, solver_of
+from fmfts.calibrate.training import PRESSES
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Pad
 from fmfts.simulate.chip import NOISE_T
@@ -26,7 +27,8 @@ BAR = 1.2  # of ideal data's error
 
 def known(table: Path) -> LabelledPoses:
     """What `calibrate` makes of a table before it trains anything."""
-    return LabelledPoses.of(str(table), read_calibration_set(table, _pad(), PAD_SIZE_MM, None), Options(), _mute)
+    calibration = read_calibration_set(table, _pad(), PAD_SIZE_MM, None)
+    return LabelledPoses.of(str(table), calibration, solver_of(calibration, "drifting", NOISE_T), _mute)
 
 
 def compare_responses(tables: Mapping[str, Path], held_out: Path) -> None:

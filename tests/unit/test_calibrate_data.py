@@ -12,9 +12,10 @@ import pytest
 
 from fmfts import exit_codes
 from fmfts.calibrate.dataset import read_calibration_set, read_labelled, rest_field, standard_pad
+from fmfts.calibrate.labelled_poses import solved
 from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.tracked import FrameSolver
-from fmfts.calibrate.training import Options, calibrate, solved
+from fmfts.calibrate.training import Options, calibrate
 from fmfts.cli import main
 from fmfts.field_table import DataError
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from fmfts.bench.workspace import standard_pad
+from fmfts.bench.workspace import NOISE_T, standard_pad
 from fmfts.calibrate.evaluation import rounded
 from fmfts.calibrate.export import export
 from fmfts.calibrate.fitting import best_roughness
+from fmfts.calibrate.labelled_poses import solved, solver_of
 from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import ContactNetwork
 from fmfts.calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
 from fmfts.calibrate.standard_set import standard_set
-from fmfts.calibrate.training import NOISE_T, solved, solver_of
 from fmfts.contact import ContactModel
 
 LARGER = (28, 32)  # what `calibrate` does not try: they gain nothing, and take as long as all the others

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.calibrate.dataset import CalibrationSet, rest_field
+from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluation import force_bins, metrics, own_error, rounded, rows, tables_of_squares
 from fmfts.calibrate.export import export
-from fmfts.calibrate.fitting import best_roughness, fit_response
-from fmfts.calibrate.left_out import LeftOut
+from fmfts.calibrate.labelled_poses import LabelledPoses, Say, solver_of
 from fmfts.calibrate.network import ContactNetwork, train_network
 from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
 from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
-from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked, UnsolvedError
+from fmfts.calibrate.tracked import FrameSolver, Scene
 from fmfts.contact.contract import (
     CONTRACT_VERSION,
     INPUT_ORDER,
@@ -31,22 +29,14 @@ from fmfts.contact.contract import (
 from fmfts.contact.response import Response
 from fmfts.field_table import DataError
 from fmfts.pad import Array
+from fmfts.scene import NOISE_T
 
-NOISE_T = 2e-7
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # of force
-# Presses that the fit was not told may differ by so many deviations of a frame's noise, and no more: beyond, the set
-# does not determine the response, or its labels are wrong. Places to 0.1 mm and forces to 1 % leave 4.9.
-LARGEST_LEFT_OUT = 8.0
 # Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
 # out is learnt, so that a press beyond is found to be beyond.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
 SMALL_SHEAR = 0.1  # of the normal force: its effect is still in proportion
-# A field that leaves more than this unexplained is no field of this pad: noise is 0.2 µT, the dipole's error as much.
-LARGEST_RESIDUAL_T = 5e-6
-# Baselines of a rest pose alone leave 3 µT of the ambient field in; the Earth's is 50 µT.
-LARGEST_COMMON_UT = 10.0
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,38 +57,6 @@ class Calibrated:
 
     model: bytes
     report: dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class LabelledPoses:
-    """A set with its poses, and the smooth response through them; shear and all, where the set has it."""
-
-    calibration: CalibrationSet
-    solver: FrameSolver
-    tracked: Tracked
-    roughness: float
-    response: Response
-    left_out: LeftOut
-
-    @classmethod
-    def of(cls, path: str, calibration: CalibrationSet, options: Options, say: Say) -> LabelledPoses:
-        """`path` names the set in errors. DataError: a field that is none of this pad's."""
-        solver = solver_of(calibration, options.scene, options.noise_t)
-        say(f"{path}: solving {len(calibration.press)} poses; magnet of {solver.remanence_t:.4f} T")
-        tracked = solved(path, calibration, solver)
-        change = tracked.pose[:, :5] - solver.rest_pose[:5]
-        say("fitting the pad's response")
-        roughness = best_roughness(calibration.press, change, tracked.deviation)
-        response = fit_response(calibration.press, change, tracked.deviation, roughness)
-        left_out = LeftOut.of(calibration.press, change, tracked.deviation, roughness)
-        say(f"presses left out of the fit differ from it by {left_out.in_deviations:.2g} deviations of a frame's noise")
-        if left_out.in_deviations > LARGEST_LEFT_OUT:
-            raise DataError(
-                f"{path}: {len(calibration.press)} presses do not tell this pad's response: those left out of its fit "
-                f"differ from it by {left_out.in_deviations:.3g} deviations of a frame's noise, {LARGEST_LEFT_OUT:g} "
-                "are allowed: press more places (every 2 mm) and forces, or see whether labels are as wrong as that"
-            )
-        return cls(calibration, solver, tracked, roughness, response, left_out)
 
 
 def calibrate(
@@ -129,11 +87,11 @@ def _calibrated(
             f"{path}: columns shear_x_n, shear_y_n: every row has shear, so none tells what a normal press does: add "
             "presses without it, or make a model that tells shear (--shear)"
         )
-    known = LabelledPoses.of(path, calibration, options, say)
+    known = _labelled_poses(path, calibration, options, say)
     solver, tracked = known.solver, known.tracked
     response = known.response if options.shear else known.response.without_shear()
     if sheared is not None:
-        known_shear = LabelledPoses.of(sheared[0], _where_shear_can_be_told(*sheared), options, say)
+        known_shear = _labelled_poses(sheared[0], _where_shear_can_be_told(*sheared), options, say)
     else:
         known_shear = known
     hidden, candidates = options.hidden, list[Candidate]()
@@ -170,9 +128,8 @@ def _calibrated(
     return Calibrated(model, report)
 
 
-def solver_of(calibration: CalibrationSet, scene: Scene, noise_t: float) -> FrameSolver:
-    """What finds the set's poses."""
-    return FrameSolver(calibration.pad, rest_field(calibration), scene, noise_t, calibration.mounting)
+def _labelled_poses(path: str, calibration: CalibrationSet, options: Options, say: Say) -> LabelledPoses:
+    return LabelledPoses.of(path, calibration, solver_of(calibration, options.scene, options.noise_t), say)
 
 
 def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> CalibrationSet:
@@ -211,38 +168,6 @@ def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables
         moved = Samples.expected(fitted, solver, np.column_stack([press, shear_n * direction]))
         errors.append((network(moved.pose) - network(still.pose)) / shear_n)
     return tables_of_squares(bins, np.tile(press, (len(errors), 1)), np.concatenate(errors) ** 2)
-
-
-def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Tracked:
-    """The set's poses. DataError names the row that no magnet of this pad explains."""
-
-    def refusal(row: int, left: str) -> DataError:
-        return DataError(
-            f"{path}: row {calibration.line[row]}, columns b1x_ut …: no magnet of this pad explains the field{left}: "
-            "are the sensors in the config's order, is the ambient field subtracted?"
-        )
-
-    try:
-        tracked = solver.solved(calibration.field_t)
-    except UnsolvedError as error:
-        raise refusal(error.row, "") from error
-    worst = int(np.argmax(tracked.residual_t))
-    if not tracked.residual_t[worst] <= LARGEST_RESIDUAL_T:
-        raise refusal(worst, f" ({tracked.residual_t[worst] * 1e6:.1f} µT are left)")
-    if calibration.mounting is None:
-        _require_subtracted(path, calibration, solver)
-    return tracked
-
-
-def _require_subtracted(path: str, calibration: CalibrationSet, solver: FrameSolver) -> None:
-    """Free unknowns take the ambient field up, but the rest pose and the moment that were taken with it are wrong."""
-    common_ut = solver.common_field_t(calibration.field_t[::8]) * 1e6
-    if np.abs(common_ut).max() > LARGEST_COMMON_UT:
-        shared = ", ".join(f"{value:.0f}" for value in common_ut)
-        raise DataError(
-            f"{path}: columns b1x_ut …: in most rows all sensors share ({shared}) µT, as an ambient field does: "
-            "subtract it, or give with --baseline the one that was recorded"
-        )
 
 
 def train(response: Response, solver: FrameSolver, hidden: int, presses: int) -> ContactNetwork:

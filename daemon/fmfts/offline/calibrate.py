@@ -11,7 +11,8 @@ from typing import Any
 
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import printed
-from fmfts.calibrate.training import Options, Say, calibrate
+from fmfts.calibrate.labelled_poses import Say
+from fmfts.calibrate.training import Options, calibrate
 from fmfts.field_table import DataError
 from fmfts.pad import Pad
 

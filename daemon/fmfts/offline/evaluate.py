@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluation import Row, rows
+from fmfts.calibrate.labelled_poses import solved, solver_of
 from fmfts.calibrate.tracked import Scene, Tracked
-from fmfts.calibrate.training import NOISE_T, solved, solver_of
 from fmfts.contact import ContactModel
 from fmfts.contact.model import CONTACT_UNIT, POSE_UNIT
 from fmfts.pad import Array
+from fmfts.scene import NOISE_T
 
 
 @dataclass(frozen=True, slots=True)
