@@ -17,6 +17,7 @@ from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Endpoints
+from ports import tcp_base
 from unit.bus_messages import BOOT, contact_message
 
 LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
@@ -169,7 +170,7 @@ def test_only_a_known_key_hears_over_tcp(program: Path, tmp_path: Path) -> None:
     folder = KeyFolder(tmp_path / "keys")
     folder.add("arm", tmp_path / "arm.key")
     KeyFolder(tmp_path / "others").add("thief", tmp_path / "thief.key")
-    base = f"tcp://127.0.0.1:{20000 + os.getpid() % 20000}"
+    base = tcp_base()
     gate, publisher = Gate(folder), Publisher(Endpoints.from_base(base), BOOT, folder.server())
     keys = {name: os.environ | {"FMFTS_KEY": str(tmp_path / f"{name}.key")} for name in ("arm", "thief")}
     try:
@@ -201,7 +202,7 @@ def far(publisher: Publisher, ahead_s: float, waited_s: float = 0.0, boot: str =
 @pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
 def test_clock_of_another_machine_is_learnt_from_what_arrives(program: Path, ahead_s: float) -> None:
     """That machine was started an hour after this one or before it, and later once more."""
-    base = f"tcp://127.0.0.1:{20000 + os.getpid() % 20000}"
+    base = tcp_base()
     publisher = Publisher(Endpoints.from_base(base), BOOT)
 
     def settled(client: Talker, boot: str, ahead_s: float) -> dict[str, Any]:

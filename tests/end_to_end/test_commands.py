@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ from end_to_end.processes import (
 )
 from fmfts.bus.keys import KeyFolder
 from fmfts.pad import Pad
+from ports import tcp_base
 
 # Neither pressed nor turned: a baseline may be recorded at any time.
 STILL_CONFIG = """
@@ -33,25 +33,12 @@ turning_deg_per_s = 0.0
 RECORD = ("baseline", "--rest", "--duration-s", "0.5")
 
 
-def free_ports() -> int:
-    """The first of three in a row."""
-    for first in range(20000 + os.getpid() % 10000, 60000, 3):
-        try:
-            for port in range(first, first + 3):
-                with socket.socket() as attempt:
-                    attempt.bind(("127.0.0.1", port))
-        except OSError:
-            continue
-        return first
-    raise AssertionError("no port is free")
-
-
 @pytest.fixture(params=["ipc", "tcp"])
 def daemon(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningDaemon]:
     """Found by nothing but its configuration, and over tcp a key."""
     endpoint, keys = f"ipc://{tmp_path}", None
     if request.param == "tcp":
-        endpoint, keys = f"tcp://127.0.0.1:{free_ports()}", tmp_path / "keys"
+        endpoint, keys = tcp_base(), tmp_path / "keys"
         KeyFolder(keys).add("test", tmp_path / "test.key")
         monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "test.key"))
     with RunningDaemon(tmp_path, STILL_CONFIG, endpoint=endpoint, keys=keys) as daemon:

@@ -18,6 +18,7 @@ from test_bus import connect
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Client, Endpoints
+from ports import tcp_base
 
 
 @pytest.fixture
@@ -41,8 +42,8 @@ def test_second_daemon_on_an_endpoint_is_refused_by_name(publisher: Publisher, e
 
 
 def test_second_daemon_on_a_tcp_port_is_refused_too() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        base = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+    base = tcp_base()
+    with socket.create_server(("127.0.0.1", int(base.rpartition(":")[2]))):
         assert serving_pid(base) == 0, "somebody, but a port does not say who"
         with pytest.raises(BusError, match=r"Address already in use.*: another program, perhaps another fmfts-daemon"):
             Publisher(Endpoints.from_base(base), "two")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Client, Endpoints
 from fmfts_client.clock import DRIFT, SETTLING_S, SenderClock
+from ports import tcp_base
 from unit.bus_messages import contact_message
 
 PATIENCE_S = 10.0
@@ -25,9 +25,7 @@ PERIOD_S = 0.02
 
 @contextmanager
 def far_daemon() -> Iterator[tuple[Publisher, Endpoints]]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoints = Endpoints.from_base(f"tcp://127.0.0.1:{min(probe.getsockname()[1], 65533)}")
+    endpoints = Endpoints.from_base(tcp_base())
     publisher = Publisher(endpoints, "one")
     yield publisher, endpoints
     publisher.close()

@@ -17,25 +17,10 @@ from fmfts.bus.keys import KeyFolder
 from fmfts.bus.lock import BusError
 from fmfts.bus.publisher import Publisher
 from fmfts_client import KEY_VARIABLE, BadKeyError, Endpoints, RefusedError, Subscription, UnreachableError, request
+from ports import tcp_base
 
 # A handshake on one machine takes milliseconds; a peer that is shut out shows it by silence.
 HANDSHAKE_S, SILENCE_S = 5.0, 0.7
-
-
-def three_free_ports() -> str:
-    for port in range(20_000, 30_000, 7):
-        held = []
-        try:
-            for offset in range(3):
-                held.append(socket.socket())
-                held[-1].bind(("127.0.0.1", port + offset))
-        except OSError:
-            continue
-        finally:
-            for each in held:
-                each.close()
-        return f"tcp://127.0.0.1:{port}"
-    raise AssertionError("no ports are free")
 
 
 class Service:
@@ -45,7 +30,7 @@ class Service:
         self.keys = KeyFolder(folder / "keys")
         self.friend = folder / "friend.key"
         self.keys.add("friend", self.friend)
-        self.base = three_free_ports()
+        self.base = tcp_base()
         self.gate = Gate(self.keys)
         key, endpoints = self.keys.server(), Endpoints.from_base(self.base)
         self._publisher = Publisher(endpoints, BOOT, key)
@@ -191,7 +176,7 @@ def test_replayed_handshake_gets_nothing(service: Service, monkeypatch: pytest.M
 
 
 def test_changing_verbs_need_a_key_over_tcp_on_this_machine_too() -> None:
-    base = three_free_ports()
+    base = tcp_base()
     server = ControlServer(Endpoints.from_base(base).control)
     done = threading.Event()
 

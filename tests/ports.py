@@ -1,0 +1,33 @@
+"""Ports for what tests serve over tcp; those that run side by side never ask for the same."""
+
+from __future__ import annotations
+
+import os
+import socket
+from itertools import count
+
+# Below 32768, where Linux begins to give ports to whoever connects.
+FIRST, TRIPLES, TRIPLES_OF_A_PROCESS = 20_000, 4_000, 37
+_asked = count()
+
+
+def tcp_base() -> str:
+    """A bus's base on three free ports in a row: bus, control and frames."""
+    for _ in range(TRIPLES_OF_A_PROCESS):
+        triple = os.getpid() * TRIPLES_OF_A_PROCESS + next(_asked) % TRIPLES_OF_A_PROCESS
+        first = FIRST + 3 * (triple % TRIPLES)
+        if all(map(_is_free, range(first, first + 3))):
+            return f"tcp://127.0.0.1:{first}"
+    raise AssertionError("no ports are free")
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as attempt:
+        attempt.setsockopt(
+            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
+        )  # as ZeroMQ does: one that was just closed will do
+        try:
+            attempt.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+        return True
