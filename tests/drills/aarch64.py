@@ -19,7 +19,7 @@ FROM_PYPI += ["ml_dtypes==0.5.1"]  # the next one wants numpy 1.25, and Debian 1
 FROM_PYPI += ["pytest", "hypothesis", "sortedcontainers", "iniconfig", "pluggy", "packaging", "pygments"]
 PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "manylinux_2_17")
 TESTS = ["pose_kernel", "pose_solver", "chi2", "alignment", "clock", "wire", "wire_compiled", "hmc5983", "link"]
-TESTS += ["messages", "config_file", "client_clock"]
+TESTS += ["pose_refusals", "messages", "config_file", "client_clock"]
 # What each healthy frame runs through.
 TESTS += ["healthy_path", "contact_network", "tracker", "touch", "refine"]
 STARTS_ANOTHER_PYTHON = ["test_without_the_kernel_the_reference_serves"]

@@ -19,8 +19,8 @@ import pytest
 import zmq
 
 from drills.rig import PATIENCE_S, Ear, longest_gap_s, none_wrong, resident_kb
+from end_to_end.kernel_bus import KernelBus
 from end_to_end.processes import RunningDaemon
-from end_to_end.test_i2c_bus import KernelBus
 from fmfts_client import Contact, Subscription
 
 Facts = dict[str, Any]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from conftest import missing
 from drills import beside, control_fuzz, daemon_drills, recovery
-from end_to_end import test_i2c_bus
+from end_to_end import kernel_bus
 
 
 def test_replugged_boards_come_back_and_leave_no_descriptor(tmp_path: Path) -> None:
@@ -26,8 +26,8 @@ def test_a_storm_of_nacks_brings_no_wrong_number_and_passes(tmp_path: Path) -> N
 
 
 def test_a_wedged_bus_is_said_and_the_other_pad_goes_on(tmp_path: Path) -> None:
-    if test_i2c_bus.missing():
-        missing(test_i2c_bus.PACKAGES)
+    if kernel_bus.missing():
+        missing(kernel_bus.PACKAGES)
     daemon_drills.wedged_bus(tmp_path, 2.0)
 
 

@@ -1,4 +1,4 @@
-"""Random problems for the pose solvers: any geometry, any state, any role for any part."""
+"""Problems for the pose solvers: one on the standard pad; random ones of any geometry, state, and role for any part."""
 
 from __future__ import annotations
 
@@ -6,9 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from fmfts.pose import STOP_CONVERGED, Motion, Part, Prior, Problem, State
+from fmfts.pad import Pad
+from fmfts.pose import STOP_CONVERGED, Motion, Part, Prior, Problem, State, parts_of
 from fmfts.pose.model import predict
-from fmfts.pose.problem import AGE, DIRECTION, MEASUREMENT, NOISE, PLACE, PROPORTIONAL, VALUE
+from fmfts.pose.problem import (
+    AGE,
+    DIRECTION,
+    MEASUREMENT,
+    NOISE,
+    PLACE,
+    PROPORTIONAL,
+    VALUE,
+    magnet_rows,
+    measurement_rows,
+)
 from fmfts.pose.state import AXIS, NEIGHBOUR_SIZE, SIZE, Neighbour
 
 # Deviations of a prior about as wide as a frame's motion: m, rad, 1, T, T/m; then a neighbour's.
@@ -16,6 +27,16 @@ PRIOR_DEVIATION = np.array(
     [1e-4] * 3 + [0.02] * 2 + [0.02] + [3e-6] * 3 + [3e-5] * 5 + [3e-4] * 3 + [0.05] * 2 + [0.05]
 )
 NOISE_T = 2e-7
+TRUTH = State(np.array([0.5e-3, 0.3e-3, 10.5e-3]), np.array([0.0, 0.6, 0.8]), 0.02, np.array([1e-5, -2e-5, 5e-6]))
+
+
+def problem_at(pad: Pad, truth: State = TRUTH, **changes: object) -> Problem:
+    """Noise-free measurements of `truth` by the standard pad, all of pose and ambient free, started there."""
+    rows = measurement_rows(np.zeros((4, 3)), pad.sensors, NOISE_T)
+    magnets = magnet_rows(pad.magnet)
+    rows[:, VALUE], _ = predict(rows, magnets, truth)
+    whole = Problem(rows, magnets, parts_of(free=[0, 1, 2, 3, 4, 6, 7, 8]), truth, stop_chi2=STOP_CONVERGED)
+    return replace(whole, **changes)  # type: ignore[arg-type]
 
 
 def _unit(random: np.random.Generator) -> np.ndarray:

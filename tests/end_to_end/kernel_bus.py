@@ -1,0 +1,112 @@
+"""An emulated kernel I2C bus for real smbus2, and what reads from it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import conftest
+from emulator.chips import LSB_PER_GAUSS
+from fmfts.config import GeometryConfig, I2cSource, PadConfig
+from fmfts.sensor import Frame
+from fmfts.sensor.i2c import I2c
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+SERVER = Path(__file__).parents[1] / "emulator" / "i2c_kernel_bus.py"
+PACKAGES = "umockdev, gir1.2-umockdev-1.0 and python3-gi"
+PATIENCE_S = 20.0  # liveness on a busy machine; starting a reader takes half a second
+
+
+def missing() -> bool:
+    check = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository import UMockdev"
+    libraries = list(Path("/usr/lib").glob("**/libumockdev-preload.so.0"))
+    return not libraries or subprocess.run([SYSTEM_PYTHON, "-c", check], capture_output=True).returncode != 0
+
+
+class KernelBus:
+    """The server process, and what reads from it; `order` changes what is on the bus."""
+
+    def __init__(self) -> None:
+        command = [SYSTEM_PYTHON, str(SERVER)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdin
+        assert self.process.stdout
+        self.root = self.process.stdout.readline().strip()
+        assert self.root, "the emulated bus did not start"
+        self._sources: list[I2c] = []
+
+    def order(self, **what: object) -> str:
+        assert self.process.stdin
+        assert self.process.stdout
+        self.process.stdin.write(json.dumps(what) + "\n")
+        self.process.stdin.flush()
+        return self.process.stdout.readline().strip()
+
+    def chip(self, channel: int, mux: int = 0, **changes: object) -> None:
+        assert self.order(chip=[mux, channel], set=changes) == "done"
+
+    def report(self) -> dict:
+        facts: dict = json.loads(self.order(report=True))
+        return facts
+
+    def open(self, *pads: PadConfig) -> I2c:
+        """A source that is closed with the bus."""
+        self._sources.append(I2c(dict(enumerate(pads))))
+        return self._sources[-1]
+
+    def stop(self) -> None:
+        for source in self._sources:
+            source.close()
+        assert self.process.stdin
+        self.process.stdin.close()
+        self.process.wait(10)
+        if self.process.stdout:
+            self.process.stdout.close()
+
+
+@contextmanager
+def kernel_bus() -> Iterator[KernelBus]:
+    """Seen by processes that are started meanwhile."""
+    if missing():
+        conftest.missing(PACKAGES)
+    bus = KernelBus()
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")  # for the reader, our child; we run without
+            patch.setenv("UMOCKDEV_DIR", bus.root)
+            yield bus
+    finally:
+        bus.stop()
+
+
+def pad(name: str = "left", sensors: int = 4, **source: object) -> PadConfig:
+    settings = {"bus": 7, "rate_hz": 75, "channels": tuple(range(sensors))} | source
+    positions = tuple((float(i), 0.0, 0.0) for i in range(sensors))
+    return PadConfig(name=name, source=I2cSource(**settings), geometry=GeometryConfig(sensors_mm=positions))  # type: ignore[arg-type]
+
+
+def run(source: I2c, until: Callable[[list[Frame]], object]) -> list[Frame]:
+    """Poll until the frames so far satisfy `until`; all of them."""
+    frames: list[Frame] = []
+    end = time.monotonic() + PATIENCE_S
+    while not until(frames):
+        assert time.monotonic() < end, f"still waiting: {source.state}, {len(frames)} frames"
+        frames += source.poll(time.monotonic_ns())
+        time.sleep(0.002)
+    return frames
+
+
+def all_valid(frames: list[Frame]) -> bool:
+    return bool(frames) and bool(frames[-1].valid.all())
+
+
+def expected_counts(gain_code: int, sensors: int = 4, mux: int = 0) -> np.ndarray:
+    fields = [(0.1 * (c + 1), -0.05 * (c + 1), 0.3 + mux) for c in range(sensors)]
+    return np.rint(np.array(fields) * LSB_PER_GAUSS[gain_code])

@@ -1,0 +1,107 @@
+"""The process that reads an I2C bus: a bus that hangs, is taken or absent, its own death, and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from end_to_end.kernel_bus import PATIENCE_S, KernelBus, all_valid, kernel_bus, pad, run
+from fmfts.sensor import SourceError
+from fmfts.sensor.i2c import I2c
+
+
+@pytest.fixture
+def kernel() -> Iterator[KernelBus]:
+    with kernel_bus() as bus:
+        yield bus
+
+
+def test_a_mux_bound_by_the_kernel_is_named(kernel: KernelBus) -> None:
+    kernel.order(busy=[0x70])
+    source = kernel.open(pad())
+    run(source, lambda frames: "bound by the kernel" in source.state.reason)
+    assert "0x70 on /dev/i2c-7 is bound by the kernel:" in source.state.reason
+    kernel.order(busy=[])
+    run(source, all_valid)
+
+
+def test_a_wedged_bus_blocks_nobody_says_where_it_hangs_and_recovers(kernel: KernelBus) -> None:
+    source = kernel.open(pad())
+    run(source, all_valid)
+    kernel.order(block_s=60)
+    longest_s = 0.0
+    end = time.monotonic() + PATIENCE_S
+    while "wedged" not in source.state.reason:
+        assert time.monotonic() < end
+        start = time.monotonic()
+        source.poll(time.monotonic_ns())
+        longest_s = max(longest_s, time.monotonic() - start)
+        time.sleep(0.002)
+    assert longest_s < 0.5  # a poll on a busy machine, against sixty seconds of the call
+    assert not source.state.connected
+    assert "/dev/i2c-7 is wedged for 0." in source.state.reason
+    assert "(mux 0x70, channels 0b" in source.state.reason
+    kernel.order(block_s=0)
+    run(source, all_valid)
+    assert source.state.reconnects == 1
+
+
+def test_a_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
+    source = kernel.open(pad())
+    run(source, all_valid)
+    source._process.kill()
+    run(source, lambda frames: not source.state.connected)
+    assert source.state.reason == "its reader ended with code -9"
+    run(source, all_valid)
+    assert source.state.reconnects == 1
+
+
+def test_a_second_reader_is_refused_with_the_firsts_pid(kernel: KernelBus) -> None:
+    first, second = kernel.open(pad()), kernel.open(pad())
+    run(first, all_valid)
+    run(second, lambda frames: "in use" in second.state.reason)
+    assert f"/dev/i2c-7 is in use by process {first._process.pid} (" in second.state.reason
+    first.close()
+    run(second, all_valid)
+
+
+def test_a_bus_that_is_absent_is_named(kernel: KernelBus) -> None:
+    source = kernel.open(pad(bus=6))
+    run(source, lambda frames: "/dev/i2c-6 does not exist" in source.state.reason)
+
+
+def test_closing_ends_the_reader(kernel: KernelBus) -> None:
+    source = kernel.open(pad())
+    run(source, all_valid)
+    pid = source._process.pid
+    source.close()
+    source.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+@pytest.mark.parametrize(
+    ("pads", "words"),
+    [
+        ([{"clock_hz": 100_000, "rate_hz": 220}], "4 sensors at 220 Hz are more than I2C bus 7 carries at 100000 Hz"),
+        ([{"rate_hz": 160, "trigger": "simultaneous"}], "at most 127 Hz"),
+        ([{"rate_hz": 200, "trigger": "simultaneous"}], "at most 160 Hz are possible"),
+        ([{"rate_hz": 220, "chip": "hmc5883l"}], "at most 75 Hz are possible"),
+        ([{"range_gauss": 3.0}], "no range of ±3.0 G"),
+        ([{}, {}], "pads 'pad0' and 'pad1' both use channel 0 of mux 0x70"),
+        ([{"channels": (0, 1, 1, 2)}], "every sensor needs a channel of its own"),
+        ([{"channels": (0, 1, 2)}], "3 channels, but 4 places"),
+        ([{"mux_address": 0x70 + i} for i in range(4)], "4 pads on one I2C bus"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_anything_is_opened(pads: list[dict], words: str) -> None:
+    with pytest.raises(SourceError, match="pad") as refusal:
+        I2c({index: pad(f"pad{index}", **options) for index, options in enumerate(pads)})
+    assert words in str(refusal.value)
+
+
+def test_three_pads_fit_on_one_bus_at_220_hz() -> None:
+    I2c({index: pad(f"pad{index}", rate_hz=220, mux_address=0x70 + index) for index in range(3)}).close()
