@@ -77,7 +77,7 @@ class Sender:
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
         """What `message` makes of a healthy reading of that kind, whatever its numbers are."""
         over_range = kind == Kind.OVER_RANGE
-        contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0)
+        contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0, 0.0)
         state = mounting.rest
         estimate = PoseEstimate(
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
@@ -134,7 +134,7 @@ def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -
         "force_sd_n": contact.force_sd_n,
     }
     if not touching:
-        return force | {"force_sd_n": quiet_force_sd_n(contact.force_sd_n, unfelt_n)}
+        return force | {"force_sd_n": quiet_force_sd_n(contact.central_force_sd_n, unfelt_n)}
     force |= _shear_fields(contact) | {"force_sd_n": touched_force_sd_n(contact.force_n, contact.force_sd_n, unfelt_n)}
     return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
 

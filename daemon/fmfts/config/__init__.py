@@ -148,7 +148,7 @@ class RebaselineConfig(_Section, frozen=True):
     quiet_s: Annotated[float, Meta(ge=5.0)] = 60.0
     rate_um_per_hour: PositiveFloat = 20.0
     limit_um: Annotated[float, Meta(gt=0.0, le=100.0)] = 30.0
-    force_below_n: PositiveFloat = 0.15
+    force_below_n: PositiveFloat = 0.1
 
     def si(self) -> DriftLimits:
         """The same facts in SI."""

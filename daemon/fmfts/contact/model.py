@@ -45,8 +45,10 @@ class ContactEstimate:
     over_range: the pose or the force is beyond what the model was trained on; then the three are those of the nearest
     pose that it knows, and only force_min_n, a lower bound of the force, is to be believed. None otherwise.
     lifted_m: how far the magnet certainly is above where any trained press, or none, has it; zero if it is not.
-    shear_n: (2,) tangential force along x and y, None from a model of three outputs. refused: a model of five outputs
-    found the press outside of where shear can be told from place; none of its numbers is to be believed.
+    central_force_sd_n: the deviation of the same force, were it felt in the middle of the pad: where nothing is felt,
+    there is no place whose errors could count. shear_n: (2,) tangential force along x and y, None from a model of three
+    outputs. refused: a model of five outputs found the press outside of where shear can be told from place; none of its
+    numbers is to be believed.
     """
 
     x_m: float
@@ -56,6 +58,7 @@ class ContactEstimate:
     over_range: bool
     force_min_n: float | None
     lifted_m: float
+    central_force_sd_n: float
     shear_n: Array | None = None
     refused: bool = False
 
@@ -182,7 +185,7 @@ class ContactModel:
             pose = self.rest_pose + share * (pose - self.rest_pose)
             # What is uncertain of a displacement grows with it: a bound must not fall because the squeeze rose.
             pose_covariance = pose_covariance * share**2
-        contact, spread = self._contact(pose, pose_covariance)
+        contact, spread, central_variance = self._contact(pose, pose_covariance)
         limit_n = self.facts.envelope.force_max_n
         force_sd = float(np.sqrt(spread[2, 2]))
         over_range = share < 1.0 or self._too_hard(contact, spread)
@@ -197,6 +200,7 @@ class ContactModel:
             over_range,
             certain_n if over_range else None,
             lifted_m,
+            float(np.sqrt(central_variance)),
             contact[3:] if self.has_shear else None,
             self.has_shear and self._outside(contact),
         )
@@ -240,8 +244,11 @@ class ContactModel:
         moved = np.abs(displacement) > 1e-9
         return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
 
-    def _contact(self, pose: Array, pose_covariance: Array) -> tuple[Array, Array]:
-        """Contact (m,) and covariance (m, m) in SI: the pose's, carried over by the Jacobian, and the model's own."""
+    def _contact(self, pose: Array, pose_covariance: Array) -> tuple[Array, Array, float]:
+        """Contact (m,) and covariance (m, m) in SI: the pose's, carried over by the Jacobian, and the model's own.
+
+        Last the variance of the same force in the middle of the pad.
+        """
         contact, jacobian = self._infer(pose)
         carried = jacobian @ pose_covariance @ jacobian.T
         if self.refiner is not None:
@@ -250,8 +257,9 @@ class ContactModel:
         contact = contact * self._unit
         force_bin = np.searchsorted(self.force_bins_n, contact[2])
         radius_bin = np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))
-        own = np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
-        spread = carried * self._unit * self._unit[:, None] + own
+        carried = carried * self._unit * self._unit[:, None]
+        spread = carried + np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
+        central_variance = float(carried[2, 2] + self.own_deviation[force_bin, 0, 2] ** 2)
         certain, wider = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), np.ones(len(contact))
         wider[:2] = self.spread_m / np.sqrt(np.maximum(np.diagonal(spread)[:2], certain * self.spread_m**2))
         spread = spread * wider * wider[:, None]
@@ -259,7 +267,7 @@ class ContactModel:
         for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):
             spread[axis], spread[:, axis] = 0.0, 0.0
             spread[axis, axis] = self.spread_m[axis] ** 2
-        return contact, spread
+        return contact, spread, central_variance
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
         self.inference.pose[:] = pose

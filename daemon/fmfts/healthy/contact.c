@@ -73,12 +73,22 @@ static double doubt(const fmfts_facts *facts, double force_n, double variance)
     return force_n > 0.0 && least < force_n * force_n ? least / (force_n * force_n) : 1.0;
 }
 
+static const double *own_deviation(const fmfts_facts *facts, const double *contact, int radius_bin)
+{
+    int force_bin = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
+    return facts->own_deviation + CONTACT * (force_bin * (int)facts->radius_bins[0] + radius_bin);
+}
+
+/* ContactEstimate.central_force_sd_n */
+static double central_force_sd_n(const fmfts_facts *facts, const double *contact, const double *found)
+{
+    return hypot(sqrt(found[2]), own_deviation(facts, contact, 0)[2]);
+}
+
 /* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
 static void spread_of(const fmfts_facts *facts, const double *contact, const double *found, double variance[CONTACT])
 {
-    int force = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
-    int radius = radius_bin(facts, contact);
-    const double *own = facts->own_deviation + CONTACT * (force * (int)facts->radius_bins[0] + radius);
+    const double *own = own_deviation(facts, contact, radius_bin(facts, contact));
     for (int i = 0; i < CONTACT; i++) {
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
     }
@@ -128,7 +138,7 @@ fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *quest
     }
     double unfelt_n = facts->unfelt_n[0];
     if (question->touching == 0.0) {
-        numbers->force_sd_n[0] = quiet_force_sd_n(force_sd, unfelt_n);
+        numbers->force_sd_n[0] = quiet_force_sd_n(central_force_sd_n(facts, place, found->variance), unfelt_n);
         return FMFTS_QUIET;
     }
     numbers->force_sd_n[0] = quiet_force_sd_n(force_sd, doubt(facts, place[2], variance[2]) * unfelt_n);
