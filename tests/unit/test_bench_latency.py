@@ -7,8 +7,9 @@ import struct
 import msgspec
 import numpy as np
 
-from fmfts.bench.latency import WARM_UP_S, matched, pad_of
+from fmfts.bench.latency import pad_of
 from fmfts.bench.latency_rig import NUMBERS, RATE_HZ, RAW_PER_K, ROOM_C, repeated, samples
+from fmfts.bench.latency_run import WARM_UP_S, matched
 from fmfts.sensor.framing import Decoder, encode
 from fmfts.sensor.packets import Sample
 

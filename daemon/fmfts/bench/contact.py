@@ -6,19 +6,18 @@ import json
 import time
 from argparse import Namespace
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmfts.bench import contact_live, contact_shear, contact_sizes
+from fmfts.bench.contact_answers import answers
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
 from fmfts.calibrate.evaluation import rms, rounded
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
-from fmfts.contact import ContactEstimate, ContactModel
-from fmfts.contact.model import POSE_UNIT
+from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
 from fmfts.contact.verified import path_of
 from fmfts.pad import Pad
@@ -26,7 +25,6 @@ from fmfts.pad import Pad
 PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "friction", "shear", "sizes")
 SCENES: tuple[Scene, ...] = ("drifting", "constant")
 SPEED_RUNS = 3000
-MM = np.array([1e3, 1e3, 1.0])
 PLACE_MM, LIGHTEST_N, FIRMEST_N = 14.0, 0.28, 1.98
 CENTRE_MM, RELIABLE_MM = 8.0, 11.0
 REFINING_STEPS = 20  # from the true press: the table's own error, whatever the search
@@ -34,37 +32,10 @@ REMANENCES_T = (0.6, 0.9, 1.23, 1.28, 1.5)
 HEADER = "                                              x (mm)   y (mm)    F (N)"
 
 
-@dataclass(frozen=True, slots=True)
-class Answers:
-    """found, deviation (K, 3) in mm and N."""
-
-    found: Array
-    deviation: Array
-
-
 def drawn_presses(count: int, random: np.random.Generator) -> Array:
     """(K, 3) x and y uniform over the pad, force uniform from the paper's lightest to its firmest."""
     place = random.uniform(-PLACE_MM, PLACE_MM, (count, 2))
     return np.column_stack([place, random.uniform(LIGHTEST_N, FIRMEST_N, count)])
-
-
-def estimates(model: ContactModel, tracked: Tracked) -> list[ContactEstimate]:
-    """What the model makes of each frame, one at a time as a running pad does."""
-    out = []
-    for pose, covariance in zip(tracked.pose, tracked.covariance, strict=True):
-        whole = np.zeros((6, 6))
-        whole[:5, :5] = covariance
-        position_m, axis = np.split(pose / POSE_UNIT, 2)
-        out.append(model.estimate(position_m, axis, whole / POSE_UNIT / POSE_UNIT[:, None]))
-    return out
-
-
-def answers(model: ContactModel, tracked: Tracked) -> Answers:
-    found = estimates(model, tracked)
-    return Answers(
-        np.array([[one.x_m, one.y_m, one.force_n] for one in found]) * MM,
-        np.array([[one.x_sd_m, one.y_sd_m, one.force_sd_n] for one in found]) * MM,
-    )
 
 
 def run(options: Namespace) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fmfts.bench.contact_answers import estimates
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
 from fmfts.calibrate.evaluation import rounded
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
@@ -116,8 +117,6 @@ def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
 
 def squeezes(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
     """Presses beyond the calibrated force, anywhere on the pad: how many are flagged, and whether the bound holds."""
-    from fmfts.bench.contact import estimates
-
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     facts = {}

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fmfts.bench.contact_answers import answers, estimates
 from fmfts.bench.workspace import NOISE_T, Array, standard_pad
 from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluation import rms, rounded
@@ -32,8 +33,6 @@ WRONG_DEVIATIONS = 5.0
 
 def shear(path: str, random: np.random.Generator) -> dict[str, Any]:
     """Maps over one quarter of the pad, x to the right: an even press of FORCE_N. ValueError for another model."""
-    from fmfts.bench.contact import estimates
-
     pad = standard_pad()
     model = ContactModel.load(path, pad, refine=True)
     if not model.has_shear or model.refiner is None:
@@ -113,8 +112,6 @@ def _condition(response: Response, press: Array) -> float:
 
 def friction(path: str, random: np.random.Generator) -> dict[str, Any]:
     """Errors of a model of three outputs under shear up to the cone of friction, beside what it says of them."""
-    from fmfts.bench.contact import answers
-
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     facts: dict[str, Any] = {}

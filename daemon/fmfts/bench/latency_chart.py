@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from fmfts.bench.latency import Run
+from fmfts.bench.latency_run import Run
 
 
 def draw(runs: dict[str, list[tuple[int, Run]]], file: Path) -> None:
