@@ -47,7 +47,7 @@ HELD: dict[str, Callable[[Facts], bool]] = {
     "wedge": lambda facts: (
         facts["recovered_s"] <= 5.0 and facts["least_share_of_rate"] >= 0.95 and not facts["other_health"]
     ),
-    "clock": lambda facts: facts["longest_gap_s"] <= 0.5,
+    "clock": lambda facts: facts["longest_gap_s"] <= 0.5 and facts["share_of_rate"] >= 0.95,
     "deaf": lambda facts: facts["longest_gap_s"] <= 0.5,
     "probe": lambda facts: not facts["not_ok"] and facts["longest_gap_s"] <= 0.5,
 }
