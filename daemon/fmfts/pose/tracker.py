@@ -12,19 +12,13 @@ from fmfts.chi2 import quantile, survival
 from fmfts.named import Named
 from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
+from fmfts.pose.foreign_field import with_foreign_field
 from fmfts.pose.neighbour import Seen, joined, without_neighbours
 from fmfts.pose.problem import Part, Prior, Status
 from fmfts.pose.solver import PoseEstimate, solve
-from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, POSITION, SIZE, State
+from fmfts.pose.state import LOG_MOMENT, POSITION, SIZE, State
 from fmfts.pose.tracking_model import TrackingModel
-from fmfts.pose.watch import (
-    FEWEST_SENSORS,
-    GRADIENT_DEVIATION_T_PER_M,
-    UNEVEN_FIELD_DEVIATION_T,
-    TrackHealth,
-    Watch,
-    without,
-)
+from fmfts.pose.watch import FEWEST_SENSORS, TrackHealth, Watch, without
 
 Array = NDArray[np.float64]
 
@@ -217,14 +211,7 @@ class Tracker:
     ) -> PoseEstimate:
         parts = self._model.parts
         if gradient:
-            parts = parts.copy()
-            parts[GRADIENT] = Part.PRIOR
-            covariance = prior.covariance.copy()
-            covariance[GRADIENT, GRADIENT] = np.eye(5) * GRADIENT_DEVIATION_T_PER_M**2
-            if parts[AMBIENT.start] == Part.FIXED:
-                parts[AMBIENT] = Part.PRIOR
-                covariance[AMBIENT, AMBIENT] = np.eye(3) * UNEVEN_FIELD_DEVIATION_T**2
-            prior = replace(prior, covariance=covariance)
+            parts, prior = with_foreign_field(parts, prior)
         if self._neighbours:
             start, parts, prior = joined(start, parts, prior, self._neighbours)
         return solve(

@@ -12,22 +12,18 @@ from fmfts.named import Named
 from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.field_errors import SensorErrors, change_since
+from fmfts.pose.foreign_field import FOREIGN_DEVIATION
 from fmfts.pose.innovation import Finding, Innovations
 from fmfts.pose.model import predict
 from fmfts.pose.problem import Part, Parts, magnet_rows, measurement_rows
 from fmfts.pose.solver import PoseEstimate
-from fmfts.pose.state import AMBIENT, GRADIENT, LOG_MOMENT, SIZE, State
+from fmfts.pose.state import AMBIENT, LOG_MOMENT, State
 
 Array = NDArray[np.float64]
 TrackHealth = Literal["ok", "degraded", "disturbed", "lost"]
 
 # Fewer whole sensors than this leave poses that fit as well as the true one.
 FEWEST_SENSORS = 3
-# What a magnet 60 mm away, or a steel tool, makes: 22 mG from the middle to a sensor.
-GRADIENT_DEVIATION_T_PER_M = 3e-4
-UNEVEN_FIELD_DEVIATION_T = 1e-5
-FOREIGN_DEVIATION = np.zeros(SIZE)
-FOREIGN_DEVIATION[AMBIENT], FOREIGN_DEVIATION[GRADIENT] = UNEVEN_FIELD_DEVIATION_T, GRADIENT_DEVIATION_T_PER_M
 
 
 class Watch:
