@@ -1,13 +1,9 @@
-#define _GNU_SOURCE
 #include "commands.h"
 
-#include <errno.h>
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "../core/hmc5983.h"
+#include "chip_commands.h"
 
 const char commands_help[] =
     "Commands on standard input, one a line; each is answered by `ok` or `error: …`. PAD and SENSOR count from 0.\n"
@@ -27,139 +23,10 @@ const char commands_help[] =
     "  run US                                with --stepped: let so much time pass\n"
     "  quit\n";
 
-enum { WORDS_MAX = 16, NUMBERS_MAX = 3 * SAMPLER_SENSORS_MAX };
-
 static const char wrong_pad[] = "no such pad: they count from 0";
 static const char wrong_sensor[] = "no such sensor: they count from 0";
-static const char wrong_number[] = "not a finite number within range";
 
-struct words {
-    char *word[WORDS_MAX];
-    int count;
-};
-
-static struct words split(char *command)
-{
-    struct words words = {.count = 0};
-    char *rest = NULL;
-    for (char *word = strtok_r(command, " \t\r", &rest); word && words.count < WORDS_MAX;
-         word = strtok_r(NULL, " \t\r", &rest))
-        words.word[words.count++] = word;
-    return words;
-}
-
-static bool number(const char *word, double low, double high, double *value)
-{
-    char *end;
-    *value = strtod(word, &end);
-    return end != word && *end == '\0' && *value >= low && *value <= high;
-}
-
-static int small_index(const char *word, int count)
-{
-    double value;
-    return number(word, 0, count - 1, &value) && value == floor(value) ? (int)value : -1;
-}
-
-struct place {
-    int pad;
-    int sensor;
-};
-
-static const char *field(struct session *session, struct words *words, struct place place)
-{
-    double values[NUMBERS_MAX];
-    for (int i = 0; i < NUMBERS_MAX; i++)
-        if (!number(words->word[2 + i], -1e5, 1e5, &values[i]))
-            return wrong_number;
-    for (int i = 0; i < NUMBERS_MAX; i++)
-        session->emulation.chips[place.pad][i / 3].field_ut[i % 3] = values[i];
-    return NULL;
-}
-
-static const char *temperature(struct session *session, struct words *words, struct place place)
-{
-    double celsius;
-    if (!number(words->word[2], -100, 200, &celsius))
-        return wrong_number;
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
-        session->emulation.chips[place.pad][i].temperature_c = celsius;
-    return NULL;
-}
-
-static const char *noise(struct session *session, struct words *words, struct place place)
-{
-    double microtesla;
-    if (!number(words->word[2], 0, 1e4, &microtesla))
-        return wrong_number;
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
-        session->emulation.chips[place.pad][i].noise_ut = microtesla;
-    return NULL;
-}
-
-static const char *ppm(struct session *session, struct words *words, struct place place)
-{
-    double value;
-    if (!number(words->word[3], -1e5, 1e5, &value))
-        return wrong_number;
-    session->emulation.chips[place.pad][place.sensor].ppm = value;
-    return NULL;
-}
-
-static void mend(struct emulated_chip *chip)
-{
-    bench_plug_chip(chip, true);
-    chip->identification[2] = '3';
-    chip->clock_stopped = false;
-    chip->saturated_axes = 0;
-}
-
-static const char *fault(struct session *session, struct words *words, struct place place)
-{
-    struct emulated_chip *chip = &session->emulation.chips[place.pad][place.sensor];
-    const char *kind = words->word[3];
-    if (strcmp(kind, "none") == 0)
-        mend(chip);
-    else if (strcmp(kind, "unplugged") == 0)
-        bench_plug_chip(chip, false);
-    else if (strcmp(kind, "stuck") == 0)
-        chip->clock_stopped = true;
-    else if (strlen(kind) == 10 && strncmp(kind, "saturate-", 9) == 0 && kind[9] >= 'x' && kind[9] <= 'z')
-        chip->saturated_axes |= (uint8_t)(1 << (kind[9] - 'x'));
-    else if (strcmp(kind, "config-corrupt") == 0)
-        chip->config_b ^= 0x60; // another gain, at once
-    else if (strcmp(kind, "wrong-id") == 0) {
-        // Another chip in its place: it also comes up without a configuration, so the core looks at it again.
-        bench_plug_chip(chip, false);
-        bench_plug_chip(chip, true);
-        chip->identification[2] = '4';
-    } else
-        return "fault is none, unplugged, wrong-id, stuck, saturate-x, saturate-y, saturate-z or config-corrupt";
-    return NULL;
-}
-
-static const char *mux(struct session *session, struct words *words, struct place place)
-{
-    bool unplugged = strcmp(words->word[2], "unplugged") == 0;
-    if (!unplugged && strcmp(words->word[2], "none") != 0)
-        return "mux is none or unplugged";
-    bench_plug_switch(session->emulation.switches[place.pad], !unplugged);
-    return NULL;
-}
-
-static const char *load(struct session *session, struct words *words, struct place place)
-{
-    (void)place;
-    struct emulated_converter *converter = &session->emulation.converter;
-    double counts = 0;
-    converter->present = strcmp(words->word[1], "none") != 0;
-    if (converter->present && !number(words->word[1], -8388608, 8388607, &counts))
-        return wrong_number;
-    converter->counts = (int32_t)counts;
-    return NULL;
-}
-
-static const char *garbage(struct session *session, struct words *words, struct place place)
+static const char *garbage(struct session *session, const struct words *words, struct place place)
 {
     (void)place;
     double count, seed;
@@ -178,21 +45,21 @@ static const char *garbage(struct session *session, struct words *words, struct 
     return ring_put(&session->line.ring, bytes, (size_t)count) ? NULL : "the line has no room for so many bytes now";
 }
 
-static const char *cut(struct session *session, struct words *words, struct place place)
+static const char *cut(struct session *session, const struct words *words, struct place place)
 {
     (void)words, (void)place;
     session->line.cut_next = true;
     return NULL;
 }
 
-static const char *reset(struct session *session, struct words *words, struct place place)
+static const char *reset(struct session *session, const struct words *words, struct place place)
 {
     (void)words, (void)place;
     emulation_reset(&session->emulation);
     return NULL;
 }
 
-static const char *frames(struct session *session, struct words *words, struct place place)
+static const char *frames(struct session *session, const struct words *words, struct place place)
 {
     (void)words;
     const struct emulation *emulation = &session->emulation;
@@ -201,7 +68,7 @@ static const char *frames(struct session *session, struct words *words, struct p
     return NULL;
 }
 
-static const char *hold(struct session *session, struct words *words, struct place place)
+static const char *hold(struct session *session, const struct words *words, struct place place)
 {
     (void)place;
     bool on = strcmp(words->word[1], "on") == 0;
@@ -211,7 +78,7 @@ static const char *hold(struct session *session, struct words *words, struct pla
     return NULL;
 }
 
-static const char *jump(struct session *session, struct words *words, struct place place)
+static const char *jump(struct session *session, const struct words *words, struct place place)
 {
     (void)place;
     double us;
@@ -248,7 +115,7 @@ static void pass_span(void *context)
     }
 }
 
-static const char *run(struct session *session, struct words *words, struct place place)
+static const char *run(struct session *session, const struct words *words, struct place place)
 {
     (void)place;
     double us;
@@ -261,7 +128,7 @@ static const char *run(struct session *session, struct words *words, struct plac
     return NULL;
 }
 
-static const char *quit(struct session *session, struct words *words, struct place place)
+static const char *quit(struct session *session, const struct words *words, struct place place)
 {
     (void)words, (void)place;
     session->quit = true;
@@ -272,15 +139,15 @@ static const struct command {
     const char *name;
     int words;
     bool has_pad, has_sensor;
-    const char *(*execute)(struct session *session, struct words *words, struct place place);
+    execute *execute;
 } commands[] = {
-    {"field", 2 + NUMBERS_MAX, true, false, field},
-    {"temperature", 3, true, false, temperature},
-    {"noise", 3, true, false, noise},
-    {"ppm", 4, true, true, ppm},
-    {"fault", 4, true, true, fault},
-    {"mux", 3, true, false, mux},
-    {"load", 2, false, false, load},
+    {"field", 2 + FIELD_NUMBERS, true, false, execute_field},
+    {"temperature", 3, true, false, execute_temperature},
+    {"noise", 3, true, false, execute_noise},
+    {"ppm", 4, true, true, execute_ppm},
+    {"fault", 4, true, true, execute_fault},
+    {"mux", 3, true, false, execute_mux},
+    {"load", 2, false, false, execute_load},
     {"garbage", 3, false, false, garbage},
     {"truncate", 1, false, false, cut},
     {"reset", 1, false, false, reset},
@@ -293,7 +160,7 @@ static const struct command {
 
 const char *commands_execute(struct session *session, char *line)
 {
-    struct words words = split(line);
+    struct words words = words_of(line);
     struct place place = {0, 0};
     session->answer[0] = '\0';
     for (size_t i = 0; i < sizeof commands / sizeof *commands && words.count > 0; i++) {

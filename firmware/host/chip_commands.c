@@ -1,0 +1,96 @@
+#include "chip_commands.h"
+
+#include <string.h>
+
+const char *execute_field(struct session *session, const struct words *words, struct place place)
+{
+    double values[FIELD_NUMBERS];
+    for (int i = 0; i < FIELD_NUMBERS; i++)
+        if (!number(words->word[2 + i], -1e5, 1e5, &values[i]))
+            return wrong_number;
+    for (int i = 0; i < FIELD_NUMBERS; i++)
+        session->emulation.chips[place.pad][i / 3].field_ut[i % 3] = values[i];
+    return NULL;
+}
+
+const char *execute_temperature(struct session *session, const struct words *words, struct place place)
+{
+    double celsius;
+    if (!number(words->word[2], -100, 200, &celsius))
+        return wrong_number;
+    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
+        session->emulation.chips[place.pad][i].temperature_c = celsius;
+    return NULL;
+}
+
+const char *execute_noise(struct session *session, const struct words *words, struct place place)
+{
+    double microtesla;
+    if (!number(words->word[2], 0, 1e4, &microtesla))
+        return wrong_number;
+    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
+        session->emulation.chips[place.pad][i].noise_ut = microtesla;
+    return NULL;
+}
+
+const char *execute_ppm(struct session *session, const struct words *words, struct place place)
+{
+    double value;
+    if (!number(words->word[3], -1e5, 1e5, &value))
+        return wrong_number;
+    session->emulation.chips[place.pad][place.sensor].ppm = value;
+    return NULL;
+}
+
+static void mend(struct emulated_chip *chip)
+{
+    bench_plug_chip(chip, true);
+    chip->identification[2] = '3';
+    chip->clock_stopped = false;
+    chip->saturated_axes = 0;
+}
+
+const char *execute_fault(struct session *session, const struct words *words, struct place place)
+{
+    struct emulated_chip *chip = &session->emulation.chips[place.pad][place.sensor];
+    const char *kind = words->word[3];
+    if (strcmp(kind, "none") == 0)
+        mend(chip);
+    else if (strcmp(kind, "unplugged") == 0)
+        bench_plug_chip(chip, false);
+    else if (strcmp(kind, "stuck") == 0)
+        chip->clock_stopped = true;
+    else if (strlen(kind) == 10 && strncmp(kind, "saturate-", 9) == 0 && kind[9] >= 'x' && kind[9] <= 'z')
+        chip->saturated_axes |= (uint8_t)(1 << (kind[9] - 'x'));
+    else if (strcmp(kind, "config-corrupt") == 0)
+        chip->config_b ^= 0x60; // another gain, at once
+    else if (strcmp(kind, "wrong-id") == 0) {
+        // Another chip in its place: it also comes up without a configuration, so the core looks at it again.
+        bench_plug_chip(chip, false);
+        bench_plug_chip(chip, true);
+        chip->identification[2] = '4';
+    } else
+        return "fault is none, unplugged, wrong-id, stuck, saturate-x, saturate-y, saturate-z or config-corrupt";
+    return NULL;
+}
+
+const char *execute_mux(struct session *session, const struct words *words, struct place place)
+{
+    bool unplugged = strcmp(words->word[2], "unplugged") == 0;
+    if (!unplugged && strcmp(words->word[2], "none") != 0)
+        return "mux is none or unplugged";
+    bench_plug_switch(session->emulation.switches[place.pad], !unplugged);
+    return NULL;
+}
+
+const char *execute_load(struct session *session, const struct words *words, struct place place)
+{
+    (void)place;
+    struct emulated_converter *converter = &session->emulation.converter;
+    double counts = 0;
+    converter->present = strcmp(words->word[1], "none") != 0;
+    if (converter->present && !number(words->word[1], -8388608, 8388607, &counts))
+        return wrong_number;
+    converter->counts = (int32_t)counts;
+    return NULL;
+}

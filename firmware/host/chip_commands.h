@@ -1,0 +1,19 @@
+// The commands about what is on the buses: chips, their surroundings and faults. Each returns what is wrong with it.
+#ifndef FMFTS_HOST_CHIP_COMMANDS_H
+#define FMFTS_HOST_CHIP_COMMANDS_H
+
+#include "commands.h"
+#include "words.h"
+
+enum { FIELD_NUMBERS = 3 * SAMPLER_SENSORS_MAX };
+
+struct place {
+    int pad;
+    int sensor;
+};
+
+typedef const char *execute(struct session *session, const struct words *words, struct place place);
+
+execute execute_field, execute_temperature, execute_noise, execute_ppm, execute_fault, execute_mux, execute_load;
+
+#endif
