@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
 from fmfts.contact import ContactEstimate, doubt
-from fmfts.healthy import HealthyPath, Judged, Kind, Template
+from fmfts.healthy import Expressed, HealthyPath, Judged, Kind, Template
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
 from fmfts.sensor import Frame
@@ -58,6 +58,7 @@ class Sender:
         self.number = 0
         self._sampled_ns = 0
         self._templates: dict[tuple[Kind, bool, str], Template] = {}
+        self._packed: tuple[Template, Kind] | None = None  # of the last message, where that was a packed one
 
     def packed(
         self, path: HealthyPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
@@ -68,11 +69,25 @@ class Sender:
         if template is None:
             self._templates = {key: made for key, made in self._templates.items() if key[2] == baseline.id}
             template = self._templates[key] = self._template(judged.kind, frame, mounting, baseline)
+        self._packed = template, judged.kind
         self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
         self.number += 1
         publish_ns = time.monotonic_ns()
         payload = path.message(template, self.number, self._sampled_ns, publish_ns, time.time_ns())
         return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
+
+    def express(
+        self, path: HealthyPath, clock: bytearray, pad_index: int, data: bytes, begin: int, arrival_ns: int
+    ) -> Expressed | None:
+        """The message of a frame that is still bytes, where it differs from the last one in its numbers only."""
+        if self._packed is None:
+            return None
+        template, kind = self._packed
+        found = path.express(clock, pad_index, template, kind, self.number + 1, data, begin, arrival_ns)
+        if found is not None:
+            self.number += 1
+            self._sampled_ns = found[3]
+        return found
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
         """What `message` makes of a healthy reading of that kind, whatever its numbers are."""
@@ -98,6 +113,7 @@ class Sender:
     ) -> ContactMessage:
         """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
         self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
+        self._packed = None
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:

@@ -10,7 +10,7 @@ from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.contact_message import PackedMessage, Reading, Sender
-from fmfts.healthy import HealthyPath
+from fmfts.healthy import Expressed, HealthyPath
 from fmfts.pad import Pad, Placement
 from fmfts.pose import Aligned, Alignment, State, TrackingModel, displacement
 from fmfts.pose.neighbour import NeighbourView, Seen, Sighting, placement_deviation, with_rest
@@ -96,6 +96,12 @@ class PadPipeline:
                 return self._sender.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
             self.hand_back()
         return self._judge(frame)
+
+    def express(self, clock: bytearray, pad_index: int, data: bytes, begin: int, arrival_ns: int) -> Expressed | None:
+        """The same from the board's bytes on, in one call: only where nothing but the numbers is new, else None."""
+        if self._compiled is None:
+            return None
+        return self._sender.express(self._compiled, clock, pad_index, data, begin, arrival_ns)
 
     def _judge(self, frame: Frame) -> ContactMessage:
         sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)

@@ -30,6 +30,19 @@ def ask(
 def conclude(
     facts: Buffer, memory: Buffer, passage: Buffer, response: Buffer | None, contact: Buffer, jacobian: Buffer, /
 ) -> tuple[int, int] | None: ...
+def express(
+    pad: tuple[Buffer, Buffer, Buffer, Buffer | None, Buffer],
+    clock: bytearray,
+    pad_index: int,
+    template: bytes,
+    places: bytes,
+    kind: int,
+    seq: int,
+    data: bytes,
+    begin: int,
+    arrival_ns: int,
+    /,
+) -> tuple[int, bytes, int, int, int] | None: ...
 def message(
     template: bytes, places: bytes, passage: Buffer, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, /
 ) -> bytes: ...

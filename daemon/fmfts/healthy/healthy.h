@@ -12,6 +12,7 @@
 
 #include "../contact/refine.h"
 #include "../pose/solver.h"
+#include "../sensor/sample.h"
 
 enum {
     FMFTS_SENSORS = 8,
@@ -22,7 +23,6 @@ enum {
     FMFTS_FIELD_ERRORS = FMFTS_LEFTOVERS + 1,
     FMFTS_CHANGE = 8, /* of pose 5 and ambient field 3 since the baseline */
     FMFTS_BINS = 16,
-    FMFTS_READING_BYTES = 8, /* of a sensor: docs/wire.md */
 };
 
 /* Each table names the doubles of a struct, in order: Python reads the names and fills or views them (path.py). Arrays

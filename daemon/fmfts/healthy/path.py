@@ -38,6 +38,11 @@ class Judged(NamedTuple):
     kind: Kind
 
 
+# Where a frame's bytes end, its message, sequence, t_sample_ns and t_publish_ns. As a class of its own it would take
+# longer than what is done with it.
+Expressed = tuple[int, bytes, int, int, int]
+
+
 KINDS = tuple(Kind)
 
 
@@ -58,6 +63,8 @@ class HealthyPath:
         self._memory = Named(_healthy.MEMORY)
         self._memory_buffer = self._memory.buffer
         self._passage = np.zeros(_healthy.PASSAGE_BYTES // 8).data
+        self._pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
+        self._whole = None if self._network is None else (*self._pad, self._network)
 
     @classmethod
     def of(
@@ -89,7 +96,7 @@ class HealthyPath:
 
     def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
         """None where the frame is not healthy in every respect: the memory then is as it was."""
-        pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
+        pad = self._pad
         frame = packed, device_time_us, np.nan if temperature_c is None else temperature_c
         judged = None
         if self._network is not None:
@@ -98,6 +105,27 @@ class HealthyPath:
             self._model.run()
             judged = _healthy.conclude(*pad, *self._model_buffers[1:])
         return None if judged is None else Judged(judged[0], KINDS[judged[1]])
+
+    def express(
+        self,
+        clock: bytearray,
+        pad_index: int,
+        template: Template,
+        kind: Kind,
+        seq: int,
+        data: bytes,
+        begin: int,
+        arrival_ns: int,
+    ) -> Expressed | None:
+        """`judge` and `message` in one, of the wire's bytes from `begin` on.
+
+        None where they are not a sample packet of this pad, its time is not on the board's line (`DeviceClock.line`),
+        it is not healthy and of this `kind`, or the template has a temperature and it has none: all is as it was then.
+        """
+        if self._whole is None:
+            return None
+        text, places = template.text, template.places
+        return _healthy.express(self._whole, clock, pad_index, text, places, kind, seq, data, begin, arrival_ns)
 
     def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
         """The last judged frame's."""

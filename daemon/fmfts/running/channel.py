@@ -18,7 +18,7 @@ from fmfts.memory import state_message
 from fmfts.pipeline import PadPipeline
 from fmfts.running.rebaselining import Rebaselining
 from fmfts.running.statistics import PadStatistics
-from fmfts.sensor import Frame, Source
+from fmfts.sensor import ByteSource, Frame, Source
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +44,7 @@ class Channel:
         self._topic = contact_topic(self.name)
         self._boot = boot
         self._rate_hz = rate_hz
+        self._clock = source.express_to(pad_index, self.express) if isinstance(source, ByteSource) else None
         self._statistics = PadStatistics()
         self._started_ns = time.monotonic_ns()
         # Without a usable frame for this long a pad is silent: at any rate, two frames may be missing.
@@ -95,6 +96,26 @@ class Channel:
         if self._rebaselining is not None and self._rebaselining.saw(answer):
             self._publisher.state_changed(self.name)
             self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
+
+    def express(self, data: bytes, arrived_ns: int) -> bytes:
+        """Contacts of the frames that `data` begins with, as long as they differ from the last one's in their numbers
+        only; what is left of `data`, for `frame`."""
+        if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
+            return data
+        if self._publisher.frames_wanted(self.name, arrived_ns):
+            return data
+        end = 0
+        while end < len(data):
+            found = self.pipeline.express(self._clock, self.pad_index, data, end, arrived_ns)
+            if found is None:
+                break
+            end, payload, sequence, sampled_ns, published_ns = found
+            self._publisher.send_packed(self._topic, payload)
+            self._statistics.next_frame(sequence)
+            self._statistics.published(sampled_ns, published_ns)
+            self._last = PackedMessage(payload, self._kind, sampled_ns, published_ns)
+            self._last_frame_ns = self._last_used_ns = arrived_ns
+        return data[end:]
 
     def use(self, baseline: Baseline) -> None:
         """BaselineError where it does not fit the pad. What a drift taught is forgotten."""

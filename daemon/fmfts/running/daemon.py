@@ -8,6 +8,7 @@ import secrets
 import signal
 import socket
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import FrameType
@@ -31,7 +32,7 @@ from fmfts.running.schedule import Schedule
 from fmfts.running.summary import one_line
 from fmfts.running.verbs import Verbs
 from fmfts.scene import around, blind, choose
-from fmfts.sensor import Source
+from fmfts.sensor import ByteSource, Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
@@ -67,11 +68,14 @@ class Daemon:
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
+        self._express: dict[int, Callable[[int], bool]] = {}
         self._pads = config.pad
         self._service = config.service
         by_name = {pad.name: pad for pad in config.pad}
         for source, names in open_sources(config.pad):
             self._sources.append(source)
+            if isinstance(source, ByteSource):
+                self._express[id(source)] = source.express
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
         self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
@@ -136,6 +140,9 @@ class Daemon:
         self._notifier.stopping()
 
     def _serve(self, source: Source, now_ns: int) -> None:
+        express = self._express.get(id(source))
+        if express is not None and express(now_ns):
+            return
         frames = source.poll(now_ns)
         for frame in frames:
             channel = self._channels.get((id(source), frame.pad_index))

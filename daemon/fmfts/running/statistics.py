@@ -31,6 +31,14 @@ class PadStatistics:
             self.gaps += max(frame.sequence - self._last[1] - 1, 0)
         self._last = frame.run, frame.sequence
 
+    def next_frame(self, sequence: int) -> None:
+        """The same for a frame of the same run as the last one."""
+        self.frames += 1
+        if self._last is not None:
+            run, before = self._last
+            self.gaps += max(sequence - before - 1, 0)
+            self._last = run, sequence
+
     def published(self, sampled_ns: int, published_ns: int) -> None:
         self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
 

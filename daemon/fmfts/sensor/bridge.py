@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import serial
@@ -18,7 +18,7 @@ from fmfts.sensor.link import Link
 from fmfts.sensor.packets import UID_BYTES, Verb
 from fmfts.sensor.source import SourceError, SourceState
 
-READ_BYTES = 65536
+READ_BYTES = 4096  # all that Linux holds back of a line
 FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
 LOOK_NS = 50_000_000  # has anything been plugged in, or pulled? No port is opened for that
@@ -53,6 +53,9 @@ class Bridge:
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
         self._outbox = b""
+        self._takers: dict[int, Callable[[bytes, int], bytes]] = {}  # by pad index
+        self._asked: dict[int, Callable[[bytes, int], bytes]] = {}  # those who may take the next bytes
+        self._unread = b""  # what they left
 
     def fileno(self) -> int | None:
         return self._descriptor
@@ -68,13 +71,34 @@ class Bridge:
             times.append(self._opened_ns + IDENTIFY_NS)
         return min(when for when in times if when is not None)
 
+    def express_to(self, pad_index: int, take: Callable[[bytes, int], bytes]) -> bytearray:
+        self._takers[pad_index] = take
+        return self._clock.line
+
+    def express(self, now_ns: int) -> bool:
+        if not self._asked or self._descriptor is None:
+            return False
+        try:
+            data = os.read(self._descriptor, READ_BYTES)
+        except OSError:
+            return False  # `poll` meets it, too
+        # A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are.
+        take = self._asked.get(data[2] & 15) if len(data) > 2 else None
+        self._unread = data if take is None else take(data, now_ns)
+        if self._unread or not data:
+            return False
+        self._link.heard_ns = now_ns
+        return True
+
     def poll(self, now_ns: int) -> Sequence[Frame]:
+        self._asked = {}
         if self._serial is None and now_ns >= self._look_ns:
             self._look(now_ns)
         if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
             return ()
         frames = self._receive(now_ns)
         if frames and self.state.connected and not self._outbox and self._link.is_quiet:
+            self._asked = {index: take for index, take in self._takers.items() if self._link.is_plain(index)}
             return frames  # all is well, and there is nothing to say
         if self._serial is not None:
             self._judge(now_ns)
@@ -87,6 +111,7 @@ class Bridge:
             raise SourceError(
                 f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
             )
+        self._asked = {}
         self._link.request_selftest(pad_index, time.monotonic_ns())
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
@@ -155,7 +180,7 @@ class Bridge:
     def _receive(self, now_ns: int) -> Sequence[Frame]:
         assert self._descriptor is not None
         try:
-            data = os.read(self._descriptor, READ_BYTES)
+            data = self._unread or os.read(self._descriptor, READ_BYTES)
         except BlockingIOError:
             return ()
         except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
@@ -164,6 +189,7 @@ class Bridge:
         if not data:
             self._disconnect("the port hung up: plug the board in again", now_ns)
             return ()
+        self._unread = b""
         unheard = self._link.heard_ns == 0
         frames = self._link.feed(data, now_ns)
         if unheard and self._link.heard_ns and not self._is_configured_port:
@@ -251,6 +277,7 @@ class Bridge:
     def _release(self) -> None:
         if self._serial is not None:
             serial_port.close(self._serial)
+            self._unread, self._asked = b"", {}
             self._serial = self._descriptor = None
 
 

@@ -12,6 +12,7 @@ nothing but late packets has *arrived* for a while, it was the board's clock tha
 from __future__ import annotations
 
 import math
+import struct
 from collections import deque
 from itertools import pairwise
 
@@ -21,6 +22,10 @@ HEIGHT_BUCKETS = 16  # 4 s: longer than a host's hiccup, short enough for an err
 JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step beyond this is a reset, or a suspended host
 STANDSTILL_NS = 400_000_000  # of arrivals, each of them late; a backlog arrives within milliseconds
 STANDSTILL_PACKETS = 8  # at a few Hz, two late packets in a row are chance
+
+# fmfts_clock_line of clock.h, and where the newest packet stands in it.
+LINE = struct.Struct("=5q4d")
+NEWEST = struct.Struct("=16xq")
 
 Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
 
@@ -48,6 +53,7 @@ class DeviceClock:
         self.tolerance = tolerance
         self.fixed_delay_ns = fixed_delay_ns
         self.restarts = -1
+        self.line = bytearray(LINE.size)
         self.restart()
 
     def restart(self) -> None:
@@ -60,8 +66,8 @@ class DeviceClock:
         self._lowest: Point = (0, 0)
         self._slope = 0.0  # ns per µs by which the host's clock outruns the board's
         self._height = 0.0  # ns at device time zero
-        self._uneventful_until_us = 0
         self._forget_late()
+        self._draw_line()
 
     @property
     def drift_ppm(self) -> float:
@@ -70,25 +76,21 @@ class DeviceClock:
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
-        if self._newest_us <= device_us < self._uneventful_until_us:
-            # Most packets are a little above the line, and others of their bucket are lower: nothing is learnt of them.
-            start_us, start_ns = self._start
-            above = arrival_ns - 1000 * device_us - start_ns - self._height - self._slope * (device_us - start_us)
-            if self._least_above <= above <= JUMP_NS:
-                self._newest_us = device_us
-                return arrival_ns - int(above) - self.fixed_delay_ns
+        (self._newest_us,) = NEWEST.unpack_from(self.line)
         host_ns = self._to_host_ns(device_us, arrival_ns)
-        self._expect()
+        self._draw_line()
         return host_ns
 
-    def _expect(self) -> None:
-        """What the next packet must be for the line to stay as it is."""
+    def _draw_line(self) -> None:
+        """Write into `line` what C maps packets with that teach nothing: above it, and a lower one was in their bucket
+        already. C writes the newest of them there."""
         if self._origin is None or self._late_packets:
-            self._uneventful_until_us = 0
+            LINE.pack_into(self.line, 0, 0, 0, self._newest_us, 0, 0, 0.0, 0.0, 0.0, 0.0)
             return
-        self._start = self._origin
-        self._uneventful_until_us = self._origin[0] + self._bucket_end_us
-        self._least_above = max(0.0, self._above_line(self._lowest))
+        origin_us, origin_ns = self._origin
+        until_us, least_ns = origin_us + self._bucket_end_us, max(0.0, self._above_line(self._lowest))
+        ends = origin_us, origin_ns, self._newest_us, until_us, self.fixed_delay_ns
+        LINE.pack_into(self.line, 0, *ends, self._height, self._slope, least_ns, float(JUMP_NS))
 
     def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         if self._origin is not None and not self._plausible(device_us, arrival_ns):

@@ -69,6 +69,11 @@ class Decoder:
         self._joined |= end > 0
         return samples, data[end:]
 
+    @property
+    def is_between_packets(self) -> bool:
+        """All that came was whole packets."""
+        return self._joined and not self._pending
+
     def feed(self, data: bytes) -> list[Packet]:
         """The packets that `data` completes; never raises, whatever the bytes are."""
         *lines, pending = (self._pending + data).split(b"\0")

@@ -69,6 +69,10 @@ class Link:
         """`outgoing` has nothing to say, now or later."""
         return self._hello_due_ns is None and self.requests.due_ns is None and self._selftests.due_ns is None
 
+    def is_plain(self, pad_index: int) -> bool:
+        """The next sample of this pad has nothing to do with what came before, and is welcome."""
+        return self._decoder.is_between_packets and any(pad_index == welcome for welcome, _ in self._welcome)
+
     @property
     def due_ns(self) -> int | None:
         """When `outgoing` has something to say."""

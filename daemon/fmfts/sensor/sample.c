@@ -1,6 +1,7 @@
 /* One line → one sample: framing.py and wire.py. Anything else is left to them. */
 #include "sample.h"
 
+#include <math.h>
 #include <string.h>
 
 enum { HEADER = 0x11 /* wire version 1, type sample */, FIXED_BYTES = 17, CRC_BYTES = 2, MOST_SENSORS = 8 };
@@ -70,4 +71,9 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     sample->temperature_raw = (int16_t)little_endian(packet + 15, 2);
     memcpy(sample->readings, packet + FIXED_BYTES, FMFTS_READING_BYTES * sensors);
     return true;
+}
+
+double fmfts_temperature_c(const fmfts_sample *sample)
+{
+    return sample->temperature_raw == FMFTS_TEMPERATURE_UNKNOWN ? NAN : 25.0 + sample->temperature_raw / 128.0;
 }

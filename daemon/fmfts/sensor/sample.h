@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { FMFTS_READING_BYTES = 8, FMFTS_LONGEST_LINE = 255 };
+enum { FMFTS_READING_BYTES = 8 /* of a sensor */, FMFTS_LONGEST_LINE = 255, FMFTS_TEMPERATURE_UNKNOWN = -32768 };
 
 typedef struct {
     uint8_t readings[FMFTS_READING_BYTES * 8];
@@ -18,5 +18,8 @@ typedef struct {
 
 /* Whether the bytes [0, size) of a line, its closing zero left out, are a sample of this wire version. */
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
+
+/* hmc5983.py; NaN where no thermometer told. */
+double fmfts_temperature_c(const fmfts_sample *sample);
 
 #endif

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from fmfts.sensor.frame import Frame
 
@@ -64,3 +64,17 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give the device back. Idempotent."""
+
+
+@runtime_checkable
+class ByteSource(Protocol):
+    """A source whose frames may be taken as the bytes that they come in, before they are frames."""
+
+    def express_to(self, pad_index: int, take: Callable[[bytes, int], bytes]) -> bytearray:
+        """From now on ask `take` first, with a pad's bytes and when they came; it returns what it leaves for `poll`.
+
+        Returns the `line` of the board's clock.
+        """
+
+    def express(self, now_ns: int) -> bool:
+        """Read, and have all of it taken; False: `poll` is to be called, for all else."""
