@@ -56,18 +56,21 @@ def align(log: Log, frames: Sequence[Frame], rest_t: Array) -> Alignment:
     field_t = np.array([frame.field_t for frame in frames]).reshape(len(frames), -1)
     away_t = np.linalg.norm(np.nan_to_num(field_t - rest_t.ravel()), axis=1)
     force_n = np.abs(log.force_n - np.percentile(log.force_n, 5))
-    pressed = _on_grid(log.time_s, np.log1p(force_n / SMALL_FORCE_N))
+    pressing, begun_s = np.log1p(force_n / SMALL_FORCE_N), float(log.time_s[0])
     moved = _on_grid(frame_s, np.log1p(away_t / SMALL_FIELD_T))
-    lag, correlation = _lag_of_the_whole(pressed, moved)
-    middle_s, lag_s = np.array(_lags_of_stretches(pressed, moved, lag) or [(0.0, lag / GRID_HZ)]).T
-    rate, at_zero_s = _straight_line(middle_s, lag_s)
-    even = float(np.mean(np.abs(lag_s - at_zero_s - rate * middle_s) < EVEN_S))
+    rate = 0.0
+    for _ in range(2):  # a clock that runs otherwise smears a stretch's correlation: again, with it put right
+        pressed = _on_grid(begun_s + (1.0 + rate) * (log.time_s - begun_s), pressing)
+        lag, correlation = _lag_of_the_whole(pressed, moved)
+        middle_s, lag_s = np.array(_lags_of_stretches(pressed, moved, lag) or [(0.0, lag / GRID_HZ)]).T
+        slope, at_zero_s = _straight_line(middle_s, lag_s)
+        even = float(np.mean(np.abs(lag_s - at_zero_s - slope * middle_s) < EVEN_S))
+        rate += slope * (1.0 + rate)
     if even < LEAST_SHARE_EVEN:
         raise RefusedError(
             f"the clocks of log and frames do not run evenly: in {1.0 - even:.0%} of the stretches of {STRETCH_S:g} s "
             f"the log is more than {EVEN_S * 1e3:.0f} ms from where the others put it: does the log miss rows?"
         )
-    begun_s = float(log.time_s[0])
     return Alignment(at_zero_s + float(frame_s[0]) - begun_s, rate, begun_s, correlation, even)
 
 
