@@ -58,7 +58,7 @@ class Sender:
         self.number = 0
         self._sampled_ns = 0
         self._templates: dict[tuple[Kind, bool, str], Template] = {}
-        self._packed: tuple[Template, Kind] | None = None  # of the last message, where that was a packed one
+        self._last_template: tuple[Template, Kind] | None = None  # of the last message, where that was a packed one
 
     def packed(
         self, path: HealthyPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
@@ -69,7 +69,7 @@ class Sender:
         if template is None:
             self._templates = {key: made for key, made in self._templates.items() if key[2] == baseline.id}
             template = self._templates[key] = self._template(judged.kind, frame, mounting, baseline)
-        self._packed = template, judged.kind
+        self._last_template = template, judged.kind
         self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
         self.number += 1
         publish_ns = time.monotonic_ns()
@@ -80,9 +80,9 @@ class Sender:
         self, path: HealthyPath, clock: bytearray, pad_index: int, data: bytes, begin: int, arrival_ns: int
     ) -> Expressed | None:
         """The message of a frame that is still bytes, where it differs from the last one in its numbers only."""
-        if self._packed is None:
+        if self._last_template is None:
             return None
-        template, kind = self._packed
+        template, kind = self._last_template
         found = path.express(clock, pad_index, template, kind, self.number + 1, data, begin, arrival_ns)
         if found is not None:
             self.number += 1
@@ -113,7 +113,7 @@ class Sender:
     ) -> ContactMessage:
         """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
         self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
-        self._packed = None
+        self._last_template = None
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:

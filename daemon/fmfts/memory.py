@@ -33,7 +33,8 @@ FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Moun
 # Of one frame alone, or made from what else is here when it is wanted.
 # What follows from the mounting: it may be another than before, or made anew.
 OF_THE_MOUNTING = {"_rest", "rest", "_rows", "_magnets", "_errors"}
-PASSING = OF_THE_MOUNTING | {"_nearest", "_neighbours", "_templates", "_path", "_compiled", "_new_warmth"}
+OF_MESSAGES = {"_templates", "_last_template"}
+PASSING = OF_THE_MOUNTING | OF_MESSAGES | {"_nearest", "_neighbours", "_path", "_compiled", "_new_warmth"}
 # What memories of earlier versions lack, as it was in them.
 ADDED = {"_unread_variance": 0.0}
 LARGEST = 1 << 20
