@@ -44,10 +44,13 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy daemon clients/python
 
-# What tries whole processes by the clock runs alone; the rest on two cores.
+# Tests of whole processes mostly wait, so that three share two cores. What is judged by the clock comes last: two at a
+# time, and neither computes much. The firmware is built before, lest several do; what cannot be built, the tests tell.
 unit: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n 2 --dist loadfile tests/unit
-	$(BIN)/python -m pytest --ignore tests/unit
+	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang >/dev/null
+	$(BIN)/python -m pytest -n 2 --dist worksteal tests/unit
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not real_time" --ignore tests/unit
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m real_time
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5

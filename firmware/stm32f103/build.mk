@@ -29,7 +29,7 @@ $(BUILD)/fmfts-clang.elf: $(STM32) $(STM32_HEADERS) $(STM32_SCRIPT) stm32f103/bu
 	$(STM32_CLANG) $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts-clang.map -o $@.$$$$ && mv $@.$$$$ $@
 
 $(BUILD)/fmfts.bin: $(BUILD)/fmfts.elf
-	$(ARM_CC:gcc=objcopy) -O binary $< $@
+	$(ARM_CC:gcc=objcopy) -O binary $< $@.$$$$ && mv $@.$$$$ $@
 
 # An ST-Link on SWDIO, SWCLK and GND.
 flash: $(BUILD)/fmfts.elf

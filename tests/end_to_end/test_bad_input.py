@@ -1,4 +1,4 @@
-"""What a user's day brings: each fault on the real processes, and what the daemon says about it."""
+"""What a user gets wrong: the configuration, no device, a second daemon, requests that are none."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgpack
-import numpy as np
 import pytest
 import zmq
 
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field, run_command
 from fmfts.pad import Pad
-from fmfts_client import Status
 
 SIMULATED_CONFIG = """
 [[pad]]
@@ -23,55 +21,27 @@ type = "simulated"
 """
 
 
-@pytest.fixture
-def host(tmp_path: Path, pad: Pad) -> Iterator[FirmwareHost]:
-    with FirmwareHost(tmp_path) as host:
-        host.field(resting_field(pad))
-        yield host
-
-
-@pytest.fixture
-def daemon(tmp_path: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
-    """Reading the host's board, its baseline recorded."""
-    with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
-        daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
-        recorded = daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config)
-        assert recorded.returncode == 0, recorded.stderr
-        daemon.wait_for(lambda contact: contact.health == "ok")
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
+    """On a simulated pad; no test changes anything of it."""
+    with RunningDaemon(tmp_path_factory.mktemp("daemon"), SIMULATED_CONFIG) as daemon:
         yield daemon
 
 
-def status_of(daemon: RunningDaemon) -> Status:
-    with daemon.subscribe("status") as messages:
-        message = messages.receive(5.0)
-    assert message is not None
-    return Status.from_message(message.body)
-
-
-class TestConfig:
-    def test_unknown_key_ends_with_78_and_names_the_nearest(self, tmp_path: Path) -> None:
-        path = tmp_path / "wrong.toml"
-        path.write_text(SIMULATED_CONFIG + "rate_hertz = 220\n")
-        ended = run_command("run", "--config", path)
-        assert ended.returncode == 78
-        assert str(path) in ended.stderr
-        assert "rate_hertz" in ended.stderr
-        assert "rate_hz" in ended.stderr
-
-    def test_value_out_of_range_ends_with_78_and_names_the_limit(self, tmp_path: Path) -> None:
-        path = tmp_path / "wrong.toml"
-        path.write_text(SIMULATED_CONFIG + "rate_hz = 500\n")
-        ended = run_command("run", "--config", path)
-        assert ended.returncode == 78
-        assert "rate_hz" in ended.stderr
-        assert "220" in ended.stderr
-
-    def test_absent_model_ends_with_78_and_names_the_file(self, tmp_path: Path) -> None:
-        path = tmp_path / "wrong.toml"
-        path.write_text(SIMULATED_CONFIG + '[pad.contact]\nmodel = "nothing.onnx"\n')
-        ended = run_command("run", "--config", path)
-        assert ended.returncode == 78
-        assert "nothing.onnx" in ended.stderr
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        pytest.param("rate_hertz = 220\n", ["{path}", "rate_hertz", "rate_hz"], id="unknown key, and the nearest"),
+        pytest.param("rate_hz = 500\n", ["rate_hz", "220"], id="value out of range, and the limit"),
+        pytest.param('[pad.contact]\nmodel = "nothing.onnx"\n', ["nothing.onnx"], id="absent model"),
+    ],
+)
+def test_wrong_configuration_ends_with_78_and_names_what(tmp_path: Path, line: str, told: list[str]) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(SIMULATED_CONFIG + line)
+    ended = run_command("run", "--config", path)
+    assert ended.returncode == 78
+    assert all(word.format(path=path) in ended.stderr for word in told), ended.stderr
 
 
 class TestNoDevice:
@@ -83,6 +53,7 @@ class TestNoDevice:
         assert ended.returncode == 69, ended
         assert "nothing" in ended.stderr + ended.stdout
 
+    @pytest.mark.real_time
     def test_run_waits_and_starts_when_the_device_appears(self, tmp_path: Path, pad: Pad) -> None:
         port = tmp_path / "board"
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=port)) as daemon:
@@ -97,6 +68,7 @@ class TestNoDevice:
                 # Reopened at least once a second; the rest is two processes on a loaded machine.
                 assert time.monotonic() - appeared < 4.0
 
+    @pytest.mark.real_time
     def test_silence_is_reported_ten_times_a_second(self, tmp_path: Path) -> None:
         with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=tmp_path / "nothing")) as daemon:
             daemon.wait_for(lambda contact: contact.health == "disconnected")
@@ -108,171 +80,11 @@ class TestNoDevice:
         assert count >= 20
 
 
-class TestStream:
-    def test_unplugged_board_is_disconnected_and_comes_back(
-        self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon, pad: Pad
-    ) -> None:
-        host.kill()
-        gone = daemon.wait_for(lambda contact: contact.health == "disconnected")
-        assert gone.force_n is None
-        assert gone.contact is None
-        with FirmwareHost(tmp_path) as again:
-            again.field(resting_field(pad))
-            # Plugged in again, its baseline still holds.
-            daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
-            assert status_of(daemon).reconnects >= 1
-
-    def test_garbage_between_packets_costs_no_frame(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        before = status_of(daemon)
-        for seed in range(20):
-            host.tell(f"garbage {1 + 13 * seed} {seed}")
-        time.sleep(0.5)
-        daemon.wait_for(lambda contact: contact.health == "ok")
-        time.sleep(1.0)
-        after = status_of(daemon)
-        # Bytes that run into a packet's first ones take that packet along; no other.
-        assert after.gaps - before.gaps <= 20
-        assert after.garbage_bytes > before.garbage_bytes
-
-    def test_truncated_packet_takes_at_most_the_next_one_along(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        before = status_of(daemon)
-        for _ in range(5):
-            host.tell("truncate")
-            time.sleep(0.05)
-        time.sleep(1.2)
-        after = status_of(daemon)
-        # Cut off with its end mark, it runs into the next packet.
-        assert 5 <= after.gaps - before.gaps <= 10
-        daemon.wait_for(lambda contact: contact.health == "ok")
-
-    def test_firmware_reset_is_survived(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        host.tell("reset")
-        daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
-
-    def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
-        self, host: FirmwareHost, daemon: RunningDaemon
-    ) -> None:
-        host.tell(f"time {2**32 - 500_000}")
-        daemon.wait_for(lambda contact: contact.health == "ok")
-        before = status_of(daemon)
-        with daemon.subscribe() as messages:
-            for _ in range(300):  # 1.4 s, across the wrap
-                message = messages.receive(1.0)
-                assert message is not None
-                assert message.body["health"] == "ok"
-        assert status_of(daemon).gaps == before.gaps
-
-
-class TestSensors:
-    @pytest.mark.parametrize(("fault", "sensor"), [("unplugged", 0), ("unplugged", 2), ("wrong-id", 1)])
-    def test_sensor_that_does_not_answer_is_left_out_and_named(
-        self, host: FirmwareHost, daemon: RunningDaemon, fault: str, sensor: int
-    ) -> None:
-        host.tell(f"fault 0 {sensor} {fault}")
-        degraded = daemon.wait_for(
-            lambda contact: contact.health == "degraded" and not contact.sensors_ok & (1 << sensor)
-        )
-        assert f"sensor {sensor + 1}" in degraded.reason
-        assert degraded.pose is not None
-        assert degraded.contact is False
-        deadline = time.monotonic() + 5.0
-        while not (faults := status_of(daemon).sensor_faults):
-            assert time.monotonic() < deadline
-        assert f"sensor {sensor + 1}" in faults[0]
-        host.tell(f"fault 0 {sensor} none")
-        daemon.wait_for(lambda contact: contact.health == "ok" and contact.sensors_ok == 0b1111)
-
-    @pytest.mark.parametrize("axis", ["x", "y", "z"])
-    def test_saturated_axis_is_left_out_and_flagged(
-        self, host: FirmwareHost, daemon: RunningDaemon, pad: Pad, axis: str
-    ) -> None:
-        host.tell(f"fault 0 1 saturate-{axis}")
-        degraded = daemon.wait_for(lambda contact: contact.health == "degraded")
-        assert "sensor 2" in degraded.reason
-        assert degraded.sensors_ok == 0b1101
-        assert degraded.pose is not None
-        # Eleven values instead of twelve: the pose stays within five of its own deviations.
-        deviation = np.array(degraded.pose.position_sd_m)
-        assert (np.abs(np.array(degraded.pose.position_m) - pad.rest_position_m) < 5 * deviation).all()
-        assert degraded.contact is False
-
-    def test_two_dead_sensors_are_lost_without_numbers(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        host.tell("fault 0 0 unplugged")
-        host.tell("fault 0 3 unplugged")
-        lost = daemon.wait_for(lambda contact: contact.health == "lost")
-        assert (lost.pose, lost.force_n, lost.contact) == (None, None, None)
-
-    def test_dead_mux_is_no_contact(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        host.tell("mux 0 unplugged")
-        lost = daemon.wait_for(lambda contact: contact.health in ("lost", "stale"))
-        assert lost.contact is None
-        host.tell("mux 0 none")
-        daemon.wait_for(lambda contact: contact.health == "ok")
-
-
-class TestBaseline:
-    def test_without_one_there_is_neither_pose_nor_force(self, tmp_path: Path, host: FirmwareHost) -> None:
-        with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
-            contact = daemon.wait_for(lambda contact: contact.health == "no_baseline")
-        assert (contact.pose, contact.force_n, contact.contact, contact.x_m) == (None, None, None, None)
-        assert "fmfts-daemon baseline" in contact.reason
-
-    def test_refused_one_changes_nothing(self, host: FirmwareHost, daemon: RunningDaemon, pad: Pad) -> None:
-        before = daemon.wait_for(lambda contact: contact.health == "ok").baseline
-        host.field(-resting_field(pad))
-        refused = daemon.command("baseline", "--rest", "--config", daemon.config)
-        assert refused.returncode == 65
-        assert "upside down" in refused.stderr
-        host.field(resting_field(pad))
-        assert daemon.wait_for(lambda contact: contact.health == "ok").baseline == before
-
-    def test_damaged_file_is_said_and_not_used(self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        assert daemon.stop() == 0
-        stored = tmp_path / "state" / "fmfts" / "baseline" / "left.json"
-        stored.write_text(stored.read_text()[:300])
-        daemon.start()
-        daemon.wait_until_serving()
-        assert daemon.wait_for(lambda contact: contact.health == "no_baseline").force_n is None
-        assert "left.json is damaged" in daemon.log.read_text()
-
-    def test_stored_one_serves_after_a_restart(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        before = daemon.wait_for(lambda contact: contact.health == "ok")
-        assert daemon.stop() == 0
-        daemon.start()
-        daemon.wait_until_serving()
-        after = daemon.wait_for(lambda contact: contact.health == "ok")
-        assert after.baseline == before.baseline
-        assert after.boot != before.boot
-
-
-class TestSecondDaemon:
-    def test_same_endpoint_is_refused_with_the_firsts_pid(self, tmp_path: Path) -> None:
-        with RunningDaemon(tmp_path, SIMULATED_CONFIG) as daemon:
-            second = daemon.command("run", "--config", daemon.config)
-            assert second.returncode == 69
-            assert str(daemon.process.pid) in second.stderr
-            daemon.wait_for(lambda contact: contact.health == "ok")
-
-    def test_same_device_is_refused_with_the_firsts_pid(
-        self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon
-    ) -> None:
-        elsewhere = tmp_path / "elsewhere"
-        elsewhere.mkdir()
-        with RunningDaemon(elsewhere, BRIDGE_CONFIG.format(port=host.port)) as second:
-            refused = second.wait_for(lambda contact: contact.health == "disconnected")
-            assert str(daemon.process.pid) in refused.reason
-        daemon.wait_for(lambda contact: contact.health == "ok")
-
-    def test_probe_beside_a_running_daemon_goes_through_it(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        found = daemon.command("probe", "--config", daemon.config)
-        assert found.returncode == 0, found.stderr
-        assert "connected: yes" in found.stdout
-        daemon.wait_for(lambda contact: contact.health == "ok")
-
-    def test_selftest_goes_through_the_running_daemon(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
-        tested = daemon.command("selftest", "--config", daemon.config)
-        assert tested.returncode == 0, tested.stderr + tested.stdout
-        daemon.wait_for(lambda contact: contact.health == "ok")
+def test_second_daemon_on_an_endpoint_is_refused_with_the_firsts_pid(daemon: RunningDaemon) -> None:
+    second = daemon.command("run", "--config", daemon.config)
+    assert second.returncode == 69
+    assert str(daemon.process.pid) in second.stderr
+    daemon.wait_for(lambda contact: contact.health == "ok")
 
 
 @pytest.mark.parametrize(
@@ -291,15 +103,14 @@ class TestSecondDaemon:
         msgpack.packb({"id": 1, "verb": "selftest", "path": "/etc/passwd"}),
     ],
 )
-def test_malformed_request_gets_an_error_and_changes_nothing(tmp_path: Path, request_body: bytes) -> None:
-    with RunningDaemon(tmp_path, SIMULATED_CONFIG) as daemon:
-        before = daemon.request("pads")
-        with zmq.Context.instance().socket(zmq.DEALER) as socket:
-            socket.setsockopt(zmq.LINGER, 0)
-            socket.connect(f"{daemon.base}/control")
-            socket.send(request_body)
-            assert socket.poll(5000)
-            answer = msgpack.unpackb(socket.recv())
-        assert answer["error"]
-        assert "ok" not in answer
-        assert daemon.request("pads") == before
+def test_malformed_request_gets_an_error_and_changes_nothing(daemon: RunningDaemon, request_body: bytes) -> None:
+    before = daemon.request("pads")
+    with zmq.Context.instance().socket(zmq.DEALER) as socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(f"{daemon.base}/control")
+        socket.send(request_body)
+        assert socket.poll(5000)
+        answer = msgpack.unpackb(socket.recv())
+    assert answer["error"]
+    assert "ok" not in answer
+    assert daemon.request("pads") == before

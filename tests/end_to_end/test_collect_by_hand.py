@@ -31,6 +31,7 @@ type = "udp"
 port = {gauge}
 pattern = '([-+]\\d+\\.\\d+) N'
 """
+pytestmark = pytest.mark.real_time  # a person presses steadily, or sways, by the clock
 PATIENCE_S = 40.0
 WANTED = re.compile(r"press (?P<force>[\d.]+) N at x (?P<x>\S+), y (?P<y>\S+) mm")
 

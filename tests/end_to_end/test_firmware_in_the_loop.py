@@ -15,9 +15,12 @@ from end_to_end.processes import BRIDGE_CONFIG, RunningDaemon
 from fmfts.pad import Pad
 from fmfts_client import Status
 
-pytestmark = pytest.mark.skipif(
-    not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed (make test-packages)"
-)
+pytestmark = [
+    pytest.mark.real_time,  # the emulated board keeps time while it gets a good part of a core
+    pytest.mark.skipif(
+        not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed (make test-packages)"
+    ),
+]
 
 
 @pytest.fixture

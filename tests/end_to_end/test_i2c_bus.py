@@ -18,6 +18,7 @@ def kernel() -> Iterator[KernelBus]:
         yield bus
 
 
+@pytest.mark.real_time
 def test_four_sensors_arrive_as_counts_with_age_freshness_and_temperature(kernel: KernelBus) -> None:
     kernel.chip(1, temperature_c=27.0)
     source = kernel.open(pad())

@@ -28,6 +28,7 @@ def test_a_mux_bound_by_the_kernel_is_named(kernel: KernelBus) -> None:
     run(source, all_valid)
 
 
+@pytest.mark.real_time
 def test_a_wedged_bus_blocks_nobody_says_where_it_hangs_and_recovers(kernel: KernelBus) -> None:
     source = kernel.open(pad())
     run(source, all_valid)

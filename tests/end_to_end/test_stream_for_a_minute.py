@@ -4,6 +4,8 @@ import os
 import time
 from pathlib import Path
 
+import pytest
+
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
 from fmfts.pad import Pad
 from fmfts_client import Contact, Status
@@ -21,6 +23,7 @@ def _resident_kb(pid: int) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:"))
 
 
+@pytest.mark.real_time
 def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad: Pad) -> None:
     """Solving and publishing every frame of one pad from the firmware's own bytes, on a pty."""
     with FirmwareHost(tmp_path) as host, RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:

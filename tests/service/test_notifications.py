@@ -55,6 +55,7 @@ def test_ready_is_said_when_the_sockets_are_bound(tmp_path: Path, systemd: socke
         assert daemon.request("pads", timeout_s=5.0)["pads"]
 
 
+@pytest.mark.real_time
 def test_status_tells_the_true_rate(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, SIMULATED):
         while (told := next_with(systemd, "STATUS=")) == "STATUS=1 of 1 pads ok at 0 Hz":
@@ -63,6 +64,7 @@ def test_status_tells_the_true_rate(tmp_path: Path, systemd: socket.socket) -> N
         assert 100 < float(told.split()[-2]) < 230
 
 
+@pytest.mark.real_time
 def test_absent_hardware_does_not_starve_the_watchdog_and_is_told(tmp_path: Path, systemd: socket.socket) -> None:
     with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=tmp_path / "nothing")):
         assert longest_pause_s(systemd, 2.0) < WATCHDOG_S / 2

@@ -1,0 +1,199 @@
+"""What befalls a board while its pad is in use: each fault on the real processes, and what the daemon says about it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
+from fmfts.pad import Pad
+from fmfts_client import Status
+
+
+@pytest.fixture
+def host(tmp_path: Path, pad: Pad) -> Iterator[FirmwareHost]:
+    with FirmwareHost(tmp_path) as host:
+        host.field(resting_field(pad))
+        yield host
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
+    """Reading the host's board, its baseline recorded."""
+    with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
+        daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
+        recorded = daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config)
+        assert recorded.returncode == 0, recorded.stderr
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        yield daemon
+
+
+def status_of(daemon: RunningDaemon) -> Status:
+    with daemon.subscribe("status") as messages:
+        message = messages.receive(5.0)
+    assert message is not None
+    return Status.from_message(message.body)
+
+
+class TestStream:
+    def test_unplugged_board_is_disconnected_and_comes_back(
+        self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon, pad: Pad
+    ) -> None:
+        host.kill()
+        gone = daemon.wait_for(lambda contact: contact.health == "disconnected")
+        assert gone.force_n is None
+        assert gone.contact is None
+        with FirmwareHost(tmp_path) as again:
+            again.field(resting_field(pad))
+            # Plugged in again, its baseline still holds.
+            daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
+            assert status_of(daemon).reconnects >= 1
+
+    def test_garbage_between_packets_costs_no_frame(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        before = status_of(daemon)
+        for seed in range(20):
+            host.tell(f"garbage {1 + 13 * seed} {seed}")
+        time.sleep(0.5)
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        time.sleep(1.0)
+        after = status_of(daemon)
+        # Bytes that run into a packet's first ones take that packet along; no other.
+        assert after.gaps - before.gaps <= 20
+        assert after.garbage_bytes > before.garbage_bytes
+
+    def test_truncated_packet_takes_at_most_the_next_one_along(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        before = status_of(daemon)
+        for _ in range(5):
+            host.tell("truncate")
+            time.sleep(0.05)
+        time.sleep(1.2)
+        after = status_of(daemon)
+        # Cut off with its end mark, it runs into the next packet.
+        assert 5 <= after.gaps - before.gaps <= 10
+        daemon.wait_for(lambda contact: contact.health == "ok")
+
+    def test_firmware_reset_is_survived(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        host.tell("reset")
+        daemon.wait_for(lambda contact: contact.health == "ok", patience_s=5.0)
+
+    def test_wrap_of_a_32_bit_microsecond_counter_is_not_noticed(
+        self, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
+        host.tell(f"time {2**32 - 500_000}")
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        before = status_of(daemon)
+        with daemon.subscribe() as messages:
+            for _ in range(300):  # 1.4 s, across the wrap
+                message = messages.receive(1.0)
+                assert message is not None
+                assert message.body["health"] == "ok"
+        assert status_of(daemon).gaps == before.gaps
+
+
+class TestSensors:
+    @pytest.mark.parametrize(("fault", "sensor"), [("unplugged", 0), ("unplugged", 2), ("wrong-id", 1)])
+    def test_sensor_that_does_not_answer_is_left_out_and_named(
+        self, host: FirmwareHost, daemon: RunningDaemon, fault: str, sensor: int
+    ) -> None:
+        host.tell(f"fault 0 {sensor} {fault}")
+        degraded = daemon.wait_for(
+            lambda contact: contact.health == "degraded" and not contact.sensors_ok & (1 << sensor)
+        )
+        assert f"sensor {sensor + 1}" in degraded.reason
+        assert degraded.pose is not None
+        assert degraded.contact is False
+        deadline = time.monotonic() + 5.0
+        while not (faults := status_of(daemon).sensor_faults):
+            assert time.monotonic() < deadline
+        assert f"sensor {sensor + 1}" in faults[0]
+        host.tell(f"fault 0 {sensor} none")
+        daemon.wait_for(lambda contact: contact.health == "ok" and contact.sensors_ok == 0b1111)
+
+    @pytest.mark.parametrize("axis", ["x", "y", "z"])
+    def test_saturated_axis_is_left_out_and_flagged(
+        self, host: FirmwareHost, daemon: RunningDaemon, pad: Pad, axis: str
+    ) -> None:
+        host.tell(f"fault 0 1 saturate-{axis}")
+        degraded = daemon.wait_for(lambda contact: contact.health == "degraded")
+        assert "sensor 2" in degraded.reason
+        assert degraded.sensors_ok == 0b1101
+        assert degraded.pose is not None
+        # Eleven values instead of twelve: the pose stays within five of its own deviations.
+        deviation = np.array(degraded.pose.position_sd_m)
+        assert (np.abs(np.array(degraded.pose.position_m) - pad.rest_position_m) < 5 * deviation).all()
+        assert degraded.contact is False
+
+    def test_two_dead_sensors_are_lost_without_numbers(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        host.tell("fault 0 0 unplugged")
+        host.tell("fault 0 3 unplugged")
+        lost = daemon.wait_for(lambda contact: contact.health == "lost")
+        assert (lost.pose, lost.force_n, lost.contact) == (None, None, None)
+
+    def test_dead_mux_is_no_contact(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        host.tell("mux 0 unplugged")
+        lost = daemon.wait_for(lambda contact: contact.health in ("lost", "stale"))
+        assert lost.contact is None
+        host.tell("mux 0 none")
+        daemon.wait_for(lambda contact: contact.health == "ok")
+
+
+class TestBaseline:
+    def test_without_one_there_is_neither_pose_nor_force(self, tmp_path: Path, host: FirmwareHost) -> None:
+        with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
+            contact = daemon.wait_for(lambda contact: contact.health == "no_baseline")
+        assert (contact.pose, contact.force_n, contact.contact, contact.x_m) == (None, None, None, None)
+        assert "fmfts-daemon baseline" in contact.reason
+
+    def test_refused_one_changes_nothing(self, host: FirmwareHost, daemon: RunningDaemon, pad: Pad) -> None:
+        before = daemon.wait_for(lambda contact: contact.health == "ok").baseline
+        host.field(-resting_field(pad))
+        refused = daemon.command("baseline", "--rest", "--config", daemon.config)
+        assert refused.returncode == 65
+        assert "upside down" in refused.stderr
+        host.field(resting_field(pad))
+        assert daemon.wait_for(lambda contact: contact.health == "ok").baseline == before
+
+    def test_damaged_file_is_said_and_not_used(self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        assert daemon.stop() == 0
+        stored = tmp_path / "state" / "fmfts" / "baseline" / "left.json"
+        stored.write_text(stored.read_text()[:300])
+        daemon.start()
+        daemon.wait_until_serving()
+        assert daemon.wait_for(lambda contact: contact.health == "no_baseline").force_n is None
+        assert "left.json is damaged" in daemon.log.read_text()
+
+    def test_stored_one_serves_after_a_restart(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        before = daemon.wait_for(lambda contact: contact.health == "ok")
+        assert daemon.stop() == 0
+        daemon.start()
+        daemon.wait_until_serving()
+        after = daemon.wait_for(lambda contact: contact.health == "ok")
+        assert after.baseline == before.baseline
+        assert after.boot != before.boot
+
+
+class TestSecondDaemon:
+    def test_same_device_is_refused_with_the_firsts_pid(
+        self, tmp_path: Path, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
+        elsewhere = tmp_path / "elsewhere"
+        elsewhere.mkdir()
+        with RunningDaemon(elsewhere, BRIDGE_CONFIG.format(port=host.port)) as second:
+            refused = second.wait_for(lambda contact: contact.health == "disconnected")
+            assert str(daemon.process.pid) in refused.reason
+        daemon.wait_for(lambda contact: contact.health == "ok")
+
+    def test_probe_beside_a_running_daemon_goes_through_it(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        found = daemon.command("probe", "--config", daemon.config)
+        assert found.returncode == 0, found.stderr
+        assert "connected: yes" in found.stdout
+        daemon.wait_for(lambda contact: contact.health == "ok")
+
+    def test_selftest_goes_through_the_running_daemon(self, host: FirmwareHost, daemon: RunningDaemon) -> None:
+        tested = daemon.command("selftest", "--config", daemon.config)
+        assert tested.returncode == 0, tested.stderr + tested.stdout
+        daemon.wait_for(lambda contact: contact.health == "ok")
