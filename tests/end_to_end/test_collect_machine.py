@@ -139,13 +139,23 @@ class Gauge:
         """Nothing is open."""
 
 
-@both_dialects
-def test_collision_while_homing_gets_the_emergency_stop(tmp_path: Path, dialect: str) -> None:
-    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
+@contextmanager
+def watched_stage(
+    folder: Path, dialect: str, **changes: object
+) -> Iterator[tuple[GcodeMachine, Gauge, Stage, SimulatedClock]]:
+    """A stage that is not homed yet, its gauge at zero."""
+    with stock_machine(folder, dialect) as (emulated, config, clock):
         gauge = Gauge()
         watch = Watch(OneFrameEach(), gauge, Limits(4.5, 0.1), clock)
         watch.begin()
-        stage = Stage(config, watch, 0.05)
+        stage = Stage(msgspec.structs.replace(config, **changes), watch, 0.05)
+        yield emulated, gauge, stage, clock
+        stage.close()
+
+
+@both_dialects
+def test_collision_while_homing_gets_the_emergency_stop(tmp_path: Path, dialect: str) -> None:
+    with watched_stage(tmp_path, dialect) as (emulated, gauge, stage, clock):
 
         def collide(place: list[float]) -> None:
             if any("G28" in line or "$H" in line for line in emulated.received):
@@ -158,16 +168,11 @@ def test_collision_while_homing_gets_the_emergency_stop(tmp_path: Path, dialect:
         assert "got the emergency stop" in stage.release()
         clock.sleep(0.1)
         assert emulated.locked
-        stage.close()
 
 
 @both_dialects
 def test_collision_while_travelling_halts_the_machine(tmp_path: Path, dialect: str) -> None:
-    with stock_machine(tmp_path, dialect) as (emulated, config, clock):
-        gauge = Gauge()
-        watch = Watch(OneFrameEach(), gauge, Limits(4.5, 0.1), clock)
-        watch.begin()
-        stage = Stage(config, watch, 0.05)
+    with watched_stage(tmp_path, dialect) as (emulated, gauge, stage, clock):
         stage.begin()
 
         def collide(place: list[float]) -> None:
@@ -181,20 +186,14 @@ def test_collision_while_travelling_halts_the_machine(tmp_path: Path, dialect: s
         assert stage.release() == "the rod was up"
         clock.sleep(3.0)
         assert emulated.place[0] < 92.0
-        stage.close()
 
 
 @contextmanager
 def standing_stage(folder: Path, **changes: object) -> Iterator[tuple[GcodeMachine, Gauge, Stage]]:
     """A Marlin stage that is homed, its gauge at zero."""
-    with stock_machine(folder, "marlin") as (emulated, config, clock):
-        gauge = Gauge()
-        watch = Watch(OneFrameEach(), gauge, Limits(4.5, 0.1), clock)
-        watch.begin()
-        stage = Stage(msgspec.structs.replace(config, **changes), watch, 0.05)
+    with watched_stage(folder, "marlin", **changes) as (emulated, gauge, stage, _):
         stage.begin()
         yield emulated, gauge, stage
-        stage.close()
 
 
 def test_pad_that_is_not_there_is_told_by_the_end_of_the_travel(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -37,22 +38,13 @@ LISTEN = "import sys; from fmfts.view.listen import listen; sys.exit(listen(endp
 
 
 @contextmanager
-def publishing(base: str, messages: Sequence[ContactMessage]) -> Iterator[None]:
-    """A daemon's bus at 100 Hz: `messages` over and over, as if they came this moment."""
+def repeating(turn: Callable[[], None], period_s: float) -> Iterator[None]:
+    """`turn` again and again, in a thread of its own."""
     done = threading.Event()
-    publisher = Publisher(Endpoints.from_base(base), "boot")
 
     def loop() -> None:
-        seq = 0
-        while not done.wait(0.01):
-            for each in tuple(messages):
-                now_ns = time.monotonic_ns()
-                stamped = msgspec.structs.replace(each, seq=seq, t_sample_ns=now_ns - 500_000, t_publish_ns=now_ns)
-                publisher.send_contact(each.pad, stamped)
-            seq += 1
-            if seq % 20 == 0:
-                publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
-                publisher.send_event("demo", event_message())
+        while not done.wait(period_s):
+            turn()
 
     thread = threading.Thread(target=loop)
     thread.start()
@@ -61,7 +53,25 @@ def publishing(base: str, messages: Sequence[ContactMessage]) -> Iterator[None]:
     finally:
         done.set()
         thread.join()
-        publisher.close()
+
+
+@contextmanager
+def publishing(base: str, messages: Sequence[ContactMessage]) -> Iterator[None]:
+    """A daemon's bus at 100 Hz: `messages` over and over, as if they came this moment."""
+    publisher, numbers = Publisher(Endpoints.from_base(base), "boot"), count()
+
+    def publish() -> None:
+        seq = next(numbers)
+        for each in tuple(messages):
+            now_ns = time.monotonic_ns()
+            stamped = msgspec.structs.replace(each, seq=seq, t_sample_ns=now_ns - 500_000, t_publish_ns=now_ns)
+            publisher.send_contact(each.pad, stamped)
+        if seq % 20 == 19:
+            publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
+            publisher.send_event("demo", event_message())
+
+    with closing(publisher), repeating(publish, 0.01):
+        yield
 
 
 @pytest.fixture
@@ -175,22 +185,14 @@ def test_reader_that_has_seen_enough_is_no_error(base: str) -> None:
 
 @contextmanager
 def serving_status(base: str, *pads: Any) -> Iterator[None]:
-    done = threading.Event()
     server = ControlServer(f"{base}/control")
 
-    def loop() -> None:
-        while not done.wait(0.005):
-            for request in server.poll():
-                request.reply(pads=list(pads))
+    def answer() -> None:
+        for request in server.poll():
+            request.reply(pads=list(pads))
 
-    thread = threading.Thread(target=loop)
-    thread.start()
-    try:
+    with closing(server), repeating(answer, 0.005):
         yield
-    finally:
-        done.set()
-        thread.join()
-        server.close()
 
 
 def test_pad_that_the_daemon_does_not_have_is_named(base: str) -> None:
