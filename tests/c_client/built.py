@@ -6,11 +6,14 @@ import json
 import shutil
 import struct
 import subprocess
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 from conftest import missing
+from fmfts.bus.publisher import Publisher
+from unit.bus_messages import contact_message
 
 ROOT = Path(__file__).parents[2]
 CLIENT = ROOT / "clients" / "c"
@@ -18,6 +21,7 @@ HERE = Path(__file__).parent
 STRICT = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wpedantic"]
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"]
 NEW, NOTHING, REFUSED, WRONG_VERSION = 1, 0, -1, -2
+LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
 
 
 def need(program: str) -> str:
@@ -47,6 +51,11 @@ def build(output: Path, compiler: str, sources: Sequence[Path], *flags: str) -> 
     zmq = pkg_config("--cflags", "--libs", "libzmq")
     run([need(compiler), *STRICT, *flags, *sources, CLIENT / "fmfts.c", *zmq, "-o", output])
     return output
+
+
+def build_listener(folder: Path) -> Path:
+    """What tells of each contact that it is given, under the sanitizers."""
+    return build(folder / "listen", "gcc", [HERE / "listen.c", HERE / "shown.c"], *SANITIZED)
 
 
 class Talker:
@@ -90,3 +99,22 @@ class Talker:
     def __exit__(self, kind: object, *_: object) -> None:
         _, said = self._process.communicate(timeout=20)
         assert kind is not None or self._process.returncode in (0, 69), said.decode()
+
+
+def eventually(look: Callable[[], dict[str, Any]], wanted: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+    deadline = time.monotonic() + LIVENESS_S
+    while not wanted(answer := look()):
+        assert time.monotonic() < deadline, answer
+    return answer
+
+
+def connect(publisher: Publisher, client: Talker) -> None:
+    """Send until the client hears: a subscription takes a moment to arrive."""
+
+    def heard() -> dict[str, Any]:
+        publisher.send_contact("demo", contact_message(seq=0))
+        return client.latest(20)
+
+    eventually(heard, lambda answer: answer["result"] == NEW)
+    while client.latest(50)["result"] == NEW:
+        pass

@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from c_client.built import HERE, NEW, NOTHING, SANITIZED, WRONG_VERSION, Talker, build, run
-from fmfts.bus.gate import Gate
-from fmfts.bus.keys import KeyFolder
+from c_client.built import (
+    HERE,
+    LIVENESS_S,
+    NEW,
+    NOTHING,
+    WRONG_VERSION,
+    Talker,
+    build,
+    build_listener,
+    connect,
+    eventually,
+    run,
+)
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Endpoints
-from ports import tcp_base
 from unit.bus_messages import BOOT, contact_message
-
-LIVENESS_S = 10.0  # a generous bound for anything that must happen at all
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("c") / "listen"
-    return build(path, "gcc", [HERE / "listen.c", HERE / "shown.c"], *SANITIZED)
+    return build_listener(tmp_path_factory.mktemp("c"))
 
 
 @pytest.fixture
@@ -42,25 +47,6 @@ def client(program: Path, publisher: Publisher, tmp_path: Path) -> Iterator[Talk
     with Talker(program, "demo", f"ipc://{tmp_path}") as client:
         connect(publisher, client)
         yield client
-
-
-def eventually(look: Callable[[], dict[str, Any]], wanted: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
-    deadline = time.monotonic() + LIVENESS_S
-    while not wanted(answer := look()):
-        assert time.monotonic() < deadline, answer
-    return answer
-
-
-def connect(publisher: Publisher, client: Talker) -> None:
-    """Send until the client hears: a subscription takes a moment to arrive."""
-
-    def heard() -> dict[str, Any]:
-        publisher.send_contact("demo", contact_message(seq=0))
-        return client.latest(20)
-
-    eventually(heard, lambda answer: answer["result"] == NEW)
-    while client.latest(50)["result"] == NEW:
-        pass
 
 
 def send_raw(publisher: Publisher, topic: bytes, *parts: bytes) -> None:
@@ -164,120 +150,6 @@ def test_restart_of_the_daemon_is_survived_and_counted(program: Path, tmp_path: 
         answer = eventually(heard, lambda answer: answer.get("boot") == "second")
         assert answer["restarts"] == 1
         second.close()
-
-
-def test_only_a_known_key_hears_over_tcp(program: Path, tmp_path: Path) -> None:
-    folder = KeyFolder(tmp_path / "keys")
-    folder.add("arm", tmp_path / "arm.key")
-    KeyFolder(tmp_path / "others").add("thief", tmp_path / "thief.key")
-    base = tcp_base()
-    gate, publisher = Gate(folder), Publisher(Endpoints.from_base(base), BOOT, folder.server())
-    keys = {name: os.environ | {"FMFTS_KEY": str(tmp_path / f"{name}.key")} for name in ("arm", "thief")}
-    try:
-        with (
-            Talker(program, "demo", base, environment=keys["thief"]) as thief,
-            Talker(program, "demo", base, environment=os.environ | {"FMFTS_KEY": ""}) as plain,
-            Talker(program, "demo", base, environment=keys["arm"]) as arm,
-        ):
-
-            def heard() -> dict[str, Any]:
-                gate.answer()
-                publisher.send_contact("demo", contact_message())
-                return arm.latest(20)
-
-            for _ in range(10):
-                eventually(heard, lambda answer: answer["result"] == NEW)
-            assert (thief.latest(50)["alive"], plain.latest(50)["alive"]) == (False, False)
-    finally:
-        publisher.close()
-        gate.close()
-
-
-def far(publisher: Publisher, ahead_s: float, waited_s: float = 0.0, boot: str = BOOT) -> None:
-    """A contact, sampled 5 ms before it was sent, by a daemon whose clock is `ahead_s` behind this machine's."""
-    sent_ns = time.monotonic_ns() - int((ahead_s + waited_s) * 1e9)
-    publisher.send_contact("demo", contact_message(t_publish_ns=sent_ns, t_sample_ns=sent_ns - 5_000_000, boot=boot))
-
-
-@pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
-def test_clock_of_another_machine_is_learnt_from_what_arrives(program: Path, ahead_s: float) -> None:
-    """That machine was started an hour after this one or before it, and later once more."""
-    base = tcp_base()
-    publisher = Publisher(Endpoints.from_base(base), BOOT)
-
-    def settled(client: Talker, boot: str, ahead_s: float) -> dict[str, Any]:
-        def heard() -> dict[str, Any]:
-            far(publisher, ahead_s, boot=boot)
-            return client.latest(20)
-
-        return eventually(heard, lambda answer: answer.get("boot") == boot)
-
-    try:
-        with Talker(program, "demo", base) as client:
-            answer = settled(client, BOOT, ahead_s)
-            assert answer["valid"]
-            assert 0.005 <= answer["sample_age_s"] < 0.3
-            assert answer["clock_ahead_s"] == pytest.approx(ahead_s, abs=0.1)  # what a busy machine adds
-            while client.latest(50)["result"] == NEW:
-                pass
-            far(publisher, ahead_s, waited_s=0.4)
-            answer = client.latest(200)
-            assert (answer["result"], answer["alive"]) == (NOTHING, False)
-            assert settled(client, "two", ahead_s + 90_000.0)["restarts"] == 1
-            # All that it said before it died, read at once.
-            for _ in range(20):
-                far(publisher, ahead_s, boot="three")
-            time.sleep(0.5)
-            assert not client.latest(100)["alive"]
-    finally:
-        publisher.close()
-
-
-def refused(program: Path, *words: str, **changes: str) -> str:
-    environment = {name: value for name, value in os.environ.items() if name not in ("FMFTS_BUS", "FMFTS_KEY")}
-    with Talker(program, *words, environment=environment | changes) as client:
-        answer = client.heard()
-    assert answer["result"] is None
-    return str(answer["why"])
-
-
-def test_what_cannot_be_connected_to_says_what_to_do(program: Path, tmp_path: Path) -> None:
-    for base in ("ipc://relative", "tcp://:5570", "tcp://host:0", "tcp://host:65534", "tcp://host:1x", "http://a:1"):
-        assert "is no base" in refused(program, "demo", base), base
-    assert "too long" in refused(program, "demo", f"ipc:///{'x' * 105}")
-    assert "a pad's name" in refused(program, "x" * 65)
-    assert "keys new" in refused(program, "demo", "tcp://192.0.2.1:5570")
-    assert "keys new" in refused(program, "demo", FMFTS_BUS="tcp://example.invalid:5570")
-
-
-def test_key_file_that_is_open_to_others_absent_or_damaged_is_refused(program: Path, tmp_path: Path) -> None:
-    key = tmp_path / "arm.key"
-    base = "tcp://127.0.0.1:5570"
-    assert "cannot be read" in refused(program, "demo", base, FMFTS_KEY=str(key))
-    KeyFolder(tmp_path / "keys").add("arm", key)
-    key.chmod(0o644)
-    assert f"chmod 600 {key}" in refused(program, "demo", base, FMFTS_KEY=str(key))
-    key.chmod(0o600)
-    key.write_text(key.read_text().replace("secret", "sacred"))
-    assert "no usable secret" in refused(program, "demo", base, FMFTS_KEY=str(key))
-
-
-@pytest.mark.skipif(Path("/run/fmfts").is_dir(), reason="a service runs here, and is found first")
-def test_own_directory_is_found_as_the_daemon_finds_it_and_refused_when_others_may_enter(
-    program: Path, tmp_path: Path
-) -> None:
-    surroundings = {name: value for name, value in os.environ.items() if name not in ("FMFTS_BUS", "XDG_RUNTIME_DIR")}
-    for variable, directory in (("XDG_RUNTIME_DIR", "fmfts"), ("TMPDIR", f"fmfts-{os.getuid()}")):
-        where = tmp_path / variable
-        where.mkdir()
-        (where / directory).mkdir(mode=0o700)
-        publisher = Publisher(Endpoints.from_base(f"ipc://{where / directory}"), BOOT)
-        with Talker(program, "demo", environment=surroundings | {variable: str(where)}) as client:
-            connect(publisher, client)
-        publisher.close()
-        (where / directory).chmod(0o750)
-        others = {"XDG_RUNTIME_DIR": ""} | {variable: str(where)}
-        assert "not a directory of yours alone" in refused(program, "demo", **others)
 
 
 def test_nothing_is_allocated_in_a_control_loop(tmp_path: Path, publisher: Publisher) -> None:
