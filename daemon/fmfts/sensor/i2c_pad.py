@@ -185,9 +185,9 @@ class I2cPad:
                 break
         period_us = self._period_us()
         if sensor.is_new(status, block, period_us):
-            # Between the last look and this one; half of that is the best guess and the least error.
-            guess_us = (before_us + sensor.polled_us) // 2 if converted_us is None else converted_us
-            sensor.take(block, max(guess_us, sensor.polled_us - period_us))
+            # Untriggered, between the last look and this one: half of that is the best guess and the least error.
+            guess_us = max((before_us + sensor.polled_us) // 2, sensor.polled_us - period_us)
+            sensor.take(block, guess_us if converted_us is None else converted_us)
         elif sensor.is_silent(period_us):
             sensor.lose(SensorState.NO_NEW_DATA)
 
