@@ -96,7 +96,7 @@ def told(config: PadConfig, baseline: Baseline, reads: Iterable[Read], may_expre
     pipeline, result = pipeline_of(config, baseline), Told([], 0)
     for data, arrival_ns in reads:
         end = 0
-        while may_express and link.is_plain(0) and (found := pipeline.express(clock.line, 0, data, end, arrival_ns)):
+        while may_express and link.welcomes(0) and (found := pipeline.express(clock.line, 0, data, end, arrival_ns)):
             end, payload, _, sampled_ns, _ = found
             result.expressed += 1
             result.messages.append(msgspec.msgpack.decode(payload, type=ContactMessage))

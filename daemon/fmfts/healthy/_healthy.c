@@ -278,7 +278,7 @@ static PyObject *express(PyObject *module, PyObject *args)
             fmfts_fill((uint8_t *)PyBytes_AsString(payload), (size_t)b[TEMPLATE_BUFFER].len, b[PLACES_BUFFER].buf,
                        integer, &passage->numbers);
             *(fmfts_memory *)b[MEMORY_BUFFER].buf = passage->next;
-            fmfts_heard(b[CLOCK_BUFFER].buf, (int64_t)sample.time_us);
+            fmfts_heard(b[CLOCK_BUFFER].buf, (int64_t)sample.time_us, call.arrival_ns);
             result = Py_BuildValue("(nNILK)", end, payload, sample.sequence, (long long)t_sample_ns, integer[2]);
         }
     }

@@ -10,6 +10,7 @@ import socket
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from pathlib import Path
 from types import FrameType
 from typing import Self
@@ -41,7 +42,7 @@ from fmfts_client.endpoints import for_daemon
 log = logging.getLogger(__name__)
 
 TICK_NS = 50_000_000
-STATUS_NS = 1_000_000_000
+TURNS = 20  # ticks in which every pad says its status once: what all of them take together would keep frames waiting
 NEIGHBOURS_WITHOUT_BARE = (
     "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
     "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
@@ -119,8 +120,9 @@ class Daemon:
         gc.collect()
         gc.freeze()
         self._notifier.ready()
-        next_tick_ns = next_status_ns = time.monotonic_ns()
-        asked = False
+        next_tick_ns = time.monotonic_ns()
+        self._report(0, 1)
+        asked, turn = False, 0
         while not self._stopping:
             for source in self._schedule.wait(next_tick_ns):
                 self._serve(source, time.monotonic_ns())
@@ -134,9 +136,8 @@ class Daemon:
                 for channel in self._channels.values():
                     channel.tick(now_ns)
                 self._notifier.watchdog()
-            if now_ns >= next_status_ns:
-                next_status_ns = now_ns + STATUS_NS
-                self._report(now_ns)
+                self._report(turn, TURNS)
+                turn = (turn + 1) % TURNS
         self._notifier.stopping()
 
     def _serve(self, source: Source, now_ns: int) -> None:
@@ -203,12 +204,15 @@ class Daemon:
             if pad.scene.neighbours and baseline is not None and baseline.bare is None:
                 log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
 
-    def _report(self, now_ns: int) -> None:
-        for channel in self._channels.values():
+    def _report(self, turn: int, turns: int) -> None:
+        """The status of those pads whose turn it is; systemd is told of all."""
+        now_ns = time.monotonic_ns()
+        for channel in islice(self._channels.values(), turn, None, turns):
             status = channel.status(now_ns)
             self._verbs.last_status[channel.name] = status
             self._publisher.send_status(channel.name, status)
-        self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
+        if turn == 0:
+            self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)

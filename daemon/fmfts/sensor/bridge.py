@@ -14,6 +14,7 @@ from fmfts.sensor import serial_port
 from fmfts.sensor.clock import DeviceClock
 from fmfts.sensor.faults import note
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.framing import MAX_LINE_BYTES
 from fmfts.sensor.link import Link
 from fmfts.sensor.packets import UID_BYTES, Verb
 from fmfts.sensor.source import SourceError, SourceState
@@ -55,7 +56,7 @@ class Bridge:
         self._outbox = b""
         self._takers: dict[int, Callable[[bytes, int], bytes]] = {}  # by pad index
         self._asked: dict[int, Callable[[bytes, int], bytes]] = {}  # those who may take the next bytes
-        self._unread = b""  # what they left
+        self._unread = b""  # what they left: packets for `poll`, or the beginning of one
 
     def fileno(self) -> int | None:
         return self._descriptor
@@ -82,13 +83,15 @@ class Bridge:
             data = os.read(self._descriptor, READ_BYTES)
         except OSError:
             return False  # `poll` meets it, too
+        if not data:
+            return False
+        data = self._unread + data
         # A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are.
         take = self._asked.get(data[2] & 15) if len(data) > 2 else None
         self._unread = data if take is None else take(data, now_ns)
-        if self._unread or not data:
-            return False
-        self._link.heard_ns = now_ns
-        return True
+        if len(self._unread) < len(data):
+            self._link.heard_ns = now_ns
+        return not self._unread or (len(self._unread) <= MAX_LINE_BYTES and b"\0" not in self._unread)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
         self._asked = {}
@@ -98,13 +101,18 @@ class Bridge:
             return ()
         frames = self._receive(now_ns)
         if frames and self.state.connected and not self._outbox and self._link.is_quiet:
-            self._asked = {index: take for index, take in self._takers.items() if self._link.is_plain(index)}
+            self._let_express()
             return frames  # all is well, and there is nothing to say
         if self._serial is not None:
             self._judge(now_ns)
         if self._serial is not None:
             self._send(now_ns)
         return frames
+
+    def _let_express(self) -> None:
+        self._asked = {index: take for index, take in self._takers.items() if self._link.welcomes(index)}
+        if self._asked:
+            self._unread = self._link.give_back()
 
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:

@@ -23,9 +23,9 @@ JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step bey
 STANDSTILL_NS = 400_000_000  # of arrivals, each of them late; a backlog arrives within milliseconds
 STANDSTILL_PACKETS = 8  # at a few Hz, two late packets in a row are chance
 
-# fmfts_clock_line of clock.h, and where the newest packet stands in it.
-LINE = struct.Struct("=5q4d")
-NEWEST = struct.Struct("=16xq")
+# fmfts_clock_line of clock.h, and what C learns: the newest packet, and the lowest of its bucket.
+LINE = struct.Struct("=7q3d")
+LEARNT = struct.Struct("=3q")
 
 Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
 
@@ -76,21 +76,22 @@ class DeviceClock:
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
-        (self._newest_us,) = NEWEST.unpack_from(self.line)
+        self._newest_us, *lowest = LEARNT.unpack_from(self.line)
+        self._lowest = lowest[0], lowest[1]
         host_ns = self._to_host_ns(device_us, arrival_ns)
         self._draw_line()
         return host_ns
 
     def _draw_line(self) -> None:
-        """Write into `line` what C maps packets with that teach nothing: above it, and a lower one was in their bucket
-        already. C writes the newest of them there."""
+        """Write into `line` what C maps packets with that are above it and in a bucket already begun."""
+        learnt = self._newest_us, *self._lowest
         if self._origin is None or self._late_packets:
-            LINE.pack_into(self.line, 0, 0, 0, self._newest_us, 0, 0, 0.0, 0.0, 0.0, 0.0)
+            LINE.pack_into(self.line, 0, *learnt, 0, 0, 0, 0, 0.0, 0.0, 0.0)
             return
-        origin_us, origin_ns = self._origin
-        until_us, least_ns = origin_us + self._bucket_end_us, max(0.0, self._above_line(self._lowest))
-        ends = origin_us, origin_ns, self._newest_us, until_us, self.fixed_delay_ns
-        LINE.pack_into(self.line, 0, *ends, self._height, self._slope, least_ns, float(JUMP_NS))
+        until_us = self._origin[0] + self._bucket_end_us
+        LINE.pack_into(
+            self.line, 0, *learnt, *self._origin, until_us, self.fixed_delay_ns, self._height, self._slope, JUMP_NS
+        )
 
     def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         if self._origin is not None and not self._plausible(device_us, arrival_ns):

@@ -70,9 +70,14 @@ class Decoder:
         return samples, data[end:]
 
     @property
-    def is_between_packets(self) -> bool:
-        """All that came was whole packets."""
-        return self._joined and not self._pending
+    def has_joined(self) -> bool:
+        """What comes next is a packet's beginning, or goes on with one."""
+        return self._joined
+
+    def give_back(self) -> bytes:
+        """The beginning of a packet, the rest of which has not come: for `feed` again, or for somebody else."""
+        pending, self._pending = self._pending, b""
+        return pending
 
     def feed(self, data: bytes) -> list[Packet]:
         """The packets that `data` completes; never raises, whatever the bytes are."""

@@ -69,9 +69,13 @@ class Link:
         """`outgoing` has nothing to say, now or later."""
         return self._hello_due_ns is None and self.requests.due_ns is None and self._selftests.due_ns is None
 
-    def is_plain(self, pad_index: int) -> bool:
-        """The next sample of this pad has nothing to do with what came before, and is welcome."""
-        return self._decoder.is_between_packets and any(pad_index == welcome for welcome, _ in self._welcome)
+    def welcomes(self, pad_index: int) -> bool:
+        """Samples of this pad are of the right board, and as its hello told."""
+        return self._decoder.has_joined and any(pad_index == welcome for welcome, _ in self._welcome)
+
+    def give_back(self) -> bytes:
+        """The beginning of a packet, the rest of which has not come: for `feed` again, or for somebody else."""
+        return self._decoder.give_back()
 
     @property
     def due_ns(self) -> int | None:
