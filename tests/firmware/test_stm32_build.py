@@ -96,7 +96,7 @@ def test_program_that_exceeds_a_limit_does_not_link(excess: str, tmp_path: Path)
 POINTED = {
     "now_us": ["now_us"],
     "send": ["serial_send"],
-    "turns": ["identify", "configure", "poll", "do_chore"],
+    "turns": ["identify", "configure", "sensor_poll", "do_chore"],
     "write": ["write"],
     "read": ["read"],
     "read_register": ["read_register"],

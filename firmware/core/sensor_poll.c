@@ -1,0 +1,170 @@
+#include "sensor_poll.h"
+
+#include <string.h>
+
+enum {
+    MISSED_MAX = 3,
+    UNCHANGED_MAX = 20,
+    POLL_PAUSE_US = 100,
+    SILENCE_US = 50000,        // eleven conversions
+    LATE_CONVERSION_US = 3000, // beyond SINGLE_WAIT_US
+    BURST_US = 250,            // six bytes, with some time to spare
+    CHORE_INTERVAL_US = 125000,
+    READY_SURVIVES = 3, // probes in a row
+};
+
+static const uint64_t NEVER = UINT64_MAX;
+
+void sensor_schedule(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
+{
+    if (sensor->phase == PHASE_CHORE)
+        sensor->due_us = now_us;
+    else if (link->trigger == TRIGGER_FREE)
+        sensor->due_us = conversion_next_poll_us(&sensor->conversion);
+    else if (sensor->awaiting)
+        sensor->due_us = now_us;
+    else
+        sensor->due_us = NEVER;
+}
+
+static void seen_ready(struct sensor *sensor)
+{
+    sensor->missed = 0;
+    sensor->suspect = false;
+}
+
+static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
+{
+    if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + SILENCE_US)
+        sensor->conversion.ended_us = now_us; // nobody looked for so long: that is not the sensor's silence
+    sensor->conversion.not_ready_us = now_us;
+    sensor->unchanged = 0;
+    sensor->due_us = now_us + POLL_PAUSE_US;
+    if (link->trigger == TRIGGER_FREE) {
+        if (now_us > sensor->conversion.ended_us + SILENCE_US)
+            sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
+        return;
+    }
+    sensor->suspect = true;
+    if (now_us > sensor->conversion.ended_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
+        sensor->awaiting = false;
+        sensor_schedule(sensor, link, now_us);
+        if (++sensor->missed >= MISSED_MAX)
+            sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
+    }
+}
+
+// The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On chips
+// of the second kind (`probe_ready` finds out) READY says little, and equal bytes are the old sample again.
+static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen_us)
+{
+    if (sensor->ready_survives < READY_SURVIVES || memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
+        sensor->unchanged = 0;
+        return true;
+    }
+    if (seen_us < sensor->conversion.ended_us + sensor->conversion.period_us * 17U / 16U)
+        return false;
+    // Two equal samples do happen; many, with READY never clear, are a dead clock.
+    if (sensor->conversion.not_ready_us < sensor->conversion.ready_us)
+        sensor->unchanged++;
+    return true;
+}
+
+static void accept(struct sensor *sensor, const struct sensor_link *link, const int16_t counts[3])
+{
+    uint64_t now_us = clock_now(link->clock);
+    sensor->unaltered = memcmp(sensor->counts, counts, sizeof sensor->counts) == 0;
+    memcpy(sensor->counts, counts, sizeof sensor->counts);
+    sensor->awaiting = false;
+    bool settled = !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
+    bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // no dead clock comes back by itself
+    if (settled && alive) {
+        sensor->has_sample = sensor->fresh = true;
+        sensor->state = SENSOR_OK;
+        sensor->failures = 0;
+    }
+    sensor->discard_next = false;
+    if (now_us >= sensor->chore_us) {
+        sensor->chore_us = now_us + CHORE_INTERVAL_US;
+        sensor->phase = PHASE_CHORE;
+    }
+    sensor_schedule(sensor, link, now_us);
+}
+
+// What is set right after the data were read survives reading. Several times in a row: once may be a new conversion.
+static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    if (!(status & HMC5983_READY))
+        sensor->ready_survives = 0;
+    else if (sensor->ready_survives < READY_SURVIVES)
+        sensor->ready_survives++;
+    return result;
+}
+
+enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    if (result != BUS_OK)
+        return result;
+    sensor->confirmed = status & HMC5983_READY;
+    if (sensor->confirmed)
+        seen_ready(sensor);
+    else
+        not_ready(sensor, link, clock_now(link->clock));
+    return BUS_OK;
+}
+
+// The output registers hold the last trigger's sample until the next conversion ends, not longer. A burst that is under
+// way at that moment has them locked, and the new sample is lost: so then it is asked whether there is one.
+static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint64_t changes_us = sensor->overtaken_us + SINGLE_FASTEST_US;
+    int16_t counts[3];
+    bool in_time = clock_now(link->clock) + BURST_US < changes_us;
+    enum bus_result result = in_time ? hmc5983_read(link->bus, counts) : BUS_OK;
+    if (result != BUS_OK)
+        return result;
+    if (in_time && clock_now(link->clock) < changes_us) {
+        accept(sensor, link, counts);
+        return BUS_OK;
+    }
+    sensor->awaiting = false;
+    sensor->suspect = true;
+    return BUS_OK;
+}
+
+enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *link)
+{
+    uint8_t status = 0;
+    int16_t counts[3];
+    if (sensor->overtaken)
+        return read_overtaken(sensor, link);
+    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    uint64_t seen_us = clock_now(link->clock);
+    if (result != BUS_OK)
+        return result;
+    bool ready = status & HMC5983_READY;
+    if (ready)
+        seen_ready(sensor);
+    else
+        not_ready(sensor, link, seen_us);
+    if (!ready && !(status & HMC5983_LOCKED))
+        return BUS_OK;
+    result = hmc5983_read(link->bus, counts); // where only LOCK is set, to undo it
+    if (result != BUS_OK || !ready)
+        return result;
+    if (link->trigger == TRIGGER_FREE) {
+        if (!is_new(sensor, counts, seen_us)) {
+            sensor->due_us = seen_us + POLL_PAUSE_US;
+            return BUS_OK;
+        }
+        conversion_seen(&sensor->conversion, seen_us);
+    }
+    accept(sensor, link, counts);
+    if (sensor->unchanged >= UNCHANGED_MAX)
+        sensor_fail(sensor, SENSOR_NO_NEW_DATA, seen_us);
+    return sensor->phase == PHASE_CHORE ? probe_ready(sensor, link) : BUS_OK;
+}
