@@ -125,9 +125,12 @@ class Channel:
             self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, self.config.rebaseline.si())
         self._publisher.state_changed(self.name)
 
+    def is_silent(self, now_ns: int) -> bool:
+        return self._last_used_ns is None or now_ns - self._last_used_ns >= self._silent_ns
+
     def tick(self, now_ns: int) -> None:
         """Called twenty times a second: while no frame can be used, its health is said anyway."""
-        if self._last_used_ns is not None and now_ns - self._last_used_ns < self._silent_ns:
+        if not self.is_silent(now_ns):
             return
         state, last = self.source.state, self._last_frame_ns
         if not state.connected:

@@ -133,8 +133,7 @@ class Daemon:
                 next_tick_ns = now_ns + TICK_NS
                 self._verbs.finish_jobs()
                 self._schedule.review()
-                for channel in self._channels.values():
-                    channel.tick(now_ns)
+                self._tell_silence(now_ns)
                 self._notifier.watchdog()
                 self._report(turn, TURNS)
                 turn = (turn + 1) % TURNS
@@ -150,6 +149,13 @@ class Daemon:
             if channel is not None:
                 channel.frame(frame)
         self._schedule.served(source, had_frames=bool(frames))
+
+    def _tell_silence(self, now_ns: int) -> None:
+        for channel in self._channels.values():
+            if channel.is_silent(now_ns):
+                # Its frames may lie here: on a busy computer this loop itself stands still at times.
+                self._serve(channel.source, now_ns)
+            channel.tick(now_ns)
 
     def _answer(self) -> bool:
         """Whoever asks for something; False where nobody does.
