@@ -23,9 +23,10 @@ JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step bey
 STANDSTILL_NS = 400_000_000  # of arrivals, each of them late; a backlog arrives within milliseconds
 STANDSTILL_PACKETS = 8  # at a few Hz, two late packets in a row are chance
 
-# fmfts_clock_line of clock.h, and what C learns: the newest packet, and the lowest of its bucket.
-LINE = struct.Struct("=7q3d")
-LEARNT = struct.Struct("=3q")
+# fmfts_clock_line of clock.h: what packets teach in C too, and what holds meanwhile.
+LEARNT = struct.Struct("=5qd")
+HELD = struct.Struct("=6q4d")
+NO_LINE = bytes(HELD.size)  # on which no packet is
 
 Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
 
@@ -53,7 +54,7 @@ class DeviceClock:
         self.tolerance = tolerance
         self.fixed_delay_ns = fixed_delay_ns
         self.restarts = -1
-        self.line = bytearray(LINE.size)
+        self.line = bytearray(LEARNT.size + HELD.size)
         self.restart()
 
     def restart(self) -> None:
@@ -76,22 +77,23 @@ class DeviceClock:
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
-        self._newest_us, *lowest = LEARNT.unpack_from(self.line)
-        self._lowest = lowest[0], lowest[1]
+        self._newest_us, lowest_us, lowest_ns, *late = LEARNT.unpack_from(self.line)
+        self._lowest = lowest_us, lowest_ns
+        self._late_packets, self._late_since_ns, self._least_late_ns = late
         host_ns = self._to_host_ns(device_us, arrival_ns)
         self._draw_line()
         return host_ns
 
     def _draw_line(self) -> None:
-        """Write into `line` what C maps packets with that are above it and in a bucket already begun."""
-        learnt = self._newest_us, *self._lowest
-        if self._origin is None or self._late_packets:
-            LINE.pack_into(self.line, 0, *learnt, 0, 0, 0, 0, 0.0, 0.0, 0.0)
+        """Write into `line` what C needs to map packets as long as they do not move it."""
+        late = self._late_packets, self._late_since_ns, self._least_late_ns
+        LEARNT.pack_into(self.line, 0, self._newest_us, *self._lowest, *late)
+        if self._origin is None:
+            self.line[LEARNT.size :] = NO_LINE
             return
-        until_us = self._origin[0] + self._bucket_end_us
-        LINE.pack_into(
-            self.line, 0, *learnt, *self._origin, until_us, self.fixed_delay_ns, self._height, self._slope, JUMP_NS
-        )
+        limits = self._bucket_end_us, self.fixed_delay_ns, STANDSTILL_NS, STANDSTILL_PACKETS
+        line = self._height, self._slope, JUMP_NS, self.tolerance * 1000
+        HELD.pack_into(self.line, LEARNT.size, *self._origin, *limits, *line)
 
     def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         if self._origin is not None and not self._plausible(device_us, arrival_ns):
