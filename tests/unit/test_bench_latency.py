@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.bench.latency import pad_of
 from fmfts.bench.latency_rig import NUMBERS, RATE_HZ, RAW_PER_K, ROOM_C, repeated, samples
-from fmfts.bench.latency_run import WARM_UP_S, matched
+from fmfts.bench.latency_run import WARM_UP_S, lateness, matched
 from fmfts.sensor.framing import Decoder, encode
 from fmfts.sensor.packets import Sample
 
@@ -59,3 +59,14 @@ def test_messages_find_their_frames_though_some_are_lost() -> None:
         for (topic, at, _), number in zip(daemon, kept, strict=True)
     ]
     assert set(matched(echoed, written, is_echo=True)[0]) == {delay_ns - 5_000_000}
+
+
+def test_frames_are_as_late_as_the_boards_were() -> None:
+    pads, frames = 4, round((WARM_UP_S + 1.0) * RATE_HZ)
+    due = 1_000_000_000 + (np.arange(frames) + np.arange(pads)[:, None] / pads) * 1e9 / RATE_HZ
+    held = due.astype(np.int64)
+    held[:, -10:] += 3_000_000
+    late = lateness(held)
+    assert late.size == (held >= held.min() + round(WARM_UP_S * 1e9)).sum()
+    assert np.abs(np.sort(late)[-10 * pads :] - 3_000_000).max() <= 2
+    assert late.min() <= 2

@@ -24,7 +24,7 @@ import numpy as np
 
 from fmfts import ambient
 from fmfts.bench import latency_rig as rig
-from fmfts.bench.latency_run import WARM_UP_S, Run, matched, measured_from
+from fmfts.bench.latency_run import WARM_UP_S, Run, lateness, matched, measured_from
 from fmfts.config import MagnetConfig, PadConfig, SimulatedSource
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.sensor.framing import encode
@@ -32,7 +32,7 @@ from fmfts.sensor.framing import encode
 LATEST_S = 1.0  # after the last frame: what is not heard by then counts as unheard
 COLUMNS = (
     *("pads", "who", "publish p50", "p99", "p99.9", "max", "subscriber p50", "p99", "p99.9", "max"),
-    *("CPU", "RSS", "grew", "no room", "unheard"),
+    *("CPU", "main µs", "others µs", "boards late p99", "RSS", "grew", "no room", "unheard"),
 )
 
 
@@ -55,11 +55,12 @@ class Rig:
         listener_pipe.recv()
         board_pipe.send("go")
         multiprocessing.connection.wait([board.sentinel], WARM_UP_S)
-        cpu_ns, rss_mb, begun_ns = cpu_of(pid), rss_of(pid), time.monotonic_ns()
+        cpu_ns, rss_mb, begun_ns = np.array(cpu_by_thread(pid)), rss_of(pid), time.monotonic_ns()
         written_ns, lost = board_pipe.recv()
         # At the nominal rate: on a busy computer the boards fall behind.
-        cpu_of_frame_ns = (cpu_of(pid) - cpu_ns) / max(int((written_ns >= begun_ns).sum()) - lost, 1)
-        cpu_share = cpu_of_frame_ns * 1e-9 * rig.RATE_HZ * self.count
+        frames = max(int((written_ns >= begun_ns).sum()) - lost, 1)
+        main_ns, others_ns = ((cpu_by_thread(pid) - cpu_ns) / frames).tolist()
+        cpu_share = (main_ns + others_ns) * 1e-9 * rig.RATE_HZ * self.count
         rss = rss_of(pid)
         multiprocessing.connection.wait([board.sentinel], LATEST_S)
         listener_pipe.send("stop")
@@ -70,7 +71,8 @@ class Rig:
             process.join()
         publish, arrive, age = matched(messages, written_ns, is_echo)
         unheard = int((written_ns >= measured_from(written_ns)).sum()) - publish.size
-        return Run(publish, arrive, age, cpu_share, rss, rss - rss_mb, written_ns.size, lost, unheard)
+        cost = lateness(written_ns), (main_ns, others_ns), cpu_share, rss, rss - rss_mb
+        return Run(publish, arrive, age, *cost, written_ns.size, lost, unheard)
 
     def echo(self, size: int) -> Run:
         pipe: Any = None
@@ -152,7 +154,15 @@ def store_baselines(folder: Path, count: int) -> None:
 
 def cpu_of(pid: int) -> int:
     """Nanoseconds that all threads of a process have run."""
-    return sum(int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir())
+    return sum(cpu_by_thread(pid))
+
+
+def cpu_by_thread(pid: int) -> tuple[int, int]:
+    """Nanoseconds that the main thread of a process has run, and all others."""
+    ran_ns = {
+        int(task.name): int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir()
+    }
+    return ran_ns[pid], sum(ran_ns.values()) - ran_ns[pid]
 
 
 def rss_of(pid: int) -> float:
@@ -169,7 +179,8 @@ def row(name: str, count: int, run: Run) -> str:
         for times_ns in (run.to_publish_ns, run.to_subscriber_ns)
         for value in np.percentile(times_ns, [50, 99, 99.9, 100]) / 1e3
     ]
-    cost = f"{100 * run.cpu_share:.1f}", f"{run.rss_mb:.1f}", f"{run.rss_growth_mb:+.2f}"
+    cost = [f"{100 * run.cpu_share:.1f}", *(f"{value / 1e3:.1f}" for value in run.cpu_ns)]
+    cost += [f"{np.percentile(run.boards_late_ns, 99) / 1e3:.0f}", f"{run.rss_mb:.1f}", f"{run.rss_growth_mb:+.2f}"]
     return table_line([str(count), name, *times_us, *cost, str(run.lost), str(run.unheard)])
 
 
@@ -179,7 +190,8 @@ def table_line(cells: Sequence[str]) -> str:
 
 def run(options: argparse.Namespace) -> None:
     print(
-        "µs from a frame's last byte on the pty; CPU in % of one core; RSS in MB, and its growth after the warm-up.\n"
+        "µs from a frame's last byte on the pty; CPU in % of one core, and µs of each frame by the main thread and the "
+        "others; how late the boards were, µs; RSS in MB, and its growth after the warm-up.\n"
     )
     print(f"{table_line(COLUMNS)}\n{table_line(['---'] * len(COLUMNS))}")
     lines = [encode(sample) for sample in rig.samples(pad_of(0), WARM_UP_S + options.seconds)]

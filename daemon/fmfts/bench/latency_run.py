@@ -18,12 +18,16 @@ Times = NDArray[np.int64]
 class Run:
     """Nanoseconds of each frame, (frames,): to publish, to the subscriber; age_ns: how old it was when it was there.
 
-    lost: of `sent`, what found no room on the pty. unheard: of those after the warm-up, what no message was about.
+    cpu_ns: processor time of each frame, of the main thread and of all others (ZeroMQ's). boards_late_ns: how much
+    later than due each frame was handed to the pty: what comes late comes in bursts. lost: of `sent`, what found no
+    room on the pty. unheard: of those after the warm-up, what no message was about.
     """
 
     to_publish_ns: Times
     to_subscriber_ns: Times
     age_ns: Times
+    boards_late_ns: Times
+    cpu_ns: tuple[float, float]
     cpu_share: float
     rss_mb: float
     rss_growth_mb: float
@@ -35,6 +39,15 @@ class Run:
 def measured_from(written_ns: Times) -> int:
     """When the warm-up is over."""
     return int(written_ns.min()) + round(WARM_UP_S * 1e9)
+
+
+def lateness(written_ns: Times) -> Times:
+    """How much later than due each frame after the warm-up was handed over, (frames,); `boards` has the times."""
+    pads, frames = written_ns.shape
+    due_ns = (np.arange(frames) + np.arange(pads)[:, None] / pads) * 1e9 / rig.RATE_HZ
+    behind_ns = written_ns - due_ns
+    late: Times = (behind_ns - behind_ns.min())[written_ns >= measured_from(written_ns)].astype(np.int64)
+    return late
 
 
 def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo: bool) -> tuple[Times, Times, Times]:
