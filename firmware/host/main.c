@@ -172,7 +172,12 @@ static void sleep_until(uint64_t ns)
 static void stream(struct session *session, double speed)
 {
     uint64_t tick_ns = monotonic_ns();
-    while (!terminated && !session->quit && take_commands(session, session->stepped || session->held ? -1 : 0)) {
+    while (!terminated && !session->quit) {
+        bool waits = session->stepped || session->held;
+        // What is commanded now must not show in ticks that a busy computer still owes.
+        bool owing = !waits && monotonic_ns() > tick_ns + TICK_NS;
+        if (!owing && !take_commands(session, waits ? -1 : 0))
+            return;
         if (session->stepped || session->held)
             continue;
         session_pass(session, (uint64_t)(TICK_NS * speed));
