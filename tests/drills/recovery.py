@@ -44,9 +44,7 @@ HELD: dict[str, Callable[[Facts], bool]] = {
     # The firmware asks an absent sensor every 0.8 s.
     "nack": lambda facts: facts["recovered_s"] <= 1.5,
     # A reader that is stuck is ended after 2 s, the next one starts within another, and its filters begin anew.
-    "wedge": lambda facts: (
-        facts["recovered_s"] <= 5.0 and facts["least_share_of_rate"] >= 0.95 and not facts["other_health"]
-    ),
+    "wedge": lambda facts: facts["recovered_s"] <= 5.0 and facts["least_share_of_rate"] >= 0.95,
     "clock": lambda facts: facts["longest_gap_s"] <= 0.5 and facts["share_of_rate"] >= 0.95,
     "deaf": lambda facts: facts["longest_gap_s"] <= 0.5,
     "probe": lambda facts: not facts["not_ok"] and facts["longest_gap_s"] <= 0.5,
