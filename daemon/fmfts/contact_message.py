@@ -80,13 +80,13 @@ class Sender:
         self, path: HealthyPath, clock: bytearray, pad_index: int, data: bytes, begin: int, arrival_ns: int
     ) -> Expressed | None:
         """The message of a frame that is still bytes, where it differs from the last one in its numbers only."""
-        if self._last_template is None:
+        if self._last_template is None or path.express is None:
             return None
         template, kind = self._last_template
-        found = path.express(clock, pad_index, template, kind, self.number + 1, data, begin, arrival_ns)
+        text, places, number = template.text, template.places, self.number + 1
+        found = path.express(clock, pad_index, text, places, kind, number, data, begin, arrival_ns)
         if found is not None:
-            self.number += 1
-            self._sampled_ns = found[3]
+            self.number, self._sampled_ns = number, found[3]
         return found
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:

@@ -55,6 +55,7 @@ class Publisher:
         self._answered = {prefix for pad in pads for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
+        self.unasked_until_ns = 0  # until then, nobody is known to want any raw frames
         self._states_told: set[str] = set()
         # PUB keeps to itself what peers subscribe to: nobody has to fetch it.
         self._bus = BoundSocket(zmq.PUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
@@ -95,6 +96,7 @@ class Publisher:
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_NS
             self._follow_subscriptions()
+            self.unasked_until_ns = 0 if self._subscriptions else self._look_ns
         return bool(self._subscriptions) and self._is_subscribed(f"frame/{pad}")
 
     def _follow_subscriptions(self) -> None:

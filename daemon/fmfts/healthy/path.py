@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple, Self
+from functools import partial
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,29 @@ class Judged(NamedTuple):
 Expressed = tuple[int, bytes, int, int, int]
 
 
+class Express(Protocol):
+    """`judge` and `message` in one, of the wire's bytes from `begin` on."""
+
+    def __call__(
+        self,
+        clock: bytearray,
+        pad_index: int,
+        text: bytes,
+        places: bytes,
+        kind: Kind,
+        seq: int,
+        data: bytes,
+        begin: int,
+        arrival_ns: int,
+        /,
+    ) -> Expressed | None:
+        """clock: `DeviceClock.line`. text, places: a Template.
+
+        None where the bytes are not a sample packet of this pad, its time is not on the board's line, it is not healthy
+        and of this `kind`, or only one of it and the template has a temperature: all is as it was then.
+        """
+
+
 KINDS = tuple(Kind)
 
 
@@ -64,7 +88,9 @@ class HealthyPath:
         self._memory_buffer = self._memory.buffer
         self._passage = np.zeros(_healthy.PASSAGE_BYTES // 8).data
         self._pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
-        self._whole = None if self._network is None else (*self._pad, self._network)
+        self.express: Express | None = None
+        if self._network is not None:
+            self.express = partial(_healthy.express, (*self._pad, self._network))
 
     @classmethod
     def of(
@@ -105,27 +131,6 @@ class HealthyPath:
             self._model.run()
             judged = _healthy.conclude(*pad, *self._model_buffers[1:])
         return None if judged is None else Judged(judged[0], KINDS[judged[1]])
-
-    def express(
-        self,
-        clock: bytearray,
-        pad_index: int,
-        template: Template,
-        kind: Kind,
-        seq: int,
-        data: bytes,
-        begin: int,
-        arrival_ns: int,
-    ) -> Expressed | None:
-        """`judge` and `message` in one, of the wire's bytes from `begin` on.
-
-        None where they are not a sample packet of this pad, its time is not on the board's line (`DeviceClock.line`),
-        it is not healthy and of this `kind`, or the template has a temperature and it has none: all is as it was then.
-        """
-        if self._whole is None:
-            return None
-        text, places = template.text, template.places
-        return _healthy.express(self._whole, clock, pad_index, text, places, kind, seq, data, begin, arrival_ns)
 
     def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
         """The last judged frame's."""

@@ -102,7 +102,8 @@ class Channel:
         only; what is left of `data`, for `frame`."""
         if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
             return data
-        if self._publisher.frames_wanted(self.name, arrived_ns):
+        publisher = self._publisher
+        if arrived_ns >= publisher.unasked_until_ns and publisher.frames_wanted(self.name, arrived_ns):
             return data
         end = 0
         while end < len(data):
@@ -110,9 +111,8 @@ class Channel:
             if found is None:
                 break
             end, payload, sequence, sampled_ns, published_ns = found
-            self._publisher.send_packed(self._topic, payload)
-            self._statistics.next_frame(sequence)
-            self._statistics.published(sampled_ns, published_ns)
+            publisher.send_packed(self._topic, payload)
+            self._statistics.expressed(sequence, sampled_ns, published_ns)
             self._last = PackedMessage(payload, self._kind, sampled_ns, published_ns)
             self._last_frame_ns = self._last_used_ns = arrived_ns
         return data[end:]

@@ -125,7 +125,9 @@ class Daemon:
         asked, turn = False, 0
         while not self._stopping:
             for source in self._schedule.wait(next_tick_ns):
-                self._serve(source, time.monotonic_ns())
+                now_ns, express = time.monotonic_ns(), self._express.get(id(source))
+                if express is None or not express(now_ns):
+                    self._serve(source, now_ns)
             now_ns = time.monotonic_ns()
             if self._schedule.called or asked or now_ns >= next_tick_ns:
                 asked = self._answer()
@@ -140,9 +142,6 @@ class Daemon:
         self._notifier.stopping()
 
     def _serve(self, source: Source, now_ns: int) -> None:
-        express = self._express.get(id(source))
-        if express is not None and express(now_ns):
-            return
         frames = source.poll(now_ns)
         for frame in frames:
             channel = self._channels.get((id(source), frame.pad_index))

@@ -39,7 +39,11 @@ class Schedule:
         """Sleep until something is readable or due, at most until `until_ns`; the sources that are."""
         timeout_s = max(0.0, (min(until_ns, self._deadline_ns) - time.monotonic_ns()) * 1e-9)
         events = self._epoll.poll(timeout_s)
-        ready = [source for descriptor, _ in events if (source := self._source_of.get(descriptor)) is not None]
+        ready = []
+        for descriptor, _ in events:
+            source = self._source_of.get(descriptor)
+            if source is not None:
+                ready.append(source)
         self.called = len(ready) < len(events)
         now_ns = time.monotonic_ns()
         if now_ns < self._deadline_ns:

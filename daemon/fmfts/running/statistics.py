@@ -31,15 +31,17 @@ class PadStatistics:
             self.gaps += max(frame.sequence - self._last[1] - 1, 0)
         self._last = frame.run, frame.sequence
 
-    def next_frame(self, sequence: int) -> None:
-        """The same for a frame of the same run as the last one."""
+    def published(self, sampled_ns: int, published_ns: int) -> None:
+        self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
+
+    def expressed(self, sequence: int, sampled_ns: int, published_ns: int) -> None:
+        """A frame of the same run as the last one, and its message."""
         self.frames += 1
         if self._last is not None:
             run, before = self._last
-            self.gaps += max(sequence - before - 1, 0)
+            if sequence > before + 1:
+                self.gaps += sequence - before - 1
             self._last = run, sequence
-
-    def published(self, sampled_ns: int, published_ns: int) -> None:
         self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
 
     def interval(self, now_ns: int) -> tuple[float, float, float] | None:
