@@ -265,11 +265,12 @@ class PressedBench:
             assert isinstance(feed, DeviceFeed)
             wanted = BaselineRequest(pad.pad(), pad.tolerance.si(), bare=bare, replaced=False, duration_s=1.0)
             job = BaselineJob(wanted, stored(wanted.pad), feed.source, executor)
-            while job.facts() is None:
+            while job.share < 1.0:  # how long this computer then takes to judge them is no time at the bench
                 self.clock.sleep(0.005)
                 for frame in feed.poll(self.clock.now_ns()):
                     job.take(frame)
             feed.close()
+        assert job.facts() is not None
         self.mounted = True
         self.clock.sleep(0.1)
 
