@@ -19,7 +19,8 @@ from fmfts.pose.problem import magnet_rows, measurement_rows
 from fmfts.pose.state import turn_between
 from fmfts.study import pareto, rate_chart
 from fmfts.study.batches import batch_rows
-from fmfts.study.contact_methods import DAEMON, Bench, ContactMethod, contact_methods
+from fmfts.study.contact_bench import Bench
+from fmfts.study.contact_methods import DAEMON, ContactMethod, contact_methods
 from fmfts.study.frame import Facts, Request, Row, Study
 from fmfts.study.pose_methods import DEFAULT, PoseMethod, pose_methods
 from fmfts.study.rates import rate_rows
