@@ -80,6 +80,15 @@ class Magnet:
         """κ where it counts, else that of a dipole."""
         return self.octupole_m2 if self.as_cylinder else 0.0
 
+    def beyond_octupole_t(self, distance_m: float) -> float:
+        """The next term's field on the axis, where it is largest, in T: 6 B_T λ/r⁷.
+
+        λ = L⁴/16 − 5L²R²/8 + 5R⁴/8 is the fifth moment of the disks of charge at the end faces over the first.
+        """
+        length_2, radius_2 = self.length_m**2, (self.diameter_m / 2.0) ** 2
+        moment_m4 = length_2**2 / 16.0 - 5.0 * length_2 * radius_2 / 8.0 + 5.0 * radius_2**2 / 8.0
+        return 6.0 * self.strength_t_m3 * abs(moment_m4) / distance_m**7
+
     def seen_from(self, distance_m: float) -> Self:
         """Described as well as a sensor so far away needs. On its axis the octupole's field is 4 B_T κ/r⁵."""
         octupole_t = 4.0 * self.strength_t_m3 * abs(self.octupole_m2) / distance_m**5

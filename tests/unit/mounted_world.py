@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmfts.ambient import Baseline, Means, Recording, make_bare, make_rest, means
+from fmfts.ambient.unknowns import STANDING_AMBIENT_T
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import State
 from fmfts.sensor.frame import Frame
@@ -22,7 +23,7 @@ TOLERANCE = Tolerance(1e-4, 1e-4, math.radians(1.0), 0.005, 0.05)
 
 @dataclass
 class World:
-    """One pad as built within TOLERANCE, in an Earth's field; fields of the exact cylinder."""
+    """One pad, drawn from the priors of TOLERANCE, in an Earth's field; fields of the exact cylinder."""
 
     pad: Pad
     random: np.random.Generator
@@ -33,12 +34,16 @@ class World:
         self.places = self.pad.sensors.position_m + random.normal(0.0, TOLERANCE.sensor_position_m, (4, 3))
         step = np.concatenate([random.normal(0, 1e-4, 3), random.normal(0, np.radians(1), 2), np.zeros(4)])
         self.rest = State.at_rest(self.pad).stepped(step)
-        self.remanence_t = 1.23 * (1.0 + random.normal(0.0, 0.03))
+        self.remanence_t = 1.23 * float(np.exp(random.normal(0.0, TOLERANCE.remanence)))
         direction = random.normal(size=3)
         self.earth_t = 0.5e-4 * direction / np.linalg.norm(direction)
 
     def bare(self) -> np.ndarray:
-        return self.gain * self.earth_t
+        return self.gain * (self.earth_t + self.surroundings())
+
+    def surroundings(self) -> np.ndarray:
+        """(3,) what is different about the ambient field from one recording to the next."""
+        return self.random.normal(0.0, STANDING_AMBIENT_T, 3)
 
     def field(self, state: State | None = None) -> np.ndarray:
         state = state or self.rest
@@ -107,7 +112,7 @@ def turned(world: World, *, about: float = 1.0, touched: bool = False, seconds: 
     random = world.random
     strength, gradient = random.normal(0.0, 0.005, (3, 3)), random.normal(0.0, 3e-6, (3, 3))
     gradient = (gradient + gradient.T) / 2.0 - np.eye(3) * np.trace(gradient) / 3.0
-    at_rest = world.field() - world.bare()
+    at_rest = world.field() - world.gain * world.earth_t
     press = world.field(world.pressed(np.array([2e-3]), np.array([1e-3]), np.array([0.3]))[0]) - world.field()
     direction = world.earth_t / np.linalg.norm(world.earth_t)
     across = np.cross(direction, [0.0, 0.0, 1.0] if abs(direction[2]) < 0.9 else [1.0, 0.0, 0.0])

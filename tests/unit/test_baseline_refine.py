@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mounted_world import NOISE_T, TOLERANCE, World, pressing
+from mounted_world import NOISE_T, TOLERANCE, World, frames_of, pressing
 
 from fmfts import ambient
-from fmfts.ambient import BaselineError, Means, Mounting, make_refined, make_rest
+from fmfts.ambient import BaselineError, Means, Mounting, make_refined, make_rest, means
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 from fmfts.pose import State
@@ -22,7 +22,7 @@ def _presses(world: World, count: int = 36) -> Means:
     random = world.random
     x_m, y_m = random.uniform(-11e-3, 11e-3, (2, count))
     states = world.pressed(x_m, y_m, random.uniform(0.2, 2.0, count))
-    fields = np.array([world.field(state) for state in states])
+    fields = np.array([world.field(state) + world.gain * world.surroundings() for state in states])
     noisy = fields + random.normal(0.0, NOISE_T / np.sqrt(11), fields.shape)
     return Means(noisy, np.zeros(count), np.arange(count) * 0.05, np.full((4, 3), NOISE_T))
 
@@ -61,14 +61,14 @@ def refined(request: pytest.FixtureRequest) -> list[tuple[World, Mounting, Mount
     return worlds
 
 
-def test_unknowns_are_found_as_well_as_claimed(refined: list[tuple[World, Mounting, Mounting]]) -> None:
+@pytest.mark.parametrize("which", ["at rest", "refined"])
+def test_unknowns_are_found_as_well_as_claimed(refined: list[tuple[World, Mounting, Mounting]], which: str) -> None:
     normalised = []
-    for world, _, after in refined:
-        error, covariance = _error(world, after)
+    for world, before, after in refined:
+        error, covariance = _error(world, after if which == "refined" else before)
         normalised.append(error @ np.linalg.solve(covariance, error))
-    # The mean of 20 χ²₃₀ has a deviation of 1.7. These magnets, and this ambient field, vary less than their priors:
-    # what is left of 30 are 15 to 16.
-    assert 30.0 - 18.0 < np.mean(normalised) < 30.0 + 4 * 1.7
+    # These worlds are drawn from the priors: the mean of 20 χ²₃₀ has a deviation of √(60/20) = 1.7.
+    assert 30.0 - 4 * 1.7 < np.mean(normalised) < 30.0 + 4 * 1.7
 
 
 def test_places_and_gains_are_nearer_to_the_truth(refined: list[tuple[World, Mounting, Mounting]]) -> None:
@@ -92,6 +92,15 @@ def test_presses_are_picked_from_a_recording(pad: Pad) -> None:
     error, covariance = _error(world, mounting)
     # χ²₃₀ exceeds 60 once in a thousand.
     assert error @ np.linalg.solve(covariance, error) < 60.0
+
+
+def test_means_of_interpolated_frames_are_as_quiet_as_claimed(pad: Pad) -> None:
+    world = World(pad, np.random.default_rng(2))
+    field = world.field()
+    still = means(frames_of(lambda times_s: np.broadcast_to(field, (len(times_s), 4, 3)), 20.0, world.random))
+    normalised = (still.field_t - field) / (still.noise_t / np.sqrt(11))
+    # 4800 values: 1 %. Two neighbours that share a mean's outermost sample take up to 2.3 % of its noise away.
+    assert 0.94 < np.sqrt(np.mean(normalised**2)) < 1.04
 
 
 def test_too_few_presses_are_refused_with_their_number(pad: Pad) -> None:

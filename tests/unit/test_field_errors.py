@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from mounted_world import TOLERANCE, World
+from mounted_world import FRAMES, NOISE_T, TOLERANCE, World
 
 from fmfts.ambient import Mounting
 from fmfts.pad import Pad, rotation_from_vector
@@ -13,6 +13,8 @@ from fmfts.pose.field_errors import change_since
 from fmfts.pose.state import tangent_basis
 
 PADS = 60
+# Of the baseline, which every change has in it besides.
+REST_NOISE_T = NOISE_T / np.sqrt(FRAMES)
 
 
 def _pressed_and_turned(world: World, mounting: Mounting) -> tuple[np.ndarray, PoseEstimate]:
@@ -30,7 +32,9 @@ def _misfit(world: World, patterns: bool) -> float:
     field, estimate = _pressed_and_turned(world, mounting)
     pad, state = mounting.mounted(world.pad), estimate.state
     strength = pad.magnet.strength_t_m3 * np.exp(state.log_moment)
-    predicted, by_position, by_axis = dipole_derivatives(pad.sensors.position_m, state.position_m, state.axis, strength)
+    predicted, by_position, by_axis = dipole_derivatives(
+        pad.sensors.position_m, state.position_m, state.axis, strength, pad.magnet.modelled_octupole_m2
+    )
     unseen = np.concatenate([by_position, by_axis @ tangent_basis(state.axis), np.tile(np.eye(3), (4, 1, 1))], axis=2)
     parity = np.linalg.qr(unseen.reshape(12, 8) / np.abs(unseen).max(axis=(0, 1)), mode="complete")[0][:, 8:].T
     seen = parity @ (field - predicted - state.ambient_t).ravel()
@@ -42,7 +46,7 @@ def _misfit(world: World, patterns: bool) -> float:
     else:
         turned = np.tile(state.ambient_t, (4, 1))
         spread = parity @ np.diag(mounting.lasting_deviation_t(field, turned).ravel())
-    return float(seen @ np.linalg.solve(spread @ spread.T, seen)) / 4.0
+    return float(seen @ np.linalg.solve(spread @ spread.T + REST_NOISE_T**2 * np.eye(4), seen)) / 4.0
 
 
 def test_residuals_of_healthy_pads_are_what_the_baseline_leaves_open(pad: Pad) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fmfts.ambient.recording import MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
-from fmfts.sensor.frame import Frame
+from fmfts.sensor.frame import Frame, step_t
 
 Array = NDArray[np.float64]
 
@@ -56,8 +56,7 @@ def means(frames: Sequence[Frame]) -> Means:
         field_t=blocks.mean(axis=1),
         wander_t=np.abs(blocks[:, :half].mean(axis=1) - blocks[:, -half:].mean(axis=1)).max(axis=(1, 2)),
         time_s=(times[: count * MEAN_OF].reshape(count, MEAN_OF).mean(axis=1) - times[0]) * 1e-6,
-        # Second differences see the noise (√6 of it) but neither a turn nor a press.
-        noise_t=_robust_deviation(np.diff(fields, 2, axis=0)) / np.sqrt(6.0),
+        noise_t=_noise(frames),
     )
 
 
@@ -72,7 +71,23 @@ def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
     return np.array([one.field_t for one in pushed]), np.array([one.time_us for one in pushed], dtype=np.float64)
 
 
+def _noise(frames: Sequence[Frame]) -> Array:
+    """(N, 3) standard deviation of one sample, as it was sampled: interpolation would smooth it, though not its mean.
+
+    Second differences see the noise (√6 of it) but neither a turn nor a press.
+    """
+    fields, fresh = np.array([frame.field_t for frame in frames]), np.array([frame.fresh for frame in frames])
+    differences = (np.diff(fields[fresh[:, sensor], sensor], 2, axis=0) for sensor in range(fields.shape[1]))
+    noise = np.array([_robust_deviation(of_sensor) for of_sensor in differences]) / np.sqrt(6.0)
+    # A count is never known better than its rounding.
+    floored: Array = np.maximum(noise, step_t(frames[0].gain_code) / np.sqrt(12.0))
+    return floored
+
+
 def _robust_deviation(differences: Array) -> Array:
-    """Standard deviation along the first axis that a few jerks do not spoil: from the median of the squares."""
-    deviation: Array = np.sqrt(np.median(differences**2, axis=0) / 0.4549)  # the median of χ² with one degree
+    """Standard deviation along the first axis that a few jerks do not spoil: of what lies within four times that which
+    the median of the squares says; alone, the median of counts is a count."""
+    squares = differences**2
+    rough = np.nanmedian(squares, axis=0) / 0.4549  # the median of χ² with one degree
+    deviation: Array = np.sqrt(np.nanmean(np.where(squares <= 16.0 * rough, squares, np.nan), axis=0))
     return deviation

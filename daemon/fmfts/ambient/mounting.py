@@ -21,8 +21,6 @@ from fmfts.pose import FieldErrors, State, dipole_field
 
 Array = NDArray[np.float64]
 
-# The dipole stands in for the cylinder: at most 1.9 mG apart 12 mm away from a 2 mm × 2 mm magnet.
-MODEL_DEVIATION_T = 2e-7
 ITERATIONS = 30
 SETTLED = 1e-6  # largest step, in prior deviations, at which the search ends
 
@@ -123,33 +121,21 @@ def estimate_mounting(
     presses: what moved the magnet, if anything did; every press must be of a sensor that is believed.
     """
     count = len(pad.sensors)
-    data, variance = rest.mean_t, rest.mean_deviation_t**2 + MODEL_DEVIATION_T**2
+    unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
+    data, variance = rest.mean_t, rest.mean_deviation_t**2 + unknowns.model_deviation_t**2
     if bare is not None:
         data, variance = data - bare.mean_t, variance + bare.mean_deviation_t**2
     believed = np.repeat(np.ones(count, dtype=bool) if used is None else used, 3)
-    weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
-    unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
-    scaled = np.zeros(len(unknowns.deviation))
     bundle = None if presses is None else PressBundle(presses, unknowns)
-    for _ in range(ITERATIONS):
-        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled))
-        weighted = weight[:, None] * jacobian * unknowns.deviation
-        normal = weighted.T @ weighted + unknowns.precision
-        gradient = weighted.T @ (weight * (data - predicted).ravel()) - unknowns.precision @ scaled
-        if bundle is not None:
-            reduced = bundle.linearise(scaled)
-            normal, gradient = normal + reduced.normal, gradient + reduced.gradient
-        step = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64)
-        # Beyond a few prior deviations the linear model is not to be believed.
-        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
-        scaled = scaled + step
-        if bundle is not None:
-            bundle.follow(step)
-        if np.abs(step).max() < SETTLED:
-            break
+    weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
+    scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle)
+    # Values known so well tell more than the first order, from which the covariance comes, can say.
+    curvature = unknowns.curvature_t(scaled, np.asarray(np.linalg.inv(normal), dtype=np.float64))
+    weight = np.where(believed, 1.0 / np.hypot(np.sqrt(variance.ravel()), curvature), 0.0)
+    scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
     state, places, gain = unknowns.unpack(scaled)
+    misfit = data - unknowns.predict(state, places, gain, octupole_m2=unknowns.cylinder_m2)[0]
     predicted, _ = unknowns.predict(state, places, gain)
-    misfit = data - predicted
     scaled_covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     covariance = scaled_covariance * unknowns.deviation[:, None] * unknowns.deviation
     magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
@@ -168,7 +154,7 @@ def estimate_mounting(
         gain_deviation=gain_deviation,
         place_deviation=_by_place(place_deviation, distance),
         systematic_t=0.0,
-        leftover=Leftover(unknowns, scaled, scaled_covariance, weight),
+        leftover=Leftover(unknowns, scaled, scaled_covariance, np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0)),
         chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ unknowns.precision @ scaled),
         measurements=int(believed.sum()),
         misfit_t=misfit,
@@ -177,6 +163,33 @@ def estimate_mounting(
         ambient_deviation_t=ambient_deviation,
         press_chi2=np.zeros(0) if bundle is None else bundle.linearise(scaled).block_chi2,
     )
+
+
+def _most_probable(
+    unknowns: Unknowns, data: Array, weight: Array, start: Array, bundle: PressBundle | None
+) -> tuple[Array, Array]:
+    """The unknowns (M,) of the largest posterior, in prior deviations, and its normal matrix (M, M) there.
+
+    data (N, 3) of weight (3N,); the poses of the bundle's presses follow.
+    """
+    scaled = start
+    for _ in range(ITERATIONS):
+        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled), octupole_m2=unknowns.cylinder_m2)
+        weighted = weight[:, None] * jacobian * unknowns.deviation
+        normal = weighted.T @ weighted + unknowns.precision
+        gradient = weighted.T @ (weight * (data - predicted).ravel()) - unknowns.precision @ scaled
+        if bundle is not None:
+            reduced = bundle.linearise(scaled)
+            normal, gradient = normal + reduced.normal, gradient + reduced.gradient
+        step = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64)
+        # Beyond a few prior deviations the linear model is not to be believed.
+        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
+        scaled = scaled + step
+        if bundle is not None:
+            bundle.follow(step)
+        if np.abs(step).max() < SETTLED:
+            break
+    return scaled, normal
 
 
 def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mounting:

@@ -8,17 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient.bundle import Reduced
-from fmfts.ambient.unknowns import Unknowns
+from fmfts.ambient.unknowns import STANDING_AMBIENT_T, Unknowns
 from fmfts.pose import State
-from fmfts.pose.dipole import octupole_m2
 from fmfts.pose.state import turned
 
 Array = NDArray[np.float64]
-
-# The robot stands still meanwhile; what its surroundings change all the same.
-AMBIENT_DEVIATION_T = 1e-7
-# What the octupole leaves of the cylinder's field, and a finger that moves within a mean.
-MODEL_DEVIATION_T = 3e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +45,7 @@ class PressBundle:
         The change from rest is measured, so that what no parameter explains at rest is in no change either.
         """
         rest, places, gain = self.unknowns.unpack(scaled)
-        cylinder = octupole_m2(self.unknowns.pad.magnet)
+        cylinder = self.unknowns.cylinder_m2
         at_rest, rest_columns = self.unknowns.predict(rest, places, gain, octupole_m2=cylinder)
         whiten = self._whitening(gain)
         own, shared, residual = [], [], []
@@ -75,7 +69,7 @@ class PressBundle:
     def _whitening(self, gain: Array) -> Array:
         """(3N, 3N) that makes a change's errors, noise and ambient field, independent and of deviation one."""
         rotation = self.unknowns.pad.sensors.rotation
-        ambient = (gain[:, :, None] * rotation.transpose(0, 2, 1)).reshape(-1, 3) * AMBIENT_DEVIATION_T
-        variance = (self.presses.deviation_t**2).ravel() + MODEL_DEVIATION_T**2
+        ambient = (gain[:, :, None] * rotation.transpose(0, 2, 1)).reshape(-1, 3) * STANDING_AMBIENT_T
+        variance = (self.presses.deviation_t**2).ravel() + self.unknowns.model_deviation_t**2
         whitening: Array = np.linalg.inv(np.linalg.cholesky(np.diag(variance) + ambient @ ambient.T))
         return whitening

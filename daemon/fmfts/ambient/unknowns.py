@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -10,14 +11,19 @@ from numpy.typing import NDArray
 
 from fmfts.ambient.gains import Gains
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2, tangent_basis
+from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2
+from fmfts.pose.state import turn_derivative
 
 Array = NDArray[np.float64]
 
 # The Earth's field has 0.25–0.65 G in a direction nobody knows; steel in a robot's arm adds to it.
 AMBIENT_DEVIATION_T = 5e-5
+# The robot stands still from one recording to the next; what its surroundings change all the same.
+STANDING_AMBIENT_T = 1e-7
 # What a firm press does to the pose: the error of a change is measured at such a one.
 TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
+# A finger goes down; sideways and in tilt it goes either way.
+HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +39,10 @@ class Unknowns:
 
     @classmethod
     def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, gains: Gains | None = None) -> Self:
-        """gains: the tolerance's if None. With a tolerance of zero they are taken as exact."""
+        """ambient_free: nothing is known of the field, else it is what is left of a bare recording's.
+
+        gains: the tolerance's if None. With a tolerance of zero they are taken as exact.
+        """
         count = len(pad.sensors)
         gains = gains or Gains.untested(count, tolerance.gain)
         gain_deviation = np.sqrt(np.diagonal(gains.covariance)) if tolerance.gain else np.zeros(3 * count)
@@ -46,7 +55,7 @@ class Unknowns:
                 np.full(3, tolerance.magnet_position_m),
                 np.full(2, tolerance.magnet_tilt_rad),
                 [tolerance.remanence],
-                np.full(3, AMBIENT_DEVIATION_T if ambient_free else 0.0),
+                np.full(3, AMBIENT_DEVIATION_T if ambient_free else STANDING_AMBIENT_T),
                 np.full(3 * count, tolerance.sensor_position_m),
                 gain_deviation,
             ]
@@ -61,6 +70,33 @@ class Unknowns:
         gain = self.gain + values[9 + 3 * count :].reshape(count, 3)
         return State.at_rest(self.pad).stepped(values[:9]), places, gain
 
+    @property
+    def cylinder_m2(self) -> float:
+        """κ of the magnet itself, also where the tracker makes do with a dipole."""
+        return octupole_m2(self.pad.magnet)
+
+    @property
+    def model_deviation_t(self) -> float:
+        """What `predict` leaves out of the cylinder's field, at the nearest sensor."""
+        away = np.linalg.norm(self.pad.sensors.position_m - self.pad.rest_position_m, axis=1)
+        return self.pad.magnet.beyond_octupole_t(float(away.min()))
+
+    def curvature_t(self, scaled: Array, covariance: Array) -> Array:
+        """(3N,) root mean square of what the first order around `scaled` leaves of each field value, over errors of
+        `covariance` (M, M): with H the second derivatives in independent errors of deviation one, the mean is ½ tr H
+        and the variance ½ tr H²."""
+        root = np.linalg.cholesky(covariance)
+        here = self.predict(*self.unpack(scaled), octupole_m2=self.cylinder_m2)[1]
+        bent = np.array(
+            [
+                (self.predict(*self.unpack(scaled + error), octupole_m2=self.cylinder_m2)[1] - here)
+                @ (self.deviation[:, None] * root)
+                for error in root.T
+            ]
+        )
+        mean, variance = np.trace(bent, axis1=0, axis2=2) / 2.0, (bent**2).sum(axis=(0, 2)) / 2.0
+        return np.asarray(np.sqrt(mean**2 + variance), dtype=np.float64)
+
     def predict(
         self,
         state: State,
@@ -74,8 +110,9 @@ class Unknowns:
         octupole_m2: κ of the magnet; None: as the tracker has it.
 
         The tilt is a step in the tangent plane of `start_axis`: the drawing's if None, where the search for the rest
-        pose starts, and which stays within degrees of it.
+        pose starts.
         """
+        start_axis = self.pad.rest_axis if start_axis is None else start_axis
         count = len(places)
         strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
         octupole_m2 = self.pad.magnet.modelled_octupole_m2 if octupole_m2 is None else octupole_m2
@@ -84,9 +121,7 @@ class Unknowns:
         field = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
         columns = np.zeros((count, 3, len(self.deviation)))
         columns[:, :, 0:3] = to_sensor @ by_position
-        columns[:, :, 3:5] = (
-            to_sensor @ by_axis @ tangent_basis(self.pad.rest_axis if start_axis is None else start_axis)
-        )
+        columns[:, :, 3:5] = to_sensor @ by_axis @ turn_derivative(start_axis, state.axis)
         columns[:, :, 5] = (to_sensor @ dipole[:, :, None])[:, :, 0]
         columns[:, :, 6:9] = to_sensor
         for sensor in range(count):
@@ -102,7 +137,7 @@ class Unknowns:
 class Leftover:
     """What the baseline could not tell: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
 
-    weight: (3N,) of the field values.
+    weight: (3N,) of the field values of a frame.
     """
 
     unknowns: Unknowns
@@ -121,17 +156,14 @@ class Leftover:
         """
         state, places, gain = self.unknowns.unpack(self.scaled)
         state = replace(state, ambient_t=np.zeros(3))
-        relative, root, kappa = gain.reshape(-1, 1), self._root, octupole_m2(self.unknowns.pad.magnet)
-        _, at_rest = self.unknowns.predict(state, places, gain)
-        cylinder_at_rest = self._cylinder(state, places, gain, kappa)
+        relative, root, kappa = gain.reshape(-1, 1), self._root, self.unknowns.cylinder_m2
         by_pose = np.empty((5, gain.size, len(self.scaled) + 1))
-        for direction, size in enumerate(TYPICAL_CHANGE):
-            step = np.zeros(9)
-            step[direction] = size
-            pressed = state.stepped(step)
-            _, there = self.unknowns.predict(pressed, places, gain)
-            cylinder = self._cylinder(pressed, places, gain, kappa) - cylinder_at_rest
-            by_pose[direction] = np.hstack([(there - at_rest) @ root, cylinder.reshape(-1, 1)]) / relative / size
+        for direction, (less, more) in enumerate(_around_half_a_press(state)):
+            mistaken = (
+                self.unknowns.predict(more, places, gain)[1] - self.unknowns.predict(less, places, gain)[1]
+            ) @ root
+            cylinder = self._cylinder(more, places, gain, kappa) - self._cylinder(less, places, gain, kappa)
+            by_pose[direction] = np.hstack([mistaken, cylinder.reshape(-1, 1)]) / relative / TYPICAL_CHANGE[direction]
         by_field = np.hstack([root[-gain.size :], np.zeros((gain.size, 1))]) / relative
         return FieldErrors(by_pose, by_field, self.unknowns.pad.sensors.rotation)
 
@@ -162,3 +194,14 @@ class Leftover:
             mistaken = self.weight[:, None] * (there - at_rest) @ root
             errors[direction] = (np.linalg.lstsq(seen / scale, mistaken, rcond=None)[0] / scale[:, None])[:5] / size
         return errors
+
+
+def _around_half_a_press(rest: State) -> Iterator[tuple[State, State]]:
+    """For each direction of the pose, the states half a typical change before and after half a press.
+
+    A quadratic that is zero at rest is the change times its derivative half way: so the second order is in it, too.
+    """
+    for direction, size in enumerate(TYPICAL_CHANGE):
+        step = np.zeros(5)
+        step[direction] = size / 2.0
+        yield rest.stepped(HALF_A_PRESS - step), rest.stepped(HALF_A_PRESS + step)

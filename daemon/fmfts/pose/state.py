@@ -136,6 +136,13 @@ def turn_between(start: Array, end: Array) -> Array:
     return step
 
 
+def turn_derivative(start: Array, end: Array) -> Array:
+    """(3, 2): how `turned(start, step)` moves with the step where it is `end`; `tangent_basis` at the start itself."""
+    along: Array = tangent_basis(start)
+    derivative: Array = float(start @ end) * (along - np.outer(end, end @ along))
+    return derivative
+
+
 def tangent_basis(axis: Array) -> Array:
     """Two orthonormal vectors (3, 2) perpendicular to the unit vector `axis`; smooth wherever the axis is not −z.
 
