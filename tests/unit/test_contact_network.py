@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from onnx import TensorProto, helper
 from test_healthy_path import both, config_of, frames_of
 
+from examples import examples
 from fmfts.contact import ContactModel, ModelError, comparison, verified
 from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxruntime, difference, poses_of
 from fmfts.contact.inference import _network
@@ -69,7 +70,7 @@ def test_any_bytes_are_a_model_or_refused(content: bytes) -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, len(CONTENT) - 1), st.integers(0, 255)), min_size=1, max_size=8))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_spoilt_model_is_read_or_refused(changes: list[tuple[int, int]]) -> None:
     content = bytearray(CONTENT)
     for place, value in changes:
@@ -78,7 +79,7 @@ def test_spoilt_model_is_read_or_refused(changes: list[tuple[int, int]]) -> None
 
 
 @given(st.integers(0, len(CONTENT) - 1), st.binary(max_size=12))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_model_with_bytes_put_in_is_read_or_refused(place: int, added: bytes) -> None:
     with_error(CONTENT[:place] + added + CONTENT[place:])
 
@@ -231,7 +232,7 @@ def test_one_wrong_weight_is_found(pad: Pad, wrong: str) -> None:
 
 
 @given(st.integers(1, 70), st.sampled_from([3, 5]), st.integers(0, 2**32 - 1), st.sampled_from([0.3, 3.0]))
-@settings(max_examples=60, deadline=None, derandomize=True)
+@examples(60)
 def test_networks_of_any_size_are_those_of_the_equations(hidden: int, outputs: int, seed: int, size: float) -> None:
     """In double precision; layers up to saturation (size 3). Rounding of 2⁻²⁴ grows by what a layer weighs."""
     random = np.random.default_rng(seed)

@@ -11,9 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from fmfts.pad import Pad
 from fmfts.pose import (
     SOLVER,
@@ -53,7 +54,7 @@ def test_the_kernel_was_built_and_serves() -> None:
     assert SOLVER == "c"
 
 
-@settings(max_examples=400)
+@examples(400)
 @given(problem=problems())
 def test_kernel_and_reference_agree_to_a_billionth(problem: Problem) -> None:
     kernel, reference = solve_kernel(problem), solve_reference(problem)

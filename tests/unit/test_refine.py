@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from examples import examples
 from fmfts.calibrate.fitting import SHEAR_EXPONENTS, fit_response
 from fmfts.calibrate.likelihood import invert
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
@@ -95,7 +96,7 @@ def test_fit_meets_a_smooth_response_between_its_points() -> None:
     steps=st.integers(0, 6),
     size=st.sampled_from([1e-3, 0.1, 3.0]),
 )
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_kernel_and_numpy_agree(which: int, seed: int, steps: int, size: float) -> None:
     """To 1e-6 of the larger: rounding grows with the condition of what is inverted, up to 1e9 here."""
     random = np.random.default_rng(seed)

@@ -6,9 +6,10 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from fmfts.sensor import framing
 from fmfts.sensor.frame import WireFrame, bits
 from fmfts.sensor.framing import Decoder, encode
@@ -67,7 +68,7 @@ def told(packets: list[Packet], unpacked: list[framing.PackedSample]) -> list[ob
 
 
 @given(stream=st.lists(lines(), max_size=8).map(b"".join), cuts=st.lists(st.integers(0, 2000), max_size=6))
-@settings(max_examples=200, deadline=None, derandomize=True)
+@examples(200)
 def test_streams_are_read_the_same(stream: bytes, cuts: list[int]) -> None:
     edges = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
     chunks = [stream[a:b] for a, b in itertools.pairwise(edges)]
