@@ -7,6 +7,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ PACKAGES = "umockdev, gir1.2-umockdev-1.0 and python3-gi"
 PATIENCE_S = 20.0  # liveness on a busy machine; starting a reader takes half a second
 
 
+@cache  # all of /usr/lib is looked through
 def missing() -> bool:
     check = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository import UMockdev"
     libraries = list(Path("/usr/lib").glob("**/libumockdev-preload.so.0"))
