@@ -59,7 +59,7 @@ def costs(
     """Nanoseconds of each frame after the first SETTLED; `before` is called before each stage."""
     found: dict[str, list[int]] = {}
     link, topic = Link({0: config}, SourceState("bench"), DeviceClock()), contact_topic(config.name)
-    compiled, in_python = pipeline_of(config), pipeline_of(config)
+    compiled, in_python, whole = pipeline_of(config), pipeline_of(config), Whole(config)
     model = ContactModel.load("default", config.pad())
     session = SessionInference(read(DEFAULT_PATH))
 
@@ -71,6 +71,7 @@ def costs(
         return result
 
     for number, line in enumerate(lines):
+        timed("from bytes to message in one call", whole.take, line, number * PERIOD_NS)
         for frame in timed("unpack, board's clock, frame", link.feed, line, number * PERIOD_NS):
             answer = timed("judge, contact model, message", compiled.answer, frame)
             if isinstance(answer, PackedMessage):
@@ -80,6 +81,20 @@ def costs(
             in_python.hand_back()
             timed("judge and contact by the stages in Python", in_python._judge, frame)
     return {name: values[SETTLED:] for name, values in found.items()}
+
+
+class Whole:
+    """A pad whose frames go from their bytes to their messages in one call, as the daemon does where it can."""
+
+    def __init__(self, config: PadConfig) -> None:
+        self._clock = DeviceClock()
+        self._link = Link({0: config}, SourceState("bench"), self._clock)
+        self._pipeline = pipeline_of(config)
+
+    def take(self, line: bytes, arrival_ns: int) -> None:
+        if self._pipeline.express(self._clock.line, 0, line, 0, arrival_ns) is None:
+            for frame in self._link.feed(line, arrival_ns):
+                self._pipeline.answer(frame)
 
 
 def pipeline_of(config: PadConfig) -> PadPipeline:
