@@ -144,12 +144,15 @@ def echo(pipe: Connection, endpoint: str, ports: list[str], size: int) -> None:
         epoll.register(descriptor, select.EPOLLIN)
         topics[descriptor], seen[descriptor] = f"contact/p{index}".encode(), 0
     rest = bytes(size - 16)
-    while not pipe.poll(0):
+    epoll.register(pipe.fileno(), select.EPOLLIN)  # asking the pipe each time takes longer than all else
+    while True:
         events = epoll.poll(0.05)
         if not events and not any(seen.values()):
             for topic in topics.values():
                 socket.send_multipart((topic, b""))
         for descriptor, _ in events:
+            if descriptor == pipe.fileno():
+                return
             for _ in range(os.read(descriptor, READ_BYTES).count(0)):
                 number = seen[descriptor]
                 seen[descriptor] = number + 1
@@ -165,8 +168,14 @@ def subscriber(pipe: Connection, endpoint: str, count: int) -> None:
     socket.subscribe(b"contact/")
     heard: set[bytes] = set()
     messages: list[tuple[bytes, int, bytes]] = []
-    while not pipe.poll(0):
-        if not socket.poll(50):
+    poller = zmq.Poller()
+    poller.register(socket, zmq.POLLIN)
+    poller.register(pipe.fileno(), zmq.POLLIN)
+    while True:
+        readable = dict(poller.poll())
+        if pipe.fileno() in readable:
+            break
+        if socket not in readable:
             continue
         while True:
             try:
