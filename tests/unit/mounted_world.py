@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmfts.ambient import Baseline, Means, Recording, make_bare, make_rest, means
+from fmfts.ambient.turn import STRENGTH_DEVIATION, UNEVEN_DEVIATION_T
 from fmfts.ambient.unknowns import STANDING_AMBIENT_T
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import State
@@ -105,12 +106,14 @@ def _rotations(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def turned(world: World, *, about: float = 1.0, touched: bool = False, seconds: float = 12.0) -> Means:
-    """The robot turned by hand in a workshop, at up to 2 rad/s: the field is not quite the same everywhere.
+    """The robot turned by hand in a workshop, at up to 2 rad/s: the field is as uneven as `--turn` counts with.
 
     about: share of the tilting that makes one turn three-dimensional.
     """
     random = world.random
-    strength, gradient = random.normal(0.0, 0.005, (3, 3)), random.normal(0.0, 3e-6, (3, 3))
+    strength = random.normal(0.0, STRENGTH_DEVIATION, (3, 3))
+    away_m = np.linalg.norm(world.pad.sensors.position_m[0])
+    gradient = random.normal(0.0, UNEVEN_DEVIATION_T / away_m, (3, 3))
     gradient = (gradient + gradient.T) / 2.0 - np.eye(3) * np.trace(gradient) / 3.0
     at_rest = world.field() - world.gain * world.earth_t
     press = world.field(world.pressed(np.array([2e-3]), np.array([1e-3]), np.array([0.3]))[0]) - world.field()

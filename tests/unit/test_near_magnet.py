@@ -42,6 +42,14 @@ def test_octupole_on_the_axis_is_what_the_rule_compares() -> None:
     assert exact - dipole == pytest.approx(4.0 * magnet.strength_t_m3 * magnet.octupole_m2 / 60e-3**5, rel=0.03)
 
 
+def test_what_follows_the_octupole_is_as_large_as_the_baseline_says() -> None:
+    magnet, away_m = near().pad().magnet, 40e-3
+    exact = cylinder_field(np.array([[0.0, 0.0, away_m]]), np.zeros(3), np.array([0.0, 0.0, 1.0]), magnet)[0, 2]
+    known = magnet.strength_t_m3 * (2.0 / away_m**3 + 4.0 * magnet.octupole_m2 / away_m**5)
+    # The seventh moment's share is smaller by a few times (3 mm/40 mm)².
+    assert abs(exact - known) == pytest.approx(magnet.beyond_octupole_t(away_m), rel=0.05)
+
+
 def test_baseline_and_solver_place_a_near_magnet_where_it_is() -> None:
     """The change from rest that a dipole finds is 43 µm off, the next term leaves 11."""
     pad = near().pad()

@@ -11,7 +11,14 @@ import numpy as np
 
 from fmfts.ambient.aligned import MEAN_OF
 from fmfts.ambient.gains import Gains, relative_deviation
-from fmfts.ambient.turn import ORIENTATIONS, STRENGTH_DEVIATION, Turn, gains_from_turn
+from fmfts.ambient.turn import (
+    INDEPENDENT,
+    ORIENTATIONS,
+    STRENGTH_DEVIATION,
+    UNEVEN_DEVIATION_T,
+    Turn,
+    gains_from_turn,
+)
 from fmfts.bench.drills import Ambient
 from fmfts.bench.tapped import pipeline_of
 from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
@@ -70,14 +77,21 @@ def _within(pad: Pad, most: float, random: np.random.Generator) -> Gains:
 
 
 def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
-    """What `baseline --turn` leaves of such gains, in a field whose strength is uneven by half a percent."""
+    """What `baseline --turn` leaves of such gains, in a field as uneven as it counts with.
+
+    Its strength goes with the attitude, through which a hand swings the pad to another place: what differs so between
+    x, y and z no turn can tell from gains.
+    """
     count, at_rest = len(pad.sensors), _field(pad, State.at_rest(pad))
     true = _drawn(pad, UNTESTED, random).mean
     moments = np.linspace(0, TURN_FRAMES, ORIENTATIONS)
     seen = np.array([_earth(moment) + EARTH_AT_FIRST_T for moment in moments])
-    seen *= 1.0 + STRENGTH_DEVIATION * np.sin(moments[:, None] * 2 * np.pi / TURN_FRAMES)
+    unit, stronger = seen / np.linalg.norm(seen, axis=1, keepdims=True), random.normal(0.0, STRENGTH_DEVIATION, (3, 3))
+    seen *= 1.0 + np.einsum("ki,ij,kj->k", unit, stronger, unit)[:, None]
+    uneven = random.normal(0.0, UNEVEN_DEVIATION_T, (INDEPENDENT, count, 3))
     noise = np.full((count, 3), NOISE_T / np.sqrt(MEAN_OF))
-    measured = true * (at_rest + seen[:, None]) + random.normal(0.0, noise, (ORIENTATIONS, count, 3))
+    fields = at_rest + seen[:, None] + np.repeat(uneven, ORIENTATIONS // INDEPENDENT, axis=0)
+    measured = true * fields + random.normal(0.0, noise, (ORIENTATIONS, count, 3))
     found = gains_from_turn(pad, ToleranceConfig(gain=UNTESTED).si(), Turn(measured, noise, moments * FRAME_S))
     left = true / found.mean
     return replace(found, mean=left / left.mean())
