@@ -122,7 +122,7 @@ class Daemon:
         self._notifier.ready()
         next_tick_ns = time.monotonic_ns()
         self._report(0, 1)
-        asked, turn = False, 0
+        asked, turn = False, 1
         while not self._stopping:
             for source in self._schedule.wait(next_tick_ns):
                 now_ns, express = time.monotonic_ns(), self._express.get(id(source))
