@@ -48,7 +48,7 @@ lint: $(VENV)/.installed-test
 # time, and neither computes much. The firmware is built before, lest several do; what cannot be built, the tests tell.
 unit: $(VENV)/.installed-test
 	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang >/dev/null
-	$(BIN)/python -m pytest -n 2 --dist worksteal tests/unit
+	$(BIN)/python -m pytest -n 2 --dist loadfile tests/unit
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not real_time" --ignore tests/unit
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m real_time
 
