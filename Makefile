@@ -50,7 +50,7 @@ unit: $(VENV)/.installed-test
 	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang >/dev/null
 	$(BIN)/python -m pytest -n 2 --dist loadfile tests/unit
 	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not real_time" --ignore tests/unit
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m real_time
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m real_time --ignore tests/unit
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
