@@ -34,6 +34,8 @@ TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
 UNFELT_PLACES = 15
 # A force that is this many deviations from none certainly is one.
 CERTAIN_FORCE_DEVIATIONS = 2.0
+# How fast the chance that a place is quite another one falls with the doubt of its force.
+ASTRAY_POWER = 3
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
 EVEN_SPREAD = 1.0 / np.sqrt(12.0)
 
@@ -106,6 +108,7 @@ class ContactModel:
         self.lowest = np.array([*facts.envelope.pose_min[:5], -np.inf])
         # A magnet above its rest height is not a squeeze, however it came there.
         self.highest = np.array([*facts.envelope.pose_max[:2], np.inf, *facts.envelope.pose_max[3:5], np.inf])
+        self.trained_top_mm = facts.envelope.pose_max[2]
         own, fit = facts.own_error, facts.response_error
         of_network = np.stack(own.tables, axis=-1) * self._unit
         of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
@@ -179,8 +182,10 @@ class ContactModel:
         if not (np.isfinite(pose).all() and np.isfinite(pose_covariance).all()):
             raise ValueError("a contact was asked for of a pose that is not finite")
         slack = OUTSIDE_DEVIATIONS * np.sqrt(np.maximum(np.diagonal(pose_covariance), 0.0))
-        lifted_mm = pose[2] - self.facts.envelope.pose_max[2] - LIFTED_DEVIATIONS * slack[2] / OUTSIDE_DEVIATIONS
+        lifted_mm = pose[2] - self.trained_top_mm - LIFTED_DEVIATIONS * slack[2] / OUTSIDE_DEVIATIONS
         share = self._share_inside(pose, slack)
+        # Above its rest no press has the magnet, and a network that was never shown one there reads any force from it.
+        pose[2] = min(pose[2], self.trained_top_mm)
         if share < 1.0:
             pose = self.rest_pose + share * (pose - self.rest_pose)
             # What is uncertain of a displacement grows with it: a bound must not fall because the squeeze rose.
@@ -260,8 +265,11 @@ class ContactModel:
         carried = carried * self._unit * self._unit[:, None]
         spread = carried + np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
         central_variance = float(carried[2, 2] + self.own_deviation[force_bin, 0, 2] ** 2)
-        certain, wider = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), np.ones(len(contact))
-        wider[:2] = self.spread_m / np.sqrt(np.maximum(np.diagonal(spread)[:2], certain * self.spread_m**2))
+        certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), self.spread_m**2
+        # A light touch in the middle may read as a harder one at the rim, which no Jacobian tells.
+        spread[[0, 1], [0, 1]] += certain * doubt(float(contact[2]), float(spread[2, 2])) ** ASTRAY_POWER * even
+        wider = np.ones(len(contact))
+        wider[:2] = np.sqrt(even / np.maximum(np.diagonal(spread)[:2], certain * even))
         spread = spread * wider * wider[:, None]
         # Beyond the pad's edge the model was never trained, and its Jacobian means nothing.
         for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):

@@ -93,10 +93,12 @@ static void spread_of(const fmfts_facts *facts, const double *contact, const dou
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
     }
     double certain = 1.0 - doubt(facts, contact[2], found[2]);
+    double astray = certain * pow(doubt(facts, contact[2], variance[2]), 3);
     for (int i = 0; i < 2; i++) {
         double even = facts->spread_m[i] * facts->spread_m[i];
         bool beyond = contact[i] < facts->edges_m[2 * i] || contact[i] > facts->edges_m[2 * i + 1];
-        variance[i] = beyond ? even : variance[i] * even / fmax(variance[i], certain * even);
+        double ratio = variance[i] + astray * even;
+        variance[i] = beyond ? even : ratio * even / fmax(ratio, certain * even);
     }
 }
 

@@ -82,6 +82,7 @@ enum {
     X(outside_deviations, 1)                                                                                           \
     X(certain_deviations, 1)                                                                                           \
     X(certain_force_deviations, 1)                                                                                     \
+    X(trained_top_mm, 1)                                                                                               \
     X(lifted_above_mm, 1)                                                                                              \
     X(lifted_deviations, 1)                                                                                            \
     X(force_max_n, 1)                                                                                                  \

@@ -169,6 +169,7 @@ static bool keep_inside(const fmfts_facts *facts, fmfts_question *question)
     if (!(question->pose[2] - facts->lifted_above_mm[0] - certain <= 0.0)) {
         return false;
     }
+    question->pose[2] = fmin(question->pose[2], facts->trained_top_mm[0]);
     if (question->share < 1.0) {
         for (int i = 0; i < 6; i++) {
             question->pose[i] = facts->model_rest[i] + question->share * (question->pose[i] - facts->model_rest[i]);
