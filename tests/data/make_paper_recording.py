@@ -22,8 +22,8 @@ from end_to_end.paper import readings
 from end_to_end.processes import FirmwareHost
 from fmfts import ambient
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.contact import ContactModel
 from fmfts.memory import state_message
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.record.file import RecordingWriter
 from fmfts.running.channel import frame_message
@@ -53,7 +53,7 @@ def make(path: Path, port_folder: Path) -> None:
         config = PadConfig(name=PAD, source=BridgeSource(port=str(host.port), rate_hz=RATE_HZ))
         drawing = config.pad()
         tracking = choose(config.scene, config.magnet, thermometer=True).tracking
-        pipeline = PadPipeline(drawing, ContactModel.load("default", drawing), BOOT, float(RATE_HZ), tracking)
+        pipeline = PadPipeline(drawing, model_of(config), BOOT, float(RATE_HZ), tracking)
         bridge = Bridge({0: config})
         frames = frames_of(bridge)
         host.tell("noise 0 0")

@@ -16,9 +16,9 @@ import numpy as np
 
 from fmfts.ambient import Baseline
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.contact import ContactModel
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.memory import state_message
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.record.file import RecordingWriter
 from fmfts.running.channel import frame_message
@@ -85,8 +85,7 @@ def make(name: str, path: Path) -> None:
     )
     drawing = config.pad()
     tracking = choose(config.scene, config.magnet).tracking
-    model = ContactModel.load("default", drawing, friction=config.contact.friction)
-    pipeline = PadPipeline(drawing, model, BOOT, float(RATE_HZ), tracking)
+    pipeline = PadPipeline(drawing, model_of(config), BOOT, float(RATE_HZ), tracking)
     pipeline.use(undated(simulated_baseline(config)))
     source, writer = Simulated(config), RecordingWriter(path)
     source.finger = scene.finger

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fmfts.bench.contact import accuracy
 from fmfts.bench.contact_live import motion, squeezes, touch
@@ -46,8 +47,9 @@ def test_smallest_touch_is_a_few_millinewtons_at_the_centre_and_seen_at_once_at_
     assert facts["false_contacts"] == 0  # of 8,000 frames; one in 790,000 is allowed
 
 
-def test_squeeze_is_flagged_and_its_bound_is_below_the_force() -> None:
-    facts = squeezes(ContactModel.load("default", standard_pad()), np.random.default_rng(5))
+@pytest.mark.parametrize("refine", [False, True])
+def test_squeeze_is_flagged_and_its_bound_is_below_the_force(refine: bool) -> None:
+    facts = squeezes(ContactModel.load("default", standard_pad(), refine=refine), np.random.default_rng(5))
     assert facts["2.6 N"]["flagged_within_11_mm"] > 0.99
     for force in ("4.0 N", "6.0 N"):
         assert facts[force]["flagged"] == 1.0

@@ -11,7 +11,7 @@ import pytest
 from fmfts.bench.drills import FRAME_NS, live_finger, pad_config
 from fmfts.bench.tapped import pipeline_of
 from fmfts.bus.messages import ContactMessage
-from fmfts.contact import ContactModel
+from fmfts.model_of import model_of
 from fmfts.sensor import Frame
 from fmfts.sensor.simulated import Simulated
 
@@ -19,7 +19,7 @@ from fmfts.sensor.simulated import Simulated
 def published(turning_deg_per_s: float, seconds: float, offset_counts: int = 0) -> list[ContactMessage]:
     """A pressed pad whose scene is constant; from the first second on, it turns, or an axis of sensor 2 is off."""
     config = pad_config("constant", seed=1)
-    pipeline = pipeline_of(config, ContactModel.load("default", config.pad()))
+    pipeline = pipeline_of(config, model_of(config))
     source, messages = Simulated(config), []
     source.finger, source.turning_rad_per_s = live_finger, float(np.deg2rad(turning_deg_per_s))
     for step in range(round(seconds * 220)):

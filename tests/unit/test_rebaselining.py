@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fmfts.config import PadConfig, RebaselineConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.contact import ContactModel
 from fmfts.contact_message import PackedMessage
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.running.rebaselining import Rebaselining
 from fmfts.scene import choose
@@ -46,7 +46,7 @@ def life(seconds: float, finger: Finger = no_finger, share: Ageing = lambda time
     )
     drawing = config.pad()
     tracking = choose(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(drawing, ContactModel.load("default", drawing), "boot", float(RATE_HZ), tracking)
+    pipeline = PadPipeline(drawing, model_of(config), "boot", float(RATE_HZ), tracking)
     baseline = simulated_baseline(config)
     mounting = pipeline.use(baseline)
     rebaselining = Rebaselining(pipeline, baseline, mounting, config.rebaseline.si())

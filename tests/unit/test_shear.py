@@ -13,6 +13,7 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.model_of import model_of
 from fmfts.pad import Pad
 from fmfts.pipeline import PadPipeline
 from fmfts.scene import choose
@@ -36,7 +37,7 @@ def baseline() -> Baseline:
 
 def told(config: PadConfig, baseline: Baseline, finger: Finger, seconds: float = 0.6) -> list[ContactMessage]:
     drawing = config.pad()
-    model = ContactModel.load(config.contact.model, drawing, friction=config.contact.friction)
+    model = model_of(config)
     pipeline = PadPipeline(drawing, model, "boot", 220.0, choose(config.scene, config.magnet).tracking)
     pipeline.use(baseline)
     source = Simulated(config)

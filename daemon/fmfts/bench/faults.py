@@ -26,6 +26,7 @@ from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.bus.messages import ContactMessage
 from fmfts.contact import ContactModel
 from fmfts.memory import restore, snapshot
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.sensor import Frame
 
@@ -151,7 +152,7 @@ def drilled(
     """Every fault in every situation."""
     outcomes: dict[tuple[str, str, str], Outcome] = {}
     for seed in seeds if faults else ():
-        model = ContactModel.load("default", pad_config("constant", seed).pad())
+        model = model_of(pad_config("constant", seed))
         for ambient in ambients:
             for touch in touches:
                 healthy = Healthy(ambient, touch, seed, model)

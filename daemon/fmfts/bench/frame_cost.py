@@ -23,6 +23,7 @@ from fmfts.contact.session import SessionInference
 from fmfts.contact.verified import DEFAULT_PATH, read
 from fmfts.contact_message import PackedMessage
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.scene import choose
 from fmfts.sensor.clock import DeviceClock
@@ -100,6 +101,6 @@ class Whole:
 def pipeline_of(config: PadConfig) -> PadPipeline:
     """With its baseline."""
     pad, scene = config.pad(), choose(config.scene, config.magnet)
-    pipeline = PadPipeline(pad, ContactModel.load("default", pad), "bench", float(rig.RATE_HZ), scene.tracking)
+    pipeline = PadPipeline(pad, model_of(config), "bench", float(rig.RATE_HZ), scene.tracking)
     pipeline.use(simulated_baseline(pad_of(0)))
     return pipeline

@@ -13,8 +13,8 @@ from fmfts.bench.drills import FRAME_NS, RATE_HZ, Ambient
 from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, ToleranceConfig, neighbours_of
-from fmfts.contact import ContactModel
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.scene import around, choose
 from fmfts.sensor.simulated import Simulated
@@ -124,7 +124,7 @@ def _source(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str
 
 
 def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> PadPipeline:
-    model = ContactModel.load(pad.contact.model, pad.pad())
+    model = model_of(pad)
     pipeline = PadPipeline(pad.pad(), model, "bench", float(RATE_HZ), choose(pad.scene, pad.magnet).tracking)
     pipeline.use(simulated_baseline(pad, neighbours_of(pad, pads)))
     return pipeline

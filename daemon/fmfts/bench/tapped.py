@@ -16,6 +16,7 @@ from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.contact_message import PackedMessage
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.model_of import model_of
 from fmfts.pad import Array
 from fmfts.pipeline import PadPipeline
 from fmfts.scene import choose
@@ -80,7 +81,7 @@ def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
     well = Well(ambient)
     for seed in seeds:
         config = pad_config(ambient, seed)
-        pipeline = pipeline_of(config, ContactModel.load("default", config.pad()))
+        pipeline = pipeline_of(config, model_of(config))
         source = ManyFrames(config)
         source.finger = tapping
         truth = Truth(source.built, tapping)

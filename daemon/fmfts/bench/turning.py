@@ -24,8 +24,8 @@ from fmfts.bench.tapped import pipeline_of
 from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.bench.workspace import Array, standard_pad
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.contact import ContactModel
 from fmfts.contact.touch import RELEASE_FRAMES
+from fmfts.model_of import model_of
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pose import FREE_FIELD, State, Tracker, dipole_field, solve
 from fmfts.scene import COEFFICIENT_SHARE, choose
@@ -225,7 +225,7 @@ def _warm_pad(minutes: float, seed: int, warm: Warm) -> None:
         tolerance=ToleranceConfig(gain=SELFTESTED),
         scene=SceneConfig(ambient="drifting"),
     )
-    pipeline = pipeline_of(config, ContactModel.load("default", config.pad()))
+    pipeline = pipeline_of(config, model_of(config))
     source = Warming(config, minutes, seed)
     source.finger = _presses
     truth = Truth(source.built, _presses)

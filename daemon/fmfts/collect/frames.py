@@ -16,9 +16,10 @@ from fmfts.bus.messages import StateMessage
 from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.config import PadConfig
-from fmfts.contact import ContactModel, ModelError
+from fmfts.contact import ModelError
 from fmfts.frame_message import frame_message
 from fmfts.memory import state_message
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.record.file import RecordingError, RecordingWriter
 from fmfts.scene import choose
@@ -68,7 +69,7 @@ def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessa
     drawing, scene = pad.pad(), choose(pad.scene, pad.magnet, thermometer=pad.source.chip == "hmc5983")
     for path in (pad.contact.model, "default"):
         try:
-            model = ContactModel.load(path, drawing)
+            model = model_of(pad, path)
         except ModelError:
             continue
         pipeline = PadPipeline(drawing, model, boot, float(pad.source.rate_hz), scene.tracking)

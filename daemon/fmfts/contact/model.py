@@ -35,7 +35,7 @@ UNFELT_PLACES = 15
 # A force that is this many deviations from none certainly is one.
 CERTAIN_FORCE_DEVIATIONS = 2.0
 # How fast the chance that a place is quite another one falls with the doubt of its force.
-ASTRAY_POWER = 3
+ASTRAY_POWER = 2.5
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
 EVEN_SPREAD = 1.0 / np.sqrt(12.0)
 
@@ -116,6 +116,7 @@ class ContactModel:
         # To refine takes the network's own error away: what remains is that of the response.
         trained = of_response if refiner else np.hypot(of_network, of_response)
         self.own_deviation = np.hypot(trained, of_friction)
+        self.trained_force_n = np.broadcast_to(trained, of_network.shape)[..., 2]
         self.slipping_n = of_friction[-1, :, 2]  # what shear does to the largest force, by radius
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
@@ -151,7 +152,7 @@ class ContactModel:
             inference = inference_of(content, parsed.graph)
             facts, response = parse_facts(parsed.metadata), parse_response(parsed.metadata)
             if refine and response is None:
-                raise ValueError("it holds no response of its pad: it cannot be refined ([pad.contact] refine)")
+                raise ValueError("it holds no response of its pad, so that it cannot be refined: set refine = false")
             if len(inference.contact) != len(facts.outputs):
                 raise ValueError("it has another number of outputs than its metadata says")
             inference = compared(inference, content, facts)
@@ -267,7 +268,8 @@ class ContactModel:
         central_variance = float(carried[2, 2] + self.own_deviation[force_bin, 0, 2] ** 2)
         certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), self.spread_m**2
         # A light touch in the middle may read as a harder one at the rim, which no Jacobian tells.
-        spread[[0, 1], [0, 1]] += certain * doubt(float(contact[2]), float(spread[2, 2])) ** ASTRAY_POWER * even
+        variance = float(carried[2, 2] + self.trained_force_n[force_bin, radius_bin] ** 2)
+        spread[[0, 1], [0, 1]] += certain * doubt(float(contact[2]), variance) ** ASTRAY_POWER * even
         wider = np.ones(len(contact))
         wider[:2] = np.sqrt(even / np.maximum(np.diagonal(spread)[:2], certain * even))
         spread = spread * wider * wider[:, None]

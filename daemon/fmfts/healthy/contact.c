@@ -73,27 +73,29 @@ static double doubt(const fmfts_facts *facts, double force_n, double variance)
     return force_n > 0.0 && least < force_n * force_n ? least / (force_n * force_n) : 1.0;
 }
 
-static const double *own_deviation(const fmfts_facts *facts, const double *contact, int radius_bin)
+static int bin_in_tables(const fmfts_facts *facts, const double *contact, int radius_bin)
 {
     int force_bin = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
-    return facts->own_deviation + CONTACT * (force_bin * (int)facts->radius_bins[0] + radius_bin);
+    return force_bin * (int)facts->radius_bins[0] + radius_bin;
 }
 
 /* ContactEstimate.central_force_sd_n */
 static double central_force_sd_n(const fmfts_facts *facts, const double *contact, const double *found)
 {
-    return hypot(sqrt(found[2]), own_deviation(facts, contact, 0)[2]);
+    return hypot(sqrt(found[2]), facts->own_deviation[CONTACT * bin_in_tables(facts, contact, 0) + 2]);
 }
 
 /* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
 static void spread_of(const fmfts_facts *facts, const double *contact, const double *found, double variance[CONTACT])
 {
-    const double *own = own_deviation(facts, contact, radius_bin(facts, contact));
+    int bin = bin_in_tables(facts, contact, radius_bin(facts, contact));
+    const double *own = facts->own_deviation + CONTACT * bin;
     for (int i = 0; i < CONTACT; i++) {
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
     }
     double certain = 1.0 - doubt(facts, contact[2], found[2]);
-    double astray = certain * pow(doubt(facts, contact[2], variance[2]), 3);
+    double trained = found[2] + facts->trained_force_n[bin] * facts->trained_force_n[bin];
+    double astray = certain * pow(doubt(facts, contact[2], trained), facts->astray_power[0]);
     for (int i = 0; i < 2; i++) {
         double even = facts->spread_m[i] * facts->spread_m[i];
         bool beyond = contact[i] < facts->edges_m[2 * i] || contact[i] > facts->edges_m[2 * i + 1];

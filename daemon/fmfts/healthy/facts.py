@@ -9,6 +9,7 @@ from fmfts.ambient import Mounting
 from fmfts.chi2 import quantile
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.model import (
+    ASTRAY_POWER,
     CERTAIN_DEVIATIONS,
     CERTAIN_FORCE_DEVIATIONS,
     HYSTERESIS_MM,
@@ -117,6 +118,8 @@ def put_contact(
     facts.put("radius_bins", model.own_deviation.shape[1])
     facts.put("radius_bin_m", model.radius_bins_m)
     facts.put("own_deviation", model.own_deviation)
+    facts.put("trained_force_n", model.trained_force_n)
+    facts.put("astray_power", ASTRAY_POWER)
     facts.put("slipping_n", model.slipping_n)
 
 

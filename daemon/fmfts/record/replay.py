@@ -15,6 +15,7 @@ from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
 from fmfts.config import SHIPPED_MODELS, PadConfig
 from fmfts.contact import ContactModel, ModelError
 from fmfts.memory import restore
+from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
 from fmfts.pose import SOLVER
 from fmfts.record.file import RecordingError, is_whole, read
@@ -190,14 +191,7 @@ class Replay:
         """By its hash: no path that stands in a recording is ever opened."""
         for path in self._model_paths:
             try:
-                contact = config.contact
-                model = ContactModel.load(
-                    path,
-                    config.pad(),
-                    refine=contact.refine,
-                    friction=contact.friction,
-                    smoothing_s=contact.smoothing_ms * 1e-3,
-                )
+                model = model_of(config, path)
             except ModelError:
                 continue
             if model.hash == state.model:

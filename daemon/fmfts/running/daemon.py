@@ -26,6 +26,7 @@ from fmfts.contact import ContactModel
 from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.recorded_baseline import recorded_baseline
 from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.model_of import model_of
 from fmfts.needs import advice
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
@@ -229,16 +230,8 @@ def load_models(config: Config) -> dict[str, ContactModel]:
     loaded: dict[tuple[object, ...], ContactModel] = {}
     models = {}
     for pad in config.pad:
-        drawing = pad.pad()
-        contact = pad.contact
-        key = (contact, drawing.geometry_hash)
+        key = (pad.contact, pad.pad().geometry_hash)
         if key not in loaded:
-            loaded[key] = ContactModel.load(
-                contact.model,
-                drawing,
-                refine=contact.refine,
-                friction=contact.friction,
-                smoothing_s=contact.smoothing_ms * 1e-3,
-            )
+            loaded[key] = model_of(pad)
         models[pad.name] = loaded[key]
     return models

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import structs
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.calibrate.likelihood import invert
@@ -32,8 +34,10 @@ from fmfts.study.world import Sample
 class Whole:
     """The daemon: frame → packed message."""
 
-    def __init__(self, bench: Bench) -> None:
-        self.ask_frame = daemon(bench.world).answer
+    def __init__(self, refine: bool, bench: Bench) -> None:
+        config = bench.world.config
+        told = structs.replace(config, contact=structs.replace(config.contact, refine=refine))
+        self.ask_frame = daemon(replace(bench.world, config=told)).answer
 
     def ask(self, sample: Sample) -> ContactMessage | PackedMessage:
         return self.ask_frame(sample.frame)
@@ -124,7 +128,8 @@ SOLVER, FIELD, TABLE = "pose, then a network", "straight from field", "pose, the
 
 
 def contact_methods() -> Iterator[ContactMethod]:
-    yield ContactMethod(DAEMON, SOLVER, Whole)
+    yield ContactMethod(DAEMON, TABLE, partial(Whole, True))
+    yield ContactMethod("the daemon, refine = false", SOLVER, partial(Whole, False))
     yield ContactMethod("shipped ONNX", SOLVER, partial(_shipped, False))
     yield ContactMethod("shipped ONNX, refined", TABLE, partial(_shipped, True))
     yield ContactMethod("spline inversion", TABLE, _inversion)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.bench.workspace import MODELS
 from fmfts.chi2 import quantile
-from fmfts.contact import ContactModel
+from fmfts.model_of import model_of
 from fmfts.pad import Array
 from fmfts.pipeline import PadPipeline
 from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, Solution, State, Status, Tracker, parts_of
@@ -167,10 +167,7 @@ class Tracking:
 def daemon(world: World) -> PadPipeline:
     """All of it: frame → message, from a baseline that it records of the world as it was."""
     config = world.config
-    model = ContactModel.load(
-        config.contact.model, world.drawing, refine=config.contact.refine, friction=config.contact.friction
-    )
-    pipeline = PadPipeline(world.drawing, model, "study", world.rate_hz, tracking_of(world))
+    pipeline = PadPipeline(world.drawing, model_of(config), "study", world.rate_hz, tracking_of(world))
     pipeline.use(world.baseline(np.random.default_rng(SEED_OF_BASELINE)))
     return pipeline
 
