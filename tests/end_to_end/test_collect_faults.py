@@ -123,7 +123,7 @@ def test_rod_is_lifted_while_the_disk_still_writes(bench: PressedBench, monkeypa
 
     monkeypatch.setattr(Table, "add", hang)
     monkeypatch.setattr(Stage, "release", told)
-    # Of the bench's time, which runs faster than the disk's: a healthy row, and the start of a recording, take a second.
+    # Of the bench's time, faster than the disk's: a healthy row, and the start of a recording, take a second.
     monkeypatch.setattr("fmfts.collect.session.DISK_S", 30.0)
     end = ended(bench)
     assert isinstance(end, StoppedError)
