@@ -184,6 +184,7 @@ class Estimator:
         if not self.zeroed.at_rest:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":
+            self._touch.unseen()
             return Reading(track.health, track.reason, track.used)
         estimate = self.zeroed.honest(track.estimate)
         touching = self._touch.update(*displacement(estimate, self.mounting.rest))

@@ -59,3 +59,20 @@ def test_without_a_pose_there_is_no_answer_and_a_contact_outlasts_the_gap() -> N
     assert detector.update(REST, COVARIANCE * 0.0) is None
     assert detector.update(REST, COVARIANCE * np.nan) is None
     assert detector.update(REST, COVARIANCE) is True
+
+
+def test_finger_that_went_in_a_gap_is_gone_in_the_first_quiet_frame_after_it() -> None:
+    detector = TouchDetector(rate_hz=220.0)
+    detector.update(at_chi2(100.0), COVARIANCE)
+    for _ in range(2 * RELEASE_FRAMES):
+        detector.unseen()
+    assert detector.update(REST, COVARIANCE) is False
+
+
+def test_finger_that_stays_through_a_gap_is_still_there() -> None:
+    detector = TouchDetector(rate_hz=220.0)
+    detector.update(at_chi2(100.0), COVARIANCE)
+    for _ in range(2 * RELEASE_FRAMES):
+        detector.unseen()
+    assert detector.update(at_chi2(detector.release_chi2 * 1.1), COVARIANCE) is True
+    assert [detector.update(REST, COVARIANCE) for _ in range(RELEASE_FRAMES)] == [True] * (RELEASE_FRAMES - 1) + [False]

@@ -53,6 +53,10 @@ class TouchDetector:
             self._touched = False
         return self._touched
 
+    def unseen(self) -> None:
+        """A frame that told no pose. Who touched may be gone since: a gap of several is ended by one quiet frame."""
+        self._quiet_frames = min(self._quiet_frames + 1, RELEASE_FRAMES - 1)
+
 
 def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:
     """dᵀΣ⁻¹d, None unless Σ is a covariance and all is finite."""
