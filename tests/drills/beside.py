@@ -15,7 +15,7 @@ def probed(folder: Path, times: int) -> dict[str, Any]:
     with calibrated(folder) as (daemon, board, ear), ThreadPoolExecutor(1) as hands:
         probing = hands.submit(lambda: [daemon.command("probe", "--config", daemon.config) for _ in range(times)])
         heard = []
-        while not probing.done():
+        while not (probing.done() and board.judged_pressed):
             heard.append(ear.next())
     # On a busy computer the board may just have been silent for a moment, which a probe says, too.
     unanswered = [each.stderr for each in probing.result() if each.returncode and "connected: no" not in each.stdout]

@@ -165,6 +165,7 @@ def test_person_is_asked_again_until_each_press_was_good(tmp_path: Path, board: 
 def test_hand_presses_beside_a_running_daemon(tmp_path: Path, board: FirmwareHost) -> None:
     gauge_port = free_udp_port()
     with RunningDaemon(tmp_path, configuration(board, gauge_port)) as daemon:
+        daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
         uid = daemon.request("probe")["pads"][0]["board"]["uid"]
         code, facts, heard = pressed_by_hand(board, daemon, gauge_port, [])
         assert (code, facts.get("collected")) == (0, 4), heard
