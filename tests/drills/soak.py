@@ -209,6 +209,7 @@ def soak(folder: Path, pads: int, seconds: float) -> dict[str, Any]:
         "seconds": seconds,
         "faults": dict(faults),
         "wrong_numbers": len(rig.wrong_numbers),
+        "wrong_in": dict(Counter("numbers" if "deviations off" in one else one[:11] for one in rig.wrong_numbers)),
         "first_wrong": rig.wrong_numbers[:1],
         "late_recoveries": sum(took_s > HEALTHY_S for took_s, _ in recoveries),
         "recoveries": {fault: summary([took_s for took_s, what in recoveries if what == fault]) for fault in faults},
