@@ -25,6 +25,7 @@ CERTAIN_DEVIATIONS = 3.0
 # A step is worth a new baseline when it is a tenth of what one window can tell.
 LEAST_STEP_M = 1e-7
 FEWEST = 20
+AT_LIMIT = 1.0 - 1e-9  # as near as rounding lets it be
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,8 @@ class DriftFollower:
             return False
         step = _shortened(changes.mean(axis=0) - self.moved, allowed)
         moved = _shortened(self.moved + step, self._limits.limit_m)
-        if _size(moved - self.moved) < LEAST_STEP_M:
+        reaches_limit = self.size_m < AT_LIMIT * self._limits.limit_m <= _size(moved)
+        if _size(moved - self.moved) < LEAST_STEP_M and not reaches_limit:
             return False
         self.moved = moved
         return True
