@@ -19,6 +19,7 @@ from fmfts.sensor.i2c_config import reader_config
 from fmfts.sensor.link import Link
 from fmfts.sensor.packets import Verb
 from fmfts.sensor.source import SourceError, SourceState
+from fmfts.service.realtime import thread_priority
 
 READ_BYTES = 65536
 CHECK_NS = 100_000_000
@@ -91,8 +92,10 @@ class I2c:
         self.state.disconnect("closed", time.monotonic_ns())
 
     def _start(self, now_ns: int) -> None:
+        # A late look at the sensors is a late contact, so the reader runs as the loop does that waits for it.
+        config = msgspec.structs.replace(self._config, realtime_priority=thread_priority())
         command = [sys.executable, "-m", "fmfts.sensor.i2c_reader", str(self._record.descriptor)]
-        command.append(msgspec.json.encode(self._config).decode())
+        command.append(msgspec.json.encode(config).decode())
         pipe = subprocess.PIPE
         self._record.end()
         self._process = subprocess.Popen(

@@ -29,6 +29,7 @@ class ReaderConfig(Struct, frozen=True):
     gain_code: int
     trigger: int
     pads: tuple[PadWiring, ...]
+    realtime_priority: int = 0  # of SCHED_FIFO; 0: an ordinary process
 
     @property
     def trigger_name(self) -> str:

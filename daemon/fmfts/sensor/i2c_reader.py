@@ -26,6 +26,7 @@ from fmfts.sensor.packets import ALL_PADS, UID_BYTES, Hello, Packet, Reply, Requ
 from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.tca9548a import Switches
+from fmfts.service.realtime import RealtimeError, take_thread_priority
 
 STATUS_NS = 1_000_000_000
 WATCH_NS = 250_000_000
@@ -187,11 +188,22 @@ def complain(sentence: str | None) -> None:
         print(sentence, file=sys.stderr, flush=True)
 
 
+def _come_first(config: ReaderConfig) -> None:
+    """Only now that all is imported, which takes half a second. Refused, it goes on: late is better than never."""
+    try:
+        take_thread_priority(config.realtime_priority)
+    except RealtimeError as error:
+        complain(f"the reader of I2C bus {config.bus} may be late on a busy computer: {error}")
+
+
 def main(arguments: list[str]) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; we end when our stdin does
     config = msgspec.json.decode(arguments[1], type=ReaderConfig)
     try:
-        Reader(config, I2cBus(config.bus, CallRecord(int(arguments[0])))).run()
+        reader = Reader(config, I2cBus(config.bus, CallRecord(int(arguments[0]))))
+        if config.realtime_priority:
+            _come_first(config)
+        reader.run()
     except SourceError as error:
         complain(str(error))
         return 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def take_priority(priority: int) -> None:
 
     Raises RealtimeError.
     """
-    _set_priority(os.getpid(), priority)
+    take_thread_priority(priority)
     until = time.monotonic() + NAMED_WITHIN_S
     while len(threads := _bus_threads()) < BUS_THREADS:
         if time.monotonic() > until:
@@ -49,6 +50,16 @@ def take_priority(priority: int) -> None:
         time.sleep(1e-3)
     for thread in threads:
         _set_priority(thread, priority)
+
+
+def take_thread_priority(priority: int) -> None:
+    """This thread alone, as `take_priority`. Raises RealtimeError."""
+    _set_priority(threading.get_native_id(), priority)
+
+
+def thread_priority() -> int:
+    """Of the thread that asks, 1 to 99; 0: an ordinary one."""
+    return os.sched_getparam(0).sched_priority
 
 
 def _bus_threads() -> list[int]:
