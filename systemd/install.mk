@@ -10,7 +10,8 @@ INSTALL_LIB := $(PREFIX)/lib/fmfts
 # All of these are searched by systemd and udev below /usr/local/lib as well as /usr/lib.
 INSTALL_FILES := $(PREFIX)/bin/fmfts-daemon $(PREFIX)/lib/systemd/system/fmfts.service \
 	$(PREFIX)/lib/sysusers.d/fmfts.conf $(PREFIX)/lib/udev/rules.d/60-fmfts.rules
-PIP_TARGET = $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
+# The service is no root: what root's umask would keep to itself, it could not read.
+PIP_TARGET = umask 022 && $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
 	--root-user-action=ignore --no-compile --target "$(DESTDIR)$(INSTALL_LIB)"
 IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e 's|/usr/bin/fmfts-daemon|$(PREFIX)/bin/fmfts-daemon|'
 
@@ -24,10 +25,9 @@ install:
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
 	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) .
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)/bin"
-	install -d $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(dir $(file))") "$(DESTDIR)/etc/fmfts"
-	$(IN_PLACE) systemd/fmfts-daemon.sh > "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
-	chmod 755 "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
-	$(IN_PLACE) systemd/fmfts.service > "$(DESTDIR)$(PREFIX)/lib/systemd/system/fmfts.service"
+	install -d -m 755 $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(dir $(file))") "$(DESTDIR)/etc/fmfts"
+	$(IN_PLACE) systemd/fmfts-daemon.sh | install -m 755 /dev/stdin "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"
+	$(IN_PLACE) systemd/fmfts.service | install -m 644 /dev/stdin "$(DESTDIR)$(PREFIX)/lib/systemd/system/fmfts.service"
 	install -m 644 systemd/fmfts.sysusers "$(DESTDIR)$(PREFIX)/lib/sysusers.d/fmfts.conf"
 	install -m 644 systemd/60-fmfts.rules "$(DESTDIR)$(PREFIX)/lib/udev/rules.d/60-fmfts.rules"
 	test -e "$(DESTDIR)/etc/fmfts/config.toml" || install -m 644 config.toml "$(DESTDIR)/etc/fmfts/config.toml"
