@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
 from fmfts.contact import ContactEstimate, doubt
-from fmfts.healthy import Expressed, HealthyPath, Judged, Kind, Template
+from fmfts.healthy import HealthyPath, Judged, Kind, Lane, Passed, Template
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
 from fmfts.sensor import Frame
@@ -76,18 +76,17 @@ class Sender:
         payload = path.message(template, self.number, self._sampled_ns, publish_ns, time.time_ns())
         return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
 
-    def express(
-        self, path: HealthyPath, clock: bytearray, pad_index: int, data: bytes, begin: int, arrival_ns: int
-    ) -> Expressed | None:
-        """The message of a frame that is still bytes, where it differs from the last one in its numbers only."""
-        if self._last_template is None or path.express is None:
-            return None
-        template, kind = self._last_template
-        text, places, number = template.text, template.places, self.number + 1
-        found = path.express(clock, pad_index, text, places, kind, number, data, begin, arrival_ns)
-        if found is not None:
-            self.number, self._sampled_ns = number, found[3]
-        return found
+    def begin(self, lane: Lane) -> bool:
+        """Let `lane` send messages that are new in their numbers only; False where the last one was no packed one."""
+        if self._last_template is not None:
+            lane.begin(*self._last_template, self.number)
+        return self._last_template is not None
+
+    def passed(self, passed: Passed) -> PackedMessage:
+        """The last message of a lane that had begun."""
+        assert self._last_template is not None
+        self.number, self._sampled_ns = passed.number, passed.t_sample_ns
+        return PackedMessage(passed.payload, self._last_template[1], passed.t_sample_ns, passed.t_publish_ns)
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
         """What `message` makes of a healthy reading of that kind, whatever its numbers are."""

@@ -10,7 +10,7 @@ from fmfts.ambient import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.contact_message import PackedMessage, Reading, Sender
-from fmfts.healthy import Expressed, HealthyPath
+from fmfts.healthy import HealthyPath, Lane, Passed
 from fmfts.pad import Pad, Placement
 from fmfts.pose import Aligned, Alignment, State, TrackingModel, displacement
 from fmfts.pose.neighbour import NeighbourView, Seen, Sighting, placement_deviation, with_rest
@@ -97,11 +97,18 @@ class PadPipeline:
             self.hand_back()
         return self._judge(frame)
 
-    def express(self, clock: bytearray, pad_index: int, data: bytes, begin: int, arrival_ns: int) -> Expressed | None:
-        """The same from the board's bytes on, in one call: only where nothing but the numbers is new, else None."""
-        if self._compiled is None:
-            return None
-        return self._sender.express(self._compiled, clock, pad_index, data, begin, arrival_ns)
+    def begin(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane | None:
+        """The same from the board's bytes to the bus, ready for the next frame; None where Python has to see it.
+
+        clock: `DeviceClock.line`. Until `end`, nothing else is to be asked of this pipeline.
+        """
+        lane = None if self._compiled is None else self._compiled.lane(clock, topic, pad_index)
+        return lane if lane is not None and self._sender.begin(lane) else None
+
+    def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
+        """What has passed, and its last message; None where nothing has."""
+        passed = lane.end()
+        return None if passed is None else (passed, self._sender.passed(passed))
 
     def _judge(self, frame: Frame) -> ContactMessage:
         sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)

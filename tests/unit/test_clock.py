@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.sensor.clock import DeviceClock, HostClock
+from fmfts.sensor.clock import SLOPE_BUCKETS, DeviceClock, HostClock, _wire
 
 PERIOD_US = 4545
 BOOT_NS = 5_000_000_000_000
@@ -179,3 +179,34 @@ def test_years_of_uptime_lose_no_precision() -> None:
 def test_a_source_on_this_host_needs_no_map() -> None:
     assert HostClock().to_host_ns(1234, 9_999_999) == 1_234_000
     assert HostClock().to_host_ns(1234, 1_000_000) == 1_000_000
+
+
+@pytest.mark.skipif(_wire is None, reason="the wire was not compiled")
+@pytest.mark.parametrize("seed", range(4))
+def test_c_and_python_learn_the_same_of_every_packet(seed: int) -> None:
+    """Stalls, resets, packets out of order, a clock that stands: to the last bit, whoever learnt of the one before."""
+    draw = np.random.default_rng(seed)
+    board = Board(ppm=draw.uniform(-300, 300), seed=seed)
+    tolerance = (200e-6, 0.02)[seed % 2]
+    by_both, by_python = DeviceClock(tolerance), DeviceClock(tolerance)
+    packets = board.packets(90)[::2]
+    in_c = late_ns = ahead_us = 0
+    for number, (device_us, arrival_ns) in enumerate(packets):
+        if number % 1100 == 900 and number < 5000:
+            late_ns = int(draw.choice([30, 300, 900])) * 1_000_000
+        elif number % 1100 == 960:
+            late_ns = 0
+        if number == 1300:
+            ahead_us += int(draw.choice([-3_000_000, 0, 700_000]))
+        device_us += ahead_us - int(draw.choice([0, 0, 0, 5000]))
+        arrival_ns += late_ns
+        if device_us < 0:
+            continue
+        expected_ns = by_python._in_python(device_us, arrival_ns)
+        in_c += _wire.host_time(bytearray(by_both.line), device_us, arrival_ns) is not None
+        assert by_both.to_host_ns(device_us, arrival_ns) == expected_ns
+        assert by_both.line == by_python.line
+        assert by_both.restarts == by_python.restarts
+    assert by_both.drift_ppm == by_python.drift_ppm
+    assert in_c > 0.8 * len(packets)
+    assert by_both._minima_count == SLOPE_BUCKETS, "long enough for the oldest to be forgotten"

@@ -5,12 +5,17 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import cast
 
 import pytest
 
+from fmfts.bus.publisher import Publisher
+from fmfts.running import express
+from fmfts.running.express import Express
 from fmfts.running.schedule import Schedule
 from fmfts.sensor import Source
+from fmfts_client import Endpoints
 
 FAR_NS = 60_000_000_000
 
@@ -40,15 +45,21 @@ class Piped:
         return self.deadline
 
 
-@pytest.fixture
-def two() -> Iterator[tuple[Schedule, Piped, Piped]]:
-    sources = Piped(), Piped()
-    schedule = Schedule(cast(list[Source], list(sources)))
+@pytest.fixture(params=[True, False], ids=["in C", "in Python"])
+def two(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[Schedule, Piped, Piped]]:
+    if not request.param:
+        monkeypatch.setattr(express, "send_function", lambda: None)
+    sources, publisher = (Piped(), Piped()), Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), "boot")
+    waiting = Express(publisher)
+    schedule = Schedule(cast(list[Source], list(sources)), waiting)
     schedule.wait(0)  # the first wait looks at every deadline
     for source in sources:
         schedule.served(cast(Source, source))
     yield schedule, *sources
-    schedule.close()
+    waiting.close()
+    publisher.close()
     for source in sources:
         if source.reading is not None:
             source.close()

@@ -22,9 +22,12 @@ from fmfts.contact import ContactModel
 from fmfts.contact.session import SessionInference
 from fmfts.contact.verified import DEFAULT_PATH, read
 from fmfts.contact_message import PackedMessage
+from fmfts.healthy import Lane
+from fmfts.healthy.compiled import _healthy
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.model_of import model_of
 from fmfts.pipeline import PadPipeline
+from fmfts.running.express import send_function
 from fmfts.scene import choose
 from fmfts.sensor.clock import DeviceClock
 from fmfts.sensor.framing import encode
@@ -60,7 +63,7 @@ def costs(
     """Nanoseconds of each frame after the first SETTLED; `before` is called before each stage."""
     found: dict[str, list[int]] = {}
     link, topic = Link({0: config}, SourceState("bench"), DeviceClock()), contact_topic(config.name)
-    compiled, in_python, whole = pipeline_of(config), pipeline_of(config), Whole(config)
+    compiled, in_python, whole = pipeline_of(config), pipeline_of(config), Whole(config, publisher)
     model = ContactModel.load("default", config.pad())
     session = SessionInference(read(DEFAULT_PATH))
 
@@ -72,7 +75,8 @@ def costs(
         return result
 
     for number, line in enumerate(lines):
-        timed("from bytes to message in one call", whole.take, line, number * PERIOD_NS)
+        if not timed("from bytes to bus in one call", whole.take, line, number * PERIOD_NS):
+            whole.take_in_python(line, number * PERIOD_NS)
         for frame in timed("unpack, board's clock, frame", link.feed, line, number * PERIOD_NS):
             answer = timed("judge, contact model, message", compiled.answer, frame)
             if isinstance(answer, PackedMessage):
@@ -85,17 +89,32 @@ def costs(
 
 
 class Whole:
-    """A pad whose frames go from their bytes to their messages in one call, as the daemon does where it can."""
+    """A pad whose frames go from their bytes to the bus in one call, as the daemon does where it can."""
 
-    def __init__(self, config: PadConfig) -> None:
-        self._clock = DeviceClock()
+    LINE = 0  # none that is read
+
+    def __init__(self, config: PadConfig, publisher: Publisher) -> None:
+        self._clock, self._topic = DeviceClock(), contact_topic(config.name)
         self._link = Link({0: config}, SourceState("bench"), self._clock)
         self._pipeline = pipeline_of(config)
+        send = send_function()
+        assert send is not None
+        self._loop = _healthy.Loop(-1, send, publisher.address)
+        self._lane: Lane | None = None
 
-    def take(self, line: bytes, arrival_ns: int) -> None:
-        if self._pipeline.express(self._clock.line, 0, line, 0, arrival_ns) is None:
-            for frame in self._link.feed(line, arrival_ns):
-                self._pipeline.answer(frame)
+    def take(self, line: bytes, arrival_ns: int) -> bool:
+        return self._lane is not None and self._loop.take(self.LINE, line, arrival_ns)
+
+    def take_in_python(self, line: bytes, arrival_ns: int) -> None:
+        """What no lane took; the next frames may."""
+        if self._lane is not None:
+            self._loop.end(self.LINE)
+            self._pipeline.end(self._lane)
+        for frame in self._link.feed(line, arrival_ns):
+            self._pipeline.answer(frame)
+        self._lane = self._pipeline.begin(self._clock.line, self._topic, 0)
+        if self._lane is not None:
+            self._loop.begin(self.LINE, b"", (self._lane.compiled,))
 
 
 def pipeline_of(config: PadConfig) -> PadPipeline:

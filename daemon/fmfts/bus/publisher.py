@@ -24,7 +24,7 @@ from fmfts.bus.messages import (
 from fmfts.bus.server import BoundSocket
 from fmfts_client.endpoints import Endpoints
 
-# What a subscriber that does not keep up may hold back, in messages, before it loses some: a second of one pad. Old
+# What a subscriber that does not keep up may hold back, in messages, before it loses some: a second of each pad. Old
 # contacts help nobody; a recording wants every frame.
 BUS_HIGH_MARK = 256
 FRAMES_HIGH_MARK = 20_000
@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 class Publisher:
     """Serves `endpoints.bus` and `endpoints.frames`; `boot` is this run's random word; over tcp with `key`.
 
-    pads: names of those whose raw frames may be asked for.
+    pads: names of those that are served, whose raw frames may be asked for.
 
     `refused` counts the messages that held a number that is none (an error of this program): such a contact goes out
     as "lost" without any estimate, so that listeners learn of it at once; anything else is withheld. Both are logged.
@@ -52,13 +52,14 @@ class Publisher:
     def __init__(self, endpoints: Endpoints, boot: str, key: ServerKey | None = None, pads: Iterable[str] = ()) -> None:
         self.boot = boot
         self.refused = 0
-        self._answered = {prefix for pad in pads for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
+        names = list(pads)
+        self._answered = {prefix for pad in names for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
-        self.unasked_until_ns = 0  # until then, nobody is known to want any raw frames
         self._states_told: set[str] = set()
         # PUB keeps to itself what peers subscribe to: nobody has to fetch it.
-        self._bus = BoundSocket(zmq.PUB, endpoints.bus, BUS_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
+        high_mark = BUS_HIGH_MARK * max(len(names), 1)
+        self._bus = BoundSocket(zmq.PUB, endpoints.bus, high_mark, LARGEST_SUBSCRIPTION, key)
         try:
             self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)
         except Exception:
@@ -85,6 +86,11 @@ class Publisher:
         self._send_part(topic, NO_WAIT_AND_MORE)
         self._send_part(payload, NO_WAIT)
 
+    @property
+    def address(self) -> int:
+        """The contacts' socket as libzmq knows it, for `send_function` of this thread."""
+        return int(self._bus.zmq.underlying)
+
     def send_event(self, pad: str, message: EventMessage) -> None:
         self._send_checked(self._bus, f"event/{pad}".encode(), message)
 
@@ -96,8 +102,16 @@ class Publisher:
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_NS
             self._follow_subscriptions()
-            self.unasked_until_ns = 0 if self._subscriptions else self._look_ns
         return bool(self._subscriptions) and self._is_subscribed(f"frame/{pad}")
+
+    def anything_wanted(self) -> bool:
+        """Does anybody subscribe to raw frames of any pad? To be asked when `fileno` is readable, and now and then."""
+        self._follow_subscriptions()
+        return bool(self._subscriptions)
+
+    def fileno(self) -> int:
+        """Readable when subscriptions to raw frames may have changed: at edges only."""
+        return int(self._frames.zmq.getsockopt(zmq.FD))
 
     def _follow_subscriptions(self) -> None:
         for _ in range(LARGEST_BATCH):

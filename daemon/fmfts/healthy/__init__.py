@@ -3,7 +3,7 @@
 Every other frame, and every frame where there is no compiler, is judged by the stages in Python.
 """
 
-from fmfts.healthy.path import Expressed, HealthyPath, Judged, Kind
+from fmfts.healthy.path import HealthyPath, Judged, Kind, Lane, Passed
 from fmfts.healthy.template import Template
 
-__all__ = ["Expressed", "HealthyPath", "Judged", "Kind", "Template"]
+__all__ = ["HealthyPath", "Judged", "Kind", "Lane", "Passed", "Template"]

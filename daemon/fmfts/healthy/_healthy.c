@@ -1,14 +1,7 @@
 /* fmfts.healthy._healthy: the healthy path for Python, through the stable ABI. Called by path.py only. */
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#define _POSIX_C_SOURCE 199309L /* clock_gettime */
-#include <Python.h>
-#include <string.h>
-#include <time.h>
+#include "_lane.h"
 
-#include "../contact/network.h"
-#include "../sensor/clock.h"
-#include "passage.h"
+#include <string.h>
 
 enum { INTEGERS = FMFTS_MESSAGE_INTEGERS };
 
@@ -174,123 +167,10 @@ static PyObject *message(PyObject *module, PyObject *args)
     return result;
 }
 
-/* What `express` is called with. */
-enum { NETWORK_BUFFER = MODEL_BUFFER, CLOCK_BUFFER, TEMPLATE_BUFFER, PLACES_BUFFER, EXPRESS_BUFFERS };
-typedef struct {
-    Py_buffer b[EXPRESS_BUFFERS];
-    unsigned pad_index;
-    int kind;
-    unsigned long long seq;
-    const char *data;
-    Py_ssize_t size, begin;
-    long long arrival_ns;
-} fmfts_express_call;
-
-static int take_express(PyObject *args, fmfts_express_call *call)
-{
-    Py_buffer *b = call->b;
-    memset(call, 0, sizeof *call);
-    return PyArg_ParseTuple(args, "(y*w*w*z*y*)w*Iy*y*iKy#nL", &b[0], &b[1], &b[2], &b[3], &b[4], &b[CLOCK_BUFFER],
-                            &call->pad_index, &b[TEMPLATE_BUFFER], &b[PLACES_BUFFER], &call->kind, &call->seq,
-                            &call->data, &call->size, &call->begin, &call->arrival_ns) &&
-           has_size(&b[FACTS_BUFFER], sizeof(fmfts_facts), "facts") &&
-           has_size(&b[MEMORY_BUFFER], sizeof(fmfts_memory), "memory") &&
-           has_size(&b[PASSAGE_BUFFER], sizeof(fmfts_passage), "passage") &&
-           has_size(&b[CLOCK_BUFFER], sizeof(fmfts_clock_line), "clock") &&
-           has_size(&b[PLACES_BUFFER], (INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places");
-}
-
-/* Where the line that begins at `begin` ends, if it is a sample of this pad, and a thermometer read as the template has
- * it; −1 otherwise. */
-static Py_ssize_t read_line(const fmfts_express_call *call, fmfts_sample *sample)
-{
-    if (call->begin < 0 || call->begin >= call->size) {
-        return -1;
-    }
-    const char *line = call->data + call->begin, *zero = memchr(line, 0, (size_t)(call->size - call->begin));
-    /* The first of the numbers is the temperature. */
-    int told = ((const int32_t *)call->b[PLACES_BUFFER].buf)[INTEGERS] >= 0;
-    if (!zero || !fmfts_read_sample((const uint8_t *)line, (size_t)(zero - line), sample) ||
-        sample->pad_index != call->pad_index || told != (sample->temperature_raw != FMFTS_TEMPERATURE_UNKNOWN)) {
-        return -1;
-    }
-    return zero - call->data + 1;
-}
-
-/* The sample as far as its contact, in the pad's passage. */
-static fmfts_contact contact_of(const fmfts_express_call *call, const fmfts_network *network,
-                                const fmfts_sample *sample)
-{
-    const Py_buffer *b = call->b;
-    fmfts_passage *passage = b[PASSAGE_BUFFER].buf;
-    float pose[FMFTS_POSE], contact[FMFTS_ANSWERS], jacobian[FMFTS_ANSWERS * FMFTS_POSE];
-    const fmfts_frame frame = {
-        .readings = sample->readings,
-        .time_us = (double)sample->time_us,
-        .temperature_c = fmfts_temperature_c(sample),
-        .gain_code = sample->gain_code,
-        .valid = sample->valid,
-        .fresh = sample->fresh,
-    };
-    if (!fmfts_enter(b[FACTS_BUFFER].buf, b[MEMORY_BUFFER].buf, &frame, FMFTS_READING_BYTES * (size_t)sample->sensors,
-                     passage)) {
-        return FMFTS_NO_NUMBER;
-    }
-    fmfts_pose_of(passage, pose);
-    fmfts_infer(network, pose, contact, jacobian);
-    return fmfts_leave(b[FACTS_BUFFER].buf, passage, b[RESPONSE_BUFFER].buf, (size_t)b[RESPONSE_BUFFER].len, contact,
-                       jacobian);
-}
-
-static unsigned long long now_ns(clockid_t clock)
-{
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (unsigned long long)now.tv_sec * 1000000000u + (unsigned long long)now.tv_nsec;
-}
-
-/* express((facts, memory, passage, response, network), clock, pad_index, template, places, kind, seq, data, begin,
- * arrival_ns) → (end, payload, sequence, t_sample_ns, t_publish_ns), or None where anything but the numbers is not as
- * it was in the frame before: nothing has changed then. */
-static PyObject *express(PyObject *module, PyObject *args)
-{
-    fmfts_express_call call;
-    fmfts_network network;
-    fmfts_sample sample;
-    int64_t host_ns;
-    Py_ssize_t end;
-    PyObject *result = NULL;
-    Py_buffer *b = call.b;
-    (void)module;
-    if (!take_express(args, &call) || !view_network(&b[NETWORK_BUFFER], &network)) {
-        result = NULL;
-    } else if ((end = read_line(&call, &sample)) < 0 ||
-               !fmfts_host_time(b[CLOCK_BUFFER].buf, (int64_t)sample.time_us, call.arrival_ns, &host_ns) ||
-               (int)contact_of(&call, &network, &sample) != call.kind) {
-        result = Py_NewRef(Py_None);
-    } else {
-        fmfts_passage *passage = b[PASSAGE_BUFFER].buf;
-        int64_t t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)passage->question.instant_us);
-        unsigned long long integer[INTEGERS] = {call.seq, (unsigned long long)t_sample_ns, now_ns(CLOCK_MONOTONIC),
-                                                now_ns(CLOCK_REALTIME)};
-        PyObject *payload = PyBytes_FromStringAndSize(b[TEMPLATE_BUFFER].buf, b[TEMPLATE_BUFFER].len);
-        if (payload) {
-            fmfts_fill((uint8_t *)PyBytes_AsString(payload), (size_t)b[TEMPLATE_BUFFER].len, b[PLACES_BUFFER].buf,
-                       integer, &passage->numbers);
-            *(fmfts_memory *)b[MEMORY_BUFFER].buf = passage->next;
-            fmfts_heard(b[CLOCK_BUFFER].buf, (int64_t)sample.time_us, call.arrival_ns);
-            result = Py_BuildValue("(nNILK)", end, payload, sample.sequence, (long long)t_sample_ns, integer[2]);
-        }
-    }
-    release(b, EXPRESS_BUFFERS);
-    return result;
-}
-
 static PyMethodDef methods[] = {
     {"judge", judge, METH_VARARGS, "A frame as far as its contact; see path.py."},
     {"ask", ask, METH_VARARGS, "A frame as far as the question to another's contact model; see path.py."},
     {"conclude", conclude, METH_VARARGS, "Another's answer to that question; see path.py."},
-    {"express", express, METH_VARARGS, "A frame from its bytes to its message; see path.py."},
     {"message", message, METH_VARARGS, "What is published of it; see template.py."},
     {NULL, NULL, 0, NULL},
 };
@@ -322,9 +202,21 @@ static int add_layout(PyObject *module, const char *name, const fmfts_entry *ent
 
 #define FMFTS_COUNT(entries) (sizeof(entries) / sizeof(entries)[0])
 
-static int set_constants(PyObject *module)
+static PyTypeObject *add_type(PyObject *module, PyType_Spec *spec)
 {
-    return add_layout(module, "FACTS", FACTS, FMFTS_COUNT(FACTS)) < 0 ||
+    PyTypeObject *type = (PyTypeObject *)PyType_FromModuleAndSpec(module, spec, NULL);
+    if (type && PyModule_AddType(module, type) < 0) {
+        Py_CLEAR(type);
+    }
+    return type;
+}
+
+static int set_up(PyObject *module)
+{
+    fmfts_lane_type = add_type(module, &fmfts_lane_spec);
+    PyTypeObject *loop_type = fmfts_lane_type ? add_type(module, &fmfts_loop_spec) : NULL;
+    Py_XDECREF(loop_type);
+    return !loop_type || add_layout(module, "FACTS", FACTS, FMFTS_COUNT(FACTS)) < 0 ||
                    add_layout(module, "MEMORY", MEMORY, FMFTS_COUNT(MEMORY)) < 0 ||
                    add_layout(module, "NUMBERS", NUMBERS, FMFTS_COUNT(NUMBERS)) < 0 ||
                    PyModule_AddIntConstant(module, "PASSAGE_BYTES", sizeof(fmfts_passage)) < 0
@@ -333,7 +225,7 @@ static int set_constants(PyObject *module)
 }
 
 static PyModuleDef_Slot slots[] = {
-    {Py_mod_exec, (void *)set_constants},
+    {Py_mod_exec, (void *)set_up},
     {0, NULL},
 };
 

@@ -30,19 +30,25 @@ def ask(
 def conclude(
     facts: Buffer, memory: Buffer, passage: Buffer, response: Buffer | None, contact: Buffer, jacobian: Buffer, /
 ) -> tuple[int, int] | None: ...
-def express(
-    pad: tuple[Buffer, Buffer, Buffer, Buffer | None, Buffer],
-    clock: bytearray,
-    pad_index: int,
-    template: bytes,
-    places: bytes,
-    kind: int,
-    seq: int,
-    data: bytes,
-    begin: int,
-    arrival_ns: int,
-    /,
-) -> tuple[int, bytes, int, int, int] | None: ...
 def message(
     template: bytes, places: bytes, passage: Buffer, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, /
 ) -> bytes: ...
+
+class Lane:
+    def __init__(
+        self,
+        pad: tuple[Buffer, Buffer, Buffer, Buffer | None, Buffer],
+        clock: bytearray,
+        topic: bytes,
+        pad_index: int,
+        /,
+    ) -> None: ...
+    def begin(self, text: bytes, places: bytes, kind: int, number: int, /) -> None: ...
+    def end(self) -> tuple[int, int, int, int, bytes, int, int, int, list[float]] | None: ...
+
+class Loop:
+    def __init__(self, epoll: int, send: int, socket: int, /) -> None: ...
+    def begin(self, descriptor: int, unread: bytes, lanes: tuple[Lane, ...], /) -> None: ...
+    def end(self, descriptor: int, /) -> tuple[bytes, int] | None: ...
+    def take(self, descriptor: int, data: bytes, arrival_ns: int, /) -> bool: ...
+    def wait(self, until_ns: int, /) -> list[int]: ...

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from functools import partial
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,32 +38,37 @@ class Judged(NamedTuple):
     kind: Kind
 
 
-# Where a frame's bytes end, its message, sequence, t_sample_ns and t_publish_ns. As a class of its own it would take
-# longer than what is done with it.
-Expressed = tuple[int, bytes, int, int, int]
+class Passed(NamedTuple):
+    """Frames that went from their bytes to the bus without Python; sequences of the first and the last of them.
+
+    number, payload, arrival_ns, t_sample_ns, t_publish_ns: the last one's; latencies_s: of each, sample → publish.
+    """
+
+    frames: int
+    first_sequence: int
+    sequence: int
+    number: int
+    payload: bytes
+    arrival_ns: int
+    t_sample_ns: int
+    t_publish_ns: int
+    latencies_s: list[float]
 
 
-class Express(Protocol):
-    """`judge` and `message` in one, of the wire's bytes from `begin` on."""
+class Lane:
+    """Lets a pad's frames pass, as long as only the numbers of their messages change: express.h."""
 
-    def __call__(
-        self,
-        clock: bytearray,
-        pad_index: int,
-        text: bytes,
-        places: bytes,
-        kind: Kind,
-        seq: int,
-        data: bytes,
-        begin: int,
-        arrival_ns: int,
-        /,
-    ) -> Expressed | None:
-        """clock: `DeviceClock.line`. text, places: a Template.
+    def __init__(self, compiled: _healthy.Lane) -> None:
+        self.compiled = compiled
 
-        None where the bytes are not a sample packet of this pad, its time is not on the board's line, it is not healthy
-        and of this `kind`, or only one of it and the template has a temperature: all is as it was then.
-        """
+    def begin(self, template: Template, kind: Kind, number: int) -> None:
+        """template, kind, number: of the last message. Whoever has the memory, this has it until `end`."""
+        self.compiled.begin(template.text, template.places, kind, number)
+
+    def end(self) -> Passed | None:
+        """None where no frame has passed since `begin`."""
+        passed = self.compiled.end()
+        return None if passed is None else Passed(*passed)
 
 
 KINDS = tuple(Kind)
@@ -88,9 +92,7 @@ class HealthyPath:
         self._memory_buffer = self._memory.buffer
         self._passage = np.zeros(_healthy.PASSAGE_BYTES // 8).data
         self._pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
-        self.express: Express | None = None
-        if self._network is not None:
-            self.express = partial(_healthy.express, (*self._pad, self._network))
+        self._lane: Lane | None = None
 
     @classmethod
     def of(
@@ -135,6 +137,12 @@ class HealthyPath:
     def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
         """The last judged frame's."""
         return _healthy.message(template.text, template.places, self._passage, seq, t_sample_ns, t_publish_ns, utc_ns)
+
+    def lane(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane | None:
+        """Of this pad, whose messages are about `topic`; clock: `DeviceClock.line`. None where onnxruntime is asked."""
+        if self._lane is None and self._network is not None:
+            self._lane = Lane(_healthy.Lane((*self._pad, self._network), clock, topic, pad_index))
+        return self._lane
 
     def take(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector, last_us: int) -> bool:
         """Take the memory over, if nothing is pending in it that only Python can judge."""

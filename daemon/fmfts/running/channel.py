@@ -11,7 +11,7 @@ from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
 from fmfts.contact_message import PackedMessage
 from fmfts.frame_message import frame_message
-from fmfts.healthy import Kind
+from fmfts.healthy import Kind, Lane
 from fmfts.jobs.baselines import BaselineJob
 from fmfts.jobs.probing import faults_of
 from fmfts.memory import state_message
@@ -44,7 +44,7 @@ class Channel:
         self._topic = contact_topic(self.name)
         self._boot = boot
         self._rate_hz = rate_hz
-        self._clock = source.express_to(pad_index, self.express) if isinstance(source, ByteSource) else None
+        self._clock = source.clock_line if isinstance(source, ByteSource) else None
         self._statistics = PadStatistics()
         self._started_ns = time.monotonic_ns()
         # Without a usable frame for this long a pad is silent: at any rate, two frames may be missing.
@@ -97,25 +97,21 @@ class Channel:
             self._publisher.state_changed(self.name)
             self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
 
-    def express(self, data: bytes, arrived_ns: int) -> bytes:
-        """Contacts of the frames that `data` begins with, as long as they differ from the last one's in their numbers
-        only; what is left of `data`, for `frame`."""
+    def begin(self, now_ns: int) -> Lane | None:
+        """Let frames pass in C from now on, while they are like the last one; None where Python has to see them."""
         if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
-            return data
-        publisher = self._publisher
-        if arrived_ns >= publisher.unasked_until_ns and publisher.frames_wanted(self.name, arrived_ns):
-            return data
-        end = 0
-        while end < len(data):
-            found = self.pipeline.express(self._clock, self.pad_index, data, end, arrived_ns)
-            if found is None:
-                break
-            end, payload, sequence, sampled_ns, published_ns = found
-            publisher.send_packed(self._topic, payload)
-            self._statistics.expressed(sequence, sampled_ns, published_ns)
-            self._last = PackedMessage(payload, self._kind, sampled_ns, published_ns)
-            self._last_frame_ns = self._last_used_ns = arrived_ns
-        return data[end:]
+            return None
+        if self._publisher.frames_wanted(self.name, now_ns):
+            return None
+        return self.pipeline.begin(self._clock, self._topic, self.pad_index)
+
+    def end(self, lane: Lane) -> None:
+        """Account for what has passed; from now on frames come to `frame` again."""
+        ended = self.pipeline.end(lane)
+        if ended is not None:
+            passed, self._last = ended
+            self._statistics.passed(passed)
+            self._last_frame_ns = self._last_used_ns = passed.arrival_ns
 
     def use(self, baseline: Baseline) -> None:
         """BaselineError where it does not fit the pad. What a drift taught is forgotten."""

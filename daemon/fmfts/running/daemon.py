@@ -8,7 +8,6 @@ import secrets
 import signal
 import socket
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from pathlib import Path
@@ -30,11 +29,12 @@ from fmfts.model_of import model_of
 from fmfts.needs import advice
 from fmfts.pipeline import PadPipeline
 from fmfts.running.channel import Channel
+from fmfts.running.express import Express
 from fmfts.running.schedule import Schedule
 from fmfts.running.summary import one_line
 from fmfts.running.verbs import Verbs
 from fmfts.scene import around, blind, choose
-from fmfts.sensor import ByteSource, Source
+from fmfts.sensor import Source
 from fmfts.sensor.factory import open_sources
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
@@ -43,6 +43,7 @@ from fmfts_client.endpoints import for_daemon
 log = logging.getLogger(__name__)
 
 TICK_NS = 50_000_000
+LOST_SIGNAL_TICKS = 5
 TURNS = 20  # ticks in which every pad says its status once: what all of them take together would keep frames waiting
 NEIGHBOURS_WITHOUT_BARE = (
     "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
@@ -70,21 +71,21 @@ class Daemon:
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
-        self._express: dict[int, Callable[[int], bool]] = {}
+        self._express = Express(self._publisher)
         self._pads = config.pad
         self._service = config.service
         by_name = {pad.name: pad for pad in config.pad}
         for source, names in open_sources(config.pad):
             self._sources.append(source)
-            if isinstance(source, ByteSource):
-                self._express[id(source)] = source.express
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
+            self._express.knows(source, [self._channels[id(source), pad_index] for pad_index in names])
         self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
-        self._schedule = Schedule(self._sources)
+        self._schedule = Schedule(self._sources, self._express)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
-        self._stopping = False
+        self._stopping = self._asked = False
+        self._tick, self._tick_ns = 0, time.monotonic_ns()
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
 
@@ -92,6 +93,7 @@ class Daemon:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._express.close()
         for source in self._sources:
             source.close()
         self._executor.shutdown(wait=False, cancel_futures=True)
@@ -99,7 +101,6 @@ class Daemon:
         self._publisher.close()
         if self._gate is not None:
             self._gate.close()
-        self._schedule.close()
         self._wake_read.close()
         self._wake_write.close()
 
@@ -111,6 +112,7 @@ class Daemon:
             signal.signal(number, self._stop)
         self._schedule.wake_for(self._wake_read.fileno())
         self._schedule.wake_for(self._control.fileno())
+        self._schedule.wake_for(self._publisher.fileno())
         if self._gate is not None:
             self._schedule.wake_for(self._gate.fileno())
         if self._service.lock_memory:
@@ -121,26 +123,27 @@ class Daemon:
         gc.collect()
         gc.freeze()
         self._notifier.ready()
-        next_tick_ns = time.monotonic_ns()
         self._report(0, 1)
-        asked, turn = False, 1
         while not self._stopping:
-            for source in self._schedule.wait(next_tick_ns):
-                now_ns, express = time.monotonic_ns(), self._express.get(id(source))
-                if express is None or not express(now_ns):
-                    self._serve(source, now_ns)
-            now_ns = time.monotonic_ns()
-            if self._schedule.called or asked or now_ns >= next_tick_ns:
-                asked = self._answer()
-            if now_ns >= next_tick_ns:
-                next_tick_ns = now_ns + TICK_NS
-                self._verbs.finish_jobs()
-                self._schedule.review()
-                self._tell_silence(now_ns)
-                self._notifier.watchdog()
-                self._report(turn, TURNS)
-                turn = (turn + 1) % TURNS
+            self._turn()
         self._notifier.stopping()
+
+    def _turn(self) -> None:
+        """Wait until something needs Python, and do it."""
+        for source in self._schedule.wait(self._tick_ns):
+            now_ns = time.monotonic_ns()
+            with self._express.ended(source, now_ns):
+                self._serve(source, now_ns)
+        now_ns = time.monotonic_ns()
+        is_due = now_ns >= self._tick_ns
+        if self._schedule.called or self._asked or (is_due and self._tick % LOST_SIGNAL_TICKS == 0):
+            self._asked = self._answer()
+        if is_due:
+            self._tick_ns, self._tick = now_ns + TICK_NS, (self._tick + 1) % TURNS
+            self._verbs.finish_jobs()
+            self._schedule.review()
+            self._tell_silence(now_ns)
+            self._report(self._tick, TURNS)
 
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
@@ -152,19 +155,27 @@ class Daemon:
 
     def _tell_silence(self, now_ns: int) -> None:
         for channel in self._channels.values():
-            if channel.is_silent(now_ns):
-                # Its frames may lie here: on a busy computer this loop itself stands still at times.
-                self._serve(channel.source, now_ns)
-            channel.tick(now_ns)
+            if not channel.is_silent(now_ns):
+                continue
+            with self._express.ended(channel.source, now_ns):
+                # Frames that passed in C are accounted for now.
+                if channel.is_silent(now_ns):
+                    # They may lie here: on a busy computer this loop itself stands still at times.
+                    self._serve(channel.source, now_ns)
+                    channel.tick(now_ns)
 
     def _answer(self) -> bool:
         """Whoever asks for something; False where nobody does.
 
-        ZeroMQ signals at edges only, and answering may swallow one: to be called again then, and with every tick.
+        ZeroMQ signals at edges only, and answering may swallow one: to be called again then, and now and then.
         """
+        if self._publisher.anything_wanted():
+            self._express.end_all()  # whose frames are recorded are seen by Python
         if self._gate is not None:
             self._gate.answer()
         requests = self._control.poll()
+        if requests:
+            self._express.end_all()
         for request in requests:
             self._verbs.handle(request)
             self._schedule.review()
@@ -214,10 +225,12 @@ class Daemon:
         """The status of those pads whose turn it is; systemd is told of all."""
         now_ns = time.monotonic_ns()
         for channel in islice(self._channels.values(), turn, None, turns):
-            status = channel.status(now_ns)
+            with self._express.ended(channel.source, now_ns):
+                status = channel.status(now_ns)
             self._verbs.last_status[channel.name] = status
             self._publisher.send_status(channel.name, status)
         if turn == 0:
+            self._notifier.watchdog()
             self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 
     def _stop(self, number: int, frame: FrameType | None) -> None:

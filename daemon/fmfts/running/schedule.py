@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-import select
 import time
 from collections.abc import Sequence
 
+from fmfts.running.express import Express
 from fmfts.sensor import Source
 
 log = logging.getLogger(__name__)
@@ -15,7 +15,7 @@ NEVER_NS = 1 << 62
 
 
 class Schedule:
-    """One epoll for all that the daemon waits for. What a wake-up costs does not grow with the sources that sleep on.
+    """All that the daemon waits for, in `express`. What a wake-up costs does not grow with the sources that sleep on.
 
     A source's deadline is asked for when it was served and had no frame, and in each `review`: a frame moves deadlines
     away. Between reviews the earliest one known may be in the past, never too late.
@@ -23,9 +23,9 @@ class Schedule:
     called: since the last `wait`, something that `wake_for` named has something to read.
     """
 
-    def __init__(self, sources: Sequence[Source]) -> None:
+    def __init__(self, sources: Sequence[Source], express: Express) -> None:
         self._sources = sources
-        self._epoll = select.epoll()
+        self._express = express
         self._source_of: dict[int, Source] = {}
         self._descriptor_of: dict[int, int] = {}  # id of a source → what is registered for it
         self._deadline_ns = 0
@@ -33,18 +33,13 @@ class Schedule:
 
     def wake_for(self, descriptor: int) -> None:
         """`wait` returns, too, when this has something to read."""
-        self._epoll.register(descriptor, select.EPOLLIN)
+        self._express.register(descriptor)
 
     def wait(self, until_ns: int) -> list[Source]:
         """Sleep until something is readable or due, at most until `until_ns`; the sources that are."""
-        timeout_s = max(0.0, (min(until_ns, self._deadline_ns) - time.monotonic_ns()) * 1e-9)
-        events = self._epoll.poll(timeout_s)
-        ready = []
-        for descriptor, _ in events:
-            source = self._source_of.get(descriptor)
-            if source is not None:
-                ready.append(source)
-        self.called = len(ready) < len(events)
+        readable = self._express.wait(min(until_ns, self._deadline_ns))
+        ready = [source for descriptor in readable if (source := self._source_of.get(descriptor)) is not None]
+        self.called = len(ready) < len(readable)
         now_ns = time.monotonic_ns()
         if now_ns < self._deadline_ns:
             return ready
@@ -71,11 +66,8 @@ class Schedule:
         if before is not None:
             self._forget(source, before)
         if descriptor is not None:
-            self._epoll.register(descriptor, select.EPOLLIN)
+            self._express.register(descriptor)
             self._source_of[descriptor], self._descriptor_of[id(source)] = source, descriptor
-
-    def close(self) -> None:
-        self._epoll.close()
 
     def _forget(self, source: Source, descriptor: int) -> None:
         del self._descriptor_of[id(source)]
@@ -83,6 +75,6 @@ class Schedule:
             return  # closed, and another source's by now
         del self._source_of[descriptor]
         try:
-            self._epoll.unregister(descriptor)
+            self._express.unregister(descriptor)
         except OSError:  # a closed descriptor has left epoll by itself
             log.debug("descriptor %d was closed already", descriptor)

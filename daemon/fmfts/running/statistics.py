@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from fmfts.healthy import Passed
 from fmfts.sensor import Frame
 
 
@@ -34,15 +35,15 @@ class PadStatistics:
     def published(self, sampled_ns: int, published_ns: int) -> None:
         self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
 
-    def expressed(self, sequence: int, sampled_ns: int, published_ns: int) -> None:
-        """A frame of the same run as the last one, and its message."""
-        self.frames += 1
+    def passed(self, passed: Passed) -> None:
+        """Frames of the same run as the last one, and their messages."""
+        self.frames += passed.frames
+        before = passed.first_sequence - 1
         if self._last is not None:
             run, before = self._last
-            if sequence > before + 1:
-                self.gaps += sequence - before - 1
-            self._last = run, sequence
-        self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
+            self._last = run, passed.sequence
+        self.gaps += max(passed.sequence - before - passed.frames, 0)
+        self._latencies_s += passed.latencies_s
 
     def interval(self, now_ns: int) -> tuple[float, float, float] | None:
         """End the interval: sets `rate_hz`; latencies p50, p99, max in seconds, None where nothing was published."""

@@ -71,6 +71,8 @@ class Verbs:
 
     def finish_jobs(self) -> None:
         """Answer the requests whose work has ended since the last call; call it a few times a second."""
+        if not self._pending:
+            return
         now_s = time.monotonic()
         self._pending = [pending for pending in self._pending if not pending.settle(now_s)]
         under_way = {id(pending.task) for pending in self._pending}

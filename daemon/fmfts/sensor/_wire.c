@@ -1,9 +1,10 @@
-/* fmfts.sensor._wire: sample.c for Python, through the stable ABI. Called by framing.py only. */
+/* fmfts.sensor._wire: sample.c and clock.c for Python, through the stable ABI. Called by framing.py and clock.py only. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 #include <string.h>
 
+#include "clock.h"
 #include "sample.h"
 
 /* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), …], end): the
@@ -35,7 +36,30 @@ static PyObject *samples(PyObject *module, PyObject *args)
     return found ? Py_BuildValue("(Nn)", found, end) : NULL;
 }
 
+/* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None where only Python can judge; see clock.h. */
+static PyObject *host_time(PyObject *module, PyObject *args)
+{
+    Py_buffer line = {0};
+    long long device_us, arrival_ns;
+    int64_t host_ns;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "w*LL", &line, &device_us, &arrival_ns)) {
+        return NULL;
+    }
+    if (line.len != (Py_ssize_t)sizeof(fmfts_clock_line)) {
+        PyErr_Format(PyExc_ValueError, "line: %zd bytes, %zu expected", line.len, sizeof(fmfts_clock_line));
+    } else if (fmfts_host_time(line.buf, device_us, arrival_ns, &host_ns)) {
+        result = PyLong_FromLongLong(host_ns);
+    } else {
+        result = Py_NewRef(Py_None);
+    }
+    PyBuffer_Release(&line);
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    {"host_time", host_time, METH_VARARGS, "The host's time of a board's; see clock.py."},
     {"samples", samples, METH_VARARGS, "The sample packets that bytes begin with; see framing.py."},
     {NULL, NULL, 0, NULL},
 };

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import serial
@@ -54,9 +54,7 @@ class Bridge:
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
         self._outbox = b""
-        self._takers: dict[int, Callable[[bytes, int], bytes]] = {}  # by pad index
-        self._asked: dict[int, Callable[[bytes, int], bytes]] = {}  # those who may take the next bytes
-        self._unread = b""  # what they left: packets for `poll`, or the beginning of one
+        self._unread = b""  # given back: packets, or the beginning of one
 
     def fileno(self) -> int | None:
         return self._descriptor
@@ -72,36 +70,33 @@ class Bridge:
             times.append(self._opened_ns + IDENTIFY_NS)
         return min(when for when in times if when is not None)
 
-    def express_to(self, pad_index: int, take: Callable[[bytes, int], bytes]) -> bytearray:
-        self._takers[pad_index] = take
+    @property
+    def clock_line(self) -> bytearray:
         return self._clock.line
 
-    def express(self, now_ns: int) -> bool:
-        if not self._asked or self._descriptor is None:
-            return False
-        try:
-            data = os.read(self._descriptor, READ_BYTES)
-        except OSError:
-            return False  # `poll` meets it, too
-        if not data:
-            return False
-        data = self._unread + data
-        # A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are.
-        take = self._asked.get(data[2] & 15) if len(data) > 2 else None
-        self._unread = data if take is None else take(data, now_ns)
-        if len(self._unread) < len(data):
-            self._link.heard_ns = now_ns
-        return not self._unread or (len(self._unread) <= MAX_LINE_BYTES and b"\0" not in self._unread)
+    def lendable(self) -> frozenset[int]:
+        if self._outbox or not (self.state.connected and self._link.is_quiet):
+            return frozenset()
+        if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
+            return frozenset()
+        return frozenset(index for index in self._pads if self._link.welcomes(index))
+
+    def lend(self) -> tuple[int, bytes]:
+        assert self._descriptor is not None
+        unread, self._unread = self._link.give_back() + self._unread, b""
+        return self._descriptor, unread
+
+    def give_back(self, unread: bytes, heard_ns: int) -> None:
+        self._unread = unread
+        self._link.heard_ns = max(self._link.heard_ns, heard_ns)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
-        self._asked = {}
         if self._serial is None and now_ns >= self._look_ns:
             self._look(now_ns)
         if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
             return ()
         frames = self._receive(now_ns)
         if frames and self.state.connected and not self._outbox and self._link.is_quiet:
-            self._let_express()
             return frames  # all is well, and there is nothing to say
         if self._serial is not None:
             self._judge(now_ns)
@@ -109,17 +104,11 @@ class Bridge:
             self._send(now_ns)
         return frames
 
-    def _let_express(self) -> None:
-        self._asked = {index: take for index, take in self._takers.items() if self._link.welcomes(index)}
-        if self._asked:
-            self._unread = self._link.give_back()
-
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
             raise SourceError(
                 f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
             )
-        self._asked = {}
         self._link.request_selftest(pad_index, time.monotonic_ns())
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
@@ -285,7 +274,7 @@ class Bridge:
     def _release(self) -> None:
         if self._serial is not None:
             serial_port.close(self._serial)
-            self._unread, self._asked = b"", {}
+            self._unread = b""
             self._serial = self._descriptor = None
 
 

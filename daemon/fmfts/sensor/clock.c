@@ -1,66 +1,112 @@
-/* DeviceClock.to_host_ns of a packet that does not move the line: the same sums in the same order. */
+/* DeviceClock.to_host_ns: the same sums in the same order. */
 #include "clock.h"
 
 #include <math.h>
+#include <string.h>
 
-/* A packet as clock.py sees it: since the origin, and above the line. */
-typedef struct {
-    int64_t us, ns;
-    double above_ns;
-} packet;
+/* Of all minima, so that products of two differences fit 64 bits: their times span this, their lateness the tolerance of
+ * it. Python's integers know no such limit. */
+enum { LONGEST_SPAN_US = 100000000 };
 
-static double above_line(const fmfts_clock_line *line, int64_t us, int64_t ns)
+static double above_line(const fmfts_clock_line *line, const fmfts_packet *p)
 {
-    return (double)ns - line->height_ns - line->slope_ns_per_us * (double)us;
+    return (double)p->ns - line->height_ns - line->slope_ns_per_us * (double)p->us;
 }
 
-static packet packet_of(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
+static double unsure_ns(const fmfts_clock_line *line, const fmfts_packet *p)
 {
-    int64_t us = device_us - line->origin_us, ns = arrival_ns - 1000 * device_us - line->origin_ns;
-    return (packet){us, ns, above_line(line, us, ns)};
+    int64_t since_us = p->us - line->lowest.us;
+    return line->jump_ns + line->tolerance_ns_per_us * (double)(since_us > 0 ? since_us : 0);
 }
 
-static bool is_late(const fmfts_clock_line *line, const packet *p)
+static bool turns_down(const fmfts_packet *a, const fmfts_packet *b, const fmfts_packet *c)
 {
-    return p->above_ns > line->jump_ns + line->unsure_ns_per_us * fmax((double)(p->us - line->lowest_us), 0.0);
+    return (b->ns - a->ns) * (c->us - a->us) >= (c->ns - a->ns) * (b->us - a->us);
 }
 
-bool fmfts_host_time(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns)
+/* Slope of that edge of the lower convex hull which spans the points' mean time. */
+static double hull_slope(const fmfts_packet *point, int64_t count)
 {
-    packet p = packet_of(line, device_us, arrival_ns);
-    /* Less than a nanosecond above is on the line. */
-    if ((double)(1000 * (line->newest_us - device_us)) >= line->jump_ns || !(p.above_ns >= 1.0) ||
-        p.above_ns > (double)line->standstill_ns) {
+    fmfts_packet hull[FMFTS_SLOPE_BUCKETS];
+    int64_t corners = 0, sum_us = 0;
+    for (int64_t i = 0; i < count; i++) {
+        while (corners > 1 && turns_down(&hull[corners - 2], &hull[corners - 1], &point[i])) {
+            corners--;
+        }
+        hull[corners++] = point[i];
+        sum_us += point[i].us;
+    }
+    double mean_us = (double)sum_us / (double)count;
+    for (int64_t i = 1; i < corners; i++) {
+        if ((double)hull[i].us >= mean_us) {
+            return (double)(hull[i].ns - hull[i - 1].ns) / (double)(hull[i].us - hull[i - 1].us);
+        }
+    }
+    return 0.0;
+}
+
+static void close_bucket(fmfts_clock_line *line, const fmfts_packet *first)
+{
+    if (line->minima == FMFTS_SLOPE_BUCKETS) {
+        memmove(line->minimum, line->minimum + 1, (FMFTS_SLOPE_BUCKETS - 1) * sizeof *line->minimum);
+        line->minima--;
+    }
+    line->minimum[line->minima++] = line->lowest;
+    line->bucket_end_us = (first->us / line->bucket_us + 1) * line->bucket_us;
+    line->lowest = *first;
+    double limit = line->tolerance_ns_per_us, slope = hull_slope(line->minimum, line->minima);
+    line->slope_ns_per_us = fmin(limit, fmax(-limit, slope));
+    int64_t recent = line->minima - line->height_buckets;
+    line->height_ns = INFINITY;
+    for (int64_t i = recent > 0 ? recent : 0; i < line->minima; i++) {
+        line->height_ns = fmin(line->height_ns,
+                               (double)line->minimum[i].ns - line->slope_ns_per_us * (double)line->minimum[i].us);
+    }
+}
+
+static void learn(fmfts_clock_line *line, const fmfts_packet *p)
+{
+    if (p->us >= line->bucket_end_us) {
+        close_bucket(line, p);
+    } else if (line->lowest.us < p->us && above_line(line, p) < above_line(line, &line->lowest)) {
+        line->lowest = *p;
+    }
+    line->height_ns = fmin(line->height_ns, (double)p->ns - line->slope_ns_per_us * (double)p->us);
+}
+
+/* False where it has lasted so long that the clock stood still. */
+static bool is_late_only(const fmfts_clock_line *line, int64_t arrival_ns)
+{
+    bool lasted = line->late_packets > 0 && arrival_ns - line->late_since_ns >= line->standstill_ns;
+    return !(lasted && line->late_packets + 1 >= line->standstill_packets);
+}
+
+bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns)
+{
+    if (!line->bucket_end_us) {
+        return false; /* no packet yet */
+    }
+    fmfts_packet p = {device_us - line->origin.us, arrival_ns - 1000 * device_us - line->origin.ns};
+    int64_t begun_us = line->minima ? line->minimum[0].us : line->lowest.us;
+    double above_ns = above_line(line, &p), unsure = unsure_ns(line, &p);
+    if ((double)(1000 * (line->newest_us - device_us)) >= line->jump_ns || !(above_ns > -unsure) ||
+        above_ns > (double)line->standstill_ns || p.us < 0 || p.us - begun_us > LONGEST_SPAN_US) {
         return false;
     }
-    if (is_late(line, &p)) {
-        bool lasted = line->late_packets > 0 && arrival_ns - line->late_since_ns >= line->standstill_ns;
-        if (lasted && line->late_packets + 1 >= line->standstill_packets) {
+    if (above_ns > unsure) {
+        if (!is_late_only(line, arrival_ns)) {
             return false;
         }
-    } else if (p.us >= line->bucket_end_us) {
-        return false;
-    }
-    *host_ns = arrival_ns - (int64_t)p.above_ns - line->fixed_delay_ns;
-    return true;
-}
-
-void fmfts_heard(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
-{
-    packet p = packet_of(line, device_us, arrival_ns);
-    if (device_us > line->newest_us) {
-        line->newest_us = device_us;
-    }
-    if (is_late(line, &p)) {
         line->late_since_ns = line->late_packets ? line->late_since_ns : arrival_ns;
         line->late_packets++;
-        line->least_late_ns = fmin(line->least_late_ns, p.above_ns);
-        return;
+        line->least_late_ns = fmin(line->least_late_ns, above_ns);
+    } else {
+        line->late_since_ns = line->late_packets = 0;
+        line->least_late_ns = INFINITY;
+        learn(line, &p);
+        above_ns = above_line(line, &p);
     }
-    line->late_since_ns = line->late_packets = 0;
-    line->least_late_ns = INFINITY;
-    if (line->lowest_us < p.us && p.above_ns < above_line(line, line->lowest_us, line->lowest_ns)) {
-        line->lowest_us = p.us;
-        line->lowest_ns = p.ns;
-    }
+    line->newest_us = device_us > line->newest_us ? device_us : line->newest_us;
+    *host_ns = arrival_ns - (above_ns > 0.0 ? (int64_t)above_ns : 0) - line->fixed_delay_ns;
+    return true;
 }

@@ -13,8 +13,12 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import deque
-from itertools import pairwise
+from itertools import chain, pairwise
+
+try:
+    from fmfts.sensor import _wire
+except ImportError:  # no compiler was there when the package was built
+    _wire = None  # type: ignore[assignment]
 
 BUCKET_US = 250_000
 SLOPE_BUCKETS = 128  # 32 s: a crystal's drift is constant over that, an RC oscillator's nearly
@@ -23,10 +27,9 @@ JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step bey
 STANDSTILL_NS = 400_000_000  # of arrivals, each of them late; a backlog arrives within milliseconds
 STANDSTILL_PACKETS = 8  # at a few Hz, two late packets in a row are chance
 
-# fmfts_clock_line of clock.h: what packets teach in C too, and what holds meanwhile.
-LEARNT = struct.Struct("=5qd")
-HELD = struct.Struct("=6q4d")
-NO_LINE = bytes(HELD.size)  # on which no packet is
+# fmfts_clock_line of clock.h: what packets teach, there and here, and the limits; then the lowest of the last buckets.
+LINE = struct.Struct("=8q3d5q2dq")
+MINIMA_BYTES = SLOPE_BUCKETS * struct.calcsize("=2q")
 
 Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
 
@@ -48,13 +51,16 @@ class HostClock:
 
 
 class DeviceClock:
-    """A free-running clock with `tolerance` (relative: 200e-6 for a crystal, 0.02 for an RC oscillator)."""
+    """A free-running clock with `tolerance` (relative: 200e-6 for a crystal, 0.02 for an RC oscillator).
+
+    fixed_delay_ns, of every packet, holds from the next `restart` on.
+    """
 
     def __init__(self, tolerance: float = 0.02, fixed_delay_ns: int = 0) -> None:
-        self.tolerance = tolerance
+        self._tolerance = tolerance
         self.fixed_delay_ns = fixed_delay_ns
         self.restarts = -1
-        self.line = bytearray(LEARNT.size + HELD.size)
+        self.line = bytearray(LINE.size + MINIMA_BYTES)
         self.restart()
 
     def restart(self) -> None:
@@ -63,7 +69,7 @@ class DeviceClock:
         self._origin: Point | None = None
         self._newest_us = 0
         self._bucket_end_us = 0
-        self._minima: deque[Point] = deque(maxlen=SLOPE_BUCKETS)
+        self._minima_count = 0
         self._lowest: Point = (0, 0)
         self._slope = 0.0  # ns per µs by which the host's clock outruns the board's
         self._height = 0.0  # ns at device time zero
@@ -73,27 +79,55 @@ class DeviceClock:
     @property
     def drift_ppm(self) -> float:
         """How much slower than the host's the board's clock runs."""
+        self._take_line()
         return self._slope * 1000.0
+
+    @property
+    def tolerance(self) -> float:
+        """How far the board's clock may be off, relative."""
+        return self._tolerance
+
+    @tolerance.setter
+    def tolerance(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._take_line()
+        self._draw_line()
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
-        self._newest_us, lowest_us, lowest_ns, *late = LEARNT.unpack_from(self.line)
-        self._lowest = lowest_us, lowest_ns
-        self._late_packets, self._late_since_ns, self._least_late_ns = late
+        host_ns = None if _wire is None else _wire.host_time(self.line, device_us, arrival_ns)
+        return self._in_python(device_us, arrival_ns) if host_ns is None else host_ns
+
+    def _in_python(self, device_us: int, arrival_ns: int) -> int:
+        self._take_line()
         host_ns = self._to_host_ns(device_us, arrival_ns)
         self._draw_line()
         return host_ns
 
+    def _take_line(self) -> None:
+        """What packets that passed in C have taught."""
+        values = LINE.unpack_from(self.line)
+        self._newest_us, self._lowest, self._bucket_end_us = values[0], values[1:3], values[5]
+        self._late_packets, self._late_since_ns, self._least_late_ns, self._height, self._slope = values[6:11]
+        self._minima_count = values[-1]
+
     def _draw_line(self) -> None:
-        """Write into `line` what C needs to map packets as long as they do not move it."""
-        late = self._late_packets, self._late_since_ns, self._least_late_ns
-        LEARNT.pack_into(self.line, 0, self._newest_us, *self._lowest, *late)
-        if self._origin is None:
-            self.line[LEARNT.size :] = NO_LINE
-            return
-        limits = self._bucket_end_us, self.fixed_delay_ns, STANDSTILL_NS, STANDSTILL_PACKETS
-        line = self._height, self._slope, JUMP_NS, self.tolerance * 1000
-        HELD.pack_into(self.line, LEARNT.size, *self._origin, *limits, *line)
+        """What C needs to map packets, and to learn from them."""
+        learnt = self._newest_us, *self._lowest, *(self._origin or (0, 0)), self._bucket_end_us
+        late, line = (self._late_packets, self._late_since_ns, self._least_late_ns), (self._height, self._slope)
+        limits = self.fixed_delay_ns, BUCKET_US, STANDSTILL_NS, STANDSTILL_PACKETS, HEIGHT_BUCKETS, JUMP_NS
+        LINE.pack_into(self.line, 0, *learnt, *late, *line, *limits, self.tolerance * 1000, self._minima_count)
+
+    @property
+    def _minima(self) -> list[Point]:
+        """Of the last buckets, oldest first."""
+        values = struct.unpack_from(f"={2 * self._minima_count}q", self.line, LINE.size)
+        return list(zip(values[::2], values[1::2], strict=True))
+
+    @_minima.setter
+    def _minima(self, points: list[Point]) -> None:
+        self._minima_count = len(points)
+        struct.pack_into(f"={2 * len(points)}q", self.line, LINE.size, *chain.from_iterable(points))
 
     def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         if self._origin is not None and not self._plausible(device_us, arrival_ns):
@@ -152,23 +186,22 @@ class DeviceClock:
         if arrival_ns - self._late_since_ns < STANDSTILL_NS or self._late_packets < STANDSTILL_PACKETS:
             return
         step_ns = int(self._least_late_ns)
-        self._minima = deque(((time_us, residual + step_ns) for time_us, residual in self._minima), SLOPE_BUCKETS)
+        self._minima = [(time_us, residual + step_ns) for time_us, residual in self._minima]
         self._lowest = (self._lowest[0], self._lowest[1] + step_ns)
         self._height += step_ns
         self._forget_late()
         self._learn(point)
 
     def _close_bucket(self, first: Point) -> None:
-        self._minima.append(self._lowest)
+        self._minima = minima = [*self._minima, self._lowest][-SLOPE_BUCKETS:]
         self._bucket_end_us = (first[0] // BUCKET_US + 1) * BUCKET_US
         self._lowest = first
         limit = self.tolerance * 1000
-        self._slope = min(limit, max(-limit, _hull_slope(self._minima)))
-        recent = list(self._minima)[-HEIGHT_BUCKETS:]
-        self._height = min(residual - self._slope * time_us for time_us, residual in recent)
+        self._slope = min(limit, max(-limit, _hull_slope(minima)))
+        self._height = min(residual - self._slope * time_us for time_us, residual in minima[-HEIGHT_BUCKETS:])
 
 
-def _hull_slope(points: deque[Point]) -> float:
+def _hull_slope(points: list[Point]) -> float:
     """Slope of that edge of the lower convex hull which spans the points' mean time; 0 for a single point."""
     hull: list[Point] = []
     for point in points:

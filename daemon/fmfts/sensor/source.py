@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -67,14 +67,18 @@ class Source(Protocol):
 
 
 @runtime_checkable
-class ByteSource(Protocol):
-    """A source whose frames may be taken as the bytes that they come in, before they are frames."""
+class ByteSource(Source, Protocol):
+    """A source whose samples may be read by somebody else, as the bytes that they come in."""
 
-    def express_to(self, pad_index: int, take: Callable[[bytes, int], bytes]) -> bytearray:
-        """From now on ask `take` first, with a pad's bytes and when they came; it returns what it leaves for `poll`.
+    @property
+    def clock_line(self) -> bytearray:
+        """`DeviceClock.line` of the board's clock."""
 
-        Returns the `line` of the board's clock.
-        """
+    def lendable(self) -> frozenset[int]:
+        """Pads whose samples somebody else may read now; none where there is more to read than samples, or to say."""
 
-    def express(self, now_ns: int) -> bool:
-        """Read, and have all of it taken; False: `poll` is to be called, for all else."""
+    def lend(self) -> tuple[int, bytes]:
+        """The descriptor, and the beginning of a sample that was read; until `give_back`, only the caller reads."""
+
+    def give_back(self, unread: bytes, heard_ns: int) -> None:
+        """unread: what was no sample, for `poll`. heard_ns: when a sample came, 0: none did."""

@@ -1,0 +1,173 @@
+/* fmfts.healthy._healthy.Lane: express.h for Python. Made by path.py only. */
+#include "_lane.h"
+
+#include <string.h>
+
+PyTypeObject *fmfts_lane_type;
+
+enum { FACTS, MEMORY, PASSAGE, RESPONSE, NETWORK, CLOCK, TOPIC, PAD_BUFFERS };
+
+typedef struct {
+    PyObject_HEAD
+    fmfts_published_lane published;
+    Py_buffer pad[PAD_BUFFERS];
+    Py_buffer places;
+    int begun;
+} lane_object;
+
+static int has_size(const Py_buffer *buffer, size_t size, const char *what)
+{
+    if (buffer->len == (Py_ssize_t)size) {
+        return 1;
+    }
+    PyErr_Format(PyExc_ValueError, "%s: %zd bytes, %zu expected", what, buffer->len, size);
+    return 0;
+}
+
+static int view_network(const Py_buffer *vector, fmfts_network *network)
+{
+    if (fmfts_view_network(vector->buf, (size_t)vector->len / sizeof(float), network) &&
+        network->outputs == FMFTS_ANSWERS) {
+        return 1;
+    }
+    PyErr_SetString(PyExc_ValueError, "network: none of three outputs");
+    return 0;
+}
+
+/* Lane((facts, memory, passage, response, network), clock, topic, pad_index) */
+static int lane_init(PyObject *object, PyObject *args, PyObject *named)
+{
+    lane_object *self = (lane_object *)object;
+    fmfts_lane *lane = &self->published.lane;
+    Py_buffer *b = self->pad;
+    (void)named;
+    if (b[FACTS].obj) {
+        PyErr_SetString(PyExc_TypeError, "a Lane is made once");
+        return -1;
+    }
+    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*I", &b[FACTS], &b[MEMORY], &b[PASSAGE], &b[RESPONSE], &b[NETWORK],
+                          &b[CLOCK], &b[TOPIC], &lane->pad_index) ||
+        !has_size(&b[FACTS], sizeof(fmfts_facts), "facts") || !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
+        !has_size(&b[PASSAGE], sizeof(fmfts_passage), "passage") ||
+        !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock") || !view_network(&b[NETWORK], &lane->network)) {
+        return -1;
+    }
+    lane->facts = b[FACTS].buf;
+    lane->memory = b[MEMORY].buf;
+    lane->passage = b[PASSAGE].buf;
+    lane->response = b[RESPONSE].buf;
+    lane->response_bytes = (size_t)b[RESPONSE].len;
+    lane->clock = b[CLOCK].buf;
+    self->published.topic = b[TOPIC].buf;
+    self->published.topic_bytes = (size_t)b[TOPIC].len;
+    return 0;
+}
+
+static void lane_dealloc(PyObject *object)
+{
+    lane_object *self = (lane_object *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < PAD_BUFFERS; i++) {
+        PyBuffer_Release(&self->pad[i]);
+    }
+    PyBuffer_Release(&self->places);
+    PyMem_Free(self->published.lane.text);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+/* begin(text, places, kind, number): the template of the next messages, and the last one's number. */
+static PyObject *lane_begin(PyObject *object, PyObject *args)
+{
+    lane_object *self = (lane_object *)object;
+    fmfts_lane *lane = &self->published.lane;
+    const char *text;
+    Py_ssize_t size;
+    int kind;
+    unsigned long long number;
+    uint8_t *copy;
+    self->begun = 0;
+    PyBuffer_Release(&self->places);
+    if (!lane->facts) {
+        PyErr_SetString(PyExc_ValueError, "this Lane could not be made");
+        return NULL;
+    }
+    if (!PyArg_ParseTuple(args, "y#y*iK", &text, &size, &self->places, &kind, &number) ||
+        !has_size(&self->places, (FMFTS_MESSAGE_INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places")) {
+        return NULL;
+    }
+    copy = PyMem_Realloc(lane->text, (size_t)size);
+    if (!copy) {
+        return PyErr_NoMemory();
+    }
+    memcpy(copy, text, (size_t)size);
+    lane->text = copy;
+    lane->size = (size_t)size;
+    lane->place = self->places.buf;
+    lane->kind = (fmfts_contact)kind;
+    lane->number = number;
+    lane->passed = 0;
+    self->begun = 1;
+    return Py_NewRef(Py_None);
+}
+
+/* end() → (frames, first sequence, last sequence, number, payload, arrival_ns, t_sample_ns, t_publish_ns, latencies in s)
+ * of what has passed since `begin`; None where nothing has. */
+static PyObject *lane_end(PyObject *object, PyObject *unused)
+{
+    lane_object *self = (lane_object *)object;
+    const fmfts_lane *lane = &self->published.lane;
+    PyObject *latencies;
+    (void)unused;
+    if (!self->begun || !lane->passed) {
+        self->begun = 0;
+        return Py_NewRef(Py_None);
+    }
+    self->begun = 0;
+    latencies = PyList_New((Py_ssize_t)lane->passed);
+    for (size_t i = 0; latencies && i < lane->passed; i++) {
+        PyObject *latency = PyFloat_FromDouble(lane->latency_s[i]);
+        if (!latency || PyList_SetItem(latencies, (Py_ssize_t)i, latency) < 0) {
+            Py_CLEAR(latencies);
+        }
+    }
+    return latencies ? Py_BuildValue("(nIIKy#LLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
+                                     (unsigned long long)lane->number, lane->text, (Py_ssize_t)lane->size,
+                                     (long long)lane->arrival_ns, (long long)lane->t_sample_ns,
+                                     (long long)lane->t_publish_ns, latencies)
+                     : NULL;
+}
+
+fmfts_published_lane *fmfts_lane_of(PyObject *object)
+{
+    lane_object *self = (lane_object *)object;
+    if (!PyObject_TypeCheck(object, fmfts_lane_type)) {
+        PyErr_SetString(PyExc_TypeError, "no Lane");
+        return NULL;
+    }
+    if (!self->begun) {
+        PyErr_SetString(PyExc_ValueError, "a Lane that was not begun");
+        return NULL;
+    }
+    return &self->published;
+}
+
+static PyMethodDef methods[] = {
+    {"begin", lane_begin, METH_VARARGS, "Let frames pass from now on; see path.py."},
+    {"end", lane_end, METH_NOARGS, "What has passed; see path.py."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot slots[] = {
+    {Py_tp_init, (void *)lane_init},
+    {Py_tp_dealloc, (void *)lane_dealloc},
+    {Py_tp_methods, methods},
+    {0, NULL},
+};
+
+PyType_Spec fmfts_lane_spec = {
+    .name = "fmfts.healthy._healthy.Lane",
+    .basicsize = sizeof(lane_object),
+    .flags = Py_TPFLAGS_DEFAULT,
+    .slots = slots,
+};

@@ -1,0 +1,25 @@
+/* What Python sees of express.h: a Lane for each pad, and the Loop that lets frames pass while it waits. */
+#ifndef FMFTS_LANE_H
+#define FMFTS_LANE_H
+
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+
+#include "express.h"
+
+extern PyType_Spec fmfts_lane_spec, fmfts_loop_spec;
+
+/* The type made of fmfts_lane_spec. */
+extern PyTypeObject *fmfts_lane_type;
+
+typedef struct {
+    const void *topic;
+    size_t topic_bytes;
+    fmfts_lane lane;
+} fmfts_published_lane;
+
+/* Of a Lane; NULL and TypeError of anything else, ValueError of one that was not begun. */
+fmfts_published_lane *fmfts_lane_of(PyObject *object);
+
+#endif

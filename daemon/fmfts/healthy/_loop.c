@@ -1,0 +1,304 @@
+/* fmfts.healthy._healthy.Loop: waits for bytes, and lets the frames in them pass to the bus. Made by running/express.py. */
+#include "_lane.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "../sensor/sample.h"
+
+enum {
+    READ_BYTES = 4096, /* all that Linux holds back of a line */
+    ROOM = READ_BYTES + FMFTS_LONGEST_LINE + 1,
+    PADS = 16, /* of a board: docs/wire.md */
+    EVENTS = 64,
+    /* zmq.h */
+    DONT_WAIT = 1,
+    SEND_MORE = 2,
+};
+
+/* zmq_send of the libzmq that the socket is of. */
+typedef int (*send_function)(void *socket, const void *data, size_t size, int flags);
+
+/* A board's line while its frames pass here. */
+typedef struct {
+    PyObject *lane[PADS];
+    int64_t heard_ns; /* 0: no frame has passed */
+    size_t unread_bytes;
+    uint8_t unread[ROOM]; /* what frames did not take: for Python, or the beginning of a frame */
+} board_line;
+
+typedef struct {
+    PyObject_HEAD
+    int epoll;
+    send_function send;
+    void *socket;
+    board_line **line; /* by descriptor */
+    int lines;
+    uint8_t bytes[ROOM];
+} loop_object;
+
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+/* Loop(epoll, send, socket): a descriptor, and addresses of zmq_send and of a socket that never blocks a sender. */
+static int loop_init(PyObject *object, PyObject *args, PyObject *named)
+{
+    loop_object *self = (loop_object *)object;
+    unsigned long long send, socket;
+    (void)named;
+    if (!PyArg_ParseTuple(args, "iKK", &self->epoll, &send, &socket)) {
+        return -1;
+    }
+    self->send = (send_function)(uintptr_t)send;
+    self->socket = (void *)(uintptr_t)socket;
+    return 0;
+}
+
+static void forget(board_line *line)
+{
+    for (int i = 0; line && i < PADS; i++) {
+        Py_XDECREF(line->lane[i]);
+    }
+    PyMem_Free(line);
+}
+
+static void loop_dealloc(PyObject *object)
+{
+    loop_object *self = (loop_object *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < self->lines; i++) {
+        forget(self->line[i]);
+    }
+    PyMem_Free(self->line);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+static board_line *line_of(const loop_object *self, int descriptor)
+{
+    return descriptor >= 0 && descriptor < self->lines ? self->line[descriptor] : NULL;
+}
+
+/* Room in the table for a descriptor; 0 and MemoryError without. */
+static int has_room(loop_object *self, int descriptor)
+{
+    if (descriptor < self->lines) {
+        return 1;
+    }
+    board_line **grown = PyMem_Realloc(self->line, ((size_t)descriptor + 1) * sizeof *grown);
+    if (!grown) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    memset(grown + self->lines, 0, (size_t)(descriptor + 1 - self->lines) * sizeof *grown);
+    self->line = grown;
+    self->lines = descriptor + 1;
+    return 1;
+}
+
+/* begin(descriptor, unread, lanes): until `end`, frames of these begun lanes pass; unread: what was read already. */
+static PyObject *loop_begin(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    int descriptor;
+    const char *unread;
+    Py_ssize_t unread_bytes;
+    PyObject *lanes;
+    if (!PyArg_ParseTuple(args, "iy#O!", &descriptor, &unread, &unread_bytes, &PyTuple_Type, &lanes)) {
+        return NULL;
+    }
+    if (descriptor < 0 || unread_bytes > FMFTS_LONGEST_LINE + 1 || line_of(self, descriptor)) {
+        PyErr_Format(PyExc_ValueError, "descriptor %d, %zd bytes unread: no line that could begin", descriptor,
+                     unread_bytes);
+        return NULL;
+    }
+    board_line *line = has_room(self, descriptor) ? PyMem_Calloc(1, sizeof *line) : NULL;
+    if (!line) {
+        return PyErr_NoMemory();
+    }
+    memcpy(line->unread, unread, (size_t)unread_bytes);
+    line->unread_bytes = (size_t)unread_bytes;
+    for (Py_ssize_t i = 0; i < PyTuple_Size(lanes); i++) {
+        PyObject *lane = PyTuple_GetItem(lanes, i);
+        const fmfts_published_lane *published = fmfts_lane_of(lane);
+        if (!published || published->lane.pad_index >= PADS || line->lane[published->lane.pad_index]) {
+            if (published) {
+                PyErr_SetString(PyExc_ValueError, "a board has sixteen pads, and each has one Lane");
+            }
+            forget(line);
+            return NULL;
+        }
+        line->lane[published->lane.pad_index] = Py_NewRef(lane);
+    }
+    self->line[descriptor] = line;
+    return Py_NewRef(Py_None);
+}
+
+/* end(descriptor) → (unread, when a frame last passed, 0: none did), or None where nothing had begun. */
+static PyObject *loop_end(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    int descriptor;
+    if (!PyArg_ParseTuple(args, "i", &descriptor)) {
+        return NULL;
+    }
+    board_line *line = line_of(self, descriptor);
+    if (!line) {
+        return Py_NewRef(Py_None);
+    }
+    PyObject *result = Py_BuildValue("(y#L)", line->unread, (Py_ssize_t)line->unread_bytes, (long long)line->heard_ns);
+    self->line[descriptor] = NULL;
+    forget(line);
+    return result;
+}
+
+static int publish(const loop_object *self, const fmfts_published_lane *published)
+{
+    if (self->send(self->socket, published->topic, published->topic_bytes, SEND_MORE | DONT_WAIT) < 0 ||
+        self->send(self->socket, published->lane.text, published->lane.size, DONT_WAIT) < 0) {
+        PyErr_SetFromErrno(PyExc_OSError);
+        return 0;
+    }
+    return 1;
+}
+
+/* The frames that self->bytes [0, size) begins with; what is left is kept. 1: nothing is left but the beginning of a line;
+ * 0: Python is to look at it; −1: a contact could not be sent. */
+static int pass(loop_object *self, board_line *line, size_t size, int64_t arrival_ns)
+{
+    size_t begin = 0;
+    const uint8_t *zero;
+    while ((zero = memchr(self->bytes + begin, 0, size - begin))) {
+        const uint8_t *text = self->bytes + begin;
+        size_t bytes = (size_t)(zero - text);
+        /* A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are. */
+        PyObject *object = bytes > 2 ? line->lane[text[2] & (PADS - 1)] : NULL;
+        fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
+        if (object && !published) {
+            return -1;
+        }
+        if (!published || !fmfts_express(&published->lane, text, bytes, arrival_ns)) {
+            break;
+        }
+        line->heard_ns = arrival_ns;
+        begin += bytes + 1;
+        if (!publish(self, published)) {
+            return -1;
+        }
+    }
+    line->unread_bytes = size - begin;
+    memcpy(line->unread, self->bytes + begin, line->unread_bytes);
+    return !zero && line->unread_bytes <= FMFTS_LONGEST_LINE;
+}
+
+static int serve(loop_object *self, int descriptor, int64_t arrival_ns)
+{
+    board_line *line = line_of(self, descriptor);
+    if (!line || line->unread_bytes > FMFTS_LONGEST_LINE) {
+        return 0;
+    }
+    ssize_t count = read(descriptor, self->bytes + line->unread_bytes, READ_BYTES);
+    if (count <= 0) {
+        return 0; /* Python meets it, too */
+    }
+    memcpy(self->bytes, line->unread, line->unread_bytes);
+    return pass(self, line, line->unread_bytes + (size_t)count, arrival_ns);
+}
+
+/* take(descriptor, data, arrival_ns) → has all of it passed? The same of bytes that somebody else has read. */
+static PyObject *loop_take(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    int descriptor;
+    const char *data;
+    Py_ssize_t size;
+    long long arrival_ns;
+    if (!PyArg_ParseTuple(args, "iy#L", &descriptor, &data, &size, &arrival_ns)) {
+        return NULL;
+    }
+    board_line *line = line_of(self, descriptor);
+    if (!line || size > READ_BYTES || line->unread_bytes > FMFTS_LONGEST_LINE) {
+        PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
+        return NULL;
+    }
+    memcpy(self->bytes, line->unread, line->unread_bytes);
+    memcpy(self->bytes + line->unread_bytes, data, (size_t)size);
+    int passed = pass(self, line, line->unread_bytes + (size_t)size, (int64_t)arrival_ns);
+    return passed < 0 ? NULL : PyBool_FromLong(passed);
+}
+
+/* Waits once; the events, −1 and an exception. */
+static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_event *events)
+{
+    int64_t left_ns = until_ns - now_ns();
+    int timeout_ms = left_ns <= 0 ? 0 : left_ns > 60000000000 ? 60000 : (int)((left_ns + 999999) / 1000000);
+    int count;
+    Py_BEGIN_ALLOW_THREADS
+    count = epoll_wait(self->epoll, events, EVENTS, timeout_ms);
+    Py_END_ALLOW_THREADS
+    if (count < 0 && errno == EINTR) {
+        return PyErr_CheckSignals() < 0 ? -1 : 0;
+    }
+    if (count < 0) {
+        PyErr_SetFromErrno(PyExc_OSError);
+    }
+    return count;
+}
+
+/* wait(until_ns) → descriptors that Python is to look at, as soon as there are any; none at that time. */
+static PyObject *loop_wait(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    struct epoll_event events[EVENTS];
+    long long until_ns;
+    PyObject *wanted = NULL;
+    if (!PyArg_ParseTuple(args, "L", &until_ns) || !(wanted = PyList_New(0))) {
+        return NULL;
+    }
+    do {
+        int count = wait_once(self, until_ns, events), failed = count < 0;
+        for (int i = 0; !failed && i < count; i++) {
+            int passed = serve(self, events[i].data.fd, now_ns());
+            if (passed == 0) {
+                PyObject *descriptor = PyLong_FromLong(events[i].data.fd);
+                failed = !descriptor || PyList_Append(wanted, descriptor) < 0;
+                Py_XDECREF(descriptor);
+            }
+            failed |= passed < 0;
+        }
+        if (failed) {
+            Py_DECREF(wanted);
+            return NULL;
+        }
+    } while (PyList_Size(wanted) == 0 && now_ns() < until_ns);
+    return wanted;
+}
+
+static PyMethodDef methods[] = {
+    {"begin", loop_begin, METH_VARARGS, "Let a board's frames pass; see running/express.py."},
+    {"end", loop_end, METH_VARARGS, "Let none pass; see running/express.py."},
+    {"take", loop_take, METH_VARARGS, "Let the frames in these bytes pass."},
+    {"wait", loop_wait, METH_VARARGS, "Let frames pass until Python is needed."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot slots[] = {
+    {Py_tp_init, (void *)loop_init},
+    {Py_tp_dealloc, (void *)loop_dealloc},
+    {Py_tp_methods, methods},
+    {0, NULL},
+};
+
+PyType_Spec fmfts_loop_spec = {
+    .name = "fmfts.healthy._healthy.Loop",
+    .basicsize = sizeof(loop_object),
+    .flags = Py_TPFLAGS_DEFAULT,
+    .slots = slots,
+};

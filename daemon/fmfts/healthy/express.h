@@ -1,0 +1,38 @@
+/* A frame from the wire to the bus, as long as only the numbers of its message differ from the last one's. */
+#ifndef FMFTS_EXPRESS_H
+#define FMFTS_EXPRESS_H
+
+#include "../contact/network.h"
+#include "../sensor/clock.h"
+#include "passage.h"
+
+enum { FMFTS_TALLIED = 256 /* frames, between two looks of Python */ };
+
+/* One pad. What is pointed to is Python's, and nobody else's while frames pass here. */
+typedef struct {
+    const fmfts_facts *facts;
+    fmfts_memory *memory;
+    fmfts_passage *passage;
+    const void *response; /* of a model that refines, else NULL */
+    size_t response_bytes;
+    fmfts_network network;
+    fmfts_clock_line *clock;
+    unsigned pad_index;
+    /* The last message, of `size` bytes, and where its integers and numbers are: message.c. */
+    uint8_t *text;
+    size_t size;
+    const int32_t *place;
+    fmfts_contact kind;
+    uint64_t number;
+    /* Frames that passed: how many, the first's and the last's. */
+    size_t passed;
+    uint32_t first_sequence, sequence;
+    int64_t arrival_ns, t_sample_ns, t_publish_ns;
+    double latency_s[FMFTS_TALLIED];
+} fmfts_lane;
+
+/* The line [0, size) of bytes, its closing zero left out. False where anything but the numbers is not as it was in the frame
+ * before: nothing has changed then. */
+bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
+
+#endif

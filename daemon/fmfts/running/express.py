@@ -1,0 +1,114 @@
+"""The wait for bytes, and healthy frames that pass meanwhile in C: from a board's line to the bus, without Python.
+
+A board's frames begin to pass when nothing but the numbers of their messages is new. Whatever else comes (a fault,
+another kind of contact, a status) or is asked for ends that: `poll` reads then, and the stages in Python judge.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import select
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from fmfts.bus.publisher import Publisher
+from fmfts.healthy import Lane
+from fmfts.healthy.compiled import AVAILABLE, _healthy
+from fmfts.running.channel import Channel
+from fmfts.sensor import ByteSource, Source
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class Board:
+    """Its channels, and while their frames pass: the descriptor, and the lane of each that has one."""
+
+    source: ByteSource
+    channels: Sequence[Channel]
+    descriptor: int | None = None
+    lanes: Sequence[tuple[Channel, Lane]] = ()
+
+
+class Express:
+    """Waits for descriptors; frames of boards that began pass meanwhile. Touch neither board nor pads until `end`."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._epoll = select.epoll()
+        self._boards: dict[int, Board] = {}  # by id of the source
+        self._loop = None
+        send = send_function() if AVAILABLE else None
+        if send is not None:
+            self._loop = _healthy.Loop(self._epoll.fileno(), send, publisher.address)
+
+    def knows(self, source: Source, channels: Sequence[Channel]) -> None:
+        """Let this source's frames pass, where they can."""
+        if self._loop is not None and isinstance(source, ByteSource):
+            self._boards[id(source)] = Board(source, channels)
+
+    def register(self, descriptor: int) -> None:
+        self._epoll.register(descriptor, select.EPOLLIN)
+
+    def unregister(self, descriptor: int) -> None:
+        self._epoll.unregister(descriptor)
+
+    def wait(self, until_ns: int) -> list[int]:
+        """Descriptors with something that no lane takes, as soon as there are any; none at `until_ns`."""
+        if self._loop is not None:
+            return self._loop.wait(until_ns)
+        timeout_s = max(0.0, (until_ns - time.monotonic_ns()) * 1e-9)
+        return [descriptor for descriptor, _ in self._epoll.poll(timeout_s)]
+
+    def begin(self, source: Source, now_ns: int) -> None:
+        """Let frames pass from now on, if they can."""
+        board = self._boards.get(id(source))
+        if board is None or self._loop is None or not (pads := board.source.lendable()):
+            return
+        welcome = [channel for channel in board.channels if channel.pad_index in pads]
+        board.lanes = [(channel, lane) for channel in welcome if (lane := channel.begin(now_ns)) is not None]
+        if board.lanes:
+            board.descriptor, unread = board.source.lend()
+            self._loop.begin(board.descriptor, unread, tuple(lane.compiled for _, lane in board.lanes))
+
+    def end(self, source: Source) -> None:
+        """Let none pass, and account for those that have."""
+        board = self._boards.get(id(source))
+        if board is None or board.descriptor is None or self._loop is None:
+            return
+        left = self._loop.end(board.descriptor)
+        assert left is not None
+        board.source.give_back(*left)
+        for channel, lane in board.lanes:
+            channel.end(lane)
+        board.descriptor, board.lanes = None, ()
+
+    def end_all(self) -> None:
+        """Each begins again when it has been served."""
+        for board in self._boards.values():
+            self.end(board.source)
+
+    @contextmanager
+    def ended(self, source: Source, now_ns: int) -> Iterator[None]:
+        """Let none pass meanwhile; it begins again with what was done to it."""
+        self.end(source)
+        yield
+        self.begin(source, now_ns)
+
+    def close(self) -> None:
+        self.end_all()
+        self._epoll.close()
+
+
+def send_function() -> int | None:
+    """Address of `zmq_send` in the libzmq that pyzmq has loaded; None where it cannot be had: no frame passes then."""
+    try:
+        from zmq.backend.cython import _zmq
+
+        # Symbols of what a library was linked with are found through it.
+        return ctypes.cast(ctypes.CDLL(_zmq.__file__).zmq_send, ctypes.c_void_p).value
+    except (ImportError, OSError, AttributeError) as error:
+        log.warning("this pyzmq shows no zmq_send, so every frame goes through Python, at some 100 µs more: %s", error)
+        return None
