@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from end_to_end.processes import RunningDaemon
+from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
 from fmfts.record.file import is_whole, read
 
@@ -146,9 +147,17 @@ def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_
     daemon.wait_for(lambda contact: contact.health == "ok")
 
 
-def test_recorder_without_a_daemon_says_so(daemon: RunningDaemon, tmp_path: Path) -> None:
-    surroundings = daemon.environment | {"FMFTS_BUS": f"ipc://{tmp_path}"}
-    words = [sys.executable, "-m", "fmfts", "record", tmp_path / "a.mcap"]
-    ended = subprocess.run(words, env=surroundings, capture_output=True, text=True, timeout=60, check=False)
+@pytest.mark.parametrize("options", [(), ("--seconds", "0.5")])
+def test_recorder_without_a_daemon_says_so(tmp_path: Path, options: tuple[str, ...]) -> None:
+    words = ("record", tmp_path / "a.mcap", *options)
+    ended = run_command(*words, environment=os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}"})
     assert ended.returncode == 69
-    assert "is fmfts-daemon running" in ended.stderr
+    assert "nothing was recorded: is fmfts-daemon running" in ended.stderr
+    assert not (tmp_path / "a.mcap").exists(), "the next attempt wants its name"
+
+
+def test_recording_of_a_pad_that_is_not_there_names_those_that_are(daemon: RunningDaemon, tmp_path: Path) -> None:
+    ended = daemon.command("record", tmp_path / "a.mcap", "--pad", "lift", "--seconds", "0.5")
+    assert ended.returncode == 69
+    assert "no pad 'lift'; the daemon there has left, right, far" in ended.stderr
+    assert not (tmp_path / "a.mcap").exists()

@@ -96,6 +96,25 @@ def test_what_is_no_recording_is_refused_or_empty(tmp_path: Path, content: bytes
         Replay(tmp_path / "x.mcap")
 
 
+def test_damage_is_named_with_its_place(tmp_path: Path) -> None:
+    written(tmp_path / "a.mcap")
+    content = bytearray((tmp_path / "a.mcap").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(RecordingError, match=r"damaged in the chunk that ends at byte \d+") as damage:
+        list(read(tmp_path / "a.mcap"))
+    end = int(str(damage.value).split("byte ")[1].split(":")[0])
+    assert len(content) // 2 < end < 0.7 * len(content)
+    (tmp_path / "empty.mcap").touch()
+    with pytest.raises(RecordingError, match=r"damaged after byte 0: EndOfFile$"):
+        list(read(tmp_path / "empty.mcap"))
+
+
+def test_recording_into_a_folder_that_is_not_there_says_so(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=rf"there is no folder {tmp_path}/new: make it first"):
+        RecordingWriter(tmp_path / "new" / "a.mcap")
+
+
 def test_recording_is_never_written_over(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_text("dear to somebody")
     with pytest.raises(RecordingError, match="File exists"):

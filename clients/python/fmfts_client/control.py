@@ -11,6 +11,7 @@ import zmq
 
 from fmfts_client.endpoints import Endpoints, for_client
 from fmfts_client.keys import show_key
+from fmfts_client.silence import why_silent
 
 
 class ControlError(Exception):
@@ -58,10 +59,7 @@ def request(
             deadline = time.monotonic() + timeout_s
             if progress is not None and isinstance(reply.get("progress"), dict):
                 progress(reply["progress"])
-    raise UnreachableError(
-        f"{verb}: no answer from {address} for {timeout_s:g} s: is fmfts-daemon running, "
-        "as a user whose sockets you may open, and on this endpoint (FMFTS_BUS)?"
-    )
+    raise UnreachableError(f"{verb}: no answer from {address} for {timeout_s:g} s: {why_silent(address)}")
 
 
 def _decode(payload: bytes) -> dict[str, Any]:

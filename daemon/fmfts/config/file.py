@@ -75,7 +75,7 @@ def _find(path: Path | None, environ: Mapping[str, str]) -> Path:
             return candidate
     raise ConfigError(
         f"no configuration found: neither --config nor ${ENVIRONMENT} is given, and there is no "
-        f"{' or '.join(map(str, DEFAULT_PATHS))}"
+        f"{' or '.join(map(str, DEFAULT_PATHS))}: describe your pads in one of them, as the config.toml does that ships"
     )
 
 

@@ -66,7 +66,8 @@ class RecordingWriter:
                 f"{path}: {error.strerror}: no recording is written over; give another name"
             ) from error
         except OSError as error:
-            raise RecordingError(f"{path}: {error.strerror}") from error
+            absent = "" if path.parent.is_dir() else f": there is no folder {path.parent}: make it first"
+            raise RecordingError(f"{path}: {error.strerror}{absent}") from error
 
     def add(self, kind: str, pad: str, body: dict[str, Any]) -> None:
         """body: the message as it came from the bus. RecordingError where the disk is full."""
@@ -98,6 +99,11 @@ class RecordingWriter:
             self._writer.finish()
             self._output.sync()
 
+    def discard(self) -> None:
+        """No recording after all: its name is free again."""
+        self.close()
+        self.path.unlink(missing_ok=True)
+
     def close(self) -> None:
         self._output.close()
 
@@ -108,35 +114,43 @@ def read(path: Path) -> Iterator[Recorded]:
     RecordingError where it is no recording, or damaged within.
     """
     topics: dict[int, str] = {}
-    for record in _records(path):
+    for record, end in _records(path):
         if isinstance(record, Chunk):
-            yield from _messages(path, record, topics)
+            yield from _messages(path, record, end, topics)
 
 
 def is_whole(path: Path) -> bool:
     """Was it brought to its end?"""
-    ended = any(isinstance(record, Footer) for record in _records(path))
+    ended = any(isinstance(record, Footer) for record, _ in _records(path))
     with path.open("rb") as file:
         file.seek(-len(MCAP0_MAGIC), os.SEEK_END)
         return ended and file.read() == MCAP0_MAGIC
 
 
-def _records(path: Path) -> Iterator[McapRecord]:
+def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
+    """Each with the byte at which it ends."""
+    end = 0
     try:
         with path.open("rb") as file:
             try:
-                yield from StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD).records
+                for record in StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
+                    end = file.tell()
+                    yield record, end
             except (EndOfFile, struct.error):
                 if file.read(1) or file.tell() < HEADER_BYTES:  # else it is cut off, and what came before is good
                     raise
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
-        raise RecordingError(f"{path} is no recording, or damaged: {type(error).__name__}: {error}") from error
+        raise RecordingError(f"{path} is no recording, or damaged after byte {end}: {_told(error)}") from error
 
 
-def _messages(path: Path, chunk: Chunk, topics: dict[int, str]) -> Iterator[Recorded]:
-    for record in _unpacked(path, chunk):
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}".removesuffix(": ")
+
+
+def _messages(path: Path, chunk: Chunk, end: int, topics: dict[int, str]) -> Iterator[Recorded]:
+    for record in _unpacked(path, chunk, end):
         if isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, Message):
@@ -152,14 +166,14 @@ def _messages(path: Path, chunk: Chunk, topics: dict[int, str]) -> Iterator[Reco
             yield Recorded(kind, pad, message)
 
 
-def _unpacked(path: Path, chunk: Chunk) -> list[McapRecord]:
+def _unpacked(path: Path, chunk: Chunk, end: int) -> list[McapRecord]:
     try:
         size = zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else chunk.uncompressed_size
         if max(size, chunk.uncompressed_size) > LARGEST_CHUNK:
             raise ValueError(f"a chunk of {size} bytes is none of this program's")
         return breakup_chunk(chunk, validate_crc=True)
     except (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError) as error:
-        raise RecordingError(f"{path} is damaged: {type(error).__name__}: {error}") from error
+        raise RecordingError(f"{path} is damaged in the chunk that ends at byte {end}: {_told(error)}") from error
 
 
 class _Output:

@@ -10,6 +10,7 @@ from typing import Any
 import zmq
 
 from fmfts.record.file import RecordingError, RecordingWriter
+from fmfts.view.silence import why_nothing_came
 from fmfts_client import Endpoints, Message, Subscription
 
 FLUSH_S = 1.0
@@ -23,6 +24,7 @@ class Recorder:
 
     def __init__(self, output: Path, pad: str | None, endpoint: str | Endpoints | None) -> None:
         """pad: None for all; else it and all that it feels. EndpointError, RecordingError."""
+        self._pad = pad
         self._group = None if pad is None else with_neighbours(pad, endpoint)
         pad = pad if self._group == {pad} else None
         # The bus first: then every frame that is recorded has its contact.
@@ -42,7 +44,10 @@ class Recorder:
         self._told_to_end = False
 
     def run(self, seconds: float | None) -> dict[str, Any]:
-        """Until `seconds` are over (None: for ever) or an interrupt; the facts of the recording."""
+        """Until `seconds` are over (None: for ever) or an interrupt; the facts of the recording.
+
+        RecordingError where there is nothing to record, or no room for it.
+        """
         # An exception amid a write would leave it open how much of the chunk is in the file.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._end)
@@ -51,10 +56,14 @@ class Recorder:
             self._turn()
             now_s = time.monotonic()
             if not self._writer.messages and now_s - begun_s > PATIENCE_S:
-                raise RecordingError(f"nothing came for {PATIENCE_S:g} s: is fmfts-daemon running there?")
+                break
             if now_s - flushed_s > FLUSH_S:
                 flushed_s = now_s
                 self._writer.flush()
+        if not self._writer.messages:
+            self._writer.discard()
+            why = why_nothing_came(self._bus.endpoints, self._pad)
+            raise RecordingError(f"nothing came in {time.monotonic() - begun_s:.1f} s, so nothing was recorded: {why}")
         self._writer.finish()
         return {
             "recording": str(self._writer.path),

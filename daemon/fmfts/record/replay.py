@@ -108,7 +108,10 @@ class Replay:
             elif isinstance(one.message, ContactMessage) and one.message.health in SILENT:
                 self._silences[one.message.boot, one.pad, one.message.seq] = one.message
         if not self._first:
-            raise RecordingError(f"{path} holds no state of a pad: `fmfts-daemon record` while frames come makes one")
+            cut = "" if is_whole(path) else ", as far as it goes before it is cut off"
+            raise RecordingError(
+                f"{path} holds no state of a pad{cut}: `fmfts-daemon record` while frames come makes one"
+            )
 
     def contacts(self) -> Iterator[ContactMessage]:
         """What the pipeline makes of each frame."""

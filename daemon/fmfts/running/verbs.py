@@ -137,7 +137,10 @@ class Verbs:
             arguments.refine,
         )
         if not channel.source.state.connected:
-            raise BadRequestError(f"pad '{channel.name}': no baseline was recorded: {channel.source.state.reason}")
+            state = channel.source.state
+            raise BadRequestError(
+                f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}"
+            )
         channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
         self._await_baseline(request, channel, channel.job)
 
@@ -153,7 +156,9 @@ class Verbs:
             return next(iter(self._channels.values()))
         if pad is None or pad not in self._channels:
             known = ", ".join(sorted(self._channels))
-            raise BadRequestError(f"no pad '{pad}': say one of {known}" if pad else f"which pad? one of {known}")
+            raise BadRequestError(
+                f"the running daemon has no pad '{pad}', but {known}" if pad else f"which pad? one of {known}"
+            )
         return self._channels[pad]
 
 
@@ -165,7 +170,7 @@ def _recorded(channel: Channel) -> Baseline | None:
 def _without_drift(channel: Channel) -> dict[str, object]:
     recorded = _recorded(channel)
     if recorded is None:
-        raise BadRequestError(f"pad '{channel.name}': there is no baseline")
+        raise BadRequestError(f"pad '{channel.name}': it has no baseline, so none has drifted")
     channel.use(recorded)
     channel.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
     return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}

@@ -19,10 +19,10 @@ from rich.text import Text
 
 from fmfts import exit_codes
 from fmfts.view.picture import render_contact
+from fmfts.view.silence import why_nothing_came
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import (
     Contact,
-    ControlError,
     EndpointError,
     Event,
     Message,
@@ -30,11 +30,9 @@ from fmfts_client import (
     SchemaError,
     Status,
     Subscription,
-    request,
 )
 
 PICTURES_PER_SECOND = 12
-ANSWER_S = 0.5  # of a daemon that is asked why nothing came
 log = logging.getLogger(__name__)
 
 
@@ -132,18 +130,13 @@ def _summarise(
     for pad in sorted(tallies):
         print(tallies[pad].sentence(), file=out)
     if not tallies:
-        print(f"nothing arrived from {subscription.endpoints.bus}: {_why_silent(subscription, pad)}", file=out)
+        print(
+            f"nothing arrived from {subscription.endpoints.bus}: {why_nothing_came(subscription.endpoints, pad)}",
+            file=out,
+        )
     if subscription.refused:
         print(f"{subscription.refused} messages refused; the last: {subscription.refusal}", file=out)
     out.flush()
-
-
-def _why_silent(subscription: Subscription, pad: str | None) -> str:
-    try:
-        known = [each["pad"] for each in request("pads", endpoint=subscription.endpoints, timeout_s=ANSWER_S)["pads"]]
-    except ControlError:
-        return "is fmfts-daemon running?"
-    return "no frame yet" if pad is None or pad in known else f"no pad {pad!r}; the daemon there has {', '.join(known)}"
 
 
 @contextmanager
