@@ -5,15 +5,6 @@
 
 enum { INTEGERS = FMFTS_MESSAGE_INTEGERS };
 
-static int has_size(const Py_buffer *buffer, size_t size, const char *what)
-{
-    if (buffer->len == (Py_ssize_t)size) {
-        return 1;
-    }
-    PyErr_Format(PyExc_ValueError, "%s: %zd bytes, %zu expected", what, buffer->len, size);
-    return 0;
-}
-
 static void release(Py_buffer *buffers, int count)
 {
     for (int i = 0; i < count; i++) {
@@ -71,16 +62,6 @@ static PyObject *answer(const fmfts_facts *facts, fmfts_memory *memory, fmfts_pa
     }
     *memory = passage->next;
     return Py_BuildValue("(Li)", (long long)passage->question.instant_us, (int)kind);
-}
-
-static int view_network(const Py_buffer *model, fmfts_network *network)
-{
-    if (fmfts_view_network(model->buf, (size_t)model->len / sizeof(float), network) &&
-        network->outputs == FMFTS_ANSWERS) {
-        return 1;
-    }
-    PyErr_SetString(PyExc_ValueError, "network: none of three outputs");
-    return 0;
 }
 
 /* judge(facts, memory, passage, response, network, packed, time_us, temperature_c) → (instant in µs, kind of contact), or None where
@@ -206,7 +187,8 @@ static PyTypeObject *add_type(PyObject *module, PyType_Spec *spec)
 {
     PyTypeObject *type = (PyTypeObject *)PyType_FromModuleAndSpec(module, spec, NULL);
     if (type && PyModule_AddType(module, type) < 0) {
-        Py_CLEAR(type);
+        Py_DECREF((PyObject *)type);
+        type = NULL;
     }
     return type;
 }
@@ -215,7 +197,7 @@ static int set_up(PyObject *module)
 {
     fmfts_lane_type = add_type(module, &fmfts_lane_spec);
     PyTypeObject *loop_type = fmfts_lane_type ? add_type(module, &fmfts_loop_spec) : NULL;
-    Py_XDECREF(loop_type);
+    Py_XDECREF((PyObject *)loop_type);
     return !loop_type || add_layout(module, "FACTS", FACTS, FMFTS_COUNT(FACTS)) < 0 ||
                    add_layout(module, "MEMORY", MEMORY, FMFTS_COUNT(MEMORY)) < 0 ||
                    add_layout(module, "NUMBERS", NUMBERS, FMFTS_COUNT(NUMBERS)) < 0 ||

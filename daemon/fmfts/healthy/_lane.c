@@ -15,25 +15,6 @@ typedef struct {
     int begun;
 } lane_object;
 
-static int has_size(const Py_buffer *buffer, size_t size, const char *what)
-{
-    if (buffer->len == (Py_ssize_t)size) {
-        return 1;
-    }
-    PyErr_Format(PyExc_ValueError, "%s: %zd bytes, %zu expected", what, buffer->len, size);
-    return 0;
-}
-
-static int view_network(const Py_buffer *vector, fmfts_network *network)
-{
-    if (fmfts_view_network(vector->buf, (size_t)vector->len / sizeof(float), network) &&
-        network->outputs == FMFTS_ANSWERS) {
-        return 1;
-    }
-    PyErr_SetString(PyExc_ValueError, "network: none of three outputs");
-    return 0;
-}
-
 /* Lane((facts, memory, passage, response, network), clock, topic, pad_index) */
 static int lane_init(PyObject *object, PyObject *args, PyObject *named)
 {

@@ -2,10 +2,7 @@
 #ifndef FMFTS_LANE_H
 #define FMFTS_LANE_H
 
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
-
+#include "_buffers.h"
 #include "express.h"
 
 extern PyType_Spec fmfts_lane_spec, fmfts_loop_spec;

@@ -1,43 +1,19 @@
 /* fmfts.healthy._healthy.Loop: waits for bytes, and lets the frames in them pass to the bus. Made by running/express.py. */
-#include "_lane.h"
+#include "_board_line.h"
 
 #include <errno.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <time.h>
-#include <unistd.h>
 
-#include "../sensor/sample.h"
-
-enum {
-    READ_BYTES = 4096, /* all that Linux holds back of a line */
-    ROOM = READ_BYTES + FMFTS_LONGEST_LINE + 1,
-    PADS = 16, /* of a board: docs/wire.md */
-    EVENTS = 64,
-    /* zmq.h */
-    DONT_WAIT = 1,
-    SEND_MORE = 2,
-};
-
-/* zmq_send of the libzmq that the socket is of. */
-typedef int (*send_function)(void *socket, const void *data, size_t size, int flags);
-
-/* A board's line while its frames pass here. */
-typedef struct {
-    PyObject *lane[PADS];
-    int64_t heard_ns; /* 0: no frame has passed */
-    size_t unread_bytes;
-    uint8_t unread[ROOM]; /* what frames did not take: for Python, or the beginning of a frame */
-} board_line;
+enum { EVENTS = 64 };
 
 typedef struct {
     PyObject_HEAD
     int epoll;
-    send_function send;
-    void *socket;
-    board_line **line; /* by descriptor */
+    fmfts_bus bus;
+    fmfts_board_line **line; /* by descriptor */
     int lines;
-    uint8_t bytes[ROOM];
 } loop_object;
 
 static int64_t now_ns(void)
@@ -56,14 +32,14 @@ static int loop_init(PyObject *object, PyObject *args, PyObject *named)
     if (!PyArg_ParseTuple(args, "iKK", &self->epoll, &send, &socket)) {
         return -1;
     }
-    self->send = (send_function)(uintptr_t)send;
-    self->socket = (void *)(uintptr_t)socket;
+    self->bus.send = (int (*)(void *, const void *, size_t, int))(uintptr_t)send;
+    self->bus.socket = (void *)(uintptr_t)socket;
     return 0;
 }
 
-static void forget(board_line *line)
+static void forget(fmfts_board_line *line)
 {
-    for (int i = 0; line && i < PADS; i++) {
+    for (int i = 0; line && i < FMFTS_PADS; i++) {
         Py_XDECREF(line->lane[i]);
     }
     PyMem_Free(line);
@@ -81,7 +57,7 @@ static void loop_dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-static board_line *line_of(const loop_object *self, int descriptor)
+static fmfts_board_line *line_of(const loop_object *self, int descriptor)
 {
     return descriptor >= 0 && descriptor < self->lines ? self->line[descriptor] : NULL;
 }
@@ -92,7 +68,7 @@ static int has_room(loop_object *self, int descriptor)
     if (descriptor < self->lines) {
         return 1;
     }
-    board_line **grown = PyMem_Realloc(self->line, ((size_t)descriptor + 1) * sizeof *grown);
+    fmfts_board_line **grown = PyMem_Realloc(self->line, ((size_t)descriptor + 1) * sizeof *grown);
     if (!grown) {
         PyErr_NoMemory();
         return 0;
@@ -119,7 +95,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
                      unread_bytes);
         return NULL;
     }
-    board_line *line = has_room(self, descriptor) ? PyMem_Calloc(1, sizeof *line) : NULL;
+    fmfts_board_line *line = has_room(self, descriptor) ? PyMem_Calloc(1, sizeof *line) : NULL;
     if (!line) {
         return PyErr_NoMemory();
     }
@@ -128,7 +104,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
     for (Py_ssize_t i = 0; i < PyTuple_Size(lanes); i++) {
         PyObject *lane = PyTuple_GetItem(lanes, i);
         const fmfts_published_lane *published = fmfts_lane_of(lane);
-        if (!published || published->lane.pad_index >= PADS || line->lane[published->lane.pad_index]) {
+        if (!published || published->lane.pad_index >= FMFTS_PADS || line->lane[published->lane.pad_index]) {
             if (published) {
                 PyErr_SetString(PyExc_ValueError, "a board has sixteen pads, and each has one Lane");
             }
@@ -149,7 +125,7 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
     if (!PyArg_ParseTuple(args, "i", &descriptor)) {
         return NULL;
     }
-    board_line *line = line_of(self, descriptor);
+    fmfts_board_line *line = line_of(self, descriptor);
     if (!line) {
         return Py_NewRef(Py_None);
     }
@@ -157,59 +133,6 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
     self->line[descriptor] = NULL;
     forget(line);
     return result;
-}
-
-static int publish(const loop_object *self, const fmfts_published_lane *published)
-{
-    if (self->send(self->socket, published->topic, published->topic_bytes, SEND_MORE | DONT_WAIT) < 0 ||
-        self->send(self->socket, published->lane.text, published->lane.size, DONT_WAIT) < 0) {
-        PyErr_SetFromErrno(PyExc_OSError);
-        return 0;
-    }
-    return 1;
-}
-
-/* The frames that self->bytes [0, size) begins with; what is left is kept. 1: nothing is left but the beginning of a line;
- * 0: Python is to look at it; −1: a contact could not be sent. */
-static int pass(loop_object *self, board_line *line, size_t size, int64_t arrival_ns)
-{
-    size_t begin = 0;
-    const uint8_t *zero;
-    while ((zero = memchr(self->bytes + begin, 0, size - begin))) {
-        const uint8_t *text = self->bytes + begin;
-        size_t bytes = (size_t)(zero - text);
-        /* A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are. */
-        PyObject *object = bytes > 2 ? line->lane[text[2] & (PADS - 1)] : NULL;
-        fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
-        if (object && !published) {
-            return -1;
-        }
-        if (!published || !fmfts_express(&published->lane, text, bytes, arrival_ns)) {
-            break;
-        }
-        line->heard_ns = arrival_ns;
-        begin += bytes + 1;
-        if (!publish(self, published)) {
-            return -1;
-        }
-    }
-    line->unread_bytes = size - begin;
-    memcpy(line->unread, self->bytes + begin, line->unread_bytes);
-    return !zero && line->unread_bytes <= FMFTS_LONGEST_LINE;
-}
-
-static int serve(loop_object *self, int descriptor, int64_t arrival_ns)
-{
-    board_line *line = line_of(self, descriptor);
-    if (!line || line->unread_bytes > FMFTS_LONGEST_LINE) {
-        return 0;
-    }
-    ssize_t count = read(descriptor, self->bytes + line->unread_bytes, READ_BYTES);
-    if (count <= 0) {
-        return 0; /* Python meets it, too */
-    }
-    memcpy(self->bytes, line->unread, line->unread_bytes);
-    return pass(self, line, line->unread_bytes + (size_t)count, arrival_ns);
 }
 
 /* take(descriptor, data, arrival_ns) → has all of it passed? The same of bytes that somebody else has read. */
@@ -223,14 +146,12 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
     if (!PyArg_ParseTuple(args, "iy#L", &descriptor, &data, &size, &arrival_ns)) {
         return NULL;
     }
-    board_line *line = line_of(self, descriptor);
-    if (!line || size > READ_BYTES || line->unread_bytes > FMFTS_LONGEST_LINE) {
+    fmfts_board_line *line = line_of(self, descriptor);
+    if (!line || size > FMFTS_READ_BYTES || line->unread_bytes > FMFTS_LONGEST_LINE) {
         PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
         return NULL;
     }
-    memcpy(self->bytes, line->unread, line->unread_bytes);
-    memcpy(self->bytes + line->unread_bytes, data, (size_t)size);
-    int passed = pass(self, line, line->unread_bytes + (size_t)size, (int64_t)arrival_ns);
+    int passed = fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns);
     return passed < 0 ? NULL : PyBool_FromLong(passed);
 }
 
@@ -265,7 +186,8 @@ static PyObject *loop_wait(PyObject *object, PyObject *args)
     do {
         int count = wait_once(self, until_ns, events), failed = count < 0;
         for (int i = 0; !failed && i < count; i++) {
-            int passed = serve(self, events[i].data.fd, now_ns());
+            fmfts_board_line *line = line_of(self, events[i].data.fd);
+            int passed = line ? fmfts_serve(line, &self->bus, events[i].data.fd, now_ns()) : 0;
             if (passed == 0) {
                 PyObject *descriptor = PyLong_FromLong(events[i].data.fd);
                 failed = !descriptor || PyList_Append(wanted, descriptor) < 0;

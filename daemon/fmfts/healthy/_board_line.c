@@ -1,0 +1,65 @@
+/* From a board's line to the bus. */
+#include "_board_line.h"
+
+#include <string.h>
+#include <unistd.h>
+
+enum { DONT_WAIT = 1, SEND_MORE = 2 /* zmq.h */ };
+
+static int publish(const fmfts_bus *bus, const fmfts_published_lane *published)
+{
+    if (bus->send(bus->socket, published->topic, published->topic_bytes, SEND_MORE | DONT_WAIT) < 0 ||
+        bus->send(bus->socket, published->lane.text, published->lane.size, DONT_WAIT) < 0) {
+        PyErr_SetFromErrno(PyExc_OSError);
+        return 0;
+    }
+    return 1;
+}
+
+/* As fmfts_pass, of bus->bytes [0, size). */
+static int pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t arrival_ns)
+{
+    size_t begin = 0;
+    const uint8_t *zero;
+    while ((zero = memchr(bus->bytes + begin, 0, size - begin))) {
+        const uint8_t *text = bus->bytes + begin;
+        size_t bytes = (size_t)(zero - text);
+        /* A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are. */
+        PyObject *object = bytes > 2 ? line->lane[text[2] & (FMFTS_PADS - 1)] : NULL;
+        fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
+        if (object && !published) {
+            return -1;
+        }
+        if (!published || !fmfts_express(&published->lane, text, bytes, arrival_ns)) {
+            break;
+        }
+        line->heard_ns = arrival_ns;
+        begin += bytes + 1;
+        if (!publish(bus, published)) {
+            return -1;
+        }
+    }
+    line->unread_bytes = size - begin;
+    memcpy(line->unread, bus->bytes + begin, line->unread_bytes);
+    return !zero && line->unread_bytes <= FMFTS_LONGEST_LINE;
+}
+
+int fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns)
+{
+    memcpy(bus->bytes, line->unread, line->unread_bytes);
+    memcpy(bus->bytes + line->unread_bytes, more, size);
+    return pass(line, bus, line->unread_bytes + size, arrival_ns);
+}
+
+int fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns)
+{
+    if (line->unread_bytes > FMFTS_LONGEST_LINE) {
+        return 0;
+    }
+    ssize_t count = read(descriptor, bus->bytes + line->unread_bytes, FMFTS_READ_BYTES);
+    if (count <= 0) {
+        return 0; /* Python meets it, too */
+    }
+    memcpy(bus->bytes, line->unread, line->unread_bytes);
+    return pass(line, bus, line->unread_bytes + (size_t)count, arrival_ns);
+}
