@@ -1,0 +1,28 @@
+"""Compiled parts are optional where somebody installs; here they are tested, and must be those of today's sources."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import sysconfig
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PARTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
+
+
+@pytest.mark.skipif(
+    shutil.which("cc") is None or not (Path(sysconfig.get_path("include")) / "Python.h").exists(),
+    reason="there is no C compiler, or no Python.h",
+)
+@pytest.mark.parametrize("part", PARTS, ids=[part["name"] for part in PARTS])
+def test_what_can_be_compiled_was(part: dict) -> None:
+    library = Path(importlib.import_module(part["name"]).__file__ or "")
+    if ROOT not in library.parents:
+        return  # installed from a wheel, which is refused where a part is missing
+    sources = [ROOT / name for name in part["sources"] + part["depends"]]
+    newer = [source.name for source in sources if source.stat().st_mtime > library.stat().st_mtime]
+    assert not newer, f"{library.name} is older than {newer}: install again, and look for what the compiler said"
