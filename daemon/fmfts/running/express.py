@@ -7,12 +7,15 @@ another kind of contact, a status) or is asked for ends that: `poll` reads then,
 from __future__ import annotations
 
 import ctypes
+import importlib
 import logging
 import select
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+
+import zmq
 
 from fmfts.bus.publisher import Publisher
 from fmfts.healthy import Lane
@@ -104,11 +107,12 @@ class Express:
 
 def send_function() -> int | None:
     """Address of `zmq_send` in the libzmq that pyzmq has loaded; None where it cannot be had: no frame passes then."""
-    try:
-        from zmq.backend.cython import _zmq
-
-        # Symbols of what a library was linked with are found through it.
-        return ctypes.cast(ctypes.CDLL(_zmq.__file__).zmq_send, ctypes.c_void_p).value
-    except (ImportError, OSError, AttributeError) as error:
-        log.warning("this pyzmq shows no zmq_send, so every frame goes through Python, at some 100 µs more: %s", error)
-        return None
+    for name in ("_zmq", "socket"):  # of pyzmq 26 and later, and before
+        try:
+            library = importlib.import_module(f"zmq.backend.cython.{name}").__file__
+            # Symbols of what a library was linked with are found through it.
+            return ctypes.cast(ctypes.CDLL(library).zmq_send, ctypes.c_void_p).value
+        except (ImportError, OSError, AttributeError) as error:
+            log.debug("no zmq_send through zmq.backend.cython.%s: %s", name, error)
+    log.warning("pyzmq %s shows no zmq_send, so every frame goes through Python, at some 100 µs more", zmq.__version__)
+    return None
