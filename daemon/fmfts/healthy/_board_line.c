@@ -1,19 +1,28 @@
 /* From a board's line to the bus. */
 #include "_board_line.h"
 
+#include <errno.h>
 #include <string.h>
 #include <unistd.h>
 
 enum { DONT_WAIT = 1, SEND_MORE = 2 /* zmq.h */ };
 
+static int send(const fmfts_bus *bus, const void *part, size_t size, int flags)
+{
+    int sent;
+    do {
+        sent = bus->send(bus->socket, part, size, flags);
+    } while (sent < 0 && errno == EINTR); /* Python handles the signal after the frame */
+    if (sent < 0) {
+        PyErr_SetFromErrno(PyExc_OSError);
+    }
+    return sent >= 0;
+}
+
 static int publish(const fmfts_bus *bus, const fmfts_published_lane *published)
 {
-    if (bus->send(bus->socket, published->topic, published->topic_bytes, SEND_MORE | DONT_WAIT) < 0 ||
-        bus->send(bus->socket, published->lane.text, published->lane.size, DONT_WAIT) < 0) {
-        PyErr_SetFromErrno(PyExc_OSError);
-        return 0;
-    }
-    return 1;
+    return send(bus, published->topic, published->topic_bytes, SEND_MORE | DONT_WAIT) &&
+           send(bus, published->lane.text, published->lane.size, DONT_WAIT);
 }
 
 /* As fmfts_pass, of bus->bytes [0, size). */

@@ -43,7 +43,7 @@ from fmfts_client.endpoints import for_daemon
 log = logging.getLogger(__name__)
 
 TICK_NS = 50_000_000
-LOST_SIGNAL_TICKS = 5
+TICKS_A_LOOK = 5  # at what ZeroMQ did not signal; the watchdog is content with as much
 TURNS = 20  # ticks in which every pad says its status once: what all of them take together would keep frames waiting
 NEIGHBOURS_WITHOUT_BARE = (
     "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
@@ -136,7 +136,7 @@ class Daemon:
                 self._serve(source, now_ns)
         now_ns = time.monotonic_ns()
         is_due = now_ns >= self._tick_ns
-        if self._schedule.called or self._asked or (is_due and self._tick % LOST_SIGNAL_TICKS == 0):
+        if self._schedule.called or self._asked or (is_due and self._tick % TICKS_A_LOOK == 0):
             self._asked = self._answer()
         if is_due:
             self._tick_ns, self._tick = now_ns + TICK_NS, (self._tick + 1) % TURNS
@@ -144,6 +144,8 @@ class Daemon:
             self._schedule.review()
             self._tell_silence(now_ns)
             self._report(self._tick, TURNS)
+            if self._tick % TICKS_A_LOOK == 0:
+                self._notifier.watchdog()
 
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
@@ -230,7 +232,6 @@ class Daemon:
             self._verbs.last_status[channel.name] = status
             self._publisher.send_status(channel.name, status)
         if turn == 0:
-            self._notifier.watchdog()
             self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
