@@ -25,6 +25,13 @@ rate_um_per_hour = 3600.0
 limit_um = 10.0
 force_below_n = 0.2
 """
+SIMULATED = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+finger = "none"
+"""
 PAD = PadConfig(name="left", source=SimulatedSource()).pad()
 
 
@@ -62,6 +69,13 @@ def force_n(daemon: RunningDaemon, contacts: int = 600) -> float:
             if contact.force_n is not None:
                 forces.append(contact.force_n)
     return float(np.mean(forces))
+
+
+def test_nothing_is_followed_without_the_owners_word(tmp_path: Path) -> None:
+    with RunningDaemon(tmp_path, SIMULATED) as daemon:
+        daemon.wait_for(lambda contact: contact.health == "ok")
+        assert wait_for_status(daemon, lambda status: status.health == "ok").rest_drift_m is None
+        assert "not followed" in daemon.command("status").stdout
 
 
 def test_drift_is_followed_to_its_bound_shown_and_undone(tmp_path: Path, host: FirmwareHost) -> None:

@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from mcap.exceptions import EndOfFile
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
@@ -60,6 +65,16 @@ def recorder(daemon: RunningDaemon, output: Path, *options: str) -> subprocess.P
     return process
 
 
+def chunks_s(output: Path) -> list[float]:
+    """How much time each whole chunk holds."""
+    spans = []
+    with output.open("rb") as file, suppress(EndOfFile, struct.error):  # the file is being written
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                spans.append((record.message_end_time - record.message_start_time) * 1e-9)
+    return spans
+
+
 def contacts(output: Path) -> list[tuple[str, int]]:
     """Pad and number of each that is in the file by now."""
     return [(one.pad, one.message.seq) for one in read(output) if isinstance(one.message, ContactMessage)]
@@ -94,10 +109,20 @@ def test_replay_of_a_recording_begun_in_the_middle_is_identical(
 
 
 def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_path: Path) -> None:
-    process = recorder(daemon, tmp_path / "a.mcap")
+    """All but its last chunk, of which each holds a second. The writer by itself would keep four to itself."""
+    process = recorder(daemon, tmp_path / "a.mcap", "--pad", "far")
+    until = time.monotonic() + PATIENCE_S
+    while len(spans := chunks_s(tmp_path / "a.mcap")) < 3:
+        assert time.monotonic() < until, spans
+        time.sleep(0.1)
+    before = contacts(tmp_path / "a.mcap")
     process.kill()
     process.communicate()
     assert not is_whole(tmp_path / "a.mcap")
+    kept = contacts(tmp_path / "a.mcap")
+    assert kept[: len(before)] == before
+    assert [number for _, number in kept] == list(range(kept[0][1], kept[0][1] + len(kept))), "none is missing within"
+    assert sorted(spans)[len(spans) // 2] < 2.0
     replayed = daemon.command("replay", tmp_path / "a.mcap", "--json")
     assert replayed.returncode == 0, replayed
     facts = json.loads(replayed.stdout)

@@ -38,9 +38,15 @@ class Run:
     final_m: np.ndarray = field(default_factory=lambda: np.zeros(5))
 
 
-def life(seconds: float, finger: Finger = no_finger, share: Ageing = lambda time_s: 1.0, on: bool = True) -> Run:
+def life(
+    seconds: float,
+    finger: Finger = no_finger,
+    share: Ageing = lambda time_s: 1.0,
+    on: bool = True,
+    turning_deg_per_s: float = 0.0,
+) -> Run:
     """share: of the magnet's moment that is left."""
-    source_config = SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=0.0)
+    source_config = SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=turning_deg_per_s)
     config = PadConfig(
         name="left", source=source_config, scene=SceneConfig(), tolerance=ToleranceConfig(gain=0.005), rebaseline=LIMITS
     )
@@ -80,6 +86,13 @@ def test_ageing_moment_is_followed() -> None:
     left, followed = life(600.0, share=ageing, on=False), life(600.0, share=ageing)
     assert abs(np.mean(left.heights_m)) > 10e-6
     assert abs(np.mean(followed.heights_m)) < 0.35 * abs(np.mean(left.heights_m))
+
+
+def test_ageing_moment_is_followed_on_a_robot_that_turns_all_the_time() -> None:
+    """18 µm are what the pad would have sunk by, as on one that stands."""
+    followed = life(600.0, share=ageing, turning_deg_per_s=20.0)
+    assert abs(np.mean(followed.heights_m)) < 6e-6
+    assert followed.sizes_m[-1] > 12e-6
 
 
 def test_creep_of_the_silicone_is_followed() -> None:
