@@ -12,19 +12,12 @@ import msgpack
 import zmq
 
 from drills.rig import PATIENCE_S, resident_kb
-from end_to_end.processes import RunningDaemon
+from end_to_end.processes import UNTOUCHED_CONFIG, RunningDaemon
 from fmfts.bus.control import VERBS
 
 BATCH = 100  # less than the daemon takes in a turn of its loop: none waits for another's answer
 GROWN_KB = 8_000  # a leak of a request's 60 bytes would be this after 130,000 of them
 CHANGING = ("baseline", "selftest")
-SIMULATED = """
-[[pad]]
-name = "left"
-[pad.source]
-type = "simulated"
-finger = "none"
-"""
 
 
 def random_request(dice: random.Random, harmless: bool = False) -> bytes:
@@ -47,7 +40,7 @@ def random_request(dice: random.Random, harmless: bool = False) -> bytes:
 def fuzzed_control(folder: Path, count: int) -> dict[str, Any]:
     """`count` requests, a hundred at a time."""
     dice, answers = random.Random(1), Counter[str]()
-    with RunningDaemon(folder, SIMULATED) as daemon, zmq.Context.instance().socket(zmq.DEALER) as socket:
+    with RunningDaemon(folder, UNTOUCHED_CONFIG) as daemon, zmq.Context.instance().socket(zmq.DEALER) as socket:
         socket.setsockopt(zmq.LINGER, 0)
         socket.connect(f"{daemon.base}/control")
         daemon.wait_for(lambda contact: contact.health == "ok")

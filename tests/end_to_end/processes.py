@@ -170,6 +170,15 @@ port = "{port}"
 """
 
 
+UNTOUCHED_CONFIG = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+finger = "none"
+"""
+
+
 def resting_field(pad: Pad) -> np.ndarray:
     """What the chips of an unloaded pad, built exactly as drawn, would see far from any other field; (4, 3) tesla."""
     places = pad.sensors.position_m

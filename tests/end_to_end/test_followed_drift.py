@@ -10,7 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, FirmwareHost, RunningDaemon, resting_field
+from end_to_end.processes import (
+    BRIDGE_CONFIG,
+    PATIENCE_S,
+    UNTOUCHED_CONFIG,
+    FirmwareHost,
+    RunningDaemon,
+    resting_field,
+)
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts_client import Contact, Status
 
@@ -24,13 +31,6 @@ quiet_s = 5.0
 rate_um_per_hour = 3600.0
 limit_um = 10.0
 force_below_n = 0.2
-"""
-SIMULATED = """
-[[pad]]
-name = "left"
-[pad.source]
-type = "simulated"
-finger = "none"
 """
 PAD = PadConfig(name="left", source=SimulatedSource()).pad()
 
@@ -72,7 +72,7 @@ def force_n(daemon: RunningDaemon, contacts: int = 600) -> float:
 
 
 def test_nothing_is_followed_without_the_owners_word(tmp_path: Path) -> None:
-    with RunningDaemon(tmp_path, SIMULATED) as daemon:
+    with RunningDaemon(tmp_path, UNTOUCHED_CONFIG) as daemon:
         daemon.wait_for(lambda contact: contact.health == "ok")
         assert wait_for_status(daemon, lambda status: status.health == "ok").rest_drift_m is None
         assert "not followed" in daemon.command("status").stdout
