@@ -15,6 +15,8 @@
 #include "commands.h"
 
 enum { SECOND_NS = 1000000000 };
+// A busy computer keeps this process waiting for seconds, a board's clock never stands still. Longer: both slept.
+static const uint64_t LONGEST_DEBT_NS = 10ULL * SECOND_NS;
 
 static const char usage[] =
     "usage: fmfts-host [--pads N] [--uid HEX24] [--link PATH] [--speed FACTOR | --stepped]\n"
@@ -31,6 +33,12 @@ struct options {
     const char *link;
     double speed;
     bool stepped;
+};
+
+// How the board's time follows the computer's, and up to which CLOCK_MONOTONIC it did.
+struct pace {
+    double speed;
+    uint64_t passed_ns;
 };
 
 static volatile sig_atomic_t terminated;
@@ -129,33 +137,6 @@ static void execute_line(struct session *session, char *command)
     say(wrong ? "error: " : "ok", wrong ? wrong : session->answer);
 }
 
-// Executes the commands that have come within the patience (-1: any). False: standard input is closed.
-static bool take_commands(struct session *session, int patience_ms)
-{
-    static char text[8192];
-    static size_t kept;
-    struct pollfd in = {.fd = STDIN_FILENO, .events = POLLIN};
-    if (poll(&in, 1, patience_ms) != 1)
-        return true;
-    ssize_t count = read(STDIN_FILENO, text + kept, sizeof text - kept);
-    if (count <= 0)
-        return count < 0 && (errno == EAGAIN || errno == EINTR);
-    kept += (size_t)count;
-    char *begin = text, *end;
-    while ((end = memchr(begin, '\n', kept)) != NULL && !session->quit) {
-        *end = '\0';
-        kept -= (size_t)(end + 1 - begin);
-        execute_line(session, begin);
-        begin = end + 1;
-    }
-    memmove(text, begin, kept);
-    if (kept == sizeof text) {
-        kept = 0;
-        say("error: ", "a line longer than 8191 bytes was thrown away");
-    }
-    return true;
-}
-
 static uint64_t monotonic_ns(void)
 {
     struct timespec now;
@@ -169,24 +150,60 @@ static void sleep_until(uint64_t ns)
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
 }
 
+// The board's time is the computer's then, unless it stands still; the line does not.
+static void catch_up(struct session *session, struct pace *pace)
+{
+    const uint64_t now_ns = monotonic_ns();
+    if (session->stepped)
+        return;
+    if (session->held) {
+        line_flush(&session->line);
+        return;
+    }
+    if (now_ns > pace->passed_ns + LONGEST_DEBT_NS)
+        pace->passed_ns = now_ns;
+    while (pace->passed_ns < now_ns) {
+        uint64_t left_ns = now_ns - pace->passed_ns, tick_ns = left_ns < TICK_NS ? left_ns : TICK_NS;
+        session_pass(session, (uint64_t)((double)tick_ns * pace->speed));
+        pace->passed_ns += tick_ns;
+    }
+}
+
+// Executes the commands that have come; waits for one where time passes by them. False: standard input is closed.
+static bool take_commands(struct session *session, struct pace *pace)
+{
+    static char text[8192];
+    static size_t kept;
+    struct pollfd in = {.fd = STDIN_FILENO, .events = POLLIN};
+    if (poll(&in, 1, session->stepped ? -1 : 0) != 1)
+        return true;
+    ssize_t count = read(STDIN_FILENO, text + kept, sizeof text - kept);
+    if (count <= 0)
+        return count < 0 && (errno == EAGAIN || errno == EINTR);
+    kept += (size_t)count;
+    char *begin = text, *end;
+    while ((end = memchr(begin, '\n', kept)) != NULL && !session->quit) {
+        *end = '\0';
+        kept -= (size_t)(end + 1 - begin);
+        catch_up(session, pace); // what is commanded now must not show in time that a busy computer still owes
+        execute_line(session, begin);
+        begin = end + 1;
+    }
+    memmove(text, begin, kept);
+    if (kept == sizeof text) {
+        kept = 0;
+        say("error: ", "a line longer than 8191 bytes was thrown away");
+    }
+    return true;
+}
+
 static void stream(struct session *session, double speed)
 {
-    uint64_t tick_ns = monotonic_ns();
-    while (!terminated && !session->quit) {
-        bool waits = session->stepped || session->held;
-        // What is commanded now must not show in ticks that a busy computer still owes.
-        bool owing = !waits && monotonic_ns() > tick_ns + TICK_NS;
-        if (!owing && !take_commands(session, waits ? -1 : 0))
-            return;
-        if (session->stepped || session->held)
-            continue;
-        session_pass(session, (uint64_t)(TICK_NS * speed));
-        tick_ns += TICK_NS;
-        uint64_t now_ns = monotonic_ns();
-        if (now_ns > tick_ns + SECOND_NS)
-            tick_ns = now_ns; // the machine slept: the board did too
-        else if (now_ns < tick_ns)
-            sleep_until(tick_ns);
+    struct pace pace = {speed, monotonic_ns()};
+    while (!terminated && !session->quit && take_commands(session, &pace)) {
+        catch_up(session, &pace);
+        if (!session->stepped)
+            sleep_until(monotonic_ns() + TICK_NS);
     }
 }
 

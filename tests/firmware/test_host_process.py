@@ -100,12 +100,12 @@ def test_samples_that_a_busy_computer_makes_up_for_are_of_the_field_of_their_tim
     assert board.command("noise 0 0") == "ok"
     before = board.wait_for_sample(5, lambda s: s.valid == 15)
     board.process.send_signal(signal.SIGSTOP)
-    time.sleep(0.3)  # less than the second that is made up for
+    time.sleep(1.5)
     board.process.stdin.write(f"field 0 {FIELD}\n")
     board.process.send_signal(signal.SIGCONT)
     assert board.process.stdout.readline() == "ok\n"
     after = board.wait_for_sample(5, lambda s: s.counts[0] == (66, -132, 660))
-    assert after.time_us - before.time_us > 300_000
+    assert after.time_us - before.time_us > 1_500_000
 
 
 def test_temperature_reaches_the_frame(board: HostBoard) -> None:
