@@ -7,7 +7,9 @@ import time
 from bisect import bisect
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 from end_to_end.processes import FirmwareHost
 from fmfts.bench.recorded import pressed_field
@@ -23,6 +25,18 @@ PAUSE_S, HELD_S, RAMP_S = 0.5, 0.8, 0.2
 STEP_S = 0.01  # between two moves; after a pause of the drill the finger goes on from where it was
 # What a finger that stands is known by: the slowest chip's conversion is over, and its smoothing.
 SETTLED_NS, SURE_N = 100_000_000, 0.3
+NEVER_NS = 1 << 62
+
+
+class Wrong(NamedTuple):
+    """kind: "form", "numbers", "touched" or "not touched"."""
+
+    contact: Contact
+    kind: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.contact}"
 
 
 class PressedBoard(FirmwareHost):
@@ -69,10 +83,11 @@ class PressedBoard(FirmwareHost):
         self.tell("hold on")
         self._pressed, pressed = False, self._pressed
         self._begun_ns.append(time.monotonic_ns())
+        self._done_ns.append(NEVER_NS)
+        self._touches.append(self._touch)
         yield
         self.tell("hold off")
-        self._done_ns.append(time.monotonic_ns())
-        self._touches.append(self._touch)
+        self._done_ns[-1] = time.monotonic_ns()
         self._pressed = pressed
 
     def _next_stroke(self) -> Stroke:
@@ -94,20 +109,30 @@ class PressedBoard(FirmwareHost):
     def _is_settled(self, time_ns: int) -> bool:
         return self._done_ns[bisect(self._begun_ns, time_ns) - 1] + SETTLED_NS < time_ns
 
+    def moves_around(self, time_ns: int) -> list[str]:
+        """The last two moves before, and the next two."""
+        at = bisect(self._begun_ns, time_ns)
+        moves = zip(self._begun_ns, self._done_ns, self._touches, strict=True)
+        return [
+            f"{(begun_ns - time_ns) * 1e-6:+.1f} to {(done_ns - time_ns) * 1e-6:+.1f} ms: {touch.force_n:.3f} N"
+            for begun_ns, done_ns, touch in islice(moves, max(at - 2, 0), at + 2)
+        ]
+
     def wrong(self, contact: Contact) -> str:
         """What is wrong with a contact of this pad, "" where nothing is; while the finger moves, of its form."""
-        return next(iter(self.all_wrong([contact])), "")
+        return "".join(str(wrong) for wrong in self.all_wrong([contact]))
 
-    def all_wrong(self, contacts: Sequence[Contact]) -> list[str]:
+    def all_wrong(self, contacts: Sequence[Contact]) -> list[Wrong]:
         """The same of many, a tenth of the time for each."""
-        wrong, settled = [], []
+        wrong: list[Wrong] = []
+        settled = []
         for contact in contacts:
             numbers = (contact.force_n, contact.x_m, contact.y_m, contact.force_min_n)
             if contact.health not in ("ok", "degraded"):
                 if any(number is not None for number in numbers):
-                    wrong.append(f"{contact.health} with a number: {contact}")
+                    wrong.append(Wrong(contact, "form", f"{contact.health} with a number"))
             elif contact.health == "ok" and contact.pose is None:
-                wrong.append(f"ok without a pose: {contact}")
+                wrong.append(Wrong(contact, "form", "ok without a pose"))
             elif self._is_settled(contact.t_sample_ns):
                 settled.append(contact)
         deviations = self._truth.all_deviations(settled)  # type: ignore[arg-type]  # a message has the same attributes
@@ -116,9 +141,9 @@ class PressedBoard(FirmwareHost):
             self.judged += 1
             self.judged_pressed += touch.force_n > SURE_N
             if not away <= WRONG_DEVIATIONS:
-                wrong.append(f"{away:.1f} deviations off {touch}: {contact}")
+                wrong.append(Wrong(contact, "numbers", f"{away:.1f} deviations off {touch}"))
             elif contact.contact and not touch.force_n:
-                wrong.append(f"touched, and nothing touches it: {contact}")
+                wrong.append(Wrong(contact, "touched", "touched, and nothing touches it"))
             elif contact.contact is False and touch.force_n > SURE_N:
-                wrong.append(f"not touched, and {touch} touches it: {contact}")
+                wrong.append(Wrong(contact, "not touched", f"not touched, and {touch} touches it"))
         return wrong
