@@ -94,13 +94,15 @@ def pad(name: str = "left", sensors: int = 4, **source: object) -> PadConfig:
     return PadConfig(name=name, source=I2cSource(**settings), geometry=GeometryConfig(sensors_mm=positions))  # type: ignore[arg-type]
 
 
-def run(source: I2c, until: Callable[[list[Frame]], object]) -> list[Frame]:
+def run(
+    source: I2c, until: Callable[[list[Frame]], object], now_ns: Callable[[], int] = time.monotonic_ns
+) -> list[Frame]:
     """Poll until the frames so far satisfy `until`; all of them."""
     frames: list[Frame] = []
     end = time.monotonic() + PATIENCE_S
     while not until(frames):
         assert time.monotonic() < end, f"still waiting: {source.state}, {len(frames)} frames"
-        frames += source.poll(time.monotonic_ns())
+        frames += source.poll(now_ns())
         time.sleep(0.002)
     return frames
 

@@ -42,6 +42,16 @@ def test_four_sensors_arrive_as_counts_with_age_freshness_and_temperature(kernel
     assert source.state.crc_errors == source.state.garbage_bytes == 0
 
 
+def test_a_sample_taken_after_the_caller_looked_at_the_clock_is_not_older_than_that(kernel: KernelBus) -> None:
+    source = kernel.open(pad())
+    run(source, all_valid)
+    looked_ns = time.monotonic_ns()
+    frames = run(
+        source, lambda frames: frames and frames[-1].device_time_us * 1000 > looked_ns, now_ns=lambda: looked_ns
+    )
+    assert frames[-1].host_time_ns > looked_ns
+
+
 def test_a_change_of_range_discards_the_sample_with_the_old_gain(kernel: KernelBus) -> None:
     frames = run(kernel.open(pad(range_gauss=8.1)), lambda frames: sum(frame.valid.all() for frame in frames) > 20)
     seen = {tuple(frame.counts[frame.valid].ravel()) for frame in frames if frame.valid.all()}

@@ -123,7 +123,8 @@ class I2c:
         if not data:
             self._check_ns = now_ns  # it is ending: find out why
             return ()
-        frames = self._link.feed(data, now_ns)
+        # Not `now_ns`: what came since then would pass for older than it is.
+        frames = self._link.feed(data, time.monotonic_ns())
         if not self.state.connected and self._link.hello is not None:
             self._backoff_ns = FIRST_BACKOFF_NS
             self.state.connect(now_ns)
