@@ -61,18 +61,27 @@ def test_without_a_pose_there_is_no_answer_and_a_contact_outlasts_the_gap() -> N
     assert detector.update(REST, COVARIANCE) is True
 
 
-def test_finger_that_went_in_a_gap_is_gone_in_the_first_quiet_frame_after_it() -> None:
+def after_a_gap(frames: int) -> TouchDetector:
+    """Touched before it."""
     detector = TouchDetector(rate_hz=220.0)
     detector.update(at_chi2(100.0), COVARIANCE)
-    for _ in range(2 * RELEASE_FRAMES):
+    for _ in range(frames):
         detector.unseen()
-    assert detector.update(REST, COVARIANCE) is False
+    return detector
 
 
-def test_finger_that_stays_through_a_gap_is_still_there() -> None:
-    detector = TouchDetector(rate_hz=220.0)
-    detector.update(at_chi2(100.0), COVARIANCE)
-    for _ in range(2 * RELEASE_FRAMES):
-        detector.unseen()
-    assert detector.update(at_chi2(detector.release_chi2 * 1.1), COVARIANCE) is True
+def test_finger_that_went_in_a_gap_is_gone_in_the_first_frame_after_it_that_is_no_onset() -> None:
+    for chance in (0.0, 1.1):
+        detector = after_a_gap(2 * RELEASE_FRAMES)
+        assert detector.update(at_chi2(detector.release_chi2 * chance), COVARIANCE) is False
+
+
+def test_finger_that_stays_through_a_gap_is_there_in_the_first_frame_after_it() -> None:
+    detector = after_a_gap(2 * RELEASE_FRAMES)
+    assert detector.update(at_chi2(detector.onset_chi2 * 1.1), COVARIANCE) is True
     assert [detector.update(REST, COVARIANCE) for _ in range(RELEASE_FRAMES)] == [True] * (RELEASE_FRAMES - 1) + [False]
+
+
+def test_finger_that_is_not_seen_for_a_few_frames_still_touches() -> None:
+    detector = after_a_gap(RELEASE_FRAMES - 1)
+    assert detector.update(at_chi2(detector.release_chi2 * 1.1), COVARIANCE) is True

@@ -54,8 +54,13 @@ class TouchDetector:
         return self._touched
 
     def unseen(self) -> None:
-        """A frame that told no pose. Who touched may be gone since: a gap of several is ended by one quiet frame."""
-        self._quiet_frames = min(self._quiet_frames + 1, RELEASE_FRAMES - 1)
+        """A frame that told no pose. Who touched may be gone since: after as many as end a contact, an onset is asked.
+
+        Else each gap would be followed by a false contact as often as RELEASE_PROBABILITY says.
+        """
+        self._quiet_frames = min(self._quiet_frames + 1, RELEASE_FRAMES)
+        if self._quiet_frames == RELEASE_FRAMES:
+            self._touched = False
 
 
 def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:
