@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from end_to_end.kernel_bus import PATIENCE_S, KernelBus, all_valid, kernel_bus, pad, run
-from fmfts.sensor import SourceError
+from fmfts.sensor import Frame, SourceError
 from fmfts.sensor.i2c import I2c
 
 
@@ -58,6 +58,20 @@ def test_a_reader_that_dies_is_started_again(kernel: KernelBus) -> None:
     assert source.state.reason == "its reader ended with code -9"
     run(source, all_valid)
     assert source.state.reconnects == 1
+
+
+def test_a_reader_that_is_killed_did_not_die_of_what_it_complained_about(kernel: KernelBus) -> None:
+    source = kernel.open(pad())
+    run(source, all_valid)
+
+    def complained(_: list[Frame]) -> bool:
+        kernel.order(mux=0, set={"control": 0x80, "pending": 0x80})
+        return "another program uses the mux" in source.state.warnings.get("bus", "")
+
+    run(source, complained)
+    source._process.kill()
+    run(source, lambda frames: not source.state.connected)
+    assert source.state.reason == "its reader ended with code -9"
 
 
 def test_a_second_reader_is_refused_with_the_firsts_pid(kernel: KernelBus) -> None:

@@ -168,7 +168,9 @@ class I2c:
 
     def _ended(self, now_ns: int) -> None:
         assert self._process is not None
-        reason = self._killed or self._last_words or f"its reader ended with code {self._process.returncode}"
+        code = self._process.returncode
+        last_words = self._last_words if code > 0 else ""  # a signal interrupts whoever spoke of something else
+        reason = self._killed or last_words or f"its reader ended with code {code}"
         self._forget_process()
         self._link.lost(reason)
         self._attempt_ns = now_ns + self._backoff_ns
