@@ -18,7 +18,7 @@ from fmfts.offline import calibration_verbs, pose_verb
 from fmfts.record import verbs as record_verbs
 from fmfts.simulate import verb as pad_model_verb
 from fmfts.study import verb as study_verb
-from fmfts.verb import VerbError, configuration, pad_named, serving_base
+from fmfts.verb import VerbError, configuration, pad_named, seconds, serving_base
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
 LISTENERS_CONFIG = "the daemon's, where it names an endpoint; needless otherwise"
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
     kind.add_argument("--undo-drift", action="store_true", help="record nothing: forget what [pad.rebaseline] followed")
     baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
-    baseline.add_argument("--duration-s", type=float, help="of the recording: 0.5 to 60 (3; --turn 20; --refine 40)")
+    baseline.add_argument("--duration-s", type=seconds, help="of the recording: 0.5 to 60 (3; --turn 20; --refine 40)")
     selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
     for added in (baseline, selftest):
         added.add_argument("--pad", metavar="NAME", help="needed where there are several")
@@ -94,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
-    listen.add_argument("--seconds", type=float, help="end after this time, with a summary")
+    listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
     facts(listen)
     keys_verb.add_to(verb)
     record_verbs.add_to(verb, LISTENERS_CONFIG)

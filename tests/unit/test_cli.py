@@ -51,6 +51,17 @@ def test_absent_package_comes_with_the_line_that_installs_it(
     assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [("listen", "--seconds=-1"), ("record", "a.mcap", "--seconds=nan"), ("baseline", "--rest", "--duration-s=0")],
+)
+def test_time_that_is_none_is_refused_as_usage(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == exit_codes.USAGE
+    assert "must be more than 0 seconds" in capsys.readouterr().err
+
+
 def test_reader_that_leaves_is_no_error() -> None:
     command = [sys.executable, "-m", "fmfts", "pose", str(CALIBRATION), "--config", str(SHIPPED)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from fmfts import exit_codes
-from fmfts.verb import AddVerb, VerbError, serving_base
+from fmfts.verb import AddVerb, VerbError, seconds, serving_base
 
 
 def add_to(verb: AddVerb, listeners_config: str) -> None:
@@ -15,7 +15,7 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     record = verb("record", _record, "write what a running daemon says, raw frames included", listeners_config)
     record.add_argument("output", type=Path, metavar="FILE.mcap", help="must not exist yet")
     record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
-    record.add_argument("--seconds", type=float, help="end after this time; else Ctrl-C ends it")
+    record.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
     record.add_argument("--json", action="store_true", help="print facts as JSON")
     replay = verb("replay", _replay, "put a recording's frames through the pipeline again, and compare")
     replay.add_argument("recording", type=Path, metavar="FILE.mcap")
