@@ -57,36 +57,34 @@ class Sender:
         self._model = model
         self.number = 0
         self._sampled_ns = 0
-        self._templates: dict[tuple[Kind, bool, str], Template] = {}
-        self._last_template: tuple[Template, Kind] | None = None  # of the last message, where that was a packed one
+        self._templates: tuple[Template, ...] = ()  # of each kind
+        self._templates_of: tuple[bool, str] | None = None  # without a thermometer, baseline
+        self._last_kind: Kind | None = None  # of the last message, where that was a packed one
 
     def packed(
         self, path: HealthyPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
     ) -> PackedMessage:
         """The message of the frame that `path` has judged."""
-        key = (judged.kind, frame.temperature_c is None, baseline.id)
-        template = self._templates.get(key)
-        if template is None:
-            self._templates = {key: made for key, made in self._templates.items() if key[2] == baseline.id}
-            template = self._templates[key] = self._template(judged.kind, frame, mounting, baseline)
-        self._last_template = template, judged.kind
+        if self._templates_of != (frame.temperature_c is None, baseline.id):
+            self._templates = tuple(self._template(kind, frame, mounting, baseline) for kind in Kind)
+            self._templates_of = frame.temperature_c is None, baseline.id
+        self._last_kind = judged.kind
         self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
         self.number += 1
         publish_ns = time.monotonic_ns()
-        payload = path.message(template, self.number, self._sampled_ns, publish_ns, time.time_ns())
+        payload = path.message(self._templates[judged.kind], self.number, self._sampled_ns, publish_ns, time.time_ns())
         return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
 
     def begin(self, lane: Lane) -> bool:
-        """Let `lane` send messages that are new in their numbers only; False where the last one was no packed one."""
-        if self._last_template is not None:
-            lane.begin(*self._last_template, self.number)
-        return self._last_template is not None
+        """Let `lane` send the next messages; False where the last one was no packed one."""
+        if self._last_kind is not None:
+            lane.begin(self._templates, self._last_kind, self.number)
+        return self._last_kind is not None
 
     def passed(self, passed: Passed) -> PackedMessage:
         """The last message of a lane that had begun."""
-        assert self._last_template is not None
-        self.number, self._sampled_ns = passed.number, passed.t_sample_ns
-        return PackedMessage(passed.payload, self._last_template[1], passed.t_sample_ns, passed.t_publish_ns)
+        self.number, self._sampled_ns, self._last_kind = passed.number, passed.t_sample_ns, passed.kind
+        return PackedMessage(passed.payload, passed.kind, passed.t_sample_ns, passed.t_publish_ns)
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
         """What `message` makes of a healthy reading of that kind, whatever its numbers are."""
@@ -112,7 +110,7 @@ class Sender:
     ) -> ContactMessage:
         """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
         self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
-        self._last_template = None
+        self._last_kind = None
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:

@@ -33,7 +33,7 @@ FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Moun
 # Of one frame alone, or made from what else is here when it is wanted.
 # What follows from the mounting: it may be another than before, or made anew.
 OF_THE_MOUNTING = {"_rest", "rest", "_rows", "_magnets", "_errors"}
-OF_MESSAGES = {"_templates", "_last_template"}
+OF_MESSAGES = {"_templates", "_templates_of", "_last_kind"}
 PASSING = OF_THE_MOUNTING | OF_MESSAGES | {"_nearest", "_neighbours", "_path", "_compiled", "_new_warmth"}
 # What memories of earlier versions lack, as it was in them.
 ADDED = {"_unread_variance": 0.0}

@@ -90,6 +90,7 @@ def reads_of(frames: Iterable[Frame], seed: int) -> Iterator[Read]:
 class Told:
     messages: list[ContactMessage]
     expressed: int
+    changes: int = 0
 
 
 def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
@@ -178,6 +179,9 @@ class Host:
             assert passed.frames == len(passed.latencies_s) == len(payloads)
             assert payloads[-1] == passed.payload == last.payload
             assert last.message.t_sample_ns == passed.t_sample_ns
+            assert last.kind is passed.kind
+            self.told.changes += passed.change is not None
+            assert passed.change is None or passed.change in payloads
             assert last.message.seq == passed.number == self.pipeline.messages
             self.told.expressed += passed.frames
             self.told.messages += [msgspec.msgpack.decode(payload, type=ContactMessage) for payload in payloads]
@@ -209,6 +213,7 @@ def test_a_session_says_the_same_by_express(faulty: bool, bus: Bus) -> None:
     assert at_no_time(by_express.messages) == at_no_time(by_frames.messages)
     assert by_frames.expressed == 0
     assert by_express.expressed > (0.3 if faulty else 0.85) * len(by_frames.messages)
+    assert by_express.changes >= 1, "a touch that began or ended"
 
 
 def settled(bus: Bus) -> tuple[Host, bytes, int]:

@@ -21,12 +21,13 @@ static int send(const fmfts_bus *bus, const void *part, size_t size, int flags)
 
 static int publish(const fmfts_bus *bus, const fmfts_published_lane *published)
 {
+    const fmfts_template *last = &published->lane.message[published->lane.kind];
     return send(bus, published->topic, published->topic_bytes, SEND_MORE | DONT_WAIT) &&
-           send(bus, published->lane.text, published->lane.size, DONT_WAIT);
+           send(bus, last->text, last->size, DONT_WAIT);
 }
 
 /* As fmfts_pass, of bus->bytes [0, size). */
-static int pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t arrival_ns)
+static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t arrival_ns)
 {
     size_t begin = 0;
     const uint8_t *zero;
@@ -37,37 +38,37 @@ static int pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t arr
         PyObject *object = bytes > 2 ? line->lane[text[2] & (FMFTS_PADS - 1)] : NULL;
         fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
         if (object && !published) {
-            return -1;
+            return false;
         }
         if (!published || !fmfts_express(&published->lane, text, bytes, arrival_ns)) {
             break;
         }
         line->heard_ns = arrival_ns;
+        line->needs_python |= published->lane.change_bytes > 0;
         begin += bytes + 1;
         if (!publish(bus, published)) {
-            return -1;
+            return false;
         }
     }
     line->unread_bytes = size - begin;
     memcpy(line->unread, bus->bytes + begin, line->unread_bytes);
-    return !zero && line->unread_bytes <= FMFTS_LONGEST_LINE;
+    line->needs_python |= zero || line->unread_bytes > FMFTS_LONGEST_LINE;
+    return true;
 }
 
-int fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns)
+bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns)
 {
     memcpy(bus->bytes, line->unread, line->unread_bytes);
     memcpy(bus->bytes + line->unread_bytes, more, size);
     return pass(line, bus, line->unread_bytes + size, arrival_ns);
 }
 
-int fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns)
+bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns)
 {
-    if (line->unread_bytes > FMFTS_LONGEST_LINE) {
-        return 0;
-    }
     ssize_t count = read(descriptor, bus->bytes + line->unread_bytes, FMFTS_READ_BYTES);
     if (count <= 0) {
-        return 0; /* Python meets it, too */
+        line->needs_python = true; /* it meets the same */
+        return true;
     }
     memcpy(bus->bytes, line->unread, line->unread_bytes);
     return pass(line, bus, line->unread_bytes + (size_t)count, arrival_ns);

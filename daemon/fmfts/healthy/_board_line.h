@@ -21,16 +21,17 @@ typedef struct {
 
 typedef struct {
     PyObject *lane[FMFTS_PADS];
-    int64_t heard_ns; /* 0: no frame has passed */
+    int64_t heard_ns;  /* 0: no frame has passed */
+    bool needs_python; /* what was left is no beginning of a frame, or there is another kind of message to tell of */
     size_t unread_bytes;
     uint8_t unread[FMFTS_ROOM]; /* what frames did not take: for Python, or the beginning of a frame */
 } fmfts_board_line;
 
-/* The frames that what was left and `size` bytes more begin with. 1: nothing is left but the beginning of a line; 0: Python
- * is to look at it; −1 and an exception: a contact could not be sent. `more` has at most FMFTS_READ_BYTES. */
-int fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns);
+/* The frames that what was left and `size` bytes more, at most FMFTS_READ_BYTES, begin with. False and an exception where a
+ * contact could not be sent. Not for a line that needs Python. */
+bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns);
 
 /* The same of what the descriptor has to read. */
-int fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns);
+bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns);
 
 #endif

@@ -11,7 +11,7 @@ typedef struct {
     PyObject_HEAD
     fmfts_published_lane published;
     Py_buffer pad[PAD_BUFFERS];
-    Py_buffer places;
+    Py_buffer places[FMFTS_KINDS];
     int begun;
 } lane_object;
 
@@ -51,71 +51,105 @@ static void lane_dealloc(PyObject *object)
     for (int i = 0; i < PAD_BUFFERS; i++) {
         PyBuffer_Release(&self->pad[i]);
     }
-    PyBuffer_Release(&self->places);
-    PyMem_Free(self->published.lane.text);
+    for (int i = 0; i < FMFTS_KINDS; i++) {
+        PyBuffer_Release(&self->places[i]);
+        PyMem_Free(self->published.lane.message[i].text);
+    }
+    PyMem_Free(self->published.lane.change);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
     Py_DECREF(type);
 }
 
-/* begin(text, places, kind, number): the template of the next messages, and the last one's number. */
+/* One template, of the tuple (text, places): a copy of the text, a view of the places. */
+static int take_template(PyObject *given, fmfts_template *template, Py_buffer *places)
+{
+    const char *text;
+    Py_ssize_t size;
+    if (!PyArg_ParseTuple(given, "y#y*", &text, &size, places) ||
+        !has_size(places, (FMFTS_MESSAGE_INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places")) {
+        return 0;
+    }
+    uint8_t *copy = PyMem_Realloc(template->text, (size_t)size);
+    if (!copy) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    memcpy(copy, text, (size_t)size);
+    *template = (fmfts_template){copy, (size_t)size, places->buf};
+    return 1;
+}
+
+/* begin((template of each kind), kind, number): of the last message, the next ones have their kind's template. */
 static PyObject *lane_begin(PyObject *object, PyObject *args)
 {
     lane_object *self = (lane_object *)object;
     fmfts_lane *lane = &self->published.lane;
-    const char *text;
-    Py_ssize_t size;
+    PyObject *given[FMFTS_KINDS];
+    size_t longest = 0;
     int kind;
     unsigned long long number;
-    uint8_t *copy;
     self->begun = 0;
-    PyBuffer_Release(&self->places);
     if (!lane->facts) {
         PyErr_SetString(PyExc_ValueError, "this Lane could not be made");
         return NULL;
     }
-    if (!PyArg_ParseTuple(args, "y#y*iK", &text, &size, &self->places, &kind, &number) ||
-        !has_size(&self->places, (FMFTS_MESSAGE_INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places")) {
+    if (!PyArg_ParseTuple(args, "(OOO)iK", &given[0], &given[1], &given[2], &kind, &number)) {
         return NULL;
     }
-    copy = PyMem_Realloc(lane->text, (size_t)size);
-    if (!copy) {
+    for (int i = 0; i < FMFTS_KINDS; i++) {
+        PyBuffer_Release(&self->places[i]);
+        if (!PyTuple_Check(given[i]) || !take_template(given[i], &lane->message[i], &self->places[i])) {
+            return PyErr_Occurred() ? NULL : (PyErr_SetString(PyExc_TypeError, "a template is a tuple"), NULL);
+        }
+        longest = lane->message[i].size > longest ? lane->message[i].size : longest;
+    }
+    uint8_t *change = PyMem_Realloc(lane->change, longest);
+    if (!change) {
         return PyErr_NoMemory();
     }
-    memcpy(copy, text, (size_t)size);
-    lane->text = copy;
-    lane->size = (size_t)size;
-    lane->place = self->places.buf;
+    lane->change = change;
+    if (kind < 0 || kind >= FMFTS_KINDS) {
+        PyErr_Format(PyExc_ValueError, "there is no kind %d", kind);
+        return NULL;
+    }
     lane->kind = (fmfts_contact)kind;
     lane->number = number;
-    lane->passed = 0;
+    lane->passed = lane->change_bytes = 0;
     self->begun = 1;
     return Py_NewRef(Py_None);
 }
 
-/* end() → (frames, first sequence, last sequence, number, payload, arrival_ns, t_sample_ns, t_publish_ns, latencies in s)
- * of what has passed since `begin`; None where nothing has. */
-static PyObject *lane_end(PyObject *object, PyObject *unused)
+static PyObject *latencies_of(const fmfts_lane *lane)
 {
-    lane_object *self = (lane_object *)object;
-    const fmfts_lane *lane = &self->published.lane;
-    PyObject *latencies;
-    (void)unused;
-    if (!self->begun || !lane->passed) {
-        self->begun = 0;
-        return Py_NewRef(Py_None);
-    }
-    self->begun = 0;
-    latencies = PyList_New((Py_ssize_t)lane->passed);
+    PyObject *latencies = PyList_New((Py_ssize_t)lane->passed);
     for (size_t i = 0; latencies && i < lane->passed; i++) {
         PyObject *latency = PyFloat_FromDouble(lane->latency_s[i]);
         if (!latency || PyList_SetItem(latencies, (Py_ssize_t)i, latency) < 0) {
             Py_CLEAR(latencies);
         }
     }
-    return latencies ? Py_BuildValue("(nIIKy#LLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
-                                     (unsigned long long)lane->number, lane->text, (Py_ssize_t)lane->size,
-                                     (long long)lane->arrival_ns, (long long)lane->t_sample_ns,
-                                     (long long)lane->t_publish_ns, latencies)
+    return latencies;
+}
+
+/* end() → (frames, first sequence, last sequence, number, kind, payload, change, arrival_ns, t_sample_ns, t_publish_ns,
+ * latencies in s) of what has passed since `begin`; None where nothing has. */
+static PyObject *lane_end(PyObject *object, PyObject *unused)
+{
+    lane_object *self = (lane_object *)object;
+    const fmfts_lane *lane = &self->published.lane;
+    const fmfts_template *last = &lane->message[lane->kind];
+    int begun = self->begun;
+    (void)unused;
+    self->begun = 0;
+    if (!begun || !lane->passed) {
+        return Py_NewRef(Py_None);
+    }
+    PyObject *latencies = latencies_of(lane);
+    return latencies ? Py_BuildValue("(nIIKiy#y#LLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
+                                     (unsigned long long)lane->number, (int)lane->kind, last->text,
+                                     (Py_ssize_t)last->size, lane->change_bytes ? lane->change : NULL,
+                                     (Py_ssize_t)lane->change_bytes, (long long)lane->arrival_ns,
+                                     (long long)lane->t_sample_ns, (long long)lane->t_publish_ns, latencies)
                      : NULL;
 }
 

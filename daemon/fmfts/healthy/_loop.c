@@ -14,6 +14,8 @@ typedef struct {
     fmfts_bus bus;
     fmfts_board_line **line; /* by descriptor */
     int lines;
+    int needy; /* lines that need Python */
+    int turn;  /* the last of them that got it */
 } loop_object;
 
 static int64_t now_ns(void)
@@ -62,6 +64,14 @@ static fmfts_board_line *line_of(const loop_object *self, int descriptor)
     return descriptor >= 0 && descriptor < self->lines ? self->line[descriptor] : NULL;
 }
 
+static int add(PyObject *list, int descriptor)
+{
+    PyObject *item = PyLong_FromLong(descriptor);
+    int failed = !item || PyList_Append(list, item) < 0;
+    Py_XDECREF(item);
+    return !failed;
+}
+
 /* Room in the table for a descriptor; 0 and MemoryError without. */
 static int has_room(loop_object *self, int descriptor)
 {
@@ -90,7 +100,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
     if (!PyArg_ParseTuple(args, "iy#O!", &descriptor, &unread, &unread_bytes, &PyTuple_Type, &lanes)) {
         return NULL;
     }
-    if (descriptor < 0 || unread_bytes > FMFTS_LONGEST_LINE + 1 || line_of(self, descriptor)) {
+    if (descriptor < 0 || unread_bytes > FMFTS_ROOM || line_of(self, descriptor)) {
         PyErr_Format(PyExc_ValueError, "descriptor %d, %zd bytes unread: no line that could begin", descriptor,
                      unread_bytes);
         return NULL;
@@ -113,6 +123,8 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
         }
         line->lane[published->lane.pad_index] = Py_NewRef(lane);
     }
+    line->needs_python = unread_bytes > FMFTS_LONGEST_LINE;
+    self->needy += line->needs_python;
     self->line[descriptor] = line;
     return Py_NewRef(Py_None);
 }
@@ -130,6 +142,7 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
         return Py_NewRef(Py_None);
     }
     PyObject *result = Py_BuildValue("(y#L)", line->unread, (Py_ssize_t)line->unread_bytes, (long long)line->heard_ns);
+    self->needy -= line->needs_python;
     self->line[descriptor] = NULL;
     forget(line);
     return result;
@@ -147,12 +160,16 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         return NULL;
     }
     fmfts_board_line *line = line_of(self, descriptor);
-    if (!line || size > FMFTS_READ_BYTES || line->unread_bytes > FMFTS_LONGEST_LINE) {
+    if (!line || size > FMFTS_READ_BYTES) {
         PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
         return NULL;
     }
-    int passed = fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns);
-    return passed < 0 ? NULL : PyBool_FromLong(passed);
+    int needed = line->needs_python;
+    if (!needed && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns)) {
+        return NULL;
+    }
+    self->needy += line->needs_python - needed;
+    return PyBool_FromLong(!line->needs_python);
 }
 
 /* Waits once; the events, −1 and an exception. */
@@ -173,6 +190,37 @@ static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_eve
     return count;
 }
 
+/* What is readable passes, as far as it may; descriptors of no line go to `wanted`. 0 and an exception where that failed. */
+static int serve(loop_object *self, const struct epoll_event *events, int count, PyObject *wanted)
+{
+    for (int i = 0; i < count; i++) {
+        fmfts_board_line *line = line_of(self, events[i].data.fd);
+        if (!line) {
+            if (!add(wanted, events[i].data.fd)) {
+                return 0;
+            }
+        } else if (!line->needs_python) {
+            if (!fmfts_serve(line, &self->bus, events[i].data.fd, now_ns())) {
+                return 0;
+            }
+            self->needy += line->needs_python;
+        }
+    }
+    return 1;
+}
+
+/* One line that needs Python, each in turn: others' frames come first, however many need it at once. */
+static int add_needy(loop_object *self, PyObject *wanted)
+{
+    for (int i = 0; self->needy > 0 && i < self->lines; i++) {
+        self->turn = (self->turn + 1) % self->lines;
+        if (self->line[self->turn] && self->line[self->turn]->needs_python) {
+            return add(wanted, self->turn);
+        }
+    }
+    return 1;
+}
+
 /* wait(until_ns) → descriptors that Python is to look at, as soon as there are any; none at that time. */
 static PyObject *loop_wait(PyObject *object, PyObject *args)
 {
@@ -184,18 +232,8 @@ static PyObject *loop_wait(PyObject *object, PyObject *args)
         return NULL;
     }
     do {
-        int count = wait_once(self, until_ns, events), failed = count < 0;
-        for (int i = 0; !failed && i < count; i++) {
-            fmfts_board_line *line = line_of(self, events[i].data.fd);
-            int passed = line ? fmfts_serve(line, &self->bus, events[i].data.fd, now_ns()) : 0;
-            if (passed == 0) {
-                PyObject *descriptor = PyLong_FromLong(events[i].data.fd);
-                failed = !descriptor || PyList_Append(wanted, descriptor) < 0;
-                Py_XDECREF(descriptor);
-            }
-            failed |= passed < 0;
-        }
-        if (failed) {
+        int count = wait_once(self, self->needy ? 0 : until_ns, events);
+        if (count < 0 || !serve(self, events, count, wanted) || !add_needy(self, wanted)) {
             Py_DECREF(wanted);
             return NULL;
         }

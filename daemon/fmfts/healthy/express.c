@@ -2,6 +2,7 @@
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include "express.h"
 
+#include <string.h>
 #include <time.h>
 
 #include "../sensor/sample.h"
@@ -9,7 +10,7 @@
 /* A thermometer read as the message has it: the first of its numbers is the temperature. */
 static bool is_expected(const fmfts_lane *lane, const fmfts_sample *sample)
 {
-    bool told = lane->place[FMFTS_MESSAGE_INTEGERS] >= 0;
+    bool told = lane->message[lane->kind].place[FMFTS_MESSAGE_INTEGERS] >= 0;
     return sample->pad_index == lane->pad_index && told == (sample->temperature_raw != FMFTS_TEMPERATURE_UNKNOWN) &&
            (lane->passed == 0 || sample->sequence > lane->sequence) && lane->passed < FMFTS_TALLIED;
 }
@@ -34,6 +35,12 @@ static fmfts_contact contact_of(const fmfts_lane *lane, const fmfts_sample *samp
     return fmfts_leave(lane->facts, lane->passage, lane->response, lane->response_bytes, contact, jacobian);
 }
 
+static bool can_say(const fmfts_lane *lane, fmfts_contact kind)
+{
+    return kind == lane->kind ||
+           (kind != FMFTS_NO_NUMBER && lane->message[kind].text != NULL && lane->change_bytes == 0);
+}
+
 static int64_t now_ns(clockid_t clock)
 {
     struct timespec now;
@@ -51,12 +58,27 @@ static void tally(fmfts_lane *lane, const fmfts_sample *sample, int64_t arrival_
     lane->latency_s[lane->passed++] = (double)(lane->t_publish_ns - lane->t_sample_ns) * 1e-9;
 }
 
+static void write_message(fmfts_lane *lane, fmfts_contact kind)
+{
+    const fmfts_template *message = &lane->message[kind];
+    const unsigned long long integer[FMFTS_MESSAGE_INTEGERS] = {
+        lane->number, (unsigned long long)lane->t_sample_ns, (unsigned long long)lane->t_publish_ns,
+        (unsigned long long)now_ns(CLOCK_REALTIME)};
+    fmfts_fill(message->text, message->size, message->place, integer, &lane->passage->numbers);
+    if (kind != lane->kind) {
+        lane->kind = kind;
+        lane->change_bytes = message->size;
+        memcpy(lane->change, message->text, message->size);
+    }
+}
+
 bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
 {
     fmfts_sample sample;
+    fmfts_contact kind;
     int64_t host_ns;
     if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample) ||
-        contact_of(lane, &sample) != lane->kind ||
+        !can_say(lane, kind = contact_of(lane, &sample)) ||
         !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
         return false;
     }
@@ -64,10 +86,7 @@ bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t a
     lane->number++;
     lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->passage->question.instant_us);
     lane->t_publish_ns = now_ns(CLOCK_MONOTONIC);
-    const unsigned long long integer[FMFTS_MESSAGE_INTEGERS] = {
-        lane->number, (unsigned long long)lane->t_sample_ns, (unsigned long long)lane->t_publish_ns,
-        (unsigned long long)now_ns(CLOCK_REALTIME)};
-    fmfts_fill(lane->text, lane->size, lane->place, integer, &lane->passage->numbers);
+    write_message(lane, kind);
     tally(lane, &sample, arrival_ns);
     return true;
 }

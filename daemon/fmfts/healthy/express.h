@@ -1,4 +1,4 @@
-/* A frame from the wire to the bus, as long as only the numbers of its message differ from the last one's. */
+/* A frame from the wire to the bus, as long as it is healthy and its message has a template. */
 #ifndef FMFTS_EXPRESS_H
 #define FMFTS_EXPRESS_H
 
@@ -6,7 +6,17 @@
 #include "../sensor/clock.h"
 #include "passage.h"
 
-enum { FMFTS_TALLIED = 256 /* frames, between two looks of Python */ };
+enum {
+    FMFTS_TALLIED = 256, /* frames, between two looks of Python */
+    FMFTS_KINDS = FMFTS_NO_NUMBER,
+};
+
+/* A message of `size` bytes, and where its integers and numbers are: message.c. */
+typedef struct {
+    uint8_t *text; /* NULL: there is none */
+    size_t size;
+    const int32_t *place;
+} fmfts_template;
 
 /* One pad. What is pointed to is Python's, and nobody else's while frames pass here. */
 typedef struct {
@@ -18,12 +28,12 @@ typedef struct {
     fmfts_network network;
     fmfts_clock_line *clock;
     unsigned pad_index;
-    /* The last message, of `size` bytes, and where its integers and numbers are: message.c. */
-    uint8_t *text;
-    size_t size;
-    const int32_t *place;
-    fmfts_contact kind;
+    fmfts_template message[FMFTS_KINDS];
+    fmfts_contact kind; /* of the last message, which stands in its template */
     uint64_t number;
+    /* The first message of another kind, once there is one: Python has to tell of it. Room for the longest. */
+    uint8_t *change;
+    size_t change_bytes;
     /* Frames that passed: how many, the first's and the last's. */
     size_t passed;
     uint32_t first_sequence, sequence;
@@ -31,8 +41,8 @@ typedef struct {
     double latency_s[FMFTS_TALLIED];
 } fmfts_lane;
 
-/* The line [0, size) of bytes, its closing zero left out. False where anything but the numbers is not as it was in the frame
- * before: nothing has changed then. */
+/* The line [0, size) of bytes, its closing zero left out. False where it is not a healthy frame of this pad, or of another
+ * kind once more: nothing has changed then. */
 bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 #endif

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple, Self
 
@@ -31,6 +32,9 @@ class Kind(IntEnum):
     OVER_RANGE = 2
 
 
+KINDS = tuple(Kind)
+
+
 class Judged(NamedTuple):
     """instant_us: the device's time of the estimate."""
 
@@ -41,37 +45,42 @@ class Judged(NamedTuple):
 class Passed(NamedTuple):
     """Frames that went from their bytes to the bus without Python; sequences of the first and the last of them.
 
-    number, payload, arrival_ns, t_sample_ns, t_publish_ns: the last one's; latencies_s: of each, sample → publish.
+    number, kind, payload, arrival_ns, t_sample_ns, t_publish_ns: of the last message. latencies_s: of each, sample →
+    publish. change: the first message of another kind than before, None where there was none; there is no second.
     """
 
     frames: int
     first_sequence: int
     sequence: int
     number: int
+    kind_number: int
     payload: bytes
+    change: bytes | None
     arrival_ns: int
     t_sample_ns: int
     t_publish_ns: int
     latencies_s: list[float]
 
+    @property
+    def kind(self) -> Kind:
+        return KINDS[self.kind_number]
+
 
 class Lane:
-    """Lets a pad's frames pass, as long as only the numbers of their messages change: express.h."""
+    """Lets a pad's frames pass while they are healthy: express.h."""
 
     def __init__(self, compiled: _healthy.Lane) -> None:
         self.compiled = compiled
 
-    def begin(self, template: Template, kind: Kind, number: int) -> None:
-        """template, kind, number: of the last message. Whoever has the memory, this has it until `end`."""
-        self.compiled.begin(template.text, template.places, kind, number)
+    def begin(self, templates: Sequence[Template], kind: Kind, number: int) -> None:
+        """templates: of each kind. kind, number: of the last message. This has the pad's memory until `end`."""
+        quiet, touched, over_range = [(template.text, template.places) for template in templates]
+        self.compiled.begin((quiet, touched, over_range), kind, number)
 
     def end(self) -> Passed | None:
         """None where no frame has passed since `begin`."""
         passed = self.compiled.end()
         return None if passed is None else Passed(*passed)
-
-
-KINDS = tuple(Kind)
 
 
 class HealthyPath:

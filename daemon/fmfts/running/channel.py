@@ -6,7 +6,7 @@ import logging
 import time
 
 from fmfts.ambient import Baseline
-from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage
+from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
 from fmfts.contact_message import PackedMessage
@@ -98,7 +98,7 @@ class Channel:
             self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
 
     def begin(self, now_ns: int) -> Lane | None:
-        """Let frames pass in C from now on, while they are like the last one; None where Python has to see them."""
+        """Let healthy frames pass in C from now on; None where Python has to see them."""
         if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
             return None
         if self._publisher.frames_wanted(self.name, now_ns):
@@ -109,7 +109,10 @@ class Channel:
         """Account for what has passed; from now on frames come to `frame` again."""
         ended = self.pipeline.end(lane)
         if ended is not None:
-            passed, self._last = ended
+            passed, last = ended
+            if passed.change is not None:
+                self._tell(decode_contact(passed.change))
+            self._last, self._kind = last, last.kind
             self._statistics.passed(passed)
             self._last_frame_ns = self._last_used_ns = passed.arrival_ns
 
@@ -199,7 +202,13 @@ class Channel:
     def _publish(self, message: ContactMessage) -> ContactMessage:
         """Send it, and tell what changed; what was sent (the publisher may have withheld an estimate)."""
         message = self._publisher.send_contact(self.name, message)
-        before, self._last, self._kind = self._last_message, message, None
+        self._tell(message)
+        self._last, self._kind = message, None
+        return message
+
+    def _tell(self, message: ContactMessage) -> None:
+        """What changed with a message that was sent."""
+        before = self._last_message
         if before is None or before.health != message.health:
             self._health_since_ns = message.t_publish_ns
             text = f"{message.health}: {message.reason}" if message.reason else message.health
@@ -209,7 +218,6 @@ class Channel:
             self._follow_contact(message)
         if message.over_range and not (before is not None and before.over_range):
             self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
-        return message
 
     def _follow_contact(self, message: ContactMessage) -> None:
         """Onset and release. An unknown contact is neither: what held before it holds until something is known."""
