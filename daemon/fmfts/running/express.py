@@ -1,7 +1,7 @@
 """The wait for bytes, and healthy frames that pass meanwhile in C: from a board's line to the bus, without Python.
 
-A board's frames begin to pass when nothing but the numbers of their messages is new. Whatever else comes (a fault,
-another kind of contact, a status) or is asked for ends that: `poll` reads then, and the stages in Python judge.
+A board's frames pass from a healthy one on. Whatever else comes (a fault, a status) or is asked for ends that: `poll`
+reads then, and the stages in Python judge.
 """
 
 from __future__ import annotations
