@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import settings
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
@@ -16,10 +16,7 @@ from fmfts.pad import Pad
 sys.path.insert(0, str(Path(__file__).parent))
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
-# For emulated machines, on which drawing examples may take any time.
-settings.register_profile(
-    "few", settings.get_profile("deterministic"), max_examples=10, suppress_health_check=[HealthCheck.too_slow]
-)
+settings.register_profile("few", settings.get_profile("deterministic"), max_examples=10)  # for emulated machines
 settings.load_profile("deterministic")
 
 

@@ -27,8 +27,10 @@ PERIOD_S = 0.02
 def far_daemon() -> Iterator[tuple[Publisher, Endpoints]]:
     endpoints = Endpoints.from_base(tcp_base())
     publisher = Publisher(endpoints, "one")
-    yield publisher, endpoints
-    publisher.close()
+    try:
+        yield publisher, endpoints
+    finally:
+        publisher.close()
 
 
 def send(publisher: Publisher, ahead_s: float, waited_s: float = 0.0, **changes: Any) -> None:
@@ -43,9 +45,10 @@ def settle(publisher: Publisher, client: Client, ahead_s: float, **changes: Any)
     started_s, heard_s = time.monotonic(), None
     while True:
         send(publisher, ahead_s, **changes)
+        asked_s = time.monotonic()
         newest = client.latest(timeout_s=PERIOD_S)
         if client.contact is not None and client.contact.boot == changes.get("boot", "one"):
-            heard_s = heard_s or time.monotonic()
+            heard_s = heard_s or asked_s
         if newest is not None:
             return time.monotonic() - (heard_s or started_s)
         assert time.monotonic() - started_s < PATIENCE_S
