@@ -37,10 +37,11 @@ PERIOD_S = 1 / 220
 class Streaming:
     """A board that sends a pad's frames in their time, and answers."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: Board, left_out: Callable[[int], bool] = lambda number: False) -> None:
         self.sent = 0
+        self._left_out = left_out
         self._board = board
-        self._lines = [encode(sample_of(frame)) for frame in frames_of(config_of(4), SECONDS)]
+        self.lines = [encode(sample_of(frame)) for frame in frames_of(config_of(4), SECONDS)]
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -62,12 +63,13 @@ class Streaming:
                 return
             self._board.serve()
         begun = time.monotonic()
-        for number, line in enumerate(self._lines):
+        for number, line in enumerate(self.lines):
             if self._stopping.wait(max(begun + number * PERIOD_S - time.monotonic(), 0.0)):
                 return
             self._board.serve()
-            os.write(self._board.master, line)
-            self.sent += 1
+            if not self._left_out(number):
+                os.write(self._board.master, line)
+                self.sent += 1
 
 
 @pytest.fixture
@@ -79,13 +81,20 @@ def board(tmp_path: Path) -> Iterator[Board]:
 @pytest.fixture
 def daemon(tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch) -> Iterator[Daemon]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    simulated = config_of(4)
-    folder = tmp_path / "fmfts" / "baseline"
-    folder.mkdir(parents=True)
-    (folder / "left.json").write_bytes(ambient.encode(simulated_baseline(simulated)))
-    config = msgspec.structs.replace(simulated, source=BridgeSource(port=str(board.link)))
-    with Daemon(Config(pad=(config,), bus=BusConfig(endpoint=f"ipc://{tmp_path}"))) as daemon:
+    with serving(board, tmp_path, ["left"]) as daemon:
         yield daemon
+
+
+def serving(board: Board, folder: Path, names: list[str]) -> Daemon:
+    """Pads of one board, all made alike, with baselines."""
+    simulated, pads = config_of(4), []
+    (folder / "fmfts" / "baseline").mkdir(parents=True)
+    for index, name in enumerate(names):
+        source = BridgeSource(port=str(board.link), pad_index=index)
+        pads.append(msgspec.structs.replace(simulated, name=name, source=source))
+        baseline = msgspec.structs.replace(simulated_baseline(simulated), pad=name).sealed()
+        (folder / "fmfts" / "baseline" / f"{name}.json").write_bytes(ambient.encode(baseline))
+    return Daemon(Config(pad=tuple(pads), bus=BusConfig(endpoint=f"ipc://{folder}")))
 
 
 def run(daemon: Daemon, until: Callable[[], object]) -> None:
@@ -115,6 +124,89 @@ def test_frames_pass_without_python_and_all_of_them_are_told(
     assert in_python["served"] < 0.3 * streaming.sent
     times = [body["t_sample_ns"] for body in healthy]
     assert all(later > earlier for earlier, later in pairwise(times))
+
+
+def test_gaps_are_counted_wherever_frames_pass(daemon: Daemon, board: Board) -> None:
+    (channel,) = daemon._channels.values()
+    with Streaming(board, left_out=lambda number: number % 50 in (30, 31)) as streaming:
+        run(daemon, lambda: streaming.is_over)
+        run(daemon, lambda: channel._statistics.frames == streaming.sent)
+    assert channel._statistics.gaps == sum(1 for number in range(round(SECONDS * 220)) if number % 50 in (30, 31))
+
+
+def test_garbage_without_an_end_does_not_keep_the_port_from_being_read(daemon: Daemon, board: Board) -> None:
+    (channel,) = daemon._channels.values()
+    with Streaming(board, left_out=lambda number: number >= 200) as streaming:
+        run(daemon, lambda: channel._statistics.frames == streaming.sent == 200)
+        os.write(board.master, b"U" * 300)
+        end = time.monotonic() + 0.1
+        assert turns_until(daemon, lambda: time.monotonic() > end) < 20
+        os.write(board.master, b"\0" + streaming.lines[200])
+        assert turns_until(daemon, lambda: channel._statistics.frames == 201) < 5
+        assert daemon._sources[0].state.garbage_bytes == 300
+
+
+def test_a_plug_that_is_pulled_amid_a_packet_is_noticed_at_once(daemon: Daemon, board: Board) -> None:
+    (channel,) = daemon._channels.values()
+    with Streaming(board, left_out=lambda number: number >= 200) as streaming:
+        run(daemon, lambda: channel._statistics.frames == streaming.sent == 200)
+        os.write(board.master, streaming.lines[200][:20])
+        board.unplug()
+        assert turns_until(daemon, lambda: not daemon._sources[0].state.connected) < 10
+
+
+def test_no_message_after_a_baseline_came_into_use_is_of_the_one_before(
+    daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that was restored, which does not need frames: they pass meanwhile."""
+    (channel,) = daemon._channels.values()
+    other = simulated_baseline(config_of(5))
+    used: list[int] = []
+
+    def adopt() -> None:
+        if not used:
+            channel.use(other)
+            used.append(channel.pipeline.messages)
+
+    with Subscription(("contact",), "left", f"ipc://{tmp_path}") as subscription, Streaming(board) as streaming:
+        run(daemon, lambda: channel._statistics.frames > 150)
+        monkeypatch.setattr(daemon._verbs, "finish_jobs", adopt)
+        daemon._verbs._pending.append(object())  # type: ignore[arg-type]
+        run(daemon, lambda: streaming.is_over)
+        heard = received(subscription)
+    later = [body["baseline"] for body in heard if body["seq"] > used[0]]
+    assert len(later) > 100
+    assert set(later) == {other.id}
+
+
+def test_two_pads_of_a_board_pass_or_do_not_each_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with plugged(tmp_path / "port", pads=2) as board, serving(board, tmp_path, ["left", "right"]) as daemon:
+        streaming = Streaming(board)
+        for number, frame in enumerate(frames_of(config_of(4), SECONDS)):
+            sample = sample_of(frame)
+            counts = sample.counts.copy()
+            counts[0] += 300 * (150 <= number < 250)  # 0.3 G that no magnet makes, at one sensor of one pad
+            streaming.lines[number] += encode(msgspec.structs.replace(sample, pad_index=1, counts=counts))
+        left, right = daemon._channels.values()
+        healths: set[str] = set()
+        with streaming:
+            run(daemon, lambda: left._statistics.frames > 160)
+            run(daemon, lambda: healths.update((left.health + " left", right.health + " right")) or streaming.is_over)
+            run(daemon, lambda: left._statistics.frames == right._statistics.frames == streaming.sent)
+        assert "ok left" in healths
+        assert healths & {"degraded right", "disturbed right", "lost right"}
+        assert not healths & {"degraded left", "disturbed left", "lost left"}
+        assert left._statistics.gaps == right._statistics.gaps == 0
+
+
+def turns_until(daemon: Daemon, condition: Callable[[], object]) -> int:
+    turns, end = 0, time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, "it never happened"
+        daemon._turn()
+        turns += 1
+    return turns
 
 
 def received(subscription: Subscription) -> list[dict[str, Any]]:

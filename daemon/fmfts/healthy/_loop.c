@@ -18,13 +18,6 @@ typedef struct {
     int turn;  /* the last of them that got it */
 } loop_object;
 
-static int64_t now_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
 /* Loop(epoll, send, socket): a descriptor, and addresses of zmq_send and of a socket that never blocks a sender. */
 static int loop_init(PyObject *object, PyObject *args, PyObject *named)
 {
@@ -72,8 +65,8 @@ static int add(PyObject *list, int descriptor)
     return !failed;
 }
 
-/* Room in the table for a descriptor; 0 and MemoryError without. */
-static int has_room(loop_object *self, int descriptor)
+/* 0 and MemoryError where the table cannot grow as far as the descriptor. */
+static int make_room(loop_object *self, int descriptor)
 {
     if (descriptor < self->lines) {
         return 1;
@@ -105,7 +98,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
                      unread_bytes);
         return NULL;
     }
-    fmfts_board_line *line = has_room(self, descriptor) ? PyMem_Calloc(1, sizeof *line) : NULL;
+    fmfts_board_line *line = make_room(self, descriptor) ? PyMem_Calloc(1, sizeof *line) : NULL;
     if (!line) {
         return PyErr_NoMemory();
     }
@@ -175,7 +168,7 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
 /* Waits once; the events, −1 and an exception. */
 static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_event *events)
 {
-    int64_t left_ns = until_ns - now_ns();
+    int64_t left_ns = until_ns - fmfts_now_ns(CLOCK_MONOTONIC);
     int timeout_ms = left_ns <= 0 ? 0 : left_ns > 60000000000 ? 60000 : (int)((left_ns + 999999) / 1000000);
     int count;
     Py_BEGIN_ALLOW_THREADS
@@ -200,7 +193,7 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
                 return 0;
             }
         } else if (!line->needs_python) {
-            if (!fmfts_serve(line, &self->bus, events[i].data.fd, now_ns())) {
+            if (!fmfts_serve(line, &self->bus, events[i].data.fd, fmfts_now_ns(CLOCK_MONOTONIC))) {
                 return 0;
             }
             self->needy += line->needs_python;
@@ -237,7 +230,7 @@ static PyObject *loop_wait(PyObject *object, PyObject *args)
             Py_DECREF(wanted);
             return NULL;
         }
-    } while (PyList_Size(wanted) == 0 && now_ns() < until_ns);
+    } while (PyList_Size(wanted) == 0 && fmfts_now_ns(CLOCK_MONOTONIC) < until_ns);
     return wanted;
 }
 

@@ -41,10 +41,10 @@ static bool can_say(const fmfts_lane *lane, fmfts_contact kind)
            (kind != FMFTS_NO_NUMBER && lane->message[kind].text != NULL && lane->change_bytes == 0);
 }
 
-static int64_t now_ns(clockid_t clock)
+int64_t fmfts_now_ns(int clock)
 {
     struct timespec now;
-    clock_gettime(clock, &now);
+    clock_gettime((clockid_t)clock, &now);
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
@@ -63,7 +63,7 @@ static void write_message(fmfts_lane *lane, fmfts_contact kind)
     const fmfts_template *message = &lane->message[kind];
     const unsigned long long integer[FMFTS_MESSAGE_INTEGERS] = {
         lane->number, (unsigned long long)lane->t_sample_ns, (unsigned long long)lane->t_publish_ns,
-        (unsigned long long)now_ns(CLOCK_REALTIME)};
+        (unsigned long long)fmfts_now_ns(CLOCK_REALTIME)};
     fmfts_fill(message->text, message->size, message->place, integer, &lane->passage->numbers);
     if (kind != lane->kind) {
         lane->kind = kind;
@@ -85,7 +85,7 @@ bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t a
     *lane->memory = lane->passage->next;
     lane->number++;
     lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->passage->question.instant_us);
-    lane->t_publish_ns = now_ns(CLOCK_MONOTONIC);
+    lane->t_publish_ns = fmfts_now_ns(CLOCK_MONOTONIC);
     write_message(lane, kind);
     tally(lane, &sample, arrival_ns);
     return true;

@@ -41,6 +41,9 @@ typedef struct {
     double latency_s[FMFTS_TALLIED];
 } fmfts_lane;
 
+/* Of CLOCK_MONOTONIC or CLOCK_REALTIME. */
+int64_t fmfts_now_ns(int clock);
+
 /* The line [0, size) of bytes, its closing zero left out. False where it is not a healthy frame of this pad, or of another
  * kind once more: nothing has changed then. */
 bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);

@@ -79,7 +79,7 @@ class Daemon:
             self._sources.append(source)
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
-            self._express.knows(source, [self._channels[id(source), pad_index] for pad_index in names])
+            self._express.take_in(source, [self._channels[id(source), pad_index] for pad_index in names])
         self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
         self._schedule = Schedule(self._sources, self._express)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
@@ -140,7 +140,9 @@ class Daemon:
             self._asked = self._answer()
         if is_due:
             self._tick_ns, self._tick = now_ns + TICK_NS, (self._tick + 1) % TURNS
-            self._verbs.finish_jobs()
+            if self._verbs.is_busy:
+                self._express.end_all()  # a baseline may come into use
+                self._verbs.finish_jobs()
             self._schedule.review()
             self._tell_silence(now_ns)
             self._report(self._tick, TURNS)

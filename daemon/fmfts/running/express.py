@@ -27,8 +27,8 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
-class Board:
-    """Its channels, and while their frames pass: the descriptor, and the lane of each that has one."""
+class Line:
+    """A board's channels, and while their frames pass: the descriptor, and the lane of each that has one."""
 
     source: ByteSource
     channels: Sequence[Channel]
@@ -41,16 +41,17 @@ class Express:
 
     def __init__(self, publisher: Publisher) -> None:
         self._epoll = select.epoll()
-        self._boards: dict[int, Board] = {}  # by id of the source
+        self._lines: dict[int, Line] = {}  # by id of the source
+        self._left: set[int] = set()  # descriptors of those that ended with whole packets unread
         self._loop = None
         send = send_function() if AVAILABLE else None
         if send is not None:
             self._loop = _healthy.Loop(self._epoll.fileno(), send, publisher.address)
 
-    def knows(self, source: Source, channels: Sequence[Channel]) -> None:
-        """Let this source's frames pass, where they can."""
+    def take_in(self, source: Source, channels: Sequence[Channel]) -> None:
+        """A source whose frames may pass, if it is one of bytes."""
         if self._loop is not None and isinstance(source, ByteSource):
-            self._boards[id(source)] = Board(source, channels)
+            self._lines[id(source)] = Line(source, channels)
 
     def register(self, descriptor: int) -> None:
         self._epoll.register(descriptor, select.EPOLLIN)
@@ -61,37 +62,41 @@ class Express:
     def wait(self, until_ns: int) -> list[int]:
         """Descriptors with something that no lane takes, as soon as there are any; none at `until_ns`."""
         if self._loop is not None:
-            return self._loop.wait(until_ns)
+            left, self._left = self._left, set()
+            return [*left.union(self._loop.wait(0 if left else until_ns))]
         timeout_s = max(0.0, (until_ns - time.monotonic_ns()) * 1e-9)
         return [descriptor for descriptor, _ in self._epoll.poll(timeout_s)]
 
     def begin(self, source: Source, now_ns: int) -> None:
         """Let frames pass from now on, if they can."""
-        board = self._boards.get(id(source))
-        if board is None or self._loop is None or not (pads := board.source.lendable()):
+        line = self._lines.get(id(source))
+        if line is None or self._loop is None or not (pads := line.source.lendable()):
             return
-        welcome = [channel for channel in board.channels if channel.pad_index in pads]
-        board.lanes = [(channel, lane) for channel in welcome if (lane := channel.begin(now_ns)) is not None]
-        if board.lanes:
-            board.descriptor, unread = board.source.lend()
-            self._loop.begin(board.descriptor, unread, tuple(lane.compiled for _, lane in board.lanes))
+        welcome = [channel for channel in line.channels if channel.pad_index in pads]
+        line.lanes = [(channel, lane) for channel in welcome if (lane := channel.begin(now_ns)) is not None]
+        if line.lanes:
+            line.descriptor, unread = line.source.lend()
+            self._left.discard(line.descriptor)
+            self._loop.begin(line.descriptor, unread, tuple(lane.compiled for _, lane in line.lanes))
 
     def end(self, source: Source) -> None:
         """Let none pass, and account for those that have."""
-        board = self._boards.get(id(source))
-        if board is None or board.descriptor is None or self._loop is None:
+        line = self._lines.get(id(source))
+        if line is None or line.descriptor is None or self._loop is None:
             return
-        left = self._loop.end(board.descriptor)
+        left = self._loop.end(line.descriptor)
         assert left is not None
-        board.source.give_back(*left)
-        for channel, lane in board.lanes:
+        if b"\0" in left[0]:
+            self._left.add(line.descriptor)
+        line.source.give_back(*left)
+        for channel, lane in line.lanes:
             channel.end(lane)
-        board.descriptor, board.lanes = None, ()
+        line.descriptor, line.lanes = None, ()
 
     def end_all(self) -> None:
         """Each begins again when it has been served."""
-        for board in self._boards.values():
-            self.end(board.source)
+        for line in self._lines.values():
+            self.end(line.source)
 
     @contextmanager
     def ended(self, source: Source, now_ns: int) -> Iterator[None]:

@@ -69,10 +69,13 @@ class Verbs:
             log.exception("%s: internal error, worth reporting", request.verb)
             fail_internally(request, error)
 
+    @property
+    def is_busy(self) -> bool:
+        """Some request's work goes on, or has ended since it was looked at."""
+        return bool(self._pending)
+
     def finish_jobs(self) -> None:
         """Answer the requests whose work has ended since the last call; call it a few times a second."""
-        if not self._pending:
-            return
         now_s = time.monotonic()
         self._pending = [pending for pending in self._pending if not pending.settle(now_s)]
         under_way = {id(pending.task) for pending in self._pending}

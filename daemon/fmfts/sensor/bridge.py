@@ -77,13 +77,14 @@ class Bridge:
     def lendable(self) -> frozenset[int]:
         if self._outbox or not (self.state.connected and self._link.is_quiet):
             return frozenset()
+        self._unread = self._link.give_back() + self._unread
         if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
-            return frozenset()
+            return frozenset()  # there is a packet, or no beginning of one
         return frozenset(index for index in self._pads if self._link.welcomes(index))
 
     def lend(self) -> tuple[int, bytes]:
         assert self._descriptor is not None
-        unread, self._unread = self._link.give_back() + self._unread, b""
+        unread, self._unread = self._unread, b""
         return self._descriptor, unread
 
     def give_back(self, unread: bytes, heard_ns: int) -> None:
@@ -176,8 +177,11 @@ class Bridge:
 
     def _receive(self, now_ns: int) -> Sequence[Frame]:
         assert self._descriptor is not None
+        data = self._unread
         try:
-            data = self._unread or os.read(self._descriptor, READ_BYTES)
+            if b"\0" not in data:
+                more = os.read(self._descriptor, READ_BYTES)
+                data = data + more if more else b""
         except BlockingIOError:
             return ()
         except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
