@@ -34,6 +34,7 @@ from fmfts.config.file import load
 from fmfts.jobs.baseline_files import stored
 from fmfts.jobs.baselines import BaselineJob, BaselineRequest
 from fmfts.pad import Array
+from fmfts.sensor.bridge import Bridge
 from fmfts.simulate.cylinder import cylinder_field
 from fmfts.simulate.mounted import MountedPad
 
@@ -285,7 +286,8 @@ class PressedBench:
 
     @contextmanager
     def _surroundings(self) -> Iterator[None]:
-        with patch.dict(os.environ, self.environment):
+        clock_ns = staticmethod(self.clock.now_ns if self._stepped else time.monotonic_ns)
+        with patch.dict(os.environ, self.environment), patch.object(Bridge, "clock_ns", clock_ns):
             yield
 
     def magnet_field_t(self, x_m: float, y_m: float, force_n: float) -> np.ndarray:

@@ -63,6 +63,17 @@ def connected(bridge: Bridge, board: Board) -> None:
     board.requests.clear()
 
 
+def test_a_frame_that_came_since_the_caller_looked_at_the_clock_is_not_older_than_that(board: Board) -> None:
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    looked_ns, frames = time.monotonic_ns(), []
+    board.send(board.sample())
+    while not frames:
+        time.sleep(0.001)
+        frames += bridge.poll(looked_ns)
+    assert frames[0].host_time_ns > looked_ns
+
+
 def test_frames_arrive_with_their_numbers_and_a_time_not_in_the_future(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)

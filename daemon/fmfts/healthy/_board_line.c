@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 enum { DONT_WAIT = 1, SEND_MORE = 2 /* zmq.h */ };
@@ -63,13 +64,15 @@ bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t
     return pass(line, bus, line->unread_bytes + size, arrival_ns);
 }
 
-bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns)
+bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor)
 {
     ssize_t count = read(descriptor, bus->bytes + line->unread_bytes, FMFTS_READ_BYTES);
     if (count <= 0) {
         line->needs_python = true; /* it meets the same */
         return true;
     }
+    /* After the read: what came between a look at the clock and it would pass for older than it is. */
+    int64_t arrival_ns = fmfts_now_ns(CLOCK_MONOTONIC);
     memcpy(bus->bytes, line->unread, line->unread_bytes);
     return pass(line, bus, line->unread_bytes + (size_t)count, arrival_ns);
 }

@@ -32,6 +32,6 @@ typedef struct {
 bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns);
 
 /* The same of what the descriptor has to read. */
-bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, int64_t arrival_ns);
+bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor);
 
 #endif

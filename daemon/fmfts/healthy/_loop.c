@@ -193,7 +193,7 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
                 return 0;
             }
         } else if (!line->needs_python) {
-            if (!fmfts_serve(line, &self->bus, events[i].data.fd, fmfts_now_ns(CLOCK_MONOTONIC))) {
+            if (!fmfts_serve(line, &self->bus, events[i].data.fd)) {
                 return 0;
             }
             self->needy += line->needs_python;
