@@ -90,6 +90,17 @@ def test_late_arrivals_do_not_move_the_map() -> None:
     assert np.abs(errors[2200:]).max() < 50
 
 
+def test_a_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
+    """After the first the host stalls again, and what comes in time is long gone by when it is heard, or never came."""
+    board, clock = Board(50), DeviceClock(tolerance=200e-6)
+    errors_us(clock, board, board.packets(10))
+    backlog = [device_us for device_us, _ in board.packets(0.5, start_us=10_000_000)]
+    first, second = (board.true_ns(10_000_000) + ms * 1_000_000 for ms in (400, 900))
+    late = [(device_us, first if index < 50 else second) for index, device_us in enumerate(backlog)]
+    assert np.abs(errors_us(clock, board, late)).max() < 200
+    assert clock.restarts == 0
+
+
 def test_a_burst_of_late_arrivals_in_the_first_second_does_not_tilt_the_map() -> None:
     """Before there is a slope to hold on to, half a second's backlog looks like a clock that runs 2 % slow."""
     board, clock = Board(50), DeviceClock(tolerance=0.02)

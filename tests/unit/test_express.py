@@ -75,7 +75,7 @@ def reads_of(frames: Iterable[Frame], seed: int) -> Iterator[Read]:
         if number > 900:
             sent_ns += 100_000_000
         readable_ns = max(readable_ns, sent_ns) + round(draw.exponential(80e3))
-        if number % 97 == 50:
+        if number % 197 == 50:
             readable_ns += 30_000_000 if number < 700 else 450_000_000
         # Several lines in one read, or the beginning of one.
         if accident == 3:

@@ -74,11 +74,10 @@ static void learn(fmfts_clock_line *line, const fmfts_packet *p)
     line->height_ns = fmin(line->height_ns, (double)p->ns - line->slope_ns_per_us * (double)p->us);
 }
 
-/* False where it has lasted so long that the clock stood still. */
-static bool is_late_only(const fmfts_clock_line *line, int64_t arrival_ns)
+/* As a sign of a clock that stood still; one of the same burst is none. */
+static bool is_another_late(const fmfts_clock_line *line, int64_t arrival_ns)
 {
-    bool lasted = line->late_packets > 0 && arrival_ns - line->late_since_ns >= line->standstill_ns;
-    return !(lasted && line->late_packets + 1 >= line->standstill_packets);
+    return !line->late_packets || arrival_ns - line->late_ns >= line->standstill_ns / (line->standstill_packets - 1);
 }
 
 bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns)
@@ -94,14 +93,15 @@ bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_
         return false;
     }
     if (above_ns > unsure) {
-        if (!is_late_only(line, arrival_ns)) {
+        bool another = is_another_late(line, arrival_ns);
+        if (another && line->late_packets + 1 >= line->standstill_packets) {
             return false;
         }
-        line->late_since_ns = line->late_packets ? line->late_since_ns : arrival_ns;
-        line->late_packets++;
+        line->late_ns = another ? arrival_ns : line->late_ns;
+        line->late_packets += another;
         line->least_late_ns = fmin(line->least_late_ns, above_ns);
     } else {
-        line->late_since_ns = line->late_packets = 0;
+        line->late_ns = line->late_packets = 0;
         line->least_late_ns = INFINITY;
         learn(line, &p);
         above_ns = above_line(line, &p);

@@ -16,7 +16,7 @@ typedef struct {
 typedef struct {
     int64_t newest_us;
     fmfts_packet lowest, origin; /* the lowest of this bucket; origin: absolute */
-    int64_t bucket_end_us, late_packets, late_since_ns;
+    int64_t bucket_end_us, late_packets, late_ns;
     double least_late_ns, height_ns, slope_ns_per_us;
     int64_t fixed_delay_ns, bucket_us, standstill_ns, standstill_packets, height_buckets;
     double jump_ns, tolerance_ns_per_us;

@@ -24,8 +24,10 @@ BUCKET_US = 250_000
 SLOPE_BUCKETS = 128  # 32 s: a crystal's drift is constant over that, an RC oscillator's nearly
 HEIGHT_BUCKETS = 16  # 4 s: longer than a host's hiccup, short enough for an error of the slope not to matter
 JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step beyond this is a reset, or a suspended host
-STANDSTILL_NS = 400_000_000  # of arrivals, each of them late; a backlog arrives within milliseconds
-STANDSTILL_PACKETS = 8  # at a few Hz, two late packets in a row are chance
+STANDSTILL_NS = 400_000_000  # of arrivals, each of them late
+# At a few Hz, two late packets in a row are chance. Spread over that time, too: a backlog comes in a few bursts.
+STANDSTILL_PACKETS = 8
+LATE_APART_NS = STANDSTILL_NS // (STANDSTILL_PACKETS - 1)
 
 # fmfts_clock_line of clock.h: what packets teach, there and here, and the limits; then the lowest of the last buckets.
 LINE = struct.Struct("=8q3d5q2dq")
@@ -108,13 +110,13 @@ class DeviceClock:
         """What packets that passed in C have taught."""
         values = LINE.unpack_from(self.line)
         self._newest_us, self._lowest, self._bucket_end_us = values[0], values[1:3], values[5]
-        self._late_packets, self._late_since_ns, self._least_late_ns, self._height, self._slope = values[6:11]
+        self._late_packets, self._late_ns, self._least_late_ns, self._height, self._slope = values[6:11]
         self._minima_count = values[-1]
 
     def _draw_line(self) -> None:
         """What C needs to map packets, and to learn from them."""
         learnt = self._newest_us, *self._lowest, *(self._origin or (0, 0)), self._bucket_end_us
-        late, line = (self._late_packets, self._late_since_ns, self._least_late_ns), (self._height, self._slope)
+        late, line = (self._late_packets, self._late_ns, self._least_late_ns), (self._height, self._slope)
         limits = self.fixed_delay_ns, BUCKET_US, STANDSTILL_NS, STANDSTILL_PACKETS, HEIGHT_BUCKETS, JUMP_NS
         LINE.pack_into(self.line, 0, *learnt, *late, *line, *limits, self.tolerance * 1000, self._minima_count)
 
@@ -174,16 +176,17 @@ class DeviceClock:
         self._height = min(self._height, point[1] - self._slope * point[0])
 
     def _forget_late(self) -> None:
-        self._late_since_ns = self._late_packets = 0
+        self._late_ns = self._late_packets = 0
         self._least_late_ns = math.inf
 
     def _late(self, point: Point, arrival_ns: int) -> None:
         """Follow, once the lateness has lasted: the clock stood still for as long as the least late packet says."""
-        if not self._late_packets:
-            self._late_since_ns = arrival_ns
-        self._late_packets += 1
         self._least_late_ns = min(self._least_late_ns, self._above_line(point))
-        if arrival_ns - self._late_since_ns < STANDSTILL_NS or self._late_packets < STANDSTILL_PACKETS:
+        if self._late_packets and arrival_ns - self._late_ns < LATE_APART_NS:
+            return
+        self._late_packets += 1
+        self._late_ns = arrival_ns
+        if self._late_packets < STANDSTILL_PACKETS:
             return
         step_ns = int(self._least_late_ns)
         self._minima = [(time_us, residual + step_ns) for time_us, residual in self._minima]
