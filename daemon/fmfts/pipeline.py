@@ -132,7 +132,10 @@ class PadPipeline:
         self._compiled = None
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
-        """What is published while no frame can be used: silence is not an answer."""
+        """What is published while no frame can be used: silence is not an answer. Who touched may be gone meanwhile."""
+        self.hand_back()
+        if self._estimator is not None:
+            self._estimator.forget_touch()
         reading = Reading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
         return self._sender.message(reading, None, None, self.mounting, self.baseline)
 
@@ -173,6 +176,9 @@ class Estimator:
         if self._constancy is not None:
             self._constancy.passed(path.passed)
 
+    def forget_touch(self) -> None:
+        self._touch.forget()
+
     def read(self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[Seen] = ()) -> Reading:
         """Field → pose → contact, as far as each can be believed."""
         elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
@@ -193,6 +199,8 @@ class Estimator:
         if track.estimate is None or track.health == "disturbed":
             self._touch.unseen()
             return Reading(track.health, track.reason, track.used)
+        if elapsed_s > self._touch.longest_gap_s:
+            self._touch.forget()
         estimate = self.zeroed.honest(track.estimate)
         touching = self._touch.update(*displacement(estimate, self.mounting.rest))
         # The model knows the drawing's pad.

@@ -22,7 +22,7 @@ from fmfts.running.channel import Channel
 from fmfts.scene import choose
 from fmfts.sensor import Frame
 from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import Finger, no_finger, steady_finger
+from fmfts.simulate.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_client import Endpoints
 
 PERIOD_NS = round(1e9 / 220)
@@ -129,6 +129,19 @@ def test_silence_keeps_the_time_of_the_last_sample() -> None:
     silent = pipeline.absent("stale", "silent for 1 s")
     assert silent.t_sample_ns == last.t_sample_ns
     assert silent.t_publish_ns > last.t_publish_ns
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_touch_from_before_a_silence_does_not_outlast_it(told: bool) -> None:
+    """told: of a silence that the loop noticed; else frames are missing that it dropped or that never came."""
+    config = config_of()
+    pipeline = pipeline_of(config, simulated_baseline(config))
+    press = Touch(0.0, 0.0, 1.0)
+    frames = frames_of(config, lambda time_s: press if time_s < 0.2 else no_finger(time_s), 0.8)
+    assert [pipeline.process(frame).contact for frame in frames[:40]][-1] is True
+    if told:
+        pipeline.absent("stale", "silent for 0.5 s")
+    assert not any(pipeline.process(frame).contact for frame in frames[140:])
 
 
 class Bench:

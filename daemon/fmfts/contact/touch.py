@@ -25,6 +25,8 @@ class TouchDetector:
         per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
         self.onset_chi2 = quantile(min(per_frame, RELEASE_PROBABILITY), DEGREES_OF_FREEDOM)
         self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
+        # After a longer one, who touched before it may be gone: half a period is for jitter.
+        self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
         self._touched = False
         self._quiet_frames = 0
 
@@ -61,6 +63,10 @@ class TouchDetector:
         self._quiet_frames = min(self._quiet_frames + 1, RELEASE_FRAMES)
         if self._quiet_frames == RELEASE_FRAMES:
             self._touched = False
+
+    def forget(self) -> None:
+        """As if nothing had touched yet."""
+        self._touched, self._quiet_frames = False, 0
 
 
 def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:

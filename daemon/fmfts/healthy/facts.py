@@ -96,6 +96,7 @@ def put_contact(
     facts.put("onset_chi2", touch.onset_chi2)
     facts.put("release_chi2", touch.release_chi2)
     facts.put("release_frames", RELEASE_FRAMES)
+    facts.put("longest_gap_s", touch.longest_gap_s)
     facts.put("drawn_rest_m", drawing.rest_position_m)
     facts.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
     facts.put("refine_steps", STEPS)

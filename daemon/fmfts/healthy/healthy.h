@@ -72,6 +72,7 @@ enum {
     X(onset_chi2, 1)            /* touch.py */                                                                         \
     X(release_chi2, 1)                                                                                                 \
     X(release_frames, 1)                                                                                               \
+    X(longest_gap_s, 1)                                                                                                \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)                                                                                                   \
     X(refine_steps, 1)          /* refinement.py: of a model that refines */                                           \

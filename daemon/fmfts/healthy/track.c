@@ -61,7 +61,11 @@ bool fmfts_track(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
         direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], facts->octupole_m2[0]};
     uint8_t parts[FMFTS_STEP];
     bool has_prior = false;
-    predict(facts, memory, elapsed_s(memory, field), temperature_c);
+    double elapsed = elapsed_s(memory, field);
+    if (elapsed > facts->longest_gap_s[0]) {
+        return false; /* Python forgets the touch from before it */
+    }
+    predict(facts, memory, elapsed, temperature_c);
     write_measurements(facts, field, rows);
     for (int c = 0; c < FMFTS_STEP; c++) {
         parts[c] = (uint8_t)facts->part[c];
