@@ -34,7 +34,9 @@ FOLLOWS = (Pad, SensorArray, Magnet, TrackingModel, ContactModel, Baseline, Moun
 # What follows from the mounting: it may be another than before, or made anew.
 OF_THE_MOUNTING = {"_rest", "rest", "_rows", "_magnets", "_errors"}
 OF_MESSAGES = {"_templates", "_templates_of", "_last_kind"}
-PASSING = OF_THE_MOUNTING | OF_MESSAGES | {"_nearest", "_neighbours", "_path", "_compiled", "_new_warmth"}
+OF_THE_RATE = {"longest_gap_s"}
+PASSING = OF_THE_MOUNTING | OF_MESSAGES | OF_THE_RATE
+PASSING |= {"_nearest", "_neighbours", "_path", "_compiled", "_new_warmth"}
 # What memories of earlier versions lack, as it was in them.
 ADDED = {"_unread_variance": 0.0}
 LARGEST = 1 << 20
