@@ -9,7 +9,6 @@ import signal
 import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
 from pathlib import Path
 from types import FrameType
 from typing import Self
@@ -42,9 +41,9 @@ from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
 
-TICK_NS = 50_000_000
-TICKS_A_LOOK = 5  # at what ZeroMQ did not signal; the watchdog is content with as much
-TURNS = 20  # ticks in which every pad says its status once: what all of them take together would keep frames waiting
+TICK_NS = 50_000_000  # while a pad is silent: so often its health is said
+QUIET_TICK_NS = 200_000_000  # while all is well; a wake-up of an idle computer costs more than what is done in it
+SECOND_NS = 1_000_000_000
 NEIGHBOURS_WITHOUT_BARE = (
     "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
     "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
@@ -85,7 +84,12 @@ class Daemon:
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
         self._stopping = self._asked = False
-        self._tick, self._tick_ns = 0, time.monotonic_ns()
+        self._tick_ns = self._look_ns = time.monotonic_ns()
+        # Of many pads, one's status with each tick: what all of them take together would keep frames waiting.
+        self._quiet_tick_ns = max(TICK_NS, min(QUIET_TICK_NS, SECOND_NS // len(config.pad)))
+        self._status_due_ns = {
+            name: self._tick_ns + SECOND_NS * (turn + 1) // len(config.pad) for turn, name in enumerate(by_name)
+        }
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
 
@@ -123,7 +127,7 @@ class Daemon:
         gc.collect()
         gc.freeze()
         self._notifier.ready()
-        self._report(0, 1)
+        self._report(now_ns=time.monotonic_ns(), every_pad=True)
         while not self._stopping:
             self._turn()
         self._notifier.stopping()
@@ -135,19 +139,20 @@ class Daemon:
             with self._express.ended(source, now_ns):
                 self._serve(source, now_ns)
         now_ns = time.monotonic_ns()
-        is_due = now_ns >= self._tick_ns
-        if self._schedule.called or self._asked or (is_due and self._tick % TICKS_A_LOOK == 0):
+        is_due, looks = now_ns >= self._tick_ns, now_ns >= self._look_ns
+        if self._schedule.called or self._asked or looks:
             self._asked = self._answer()
+        if looks:
+            self._look_ns = now_ns + QUIET_TICK_NS
+            self._notifier.watchdog()
         if is_due:
-            self._tick_ns, self._tick = now_ns + TICK_NS, (self._tick + 1) % TURNS
+            self._schedule.review()
             if self._verbs.is_busy:
                 self._express.end_all()  # a baseline may come into use
                 self._verbs.finish_jobs()
-            self._schedule.review()
-            self._tell_silence(now_ns)
-            self._report(self._tick, TURNS)
-            if self._tick % TICKS_A_LOOK == 0:
-                self._notifier.watchdog()
+            all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
+            self._tick_ns = now_ns + (self._quiet_tick_ns if all_well else TICK_NS)
+            self._report(now_ns)
 
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
@@ -157,7 +162,9 @@ class Daemon:
                 channel.frame(frame)
         self._schedule.served(source, had_frames=bool(frames))
 
-    def _tell_silence(self, now_ns: int) -> None:
+    def _tell_silence(self, now_ns: int) -> bool:
+        """Is any pad silent?"""
+        silent = False
         for channel in self._channels.values():
             if not channel.is_silent(now_ns):
                 continue
@@ -167,6 +174,8 @@ class Daemon:
                     # They may lie here: on a busy computer this loop itself stands still at times.
                     self._serve(channel.source, now_ns)
                     channel.tick(now_ns)
+                silent |= channel.is_silent(now_ns)
+        return silent
 
     def _answer(self) -> bool:
         """Whoever asks for something; False where nobody does.
@@ -225,16 +234,19 @@ class Daemon:
             if pad.scene.neighbours and baseline is not None and baseline.bare is None:
                 log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
 
-    def _report(self, turn: int, turns: int) -> None:
-        """The status of those pads whose turn it is; systemd is told of all."""
-        now_ns = time.monotonic_ns()
-        for channel in islice(self._channels.values(), turn, None, turns):
+    def _report(self, now_ns: int, every_pad: bool = False) -> None:
+        """The status of those pads whose turn it is, once a second; systemd is told of all with the first one's."""
+        for channel in self._channels.values():
+            if not every_pad and now_ns < self._status_due_ns[channel.name]:
+                continue
+            due_ns = self._status_due_ns[channel.name] + SECOND_NS
+            self._status_due_ns[channel.name] = due_ns if due_ns > now_ns else now_ns + SECOND_NS
             with self._express.ended(channel.source, now_ns):
                 status = channel.status(now_ns)
             self._verbs.last_status[channel.name] = status
             self._publisher.send_status(channel.name, status)
-        if turn == 0:
-            self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
+            if channel.name == self._pads[0].name:
+                self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)
