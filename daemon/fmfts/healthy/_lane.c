@@ -153,6 +153,15 @@ static PyObject *lane_end(PyObject *object, PyObject *unused)
                      : NULL;
 }
 
+/* last_ns() → when the last frame came that has passed since `begin`, 0: none has. */
+static PyObject *lane_last_ns(PyObject *object, PyObject *unused)
+{
+    const lane_object *self = (const lane_object *)object;
+    const fmfts_lane *lane = &self->published.lane;
+    (void)unused;
+    return PyLong_FromLongLong(self->begun && lane->passed ? lane->arrival_ns : 0);
+}
+
 fmfts_published_lane *fmfts_lane_of(PyObject *object)
 {
     lane_object *self = (lane_object *)object;
@@ -170,6 +179,7 @@ fmfts_published_lane *fmfts_lane_of(PyObject *object)
 static PyMethodDef methods[] = {
     {"begin", lane_begin, METH_VARARGS, "Let frames pass from now on; see path.py."},
     {"end", lane_end, METH_NOARGS, "What has passed; see path.py."},
+    {"last_ns", lane_last_ns, METH_NOARGS, "When the last frame came; see path.py."},
     {NULL, NULL, 0, NULL},
 };
 

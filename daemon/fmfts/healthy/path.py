@@ -77,6 +77,10 @@ class Lane:
         quiet, touched, over_range = [(template.text, template.places) for template in templates]
         self.compiled.begin((quiet, touched, over_range), kind, number)
 
+    def last_ns(self) -> int:
+        """When the last frame came that has passed since `begin`, 0: none has."""
+        return self.compiled.last_ns()
+
     def end(self) -> Passed | None:
         """None where no frame has passed since `begin`."""
         passed = self.compiled.end()

@@ -56,6 +56,7 @@ class Channel:
         self._last: ContactMessage | PackedMessage | None = None
         self._kind: Kind | None = None  # of the last message, if it was a healthy frame's
         self._health_since_ns = self._started_ns
+        self._lane: Lane | None = None  # while frames pass there
         self._touched = False
         self._touched_since_ns = self._started_ns
 
@@ -103,10 +104,12 @@ class Channel:
             return None
         if self._publisher.frames_wanted(self.name, now_ns):
             return None
-        return self.pipeline.begin(self._clock, self._topic, self.pad_index)
+        self._lane = self.pipeline.begin(self._clock, self._topic, self.pad_index)
+        return self._lane
 
     def end(self, lane: Lane) -> None:
         """Account for what has passed; from now on frames come to `frame` again."""
+        self._lane = None
         ended = self.pipeline.end(lane)
         if ended is not None:
             passed, last = ended
@@ -125,7 +128,10 @@ class Channel:
         self._publisher.state_changed(self.name)
 
     def is_silent(self, now_ns: int) -> bool:
-        return self._last_used_ns is None or now_ns - self._last_used_ns >= self._silent_ns
+        last_ns = self._last_used_ns
+        if last_ns is not None and self._lane is not None:
+            last_ns = max(last_ns, self._lane.last_ns())
+        return last_ns is None or now_ns - last_ns >= self._silent_ns
 
     def tick(self, now_ns: int) -> None:
         """Called twenty times a second: while no frame can be used, its health is said anyway."""

@@ -9,6 +9,7 @@ import signal
 import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle
 from pathlib import Path
 from types import FrameType
 from typing import Self
@@ -84,12 +85,8 @@ class Daemon:
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
         self._stopping = self._asked = False
-        self._tick_ns = self._look_ns = time.monotonic_ns()
-        # Of many pads, one's status with each tick: what all of them take together would keep frames waiting.
-        self._quiet_tick_ns = max(TICK_NS, min(QUIET_TICK_NS, SECOND_NS // len(config.pad)))
-        self._status_due_ns = {
-            name: self._tick_ns + SECOND_NS * (turn + 1) // len(config.pad) for turn, name in enumerate(by_name)
-        }
+        self._tick_ns = self._look_ns = self._status_ns = time.monotonic_ns()
+        self._next_status = cycle(self._channels.values())
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
 
@@ -127,32 +124,36 @@ class Daemon:
         gc.collect()
         gc.freeze()
         self._notifier.ready()
-        self._report(now_ns=time.monotonic_ns(), every_pad=True)
+        for channel in self._channels.values():
+            self._report(channel, time.monotonic_ns())
         while not self._stopping:
             self._turn()
         self._notifier.stopping()
 
     def _turn(self) -> None:
         """Wait until something needs Python, and do it."""
-        for source in self._schedule.wait(self._tick_ns):
+        for source in self._schedule.wait(min(self._tick_ns, self._status_ns)):
             now_ns = time.monotonic_ns()
             with self._express.ended(source, now_ns):
                 self._serve(source, now_ns)
         now_ns = time.monotonic_ns()
-        is_due, looks = now_ns >= self._tick_ns, now_ns >= self._look_ns
+        looks = now_ns >= self._look_ns
         if self._schedule.called or self._asked or looks:
             self._asked = self._answer()
         if looks:
             self._look_ns = now_ns + QUIET_TICK_NS
             self._notifier.watchdog()
-        if is_due:
+        if now_ns >= self._tick_ns:
             self._schedule.review()
             if self._verbs.is_busy:
                 self._express.end_all()  # a baseline may come into use
                 self._verbs.finish_jobs()
             all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
-            self._tick_ns = now_ns + (self._quiet_tick_ns if all_well else TICK_NS)
-            self._report(now_ns)
+            self._tick_ns = now_ns + (QUIET_TICK_NS if all_well else TICK_NS)
+        if now_ns >= self._status_ns:
+            # One at a time: what those of many pads take together would keep frames waiting.
+            self._status_ns = max(self._status_ns, now_ns - SECOND_NS) + SECOND_NS // len(self._channels)
+            self._report(next(self._next_status), now_ns)
 
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
@@ -234,19 +235,14 @@ class Daemon:
             if pad.scene.neighbours and baseline is not None and baseline.bare is None:
                 log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
 
-    def _report(self, now_ns: int, every_pad: bool = False) -> None:
-        """The status of those pads whose turn it is, once a second; systemd is told of all with the first one's."""
-        for channel in self._channels.values():
-            if not every_pad and now_ns < self._status_due_ns[channel.name]:
-                continue
-            due_ns = self._status_due_ns[channel.name] + SECOND_NS
-            self._status_due_ns[channel.name] = due_ns if due_ns > now_ns else now_ns + SECOND_NS
-            with self._express.ended(channel.source, now_ns):
-                status = channel.status(now_ns)
-            self._verbs.last_status[channel.name] = status
-            self._publisher.send_status(channel.name, status)
-            if channel.name == self._pads[0].name:
-                self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
+    def _report(self, channel: Channel, now_ns: int) -> None:
+        """Its status; systemd is told of all with the first one's."""
+        with self._express.ended(channel.source, now_ns):
+            status = channel.status(now_ns)
+        self._verbs.last_status[channel.name] = status
+        self._publisher.send_status(channel.name, status)
+        if channel.name == self._pads[0].name:
+            self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)
