@@ -126,6 +126,8 @@ class Daemon:
         self._notifier.ready()
         for channel in self._channels.values():
             self._report(channel, time.monotonic_ns())
+        # A rate wants a second; from then on, one status at a time: those of many pads would keep frames waiting.
+        self._status_ns = time.monotonic_ns() + SECOND_NS
         while not self._stopping:
             self._turn()
         self._notifier.stopping()
@@ -151,7 +153,6 @@ class Daemon:
             all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
             self._tick_ns = now_ns + (QUIET_TICK_NS if all_well else TICK_NS)
         if now_ns >= self._status_ns:
-            # One at a time: what those of many pads take together would keep frames waiting.
             self._status_ns = max(self._status_ns, now_ns - SECOND_NS) + SECOND_NS // len(self._channels)
             self._report(next(self._next_status), now_ns)
 
