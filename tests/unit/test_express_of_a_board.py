@@ -179,6 +179,17 @@ def test_no_message_after_a_baseline_came_into_use_is_of_the_one_before(
     assert set(later) == {other.id}
 
 
+def test_statuses_are_a_second_apart_whatever_held_the_daemon_up(daemon: Daemon, board: Board, tmp_path: Path) -> None:
+    """Sooner, a burst of a few milliseconds would pass for the rate."""
+    with Subscription(("status",), "left", f"ipc://{tmp_path}") as subscription:
+        told: list[dict[str, Any]] = []
+        run(daemon, lambda: (told.extend(received(subscription)) or told) and len(told) > 1)
+        time.sleep(2.2)
+        run(daemon, lambda: told.extend(received(subscription)) or len(told) > 4)
+    times = [body["t_publish_ns"] for body in told[1:]]
+    assert all(later - earlier > 900_000_000 for earlier, later in pairwise(times))
+
+
 def test_two_pads_of_a_board_pass_or_do_not_each_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     with plugged(tmp_path / "port", pads=2) as board, serving(board, tmp_path, ["left", "right"]) as daemon:

@@ -153,7 +153,7 @@ class Daemon:
             all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
             self._tick_ns = now_ns + (QUIET_TICK_NS if all_well else TICK_NS)
         if now_ns >= self._status_ns:
-            self._status_ns = max(self._status_ns, now_ns - SECOND_NS) + SECOND_NS // len(self._channels)
+            self._status_ns = now_ns + SECOND_NS // len(self._channels)
             self._report(next(self._next_status), now_ns)
 
     def _serve(self, source: Source, now_ns: int) -> None:
