@@ -107,10 +107,12 @@ class Channel:
         self._lane = self.pipeline.begin(self._clock, self._topic, self.pad_index)
         return self._lane
 
-    def end(self, lane: Lane) -> None:
-        """Account for what has passed; from now on frames come to `frame` again."""
+    def end(self) -> None:
+        """Account for what has passed, if frames pass; from now on they come to `frame` again."""
+        if self._lane is None:
+            return
+        ended = self.pipeline.end(self._lane)
         self._lane = None
-        ended = self.pipeline.end(lane)
         if ended is not None:
             passed, last = ended
             if passed.change is not None:
@@ -134,7 +136,7 @@ class Channel:
         return last_ns is None or now_ns - last_ns >= self._silent_ns
 
     def tick(self, now_ns: int) -> None:
-        """Called twenty times a second: while no frame can be used, its health is said anyway."""
+        """Called twenty times a second while no frame can be used: its health is said anyway."""
         if not self.is_silent(now_ns):
             return
         state, last = self.source.state, self._last_frame_ns

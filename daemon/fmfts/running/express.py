@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import zmq
 
 from fmfts.bus.publisher import Publisher
-from fmfts.healthy import Lane
 from fmfts.healthy.compiled import AVAILABLE, _healthy
 from fmfts.running.channel import Channel
 from fmfts.sensor import ByteSource, Source
@@ -28,12 +27,11 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Line:
-    """A board's channels, and while their frames pass: the descriptor, and the lane of each that has one."""
+    """A board's channels; the descriptor while frames of some of them pass."""
 
     source: ByteSource
     channels: Sequence[Channel]
     descriptor: int | None = None
-    lanes: Sequence[tuple[Channel, Lane]] = ()
 
 
 class Express:
@@ -73,11 +71,11 @@ class Express:
         if line is None or self._loop is None or not (pads := line.source.lendable()):
             return
         welcome = [channel for channel in line.channels if channel.pad_index in pads]
-        line.lanes = [(channel, lane) for channel in welcome if (lane := channel.begin(now_ns)) is not None]
-        if line.lanes:
+        lanes = tuple(lane.compiled for channel in welcome if (lane := channel.begin(now_ns)) is not None)
+        if lanes:
             line.descriptor, unread = line.source.lend()
             self._left.discard(line.descriptor)
-            self._loop.begin(line.descriptor, unread, tuple(lane.compiled for _, lane in line.lanes))
+            self._loop.begin(line.descriptor, unread, lanes)
 
     def end(self, source: Source) -> None:
         """Let none pass, and account for those that have."""
@@ -89,9 +87,9 @@ class Express:
         if b"\0" in left[0]:
             self._left.add(line.descriptor)
         line.source.give_back(*left)
-        for channel, lane in line.lanes:
-            channel.end(lane)
-        line.descriptor, line.lanes = None, ()
+        for channel in line.channels:
+            channel.end()
+        line.descriptor = None
 
     def end_all(self) -> None:
         """Each begins again when it has been served."""
