@@ -64,7 +64,7 @@ drill-service: deb firmware
 	@$(call need,$(call missing_packages,debootstrap systemd-container),exit 1)
 	$(PYTHON) tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
 
-# What robots do to a service, in full (forty minutes, and nothing else may run): docs/recovery.md.
+# What robots do to a service, in full (half an hour, and nothing else may run): docs/recovery.md.
 drills: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/drills/recovery.py
 
