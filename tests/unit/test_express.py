@@ -2,59 +2,38 @@
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import os
 import select
 import time
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
-import zmq
+from express_host import TOPIC, Bus, Host, Told, sample_of
 from test_bridge import PATIENCE_S, board, connected, pad, run  # noqa: F401  (a fixture)
 from test_healthy_path import frames_of, with_faults
 from test_link import hello
-from test_pipeline import config_of, pipeline_of
+from test_pipeline import config_of
 
 from emulator.board import Board
 from fmfts.ambient import Baseline
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import BridgeSource, PadConfig
-from fmfts.contact_message import PackedMessage
-from fmfts.healthy import Lane
+from fmfts.config import PadConfig
 from fmfts.healthy.compiled import AVAILABLE, _healthy
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.running.channel import OVERDUE_S
-from fmfts.running.express import send_function
 from fmfts.sensor import Frame
 from fmfts.sensor.bridge import Bridge
-from fmfts.sensor.clock import STANDSTILL_NS, DeviceClock
+from fmfts.sensor.clock import STANDSTILL_NS
 from fmfts.sensor.framing import encode
-from fmfts.sensor.link import Link
-from fmfts.sensor.packets import TEMPERATURE_UNKNOWN, Sample
-from fmfts.sensor.source import SourceState
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
 Read = tuple[bytes, int]
-TOPIC = b"contact/demo"
-
-
-def sample_of(frame: Frame) -> Sample:
-    _, valid, fresh, _ = frame.packed
-    return Sample(
-        pad_index=0,
-        sequence=frame.sequence,
-        time_us=frame.device_time_us + 1_000_000,
-        gain_code=frame.gain_code,
-        trigger=0,
-        valid=valid,
-        fresh=fresh,
-        temperature_raw=TEMPERATURE_UNKNOWN if frame.temperature_c is None else round((frame.temperature_c - 25) * 128),
-        counts=frame.counts,
-        age_us=frame.age_us,
-    )
 
 
 def reads_of(frames: Iterable[Frame], seed: int) -> Iterator[Read]:
@@ -86,106 +65,11 @@ def reads_of(frames: Iterable[Frame], seed: int) -> Iterator[Read]:
             pending = b""
 
 
-@dataclass
-class Told:
-    messages: list[ContactMessage]
-    expressed: int
-    changes: int = 0
-
-
-def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
-    on_bridge = msgspec.structs.replace(config, source=BridgeSource(port="/dev/null"))
-    link = Link({0: on_bridge}, SourceState("a board"), clock := DeviceClock())
-    link.restart()
-    return link, clock
-
-
-class Bus:
-    """A publisher's socket as the loop has it, and who hears all that goes out."""
-
-    def __init__(self) -> None:
-        self._ours, self._theirs = (zmq.Context.instance().socket(kind) for kind in (zmq.PUB, zmq.SUB))
-        for socket in (self._ours, self._theirs):
-            socket.setsockopt(zmq.LINGER, 0)
-            socket.setsockopt(zmq.SNDHWM, 0)
-            socket.setsockopt(zmq.RCVHWM, 0)
-        self._ours.bind(f"inproc://{id(self)}")
-        self._theirs.connect(f"inproc://{id(self)}")
-        self._theirs.subscribe(TOPIC)
-        send = send_function()
-        assert send is not None
-        self.loop = _healthy.Loop(-1, send, int(self._ours.underlying))
-        while not self._theirs.poll(0):  # until the subscription has arrived
-            self._ours.send_multipart((TOPIC, b""))
-        self.heard()
-
-    def heard(self) -> list[bytes]:
-        found = []
-        while self._theirs.poll(0):
-            topic, payload = self._theirs.recv_multipart()
-            assert topic == TOPIC
-            found.append(payload)
-        return found
-
-    def close(self) -> None:
-        self._ours.close()
-        self._theirs.close()
-
-
 @pytest.fixture
 def bus() -> Iterator[Bus]:
     made = Bus()
     yield made
     made.close()
-
-
-class Host:
-    """A pad whose bytes go to the loop while they may, and by way of frames otherwise, as the daemon has it."""
-
-    LINE = 3
-
-    def __init__(self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True) -> None:
-        self.link, self.clock = link_of(config)
-        self.pipeline, self._bus, self._may_express = pipeline_of(config, baseline), bus, may_express
-        self.lane: Lane | None = None
-        self.told = Told([], 0)
-
-    def take(self, data: bytes, arrival_ns: int) -> None:
-        if self.lane is not None and self._bus.loop.take(self.LINE, data, arrival_ns):
-            return
-        if self.lane is not None:
-            data = self.end()
-        for frame in self.link.feed(data, arrival_ns):
-            answer = self.pipeline.answer(frame)
-            self.told.messages.append(answer.message if isinstance(answer, PackedMessage) else answer)
-        self.begin()
-
-    def begin(self) -> None:
-        if not (self._may_express and self.link.welcomes(0)):
-            return
-        self.lane = self.pipeline.begin(self.clock.line, TOPIC, 0)
-        if self.lane is not None:
-            self._bus.loop.begin(self.LINE, self.link.give_back(), (self.lane.compiled,))
-
-    def end(self) -> bytes:
-        """What the loop has left unread."""
-        assert self.lane is not None
-        left = self._bus.loop.end(self.LINE)
-        assert left is not None
-        ended, payloads = self.pipeline.end(self.lane), self._bus.heard()
-        self.lane = None
-        if ended is not None:
-            passed, last = ended
-            assert passed.frames == len(passed.latencies_s) == len(payloads)
-            assert payloads[-1] == passed.payload == last.payload
-            assert last.message.t_sample_ns == passed.t_sample_ns
-            assert last.kind is passed.kind
-            self.told.changes += passed.change is not None
-            assert passed.change is None or passed.change in payloads
-            assert last.message.seq == passed.number == self.pipeline.messages
-            self.told.expressed += passed.frames
-            self.told.messages += [msgspec.msgpack.decode(payload, type=ContactMessage) for payload in payloads]
-        return left[0]
 
 
 def told(config: PadConfig, baseline: Baseline, reads: Iterable[Read], bus: Bus, may_express: bool) -> Told:
@@ -320,3 +204,40 @@ def wait_for(bridge: Bridge) -> None:
 
 def test_no_frame_goes_by_express_that_is_too_old_to_be_used() -> None:
     assert STANDSTILL_NS * 1e-9 < OVERDUE_S
+
+
+@pytest.mark.parametrize("answers", [[-1, 1, -1, -1, 1], [1, 1]], ids=["interrupted", "not interrupted"])
+def test_what_a_signal_interrupted_is_sent_again(answers: list[int], bus: Bus) -> None:
+    sent, left = [], iter(answers)
+
+    def send(socket: int | None, data: int, size: int, flags: int) -> int:
+        sent.append((ctypes.string_at(data, size), flags))
+        ctypes.set_errno(errno.EINTR)
+        return next(left)
+
+    assert passes_through(send, bus)
+    assert next(left, None) is None
+    parts = [part for part, answer in zip(sent, answers, strict=True) if answer == 1]
+    assert [parts[0], parts[1][1]] == [(TOPIC, 3), 1]  # ZMQ_DONTWAIT | ZMQ_SNDMORE, and ZMQ_DONTWAIT
+
+
+def test_a_contact_that_cannot_be_sent_is_an_error(bus: Bus) -> None:
+    def send(socket: int | None, data: int, size: int, flags: int) -> int:
+        ctypes.set_errno(errno.ENOTSOCK)
+        return -1
+
+    with pytest.raises(OSError, match="non-socket"):
+        passes_through(send, bus)
+
+
+def passes_through(send: Callable[..., int], bus: Bus) -> bool:
+    """The next frame of a host, by another `zmq_send`."""
+    host, data, arrival_ns = settled(bus)
+    assert host.lane is not None
+    kind = ctypes.CFUNCTYPE(
+        ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, use_errno=True
+    )
+    function = kind(send)
+    loop = _healthy.Loop(-1, ctypes.cast(function, ctypes.c_void_p).value or 0, 0)
+    loop.begin(Host.LINE, b"", (host.lane.compiled,))
+    return loop.take(Host.LINE, data, arrival_ns)

@@ -13,8 +13,8 @@ from typing import Any
 
 import msgspec
 import pytest
+from express_host import sample_of
 from test_bridge import plugged
-from test_express import sample_of
 from test_healthy_path import frames_of
 from test_pipeline import config_of
 
@@ -25,7 +25,7 @@ from fmfts.healthy.compiled import AVAILABLE
 from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.running.daemon import Daemon
 from fmfts.sensor.framing import encode
-from fmfts_client import Subscription
+from fmfts_client import Message, Subscription
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
@@ -37,11 +37,15 @@ PERIOD_S = 1 / 220
 class Streaming:
     """A board that sends a pad's frames in their time, and answers."""
 
-    def __init__(self, board: Board, left_out: Callable[[int], bool] = lambda number: False) -> None:
+    def __init__(
+        self, board: Board, left_out: Callable[[int], bool] = lambda number: False, from_s: float = 0.0
+    ) -> None:
+        """from_s: in the script of the simulated finger, which touches after four seconds."""
         self.sent = 0
         self._left_out = left_out
         self._board = board
-        self.lines = [encode(sample_of(frame)) for frame in frames_of(config_of(4), SECONDS)]
+        frames = frames_of(config_of(4), from_s + SECONDS)
+        self.lines = [encode(sample_of(frame)) for frame in frames[round(from_s * 220) :]]
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -179,6 +183,30 @@ def test_no_message_after_a_baseline_came_into_use_is_of_the_one_before(
     assert set(later) == {other.id}
 
 
+def test_a_touch_that_begins_in_c_is_told_of_at_once(
+    daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By what C calls Python for, neither with a status nor in the look for silence."""
+    (channel,) = daemon._channels.values()
+    monkeypatch.setattr(daemon, "_tell_silence", lambda now_ns: False)
+    daemon._status_ns = 1 << 62
+    with (
+        Subscription(("contact", "event"), "left", f"ipc://{tmp_path}") as subscription,
+        Streaming(board, from_s=3.0) as streaming,
+    ):
+        run(daemon, lambda: channel._statistics.frames > 2)
+        in_python = channel.frame
+        seen: list[bool] = []
+        monkeypatch.setattr(channel, "frame", lambda frame: seen.append(channel._touched) or in_python(frame))
+        heard: list[Message] = []
+        run(daemon, lambda: heard.extend(messages(subscription)) or streaming.is_over)
+    touched = [one.body for one in heard if one.kind == "contact" and one.body["contact"]]
+    (onset, *_) = [one.body for one in heard if one.kind == "event" and one.body["kind"] == "onset"]
+    assert not any(seen), "the frame that began it was not judged in Python"
+    assert touched[0]["t_publish_ns"] < onset["t_ns"] < touched[-1]["t_publish_ns"]
+    assert f"{touched[0]['force_n']:.3f} N" in onset["detail"]
+
+
 def test_statuses_are_a_second_apart_whatever_held_the_daemon_up(daemon: Daemon, board: Board, tmp_path: Path) -> None:
     """Sooner, a burst of a few milliseconds would pass for the rate."""
     with Subscription(("status",), "left", f"ipc://{tmp_path}") as subscription:
@@ -220,11 +248,15 @@ def turns_until(daemon: Daemon, condition: Callable[[], object]) -> int:
     return turns
 
 
-def received(subscription: Subscription) -> list[dict[str, Any]]:
+def messages(subscription: Subscription) -> list[Message]:
     found = []
     while (message := subscription.receive(0.0)) is not None:
-        found.append(message.body)
+        found.append(message)
     return found
+
+
+def received(subscription: Subscription) -> list[dict[str, Any]]:
+    return [message.body for message in messages(subscription)]
 
 
 def test_who_records_gets_every_frame_from_then_on(daemon: Daemon, board: Board, tmp_path: Path) -> None:

@@ -1,0 +1,135 @@
+"""A pad whose bytes go to the bus in C while they may, and by way of frames otherwise; and who hears all of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import zmq
+from test_pipeline import pipeline_of
+
+from fmfts.ambient import Baseline
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import BridgeSource, PadConfig
+from fmfts.contact_message import PackedMessage
+from fmfts.healthy import Lane
+from fmfts.healthy.compiled import _healthy
+from fmfts.running.express import send_function
+from fmfts.sensor import Frame
+from fmfts.sensor.clock import DeviceClock
+from fmfts.sensor.link import Link
+from fmfts.sensor.packets import TEMPERATURE_UNKNOWN, Sample
+from fmfts.sensor.source import SourceState
+
+TOPIC = b"contact/demo"
+
+
+def sample_of(frame: Frame) -> Sample:
+    _, valid, fresh, _ = frame.packed
+    return Sample(
+        pad_index=0,
+        sequence=frame.sequence,
+        time_us=frame.device_time_us + 1_000_000,
+        gain_code=frame.gain_code,
+        trigger=0,
+        valid=valid,
+        fresh=fresh,
+        temperature_raw=TEMPERATURE_UNKNOWN if frame.temperature_c is None else round((frame.temperature_c - 25) * 128),
+        counts=frame.counts,
+        age_us=frame.age_us,
+    )
+
+
+@dataclass
+class Told:
+    messages: list[ContactMessage]
+    expressed: int
+    changes: int = 0
+
+
+def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
+    on_bridge = msgspec.structs.replace(config, source=BridgeSource(port="/dev/null"))
+    link = Link({0: on_bridge}, SourceState("a board"), clock := DeviceClock())
+    link.restart()
+    return link, clock
+
+
+class Bus:
+    """A publisher's socket as the loop has it, and who hears all that goes out."""
+
+    def __init__(self) -> None:
+        self._ours, self._theirs = (zmq.Context.instance().socket(kind) for kind in (zmq.PUB, zmq.SUB))
+        for socket in (self._ours, self._theirs):
+            socket.setsockopt(zmq.LINGER, 0)
+            socket.setsockopt(zmq.SNDHWM, 0)
+            socket.setsockopt(zmq.RCVHWM, 0)
+        self._ours.bind(f"inproc://{id(self)}")
+        self._theirs.connect(f"inproc://{id(self)}")
+        self._theirs.subscribe(TOPIC)
+        send = send_function()
+        assert send is not None
+        self.loop = _healthy.Loop(-1, send, int(self._ours.underlying))
+        while not self._theirs.poll(0):  # until the subscription has arrived
+            self._ours.send_multipart((TOPIC, b""))
+        self.heard()
+
+    def heard(self) -> list[bytes]:
+        found = []
+        while self._theirs.poll(0):
+            topic, payload = self._theirs.recv_multipart()
+            assert topic == TOPIC
+            found.append(payload)
+        return found
+
+    def close(self) -> None:
+        self._ours.close()
+        self._theirs.close()
+
+
+class Host:
+    """A pad whose bytes go to the loop while they may, and by way of frames otherwise, as the daemon has it."""
+
+    LINE = 3
+
+    def __init__(self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True) -> None:
+        self.link, self.clock = link_of(config)
+        self.pipeline, self._bus, self._may_express = pipeline_of(config, baseline), bus, may_express
+        self.lane: Lane | None = None
+        self.told = Told([], 0)
+
+    def take(self, data: bytes, arrival_ns: int) -> None:
+        if self.lane is not None and self._bus.loop.take(self.LINE, data, arrival_ns):
+            return
+        if self.lane is not None:
+            data = self.end()
+        for frame in self.link.feed(data, arrival_ns):
+            answer = self.pipeline.answer(frame)
+            self.told.messages.append(answer.message if isinstance(answer, PackedMessage) else answer)
+        self.begin()
+
+    def begin(self) -> None:
+        if not (self._may_express and self.link.welcomes(0)):
+            return
+        self.lane = self.pipeline.begin(self.clock.line, TOPIC, 0)
+        if self.lane is not None:
+            self._bus.loop.begin(self.LINE, self.link.give_back(), (self.lane.compiled,))
+
+    def end(self) -> bytes:
+        """What the loop has left unread."""
+        assert self.lane is not None
+        left = self._bus.loop.end(self.LINE)
+        assert left is not None
+        ended, payloads = self.pipeline.end(self.lane), self._bus.heard()
+        self.lane = None
+        if ended is not None:
+            passed, last = ended
+            assert passed.frames == len(passed.latencies_s) == len(payloads)
+            assert payloads[-1] == passed.payload == last.payload
+            assert last.message.t_sample_ns == passed.t_sample_ns
+            assert last.kind is passed.kind
+            self.told.changes += passed.change is not None
+            assert passed.change is None or passed.change in payloads
+            assert last.message.seq == passed.number == self.pipeline.messages
+            self.told.expressed += passed.frames
+            self.told.messages += [msgspec.msgpack.decode(payload, type=ContactMessage) for payload in payloads]
+        return left[0]
