@@ -92,7 +92,7 @@ model: $(VENV)/.installed-test
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
 	$(BIN)/pip wheel -q --no-deps -w build/wheel .
-	@for part in pose/_kernel healthy/_healthy sensor/_wire contact/_refine contact/_network; do \
+	@for part in arithmetic/_arithmetic pose/_kernel healthy/_healthy sensor/_wire contact/_refine contact/_network; do \
 	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@ls build/wheel/*.whl
@@ -102,7 +102,7 @@ recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
 
-$(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch] daemon/fmfts/sensor/*.[ch]) | base-packages
+$(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/arithmetic/*.[ch] daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch] daemon/fmfts/sensor/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
 	@echo "installing fmfts into $(VENV) (a minute the first time)"
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e .

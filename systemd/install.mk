@@ -18,7 +18,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb drill-service drills soak aarch64
+.PHONY: install uninstall deb drill-service drills soak aarch64 same-numbers
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -77,3 +77,8 @@ soak: test-packages $(VENV)/.installed-test
 aarch64: test-packages
 	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
 	$(PYTHON) tests/drills/aarch64.py
+
+# Recordings replayed as on other processors, aarch64 among them.
+same-numbers: test-packages $(VENV)/.installed-test
+	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
+	$(BIN)/python tests/drills/same_numbers.py --aarch64

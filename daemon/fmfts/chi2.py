@@ -5,30 +5,44 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
+from fmfts.arithmetic.elementary import exp, log
+from fmfts.arithmetic.series import erfc
+
+SETTLED = 1e-13
+
 
 def survival(value: float, degrees_of_freedom: int) -> float:
-    """Probability that χ² exceeds `value` (Abramowitz & Stegun 26.4.4 and 26.4.5)."""
+    """Probability that χ² exceeds `value`."""
+    return _survival_and_density(value, degrees_of_freedom)[0]
+
+
+def _survival_and_density(value: float, degrees_of_freedom: int) -> tuple[float, float]:
+    """Abramowitz & Stegun 26.4.4 and 26.4.5, and the derivative of both with the other sign."""
     half = value / 2.0
     if degrees_of_freedom % 2:
-        total, term, first = math.erfc(math.sqrt(half)), math.exp(-half) * math.sqrt(half / math.pi) * 2.0, 3
+        total, term, first = erfc(math.sqrt(half)), 2.0 * exp(-half) * math.sqrt(half / math.pi), 3
     else:
-        total, term, first = math.exp(-half), math.exp(-half) * half, 4
+        total, term, first = exp(-half), exp(-half) * half, 4
     for k in range(first, degrees_of_freedom + 1, 2):
         total += term
         term *= value / k
-    return total
+    return total, term * degrees_of_freedom / (2.0 * value) if value else math.inf
 
 
 @lru_cache(maxsize=256)
 def quantile(probability: float, degrees_of_freedom: int) -> float:
-    """The value that χ² exceeds with `probability`."""
-    low, high = 0.0, 1.0
+    """The value that χ² exceeds with `probability`: Newton's method, within a bracket that is halved where it fails."""
+    low, high = 0.0, float(degrees_of_freedom)
     while survival(high, degrees_of_freedom) > probability:
-        high *= 2.0
-    while high - low > 1e-9 * high:
-        middle = (low + high) / 2.0
-        if survival(middle, degrees_of_freedom) > probability:
-            low = middle
-        else:
-            high = middle
-    return high
+        low, high = high, 2.0 * high
+    value = 0.5 * (low + high)
+    for _ in range(100):
+        beyond, density = _survival_and_density(value, degrees_of_freedom)
+        low, high = (value, high) if beyond > probability else (low, value)
+        # On the logarithm, which is nearly straight: of 1e-9 the plain tail is not.
+        step = (beyond / density) * log(beyond / probability)
+        nearer = value + step
+        if abs(step) <= SETTLED * value:
+            return nearer
+        value = nearer if low < nearer < high else 0.5 * (low + high)
+    return value

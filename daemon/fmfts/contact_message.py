@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import sqrt
 from typing import Any
 
 import msgspec
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
 from fmfts.contact import ContactEstimate, doubt
 from fmfts.healthy import HealthyPath, Judged, Kind, Lane, Passed, Template
@@ -163,17 +165,17 @@ def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
 def quiet_force_sd_n(force_sd_n: float, unfelt_n: float) -> float:
     """Where no touch is felt, there may be any up to the weakest that would be, wherever on the pad it is felt least:
     an even spread."""
-    return hypot(force_sd_n, unfelt_n / sqrt(3.0))
+    return float(root_of_squares(force_sd_n, unfelt_n / sqrt(3.0)))
 
 
 def touched_force_sd_n(force_n: float, force_sd_n: float, unfelt_n: float) -> float:
     """The more a felt force may be none, the more it may be any that is hardly felt."""
-    return quiet_force_sd_n(force_sd_n, doubt(force_n, force_sd_n**2) * unfelt_n)
+    return quiet_force_sd_n(force_sd_n, doubt(force_n, square(force_sd_n)) * unfelt_n)
 
 
 def felt_force_sd_n(quiet_sd_n: float, unfelt_n: float) -> float:
     """The deviation of a press in the middle of the pad again: the other way round."""
-    return sqrt(max(quiet_sd_n**2 - unfelt_n**2 / 3.0, 0.0))
+    return sqrt(max(square(quiet_sd_n) - square(unfelt_n) / 3.0, 0.0))
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:
@@ -183,7 +185,7 @@ def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:
     ambient, ambient_deviation = None, None
     if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
         ambient = _vector(mounting.ambient_t + estimate.state.ambient_t)
-        ambient_deviation = _vector(np.sqrt(mounting.ambient_deviation_t**2 + variance[AMBIENT]))
+        ambient_deviation = _vector(np.sqrt(square(mounting.ambient_deviation_t) + variance[AMBIENT]))
     return PoseMessage(
         position_m=_vector(estimate.position_m),
         position_sd_m=_vector(deviation[:3]),

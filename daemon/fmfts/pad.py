@@ -9,17 +9,21 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import power
+from fmfts.arithmetic.matrix import length, product, root_of_squares
+from fmfts.arithmetic.series import cos, sin
+
 Array = NDArray[np.float64]
 
 
 def rotation_from_vector(vector_rad: Array) -> Array:
     """Rotation matrix (3, 3) of a rotation vector (3,) in radians (Rodrigues' formula)."""
-    angle = float(np.linalg.norm(vector_rad))
+    angle = length(vector_rad)
     if angle == 0.0:
         return np.eye(3)
     x, y, z = vector_rad / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    rotation: Array = np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * product(cross, cross)
     return rotation
 
 
@@ -41,12 +45,12 @@ class SensorArray:
 
     def to_pad(self, field: Array) -> Array:
         """Vectors (…, N, 3) in each sensor's own axes → the same vectors in pad axes."""
-        turned: Array = np.einsum("nij,...nj->...ni", self.rotation, field)
+        turned: Array = product(self.rotation, field[..., None])[..., 0]
         return turned
 
     def to_sensor(self, field: Array) -> Array:
         """Vectors (…, N, 3) in pad axes → the same vectors in each sensor's own axes."""
-        turned: Array = np.einsum("nji,...nj->...ni", self.rotation, field)
+        turned: Array = product(self.rotation.transpose(0, 2, 1), field[..., None])[..., 0]
         return turned
 
 
@@ -68,12 +72,14 @@ class Magnet:
     @property
     def strength_t_m3(self) -> float:
         """B_T = Br·r²·L/4 of the paper's Eq. 2, in T·m³: the dipole's field is B_T·(3(m̂·r)r/r⁵ − m̂/r³)."""
-        return self.remanence_t * (self.diameter_m / 2) ** 2 * self.length_m / 4
+        radius_m = self.diameter_m / 2.0
+        return self.remanence_t * (radius_m * radius_m) * self.length_m / 4.0
 
     @property
     def octupole_m2(self) -> float:
         """κ: the octupole moment of the cylinder over its dipole moment."""
-        return self.length_m**2 / 4.0 - 3.0 * (self.diameter_m / 2.0) ** 2 / 4.0
+        radius_m = self.diameter_m / 2.0
+        return self.length_m * self.length_m / 4.0 - 3.0 * (radius_m * radius_m) / 4.0
 
     @property
     def modelled_octupole_m2(self) -> float:
@@ -85,13 +91,13 @@ class Magnet:
 
         λ = L⁴/16 − 5L²R²/8 + 5R⁴/8 is the fifth moment of the disks of charge at the end faces over the first.
         """
-        length_2, radius_2 = self.length_m**2, (self.diameter_m / 2.0) ** 2
-        moment_m4 = length_2**2 / 16.0 - 5.0 * length_2 * radius_2 / 8.0 + 5.0 * radius_2**2 / 8.0
-        return 6.0 * self.strength_t_m3 * abs(moment_m4) / distance_m**7
+        length_2, radius_2 = self.length_m * self.length_m, self.diameter_m * self.diameter_m / 4.0
+        moment_m4 = length_2 * length_2 / 16.0 - 5.0 * length_2 * radius_2 / 8.0 + 5.0 * radius_2 * radius_2 / 8.0
+        return 6.0 * self.strength_t_m3 * abs(moment_m4) / float(power(distance_m, 7))
 
     def seen_from(self, distance_m: float) -> Self:
         """Described as well as a sensor so far away needs. On its axis the octupole's field is 4 B_T κ/r⁵."""
-        octupole_t = 4.0 * self.strength_t_m3 * abs(self.octupole_m2) / distance_m**5
+        octupole_t = 4.0 * self.strength_t_m3 * abs(self.octupole_m2) / power(distance_m, 5)
         return replace(self, as_cylinder=octupole_t > NEGLECTED_OCTUPOLE_T)
 
     def with_remanence(self, remanence_t: float) -> Self:
@@ -140,12 +146,13 @@ class Placement:
 
     def seen_from(self, other: Self) -> Self:
         """The same in the axes of another pad, both being placed in one frame."""
-        away = other.rotation.T @ (self.position_m - other.position_m)
-        return type(self)(away, other.rotation.T @ self.rotation, float(np.hypot(self.tolerance_m, other.tolerance_m)))
+        away = product(other.rotation.T, self.position_m - other.position_m)
+        tolerance_m = float(root_of_squares(self.tolerance_m, other.tolerance_m))
+        return type(self)(away, product(other.rotation.T, self.rotation), tolerance_m)
 
     def point(self, place_m: Array) -> Array:
         """A point (3,) in pad axes, in the frame."""
-        point: Array = self.position_m + self.rotation @ place_m
+        point: Array = self.position_m + product(self.rotation, place_m)
         return point
 
 

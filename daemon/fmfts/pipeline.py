@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmfts.ambient import Baseline, Mounting
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.contact_message import PackedMessage, Reading, Sender
@@ -188,9 +190,9 @@ class Estimator:
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
         if neighbours:
             field = with_rest(field, self.zeroed.pad.sensors, neighbours)
-            elsewhere = np.hypot(elsewhere, placement_deviation(self.zeroed.pad.sensors, neighbours))
+            elsewhere = root_of_squares(elsewhere, placement_deviation(self.zeroed.pad.sensors, neighbours))
         noise = self.mounting.noise_t * aligned.noise_share
-        deviation = np.sqrt(lasting**2 + elsewhere**2 + noise**2)
+        deviation = np.sqrt(square(lasting) + square(elsewhere) + square(noise))
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours)
         if self._constancy is not None:
             track = self._constancy.judge(track, field, deviation)

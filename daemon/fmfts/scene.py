@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmfts.arithmetic.elementary import power, square
+from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, neighbours_of
 from fmfts.pad import Pad, Placement
 from fmfts.pose import (
@@ -28,12 +30,12 @@ from fmfts.pose import (
 from fmfts.pose.neighbour import REACH_M, REACH_RAD, NeighbourView, Seen, Sighting
 
 # A hand that turns at 1 rad/s in the Earth's half gauss changes the field by 2 mG from frame to frame; twice that.
-AMBIENT_WALK_T2_PER_S = (5e-7) ** 2 * 220.0
+AMBIENT_WALK_T2_PER_S = square(5e-7) * 220.0
 # Right after a baseline, what is subtracted is the ambient field to within this.
 AMBIENT_DEVIATION_T = 1e-6
 # What a magnet's moment does by itself: ageing, and the hysteresis of warming, 0.1 % in an hour.
 MOMENT_DEVIATION = 5e-4
-MOMENT_WALK_PER_S = 1e-3**2 / 3600.0
+MOMENT_WALK_PER_S = square(1e-3) / 3600.0
 # Without a thermometer, a board may be so much warmer after so long.
 UNSEEN_WARMING_K, UNSEEN_WARMING_S = 3.0, 600.0
 # With one that has not been read yet, or was not at the baseline: what a board warms from start to steady.
@@ -70,16 +72,16 @@ def choose(scene: SceneConfig, magnet: MagnetConfig, thermometer: bool = True) -
         why = "6 unknowns (pose, moment): the ambient field is constant, as the baseline saw it"
         return SceneModel(PAPER, why)
     initial, walk = np.zeros(SIZE), np.zeros(SIZE)
-    initial[AMBIENT], walk[AMBIENT] = AMBIENT_DEVIATION_T**2, AMBIENT_WALK_T2_PER_S
-    initial[LOG_MOMENT], walk[LOG_MOMENT] = MOMENT_DEVIATION**2, MOMENT_WALK_PER_S
+    initial[AMBIENT], walk[AMBIENT] = square(AMBIENT_DEVIATION_T), AMBIENT_WALK_T2_PER_S
+    initial[LOG_MOMENT], walk[LOG_MOMENT] = square(MOMENT_DEVIATION), MOMENT_WALK_PER_S
     parts = parts_of(free=np.r_[POSITION, AXIS], considered=LOG_MOMENT, prior=AMBIENT)
     per_k = magnet.temperature_coefficient_per_k
     if not thermometer:
-        walk[LOG_MOMENT] += (per_k * UNSEEN_WARMING_K) ** 2 / UNSEEN_WARMING_S
+        walk[LOG_MOMENT] += square(per_k * UNSEEN_WARMING_K) / UNSEEN_WARMING_S
     cause = "steel moves nearby" if scene.steel_nearby else "the field drifts"
     why = f"8 unknowns (pose, ambient field): {cause}, so the moment is the baseline's and follows the temperature"
     if scene.remanence == "drifting":
-        initial[LOG_MOMENT] += (per_k * HOTTER_K) ** 2
+        initial[LOG_MOMENT] += square(per_k * HOTTER_K)
         why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
     unread_k = UNREAD_WARMING_K if thermometer else 0.0
     return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k), why)
@@ -137,10 +139,10 @@ def around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[SceneNeighbour
     for other in neighbours_of(pad, pads):
         placement, magnet = other.placement.si().seen_from(pad.placement.si()), other.pad().magnet
         place = placement.point(other.pad().rest_position_m)
-        distance = float(np.linalg.norm(sensors - place, axis=1).min())
+        distance = float(lengths(sensors - place).min())
         # Of a dipole's field B at a distance r, a step s changes 3s/r, and a turn as much as its angle.
-        change = magnet.strength_t_m3 / distance**3 * (3.0 * REACH_M / distance + REACH_RAD)
-        yield SceneNeighbour(other.name, placement, float(np.linalg.norm(place - pad.pad().rest_position_m)), change)
+        change = magnet.strength_t_m3 / power(distance, 3) * (3.0 * REACH_M / distance + REACH_RAD)
+        yield SceneNeighbour(other.name, placement, length(place - pad.pad().rest_position_m), change)
 
 
 def unseen(pad: PadConfig, pads: Sequence[PadConfig]) -> list[Seen]:

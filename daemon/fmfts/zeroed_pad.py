@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient import Baseline, Mounting
+from fmfts.arithmetic.matrix import product, root_of_squares
 from fmfts.pad import Pad
 from fmfts.pose import (
     AMBIENT,
@@ -67,8 +68,8 @@ class ZeroedPad:
     def honest(self, estimate: PoseEstimate) -> PoseEstimate:
         """As uncertain as what mounting leaves open makes the pose's change from rest."""
         change = change_from(self.mounting.rest, estimate)
-        error = (change @ self._change_error_rows).reshape(len(change), -1)
-        return widened(estimate, self.mounting.rest, error @ error.T)
+        error = (product(change, self._change_error_rows)).reshape(len(change), -1)
+        return widened(estimate, self.mounting.rest, product(error, error.T))
 
     def as_drawn(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:
         """The change of pose from this pad's rest, put on the drawing's: position, axis, covariance (6, 6) of both."""
@@ -78,7 +79,7 @@ class ZeroedPad:
         """(6, 6) of one frame at rest, as drawn; None where rest is not recorded, or cannot be solved."""
         if not self.at_rest:
             return None
-        deviation_t = np.hypot(self.mounting.noise_t, self.mounting.systematic_t)
+        deviation_t = root_of_squares(self.mounting.noise_t, self.mounting.systematic_t)
         field_t, rest = self.mounting.rest_field_t, self.mounting.rest
         estimate = solve(field_t, self.pad, rest, deviation_t=deviation_t, free=self.tracking.estimated)
         return self.as_drawn(estimate)[2] if estimate.status is Status.CONVERGED else None

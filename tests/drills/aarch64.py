@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "tests/unit"
 DEBIAN = "python3,libpython3.11-dev,python3-numpy,python3-scipy"
 FROM_PYPI = ["msgspec", "msgpack", "pyzmq", "pyserial", "smbus2", "onnx", "protobuf", "typing_extensions"]
+FROM_PYPI += ["mcap", "zstandard", "lz4"]
 FROM_PYPI += ["ml_dtypes==0.5.1"]  # the next one wants numpy 1.25, and Debian 12 has 1.24
 FROM_PYPI += ["pytest", "hypothesis", "sortedcontainers", "iniconfig", "pluggy", "packaging", "pygments"]
 PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "manylinux_2_17")

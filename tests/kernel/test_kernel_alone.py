@@ -23,7 +23,8 @@ STRICT = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow",
 
 def kernel_sources() -> list[Path]:
     """What pyproject.toml compiles, without the binding."""
-    extension = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"][0]
+    modules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
+    extension = next(module for module in modules if module["name"] == "fmfts.pose._kernel")
     return [ROOT / source for source in extension["sources"] if not source.endswith("_kernel.c")]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient.recording import MINIMUM_FRAMES, BaselineError
+from fmfts.arithmetic.elementary import square
 from fmfts.pose import Alignment
 from fmfts.sensor.frame import Frame, step_t
 
@@ -87,7 +88,7 @@ def _noise(frames: Sequence[Frame]) -> Array:
 def _robust_deviation(differences: Array) -> Array:
     """Standard deviation along the first axis that a few jerks do not spoil: of what lies within four times that which
     the median of the squares says; alone, the median of counts is a count."""
-    squares = differences**2
+    squares = square(differences)
     rough = np.nanmedian(squares, axis=0) / 0.4549  # the median of χ² with one degree
     deviation: Array = np.sqrt(np.nanmean(np.where(squares <= 16.0 * rough, squares, np.nan), axis=0))
     return deviation

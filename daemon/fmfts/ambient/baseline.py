@@ -18,6 +18,7 @@ from fmfts.ambient.recording import BaselineError, Recording
 from fmfts.ambient.refine import AtRest, pick, refined
 from fmfts.ambient.stored import StoredPresses, StoredRecording, StoredTurn
 from fmfts.ambient.turn import Turn, gains_from_turn
+from fmfts.arithmetic.matrix import length
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
 
@@ -151,7 +152,7 @@ def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording
         free=FREE_FIELD,
     )
     moved = estimate.position_m - last.rest.position_m
-    if not np.linalg.norm(moved) < tolerance.magnet_position_m:
+    if not length(moved) < tolerance.magnet_position_m:
         x, y, z = moved * 1e3
         raise BaselineError(
             f"the pad looks loaded: its magnet is ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm away from where baseline "

@@ -8,6 +8,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import cholesky, product, solve_lower, solve_lower_transposed
+
 Array = NDArray[np.float64]
 
 
@@ -30,14 +33,25 @@ class Reduced:
     def of(cls, own: Array, shared: Array, residual: Array) -> Self:
         """own (K, R, P), shared (K, R, M), residual (K, R), all in standard deviations; R > P."""
         # What is perpendicular to a block's own columns is all that it can say of the shared unknowns.
-        basis, triangle = np.linalg.qr(own)
-        across = basis.transpose(0, 2, 1)
-        left = (shared - basis @ (across @ shared)).reshape(-1, shared.shape[2])
-        misfit = residual - (basis @ (across @ residual[:, :, None]))[:, :, 0]
-        return cls(left.T @ left, left.T @ misfit.ravel(), (misfit**2).sum(axis=1), basis, triangle, shared, residual)
+        across = own.transpose(0, 2, 1)
+        triangle = cholesky(product(across, own))
+        across = solve_lower(triangle, across)
+        basis = across.transpose(0, 2, 1)
+        left = (shared - product(basis, product(across, shared))).reshape(-1, shared.shape[2])
+        misfit = residual - (product(basis, product(across, residual[:, :, None])))[:, :, 0]
+        return cls(
+            product(left.T, left),
+            product(left.T, misfit.ravel()),
+            square(misfit).sum(axis=1),
+            basis,
+            triangle,
+            shared,
+            residual,
+        )
 
     def own_steps(self, shared_step: Array) -> Array:
         """(K, P) the blocks' own unknowns that go with a step (M,) of the shared ones."""
-        left = self._residual - self._shared @ shared_step
-        steps = np.linalg.solve(self._triangle, self._basis.transpose(0, 2, 1) @ left[:, :, None])
-        return np.asarray(steps[:, :, 0], dtype=np.float64)
+        left = self._residual - product(self._shared, shared_step)
+        return solve_lower_transposed(self._triangle, product(self._basis.transpose(0, 2, 1), left[:, :, None]))[
+            :, :, 0
+        ]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fmfts.ambient.gains import Gains
 from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.recording import BaselineError, Recording
+from fmfts.arithmetic.matrix import lengths, product
 from fmfts.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
 
@@ -39,7 +40,7 @@ class _Suspicion:
 
 def check_bare(pad: Pad, bare: Recording) -> None:
     """BaselineError where the field without the magnet cannot be the robot's surroundings."""
-    size = np.linalg.norm(bare.mean_t, axis=1)
+    size = lengths(bare.mean_t)
     if size.max() > LARGEST_AMBIENT_T:
         sensor = int(np.argmax(size))
         raise BaselineError(
@@ -103,7 +104,7 @@ def _suspicions(
         )
     loaded = estimate_mounting(pad, replace(tolerance, **LOADED), rest, bare, gains=gains)
     x, y, z = (loaded.rest.position_m - pad.rest_position_m) * 1e3
-    tilt = np.arccos(np.clip(loaded.rest.axis @ pad.rest_axis, -1.0, 1.0))
+    tilt = np.arccos(np.clip(product(loaded.rest.axis, pad.rest_axis), -1.0, 1.0))
     yield _Suspicion(
         loaded,
         f"The magnet would be off by {x:+.2f}, {y:+.2f}, {z:+.2f} mm and {np.degrees(tilt):.1f}°: "

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import length, product
 from fmfts.pad import DriftLimits
 from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
 
@@ -66,7 +67,7 @@ class DriftFollower:
 
     def saw(self, reading: Quiet) -> bool:
         """True where the rest has moved on."""
-        change = np.append(reading.position_m - self._rest.position_m, self._basis.T @ reading.axis)
+        change = np.append(reading.position_m - self._rest.position_m, product(self._basis.T, reading.axis))
         bound_n = reading.force_n + CERTAIN_DEVIATIONS * reading.force_sd_n
         if self._window and not reading.time_s > self._window[-1][0]:
             self._window.clear()
@@ -97,7 +98,7 @@ class DriftFollower:
 
 
 def _size(change: Array) -> float:
-    return float(np.linalg.norm(change * SCALE))
+    return length(change * SCALE)
 
 
 def _shortened(change: Array, limit_m: float) -> Array:

@@ -6,6 +6,8 @@ import numpy as np
 
 from fmfts.ambient.gains import relative_deviation
 from fmfts.ambient.mounting import Mounting
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD
 
@@ -26,8 +28,9 @@ def accuracy(mounting: Mounting, pad: Pad) -> dict[str, float]:
     scale = leftover.unknowns.deviation
     covariance = leftover.covariance * scale * scale[:, None]
     first_gain = 9 + 3 * len(pad.sensors)
-    error = np.tensordot(PRESS_1N, mounting.change_error(FREE_FIELD), axes=1)
-    press = np.sqrt((error**2).sum(axis=1))
+    by_change = mounting.change_error(FREE_FIELD)
+    error = product(PRESS_1N, by_change.reshape(5, -1)).reshape(5, -1)
+    press = np.sqrt(square(error).sum(axis=1))
     return {
         "gain_sd": _rms(relative_deviation(covariance[first_gain:, first_gain:])),
         "sensor_place_sd_m": _rms(np.sqrt(np.diagonal(covariance)[9:first_gain])),
@@ -38,4 +41,4 @@ def accuracy(mounting: Mounting, pad: Pad) -> dict[str, float]:
 
 
 def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.mean(square(values))))

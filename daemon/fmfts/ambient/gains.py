@@ -8,6 +8,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product
+
 Array = NDArray[np.float64]
 
 
@@ -20,12 +23,12 @@ class Gains:
 
     @classmethod
     def untested(cls, count: int, tolerance: float) -> Self:
-        return cls(np.ones((count, 3)), np.eye(3 * count) * tolerance**2)
+        return cls(np.ones((count, 3)), np.eye(3 * count) * square(tolerance))
 
 
 def relative_deviation(covariance: Array) -> Array:
     """(N, 3) of gains with `covariance` (3N, 3N), relative to their mean: what all have in common is the moment's."""
     size = len(covariance)
     apart = np.eye(size) - 1.0 / size
-    deviation: Array = np.sqrt(np.diagonal(apart @ covariance @ apart)).reshape(-1, 3)
+    deviation: Array = np.sqrt(np.diagonal(product(apart, covariance, apart))).reshape(-1, 3)
     return deviation

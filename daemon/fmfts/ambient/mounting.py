@@ -16,6 +16,8 @@ from fmfts.ambient.gains import Gains, relative_deviation
 from fmfts.ambient.presses import PressBundle, Presses
 from fmfts.ambient.recording import Recording
 from fmfts.ambient.unknowns import Leftover, Unknowns
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import inverse, lengths, product, root_of_squares, solve
 from fmfts.pad import Pad, SensorArray, Tolerance
 from fmfts.pose import FieldErrors, State, dipole_field
 
@@ -77,7 +79,7 @@ class Mounting:
 
     def remanence_t(self, pad: Pad) -> float:
         """The strength of this pad's magnet as the remanence of a magnet of its drawing's size."""
-        return pad.magnet.remanence_t * float(np.exp(self.rest.log_moment))
+        return pad.magnet.remanence_t * exp(self.rest.log_moment)
 
     def magnet_field(self, measured_t: Array) -> Array:
         """Measured field (N, 3), sensor axes → the magnet's share of it, gains and ambient field removed."""
@@ -92,7 +94,7 @@ class Mounting:
         """
         change = magnet_field_t - self.rest_field_t
         gain, place = self.gain_deviation * change, self.place_deviation * (change - ambient_t)
-        deviation: Array = np.sqrt(gain * gain + place * place + self.systematic_t**2)
+        deviation: Array = np.sqrt(gain * gain + place * place + square(self.systematic_t))
         return deviation
 
     def field_errors(self) -> FieldErrors | None:
@@ -122,24 +124,24 @@ def estimate_mounting(
     """
     count = len(pad.sensors)
     unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
-    data, variance = rest.mean_t, rest.mean_deviation_t**2 + unknowns.model_deviation_t**2
+    data, variance = rest.mean_t, square(rest.mean_deviation_t) + square(unknowns.model_deviation_t)
     if bare is not None:
-        data, variance = data - bare.mean_t, variance + bare.mean_deviation_t**2
+        data, variance = data - bare.mean_t, variance + square(bare.mean_deviation_t)
     believed = np.repeat(np.ones(count, dtype=bool) if used is None else used, 3)
     bundle = None if presses is None else PressBundle(presses, unknowns)
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
     scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle)
     # Values known so well tell more than the first order, from which the covariance comes, can say.
-    curvature = unknowns.curvature_t(scaled, np.asarray(np.linalg.inv(normal), dtype=np.float64))
-    weight = np.where(believed, 1.0 / np.hypot(np.sqrt(variance.ravel()), curvature), 0.0)
+    curvature = unknowns.curvature_t(scaled, inverse(normal))
+    weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
     scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
     state, places, gain = unknowns.unpack(scaled)
     misfit = data - unknowns.predict(state, places, gain, octupole_m2=unknowns.cylinder_m2)[0]
     predicted, _ = unknowns.predict(state, places, gain)
-    scaled_covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    scaled_covariance = inverse(normal)
     covariance = scaled_covariance * unknowns.deviation[:, None] * unknowns.deviation
     magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
-    distance = np.linalg.norm(places - state.position_m, axis=1)
+    distance = lengths(places - state.position_m)
     ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     gain_deviation = relative_deviation(covariance[9 + 3 * count :, 9 + 3 * count :])
@@ -155,7 +157,7 @@ def estimate_mounting(
         place_deviation=_by_place(place_deviation, distance),
         systematic_t=0.0,
         leftover=Leftover(unknowns, scaled, scaled_covariance, np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0)),
-        chi2=float(np.sum((weight * misfit.ravel()) ** 2) + scaled @ unknowns.precision @ scaled),
+        chi2=float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled)),
         measurements=int(believed.sum()),
         misfit_t=misfit,
         rest_strain=scaled[:5],
@@ -176,12 +178,12 @@ def _most_probable(
     for _ in range(ITERATIONS):
         predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled), octupole_m2=unknowns.cylinder_m2)
         weighted = weight[:, None] * jacobian * unknowns.deviation
-        normal = weighted.T @ weighted + unknowns.precision
-        gradient = weighted.T @ (weight * (data - predicted).ravel()) - unknowns.precision @ scaled
+        normal = product(weighted.T, weighted) + unknowns.precision
+        gradient = product(weighted.T, weight * (data - predicted).ravel()) - product(unknowns.precision, scaled)
         if bundle is not None:
             reduced = bundle.linearise(scaled)
             normal, gradient = normal + reduced.normal, gradient + reduced.gradient
-        step = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64)
+        step = solve(normal, gradient)
         # Beyond a few prior deviations the linear model is not to be believed.
         step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
         scaled = scaled + step
@@ -199,10 +201,10 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
     """
     shape = bare.mean_t.shape
     at_rest_t = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
-    typical_t = np.sqrt(np.mean(at_rest_t**2))
-    distance = np.linalg.norm(pad.sensors.position_m - pad.rest_position_m, axis=1)
+    typical_t = np.sqrt(np.mean(square(at_rest_t)))
+    distance = lengths(pad.sensors.position_m - pad.rest_position_m)
     place = _by_place(np.full(shape, tolerance.sensor_position_m), distance)
-    proportional = np.sqrt(tolerance.gain**2 + np.mean(place**2))
+    proportional = np.sqrt(square(tolerance.gain) + np.mean(square(place)))
     ambient, ambient_deviation = _ambient(pad, bare)
     return Mounting(
         rest=State.at_rest(pad),
@@ -233,5 +235,5 @@ def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
 
 def _by_place(place_deviation_m: Array, distance_m: Array) -> Array:
     """(N, 1) relative error of a change of the magnet's field: a gradient of a dipole's field goes with 1/r⁴."""
-    relative: Array = 4.0 / np.sqrt(3.0) * np.linalg.norm(place_deviation_m, axis=1) / distance_m
+    relative: Array = 4.0 / np.sqrt(3.0) * lengths(place_deviation_m) / distance_m
     return relative[:, None]

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from fmfts.ambient.bundle import Reduced
 from fmfts.ambient.unknowns import STANDING_AMBIENT_T, Unknowns
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import cholesky, product, solve_lower
 from fmfts.pose import State
 from fmfts.pose.state import turned
 
@@ -52,10 +54,10 @@ class PressBundle:
         for pose, change in zip(self.poses, self.presses.change_t, strict=True):
             state = replace(rest, position_m=pose.position_m, axis=pose.axis)
             there, columns = self.unknowns.predict(state, places, gain, pose.axis, cylinder)
-            own.append(whiten @ columns[:, :5])
+            own.append(product(whiten, columns[:, :5]))
             columns[:, :5] = 0.0
-            shared.append(whiten @ ((columns - rest_columns) * self.unknowns.deviation))
-            residual.append(whiten @ (change - (there - at_rest)).ravel())
+            shared.append(product(whiten, (columns - rest_columns) * self.unknowns.deviation))
+            residual.append(product(whiten, (change - (there - at_rest)).ravel()))
         self.reduced = Reduced.of(np.array(own), np.array(shared), np.array(residual))
         return self.reduced
 
@@ -70,6 +72,6 @@ class PressBundle:
         """(3N, 3N) that makes a change's errors, noise and ambient field, independent and of deviation one."""
         rotation = self.unknowns.pad.sensors.rotation
         ambient = (gain[:, :, None] * rotation.transpose(0, 2, 1)).reshape(-1, 3) * STANDING_AMBIENT_T
-        variance = (self.presses.deviation_t**2).ravel() + self.unknowns.model_deviation_t**2
-        whitening: Array = np.linalg.inv(np.linalg.cholesky(np.diag(variance) + ambient @ ambient.T))
+        variance = (square(self.presses.deviation_t)).ravel() + square(self.unknowns.model_deviation_t)
+        whitening: Array = solve_lower(cholesky(np.diag(variance) + product(ambient, ambient.T)), np.eye(len(variance)))
         return whitening

@@ -13,6 +13,8 @@ from fmfts.ambient.mounting import Mounting, estimate_mounting
 from fmfts.ambient.presses import Presses
 from fmfts.ambient.recording import BaselineError, Recording
 from fmfts.ambient.unknowns import TYPICAL_CHANGE
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import lengths, root_of_squares
 from fmfts.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_POSE, Status, displacement, solve
@@ -57,7 +59,7 @@ def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:
         solve(mounting.magnet_field(known.rest.mean_t + one), mounted, mounting.rest, free=FREE_POSE).state
         for one in change
     )
-    presses = Presses(change, np.hypot(fields.deviation_t, known.rest.mean_deviation_t), start)
+    presses = Presses(change, root_of_squares(fields.deviation_t, known.rest.mean_deviation_t), start)
     return estimate_mounting(known.pad, known.tolerance, known.rest, known.bare, gains=known.gains, presses=presses)
 
 
@@ -71,7 +73,7 @@ def pick(known: AtRest, mounting: Mounting, means: Means) -> PressFields:
     chi2 = refined(known, mounting, fields).press_chi2
     freedom = known.rest.mean_t.size - 5
     inflation = max(1.0, float(np.sqrt(np.median(chi2) / freedom)))
-    fits = chi2 < quantile(FALSE_OUTLIER, freedom) * inflation**2
+    fits = chi2 < quantile(FALSE_OUTLIER, freedom) * square(inflation)
     if inflation > LARGEST_MISFIT or np.mean(~fits) > MOST_OUTLIERS:
         raise BaselineError(
             f"the presses do not fit one magnet above these sensors: {(~fits).sum()} of {len(fits)} are off, "
@@ -96,11 +98,11 @@ def _spread_out(pad: Pad, mounting: Mounting, means: Means) -> Array:
     if not fields:
         raise BaselineError(_too_few(0))
     change = np.array(changes)
-    distance = np.linalg.norm(change, axis=1)
+    distance = lengths(change)
     chosen: list[int] = []
     while len(chosen) < MOST and distance.max() > SMALLEST_DISTANCE:
         chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(change - change[chosen[-1]], axis=1))
+        distance = np.minimum(distance, lengths(change - change[chosen[-1]]))
     if len(chosen) < FEWEST:
         raise BaselineError(_too_few(len(chosen)))
     return np.array(fields)[chosen]

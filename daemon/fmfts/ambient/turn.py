@@ -15,6 +15,8 @@ from fmfts.ambient.aligned import MEAN_OF, Means
 from fmfts.ambient.bundle import Reduced
 from fmfts.ambient.gains import Gains
 from fmfts.ambient.recording import BaselineError
+from fmfts.arithmetic.elementary import exp, log, square
+from fmfts.arithmetic.matrix import inverse, least_squares, lengths, product, root_of_squares, singular_values, solve
 from fmfts.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
 
@@ -52,12 +54,12 @@ class Turn:
 def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
     """BaselineError where the orientations do not span space, or something else than the Earth's field changed."""
     _require_span(pad, turn)
-    deviation = np.hypot(turn.deviation_t, UNEVEN_DEVIATION_T * _repeated(len(turn.field_t)))
+    deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T * _repeated(len(turn.field_t)))
     count = len(pad.sensors)
     field, offset, strength = _first_guess(pad, turn)
     gain = np.ones((count, 3))
     # A tolerance of zero says that the gains are perfect: nothing is left to estimate.
-    prior = np.full(3 * count, 1.0 / max(tolerance.gain, 1e-9) ** 2)
+    prior = np.full(3 * count, 1.0 / square(max(tolerance.gain, 1e-9)))
     for _ in range(ITERATIONS):
         reduced = _linearised(pad, turn.field_t, deviation, (gain, offset, strength), field)
         normal, gradient = reduced.normal.copy(), reduced.gradient.copy()
@@ -65,11 +67,11 @@ def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
         gradient[: 3 * count] -= prior * (gain - 1.0).ravel()
         # Offsets are some 1e-4, the rest about one: scaled, the equations are well conditioned.
         scale = 1.0 / np.sqrt(np.diagonal(normal))
-        step = scale * np.linalg.solve(normal * scale * scale[:, None], scale * gradient)
+        step = scale * solve(normal * scale * scale[:, None], scale * gradient)
         field = field + reduced.own_steps(step)
         gain = gain + step[: 3 * count].reshape(count, 3)
         offset = offset + step[3 * count : -1].reshape(count, 3)
-        strength *= float(np.exp(step[-1]))
+        strength *= exp(step[-1])
         if np.abs(step[: 3 * count]).max() < SETTLED:
             break
     inflation = _judged(turn, gain, offset, pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1)))
@@ -77,8 +79,8 @@ def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
     reduced = _linearised(pad, turn.field_t, deviation * inflation, (gain, offset, strength), field)
     normal = reduced.normal + np.diag(np.concatenate([prior, np.zeros(3 * count + 1)]))
     scale = 1.0 / np.sqrt(np.diagonal(normal))
-    covariance = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
-    return Gains(gain, np.asarray(covariance[: 3 * count, : 3 * count], dtype=np.float64))
+    covariance = inverse(normal * scale * scale[:, None]) * scale * scale[:, None]
+    return Gains(gain, covariance[: 3 * count, : 3 * count])
 
 
 def _linearised(
@@ -92,12 +94,12 @@ def _linearised(
     residual = np.empty((orientations, rows + 1))
     own = np.empty((orientations, rows + 1, 3))
     columns = np.zeros((orientations, rows + 1, 2 * rows + 1))
-    length = np.linalg.norm(field, axis=1)
+    sizes = lengths(field)
     residual[:, :-1] = ((measured - gain * seen - offset) / deviation).reshape(orientations, rows)
     strength_deviation = STRENGTH_DEVIATION * _repeated(orientations)
-    residual[:, -1] = (np.log(strength) - np.log(length)) / strength_deviation
+    residual[:, -1] = (log(strength) - np.array([log(size) for size in sizes])) / strength_deviation
     own[:, :-1] = (gain[:, :, None] * pad.sensors.rotation.transpose(0, 2, 1) / deviation[:, :, None]).reshape(rows, 3)
-    own[:, -1] = field / (length**2 * strength_deviation)[:, None]
+    own[:, -1] = field / (square(sizes) * strength_deviation)[:, None]
     diagonal = np.arange(rows)
     columns[:, diagonal, diagonal] = (seen / deviation).reshape(orientations, rows)
     columns[:, diagonal, rows + diagonal] = 1.0 / deviation.ravel()
@@ -115,16 +117,15 @@ def _first_guess(pad: Pad, turn: Turn) -> tuple[Array, Array, float]:
     mean = turn.field_t.mean(axis=0)
     swept = pad.sensors.to_pad(turn.field_t - mean).mean(axis=1)
     equations = np.column_stack([2.0 * swept, np.full(len(swept), 1e-5)])
-    centre = np.linalg.lstsq(equations, (swept**2).sum(axis=1), rcond=None)[0][:3]
+    centre = least_squares(equations, square(swept).sum(axis=1))[:3]
     field = swept - centre
     offset = mean + pad.sensors.to_sensor(np.tile(centre, (len(mean), 1)))
-    return field, offset, float(np.sqrt((field**2).sum(axis=1).mean()))
+    return field, offset, float(np.sqrt(square(field).sum(axis=1).mean()))
 
 
 def _require_span(pad: Pad, turn: Turn) -> None:
     swept = pad.sensors.to_pad(turn.field_t - turn.field_t.mean(axis=0)).mean(axis=1)
-    _, _, main = np.linalg.svd(swept, full_matrices=False)
-    sweep = np.ptp(swept @ main.T, axis=0)
+    sweep = np.ptp(product(swept, singular_values(swept)[2]), axis=0)
     needed = max(SMALLEST_SWEEP_T, SMALLEST_SHARE * sweep.max())
     if sweep.min() < needed:
         arc = 2.0 * np.degrees(np.arcsin(min(1.0, sweep.min() / sweep.max())))
@@ -139,19 +140,19 @@ def _require_span(pad: Pad, turn: Turn) -> None:
 
 def _judged(turn: Turn, gain: Array, offset: Array, seen: Array) -> float:
     """How much larger the misfits are than expected, at least 1; BaselineError where a touch or steel made them."""
-    deviation = np.hypot(turn.deviation_t, UNEVEN_DEVIATION_T)
+    deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T)
     misfit = turn.field_t - gain * seen - offset
-    chi2 = ((misfit / deviation) ** 2).sum(axis=(1, 2))
+    chi2 = square(misfit / deviation).sum(axis=(1, 2))
     freedom = misfit[0].size - 3
     inflation = max(1.0, float(np.sqrt(np.median(chi2) / freedom)))
     worst = int(np.argmax(chi2))
     if inflation > LARGEST_MISFIT:
         raise BaselineError(
-            f"the sensors do not see one field turn: they disagree by {np.sqrt(np.mean(misfit**2)) * 1e7:.1f} mG, "
-            f"where {np.sqrt(np.mean(deviation**2)) * 1e7:.1f} mG is noise, most {turn.time_s[worst]:.1f} s after the "
-            "start: leave the pad untouched, keep steel away, and turn again"
+            f"the sensors do not see one field turn: they disagree by {np.sqrt(np.mean(square(misfit))) * 1e7:.1f} mG, "
+            f"where {np.sqrt(np.mean(square(deviation))) * 1e7:.1f} mG is noise, most {turn.time_s[worst]:.1f} s after "
+            "the start: leave the pad untouched, keep steel away, and turn again"
         )
-    touched = chi2 > quantile(FALSE_TOUCH / len(chi2), freedom) * inflation**2
+    touched = chi2 > quantile(FALSE_TOUCH / len(chi2), freedom) * square(inflation)
     if touched.any():
         raise BaselineError(
             f"the pad was touched, or passed steel, {turn.time_s[worst]:.1f} s after the start: the sensors disagree "

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient.gains import Gains
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import cholesky, inverse, least_squares, lengths, product
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2
 from fmfts.pose.state import turn_derivative
@@ -49,7 +51,7 @@ class Unknowns:
         precision = np.eye(9 + 6 * count)
         if tolerance.gain:
             correlation = gains.covariance / gain_deviation / gain_deviation[:, None]
-            precision[9 + 3 * count :, 9 + 3 * count :] = np.linalg.inv(correlation)
+            precision[9 + 3 * count :, 9 + 3 * count :] = inverse(correlation)
         spread = np.concatenate(
             [
                 np.full(3, tolerance.magnet_position_m),
@@ -78,24 +80,26 @@ class Unknowns:
     @property
     def model_deviation_t(self) -> float:
         """What `predict` leaves out of the cylinder's field, at the nearest sensor."""
-        away = np.linalg.norm(self.pad.sensors.position_m - self.pad.rest_position_m, axis=1)
+        away = lengths(self.pad.sensors.position_m - self.pad.rest_position_m)
         return self.pad.magnet.beyond_octupole_t(float(away.min()))
 
     def curvature_t(self, scaled: Array, covariance: Array) -> Array:
         """(3N,) root mean square of what the first order around `scaled` leaves of each field value, over errors of
         `covariance` (M, M): with H the second derivatives in independent errors of deviation one, the mean is ½ tr H
         and the variance ½ tr H²."""
-        root = np.linalg.cholesky(covariance)
+        root = cholesky(covariance)
         here = self.predict(*self.unpack(scaled), octupole_m2=self.cylinder_m2)[1]
         bent = np.array(
             [
-                (self.predict(*self.unpack(scaled + error), octupole_m2=self.cylinder_m2)[1] - here)
-                @ (self.deviation[:, None] * root)
+                product(
+                    self.predict(*self.unpack(scaled + error), octupole_m2=self.cylinder_m2)[1] - here,
+                    self.deviation[:, None] * root,
+                )
                 for error in root.T
             ]
         )
-        mean, variance = np.trace(bent, axis1=0, axis2=2) / 2.0, (bent**2).sum(axis=(0, 2)) / 2.0
-        return np.asarray(np.sqrt(mean**2 + variance), dtype=np.float64)
+        mean, variance = np.trace(bent, axis1=0, axis2=2) / 2.0, square(bent).sum(axis=(0, 2)) / 2.0
+        return np.asarray(np.sqrt(square(mean) + variance), dtype=np.float64)
 
     def predict(
         self,
@@ -114,18 +118,18 @@ class Unknowns:
         """
         start_axis = self.pad.rest_axis if start_axis is None else start_axis
         count = len(places)
-        strength = self.pad.magnet.strength_t_m3 * np.exp(state.log_moment)
+        strength = self.pad.magnet.strength_t_m3 * exp(state.log_moment)
         octupole_m2 = self.pad.magnet.modelled_octupole_m2 if octupole_m2 is None else octupole_m2
         dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength, octupole_m2)
         to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
-        field = (to_sensor @ (dipole + state.ambient_t)[:, :, None])[:, :, 0]
+        field = (product(to_sensor, (dipole + state.ambient_t)[:, :, None]))[:, :, 0]
         columns = np.zeros((count, 3, len(self.deviation)))
-        columns[:, :, 0:3] = to_sensor @ by_position
-        columns[:, :, 3:5] = to_sensor @ by_axis @ turn_derivative(start_axis, state.axis)
-        columns[:, :, 5] = (to_sensor @ dipole[:, :, None])[:, :, 0]
+        columns[:, :, 0:3] = product(to_sensor, by_position)
+        columns[:, :, 3:5] = product(to_sensor, by_axis, turn_derivative(start_axis, state.axis))
+        columns[:, :, 5] = (product(to_sensor, dipole[:, :, None]))[:, :, 0]
         columns[:, :, 6:9] = to_sensor
         for sensor in range(count):
-            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = -to_sensor[sensor] @ by_position[sensor]
+            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = product(-to_sensor[sensor], by_position[sensor])
         columns *= gain[:, :, None]
         for sensor in range(count):
             first = 9 + 3 * (count + sensor)
@@ -147,7 +151,7 @@ class Leftover:
 
     @property
     def _root(self) -> Array:
-        return np.asarray(self.unknowns.deviation[:, None] * np.linalg.cholesky(self.covariance), dtype=np.float64)
+        return np.asarray(self.unknowns.deviation[:, None] * cholesky(self.covariance), dtype=np.float64)
 
     def field_errors(self) -> FieldErrors:
         """What the same leftover does to the field of a changed pose, and of an ambient field that has changed.
@@ -159,9 +163,9 @@ class Leftover:
         relative, root, kappa = gain.reshape(-1, 1), self._root, self.unknowns.cylinder_m2
         by_pose = np.empty((5, gain.size, len(self.scaled) + 1))
         for direction, (less, more) in enumerate(_around_half_a_press(state)):
-            mistaken = (
-                self.unknowns.predict(more, places, gain)[1] - self.unknowns.predict(less, places, gain)[1]
-            ) @ root
+            mistaken = product(
+                self.unknowns.predict(more, places, gain)[1] - self.unknowns.predict(less, places, gain)[1], root
+            )
             cylinder = self._cylinder(more, places, gain, kappa) - self._cylinder(less, places, gain, kappa)
             by_pose[direction] = np.hstack([mistaken, cylinder.reshape(-1, 1)]) / relative / TYPICAL_CHANGE[direction]
         by_field = np.hstack([root[-gain.size :], np.zeros((gain.size, 1))]) / relative
@@ -190,9 +194,9 @@ class Leftover:
             step[direction] = size
             _, there = self.unknowns.predict(state.stepped(step), places, gain)
             seen = self.weight[:, None] * there[:, solved]
-            scale = np.sqrt((seen * seen).sum(axis=0))
-            mistaken = self.weight[:, None] * (there - at_rest) @ root
-            errors[direction] = (np.linalg.lstsq(seen / scale, mistaken, rcond=None)[0] / scale[:, None])[:5] / size
+            scale = lengths(seen.T)
+            mistaken = product(self.weight[:, None] * (there - at_rest), root)
+            errors[direction] = (least_squares(seen / scale, mistaken) / scale[:, None])[:5] / size
         return errors
 
 

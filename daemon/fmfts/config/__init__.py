@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta, field
 
+from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.collect import CollectConfig
 from fmfts.config.section import NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
@@ -180,9 +181,9 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         return Pad(
             name=self.name,
             sensors=sensors,
-            magnet=magnet.seen_from(float(np.linalg.norm(positions - rest, axis=1).min())),
+            magnet=magnet.seen_from(float(lengths(positions - rest).min())),
             rest_position_m=rest,
-            rest_axis=axis / np.linalg.norm(axis),
+            rest_axis=axis / length(axis),
         )
 
 

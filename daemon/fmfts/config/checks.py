@@ -116,7 +116,7 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
 
 def _rest(pad: PadConfig) -> Iterator[Problem]:
     rest, axis = pad.magnet.rest_mm, pad.magnet.rest_axis
-    if math.hypot(*axis) < 1e-6:
+    if max(map(abs, axis)) < 1e-6:
         yield ("magnet", "rest_axis"), "a direction is needed, and this has none"
     half_mm = min(pad.magnet.diameter_mm, pad.magnet.length_mm) / 2.0
     if rest[2] - max((place[2] for place in pad.geometry.sensors_mm), default=0.0) < half_mm:

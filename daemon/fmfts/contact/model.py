@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from math import sqrt
 from typing import Self
 
 import numpy as np
 
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lower
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, Facts, ModelError, parse_facts, parse_response
 from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
@@ -34,10 +37,8 @@ TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
 UNFELT_PLACES = 15
 # A force that is this many deviations from none certainly is one.
 CERTAIN_FORCE_DEVIATIONS = 2.0
-# How fast the chance that a place is quite another one falls with the doubt of its force.
-ASTRAY_POWER = 2.5
 # Where nothing is known of the place, it is still on the pad: deviation of an even spread over its width.
-EVEN_SPREAD = 1.0 / np.sqrt(12.0)
+EVEN_SPREAD = 1.0 / sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +115,8 @@ class ContactModel:
         of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
         of_friction = np.broadcast_to(self._friction_deviation(friction), of_network.shape)
         # To refine takes the network's own error away: what remains is that of the response.
-        trained = of_response if refiner else np.hypot(of_network, of_response)
-        self.own_deviation = np.hypot(trained, of_friction)
+        trained = of_response if refiner else root_of_squares(of_network, of_response)
+        self.own_deviation = root_of_squares(trained, of_friction)
         self.trained_force_n = np.broadcast_to(trained, of_network.shape)[..., 2]
         self.slipping_n = of_friction[-1, :, 2]  # what shear does to the largest force, by radius
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
@@ -190,7 +191,7 @@ class ContactModel:
         if share < 1.0:
             pose = self.rest_pose + share * (pose - self.rest_pose)
             # What is uncertain of a displacement grows with it: a bound must not fall because the squeeze rose.
-            pose_covariance = pose_covariance * share**2
+            pose_covariance = pose_covariance * square(share)
         contact, spread, central_variance = self._contact(pose, pose_covariance)
         limit_n = self.facts.envelope.force_max_n
         force_sd = float(np.sqrt(spread[2, 2]))
@@ -223,7 +224,7 @@ class ContactModel:
         press = np.zeros((x_mm.size, 2 + self.response.loads))
         press[:, 0], press[:, 1] = x_mm.ravel(), y_mm.ravel()
         by_force = self.response.change_and_slope(press)[1][:, :, 2]
-        chi2_of_one_newton = np.einsum("ki,ij,kj->k", by_force, np.linalg.inv(whole), by_force)
+        chi2_of_one_newton = square(solve_lower(cholesky(whole), by_force.T)).sum(axis=0)
         return float(np.sqrt(chi2 / chi2_of_one_newton.min()))
 
     @property
@@ -237,8 +238,10 @@ class ContactModel:
     def _too_hard(self, contact: Array, spread: Array) -> bool:
         """Is the force of the pose, whatever shear may have a part in it, beyond the calibrated?"""
         beyond_n = contact[2] - self.facts.envelope.force_max_n
-        slipping_n = self.slipping_n[np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))]
-        return bool(beyond_n > 0.0 and beyond_n**2 > OUTSIDE_DEVIATIONS**2 * (spread[2, 2] - slipping_n**2))
+        slipping_n = self.slipping_n[np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))]
+        return bool(
+            beyond_n > 0.0 and square(beyond_n) > square(OUTSIDE_DEVIATIONS) * (spread[2, 2] - square(slipping_n))
+        )
 
     def _share_inside(self, pose: Array, slack: Array) -> float:
         """The largest share, at most 1, of the displacement from rest that stays in the envelope widened by `slack`.
@@ -256,27 +259,27 @@ class ContactModel:
         Last the variance of the same force in the middle of the pad.
         """
         contact, jacobian = self._infer(pose)
-        carried = jacobian @ pose_covariance @ jacobian.T
+        carried = product(jacobian, pose_covariance, jacobian.T)
         if self.refiner is not None:
             change = (pose - self.rest_pose)[:CHANGE]
             contact, carried = self.refiner.refined(contact, change, pose_covariance[:CHANGE, :CHANGE] + TINY)
         contact = contact * self._unit
         force_bin = np.searchsorted(self.force_bins_n, contact[2])
-        radius_bin = np.searchsorted(self.radius_bins_m, np.hypot(contact[0], contact[1]))
+        radius_bin = np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))
         carried = carried * self._unit * self._unit[:, None]
-        spread = carried + np.diag(self.own_deviation[force_bin, radius_bin] ** 2)
-        central_variance = float(carried[2, 2] + self.own_deviation[force_bin, 0, 2] ** 2)
-        certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), self.spread_m**2
+        spread = carried + np.diag(square(self.own_deviation[force_bin, radius_bin]))
+        central_variance = float(carried[2, 2] + square(self.own_deviation[force_bin, 0, 2]))
+        certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), square(self.spread_m)
         # A light touch in the middle may read as a harder one at the rim, which no Jacobian tells.
-        variance = float(carried[2, 2] + self.trained_force_n[force_bin, radius_bin] ** 2)
-        spread[[0, 1], [0, 1]] += certain * doubt(float(contact[2]), variance) ** ASTRAY_POWER * even
+        variance = float(carried[2, 2] + square(self.trained_force_n[force_bin, radius_bin]))
+        spread[[0, 1], [0, 1]] += certain * astray_share(doubt(float(contact[2]), variance)) * even
         wider = np.ones(len(contact))
         wider[:2] = np.sqrt(even / np.maximum(np.diagonal(spread)[:2], certain * even))
         spread = spread * wider * wider[:, None]
         # Beyond the pad's edge the model was never trained, and its Jacobian means nothing.
         for axis in np.flatnonzero((contact[:2] < self.edges_m[:, 0]) | (contact[:2] > self.edges_m[:, 1])):
             spread[axis], spread[:, axis] = 0.0, 0.0
-            spread[axis, axis] = self.spread_m[axis] ** 2
+            spread[axis, axis] = square(self.spread_m[axis])
         return contact, spread, central_variance
 
     def _infer(self, pose: Array) -> tuple[Array, Array]:
@@ -288,5 +291,10 @@ class ContactModel:
 def doubt(force_n: float, variance: float) -> float:
     """How far a force may be none for its noise, from 0 to 1: g of Fieller's theorem. A place is a ratio, of how the
     magnet tilts and shifts over how far it sinks, and such a ratio's deviation grows by 1/√(1 − g)."""
-    least = CERTAIN_FORCE_DEVIATIONS**2 * variance
-    return least / force_n**2 if force_n > 0.0 and least < force_n**2 else 1.0
+    least = square(CERTAIN_FORCE_DEVIATIONS) * variance
+    return least / square(force_n) if force_n > 0.0 and least < square(force_n) else 1.0
+
+
+def astray_share(doubt: float) -> float:
+    """The chance that a place is quite another one: it falls with the doubt of its force, to the power of 2.5."""
+    return doubt * doubt * sqrt(doubt)

@@ -16,6 +16,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import inverse, product, solve
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -64,11 +66,13 @@ class Response:
         (column, along_x, slope_x), (row, along_y, slope_y) = (self._stencil(press[:, axis], axis) for axis in (0, 1))
         patch = self.coefficient[column[:, :, None], row[:, None, :]]
         value, by_load = self._monomials(press[:, 2:])
-        of_load = np.einsum("kijmc,kmz->kijcz", patch, np.concatenate([value[:, :, None], by_load], axis=2))
-        across = np.einsum("kj,kijcz->kicz", along_y, of_load)
-        whole = np.einsum("ki,kicz->kcz", along_x, across)
-        by_x = np.einsum("ki,kic->kc", slope_x, across[..., 0])
-        by_y = np.einsum("ki,kj,kijc->kc", along_x, slope_y, of_load[..., 0])
+        loads = np.concatenate([value[:, :, None], by_load], axis=2)
+        # (K, 4, 4, 5, 1 + L), then summed along y, then along x.
+        of_load = product(patch.swapaxes(3, 4), loads[:, None, None])
+        across = _summed(along_y[:, None, :, None, None] * of_load, axis=2)
+        whole = _summed(along_x[:, :, None, None] * across, axis=1)
+        by_x = _summed(slope_x[:, :, None] * across[..., 0], axis=1)
+        by_y = _summed(along_x[:, :, None] * _summed(slope_y[:, None, :, None] * of_load[..., 0], axis=2), axis=1)
         return whole[..., 0], np.concatenate([by_x[..., None], by_y[..., None], whole[..., 1:]], axis=2)
 
     def basis(self, press: Array) -> Array:
@@ -82,7 +86,7 @@ class Response:
             dense[rows, cell] = weight
             weights.append(dense)
         value, _ = self._monomials(press[:, 2:])
-        basis: Array = np.einsum("ki,kj,km->kijm", *weights, value)
+        basis: Array = weights[0][:, :, None, None] * weights[1][:, None, :, None] * value[:, None, None, :]
         return basis
 
     def _stencil(self, coordinate_mm: Array, axis: int) -> tuple[Indices, Array, Array]:
@@ -91,17 +95,27 @@ class Response:
         place = np.clip((coordinate_mm - self.first_mm[axis]) / self.spacing_mm[axis], 0.0, knots - 1.0)
         cell = np.minimum(place.astype(np.intp), knots - 2)
         u = place - cell
-        value = np.stack([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3], axis=1) / 6.0
-        slope = np.stack([-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2], axis=1) / 2.0
-        return cell[:, None] + np.arange(4), value, slope / self.spacing_mm[axis]
+        v = 1.0 - u
+        value = np.stack(
+            [v * v * v, 3.0 * u * u * u - 6.0 * u * u + 4.0, -3.0 * u * u * u + 3.0 * u * u + 3.0 * u + 1.0, u * u * u],
+            axis=1,
+        )
+        slope = np.stack([-v * v, 3.0 * u * u - 4.0 * u, -3.0 * u * u + 2.0 * u + 1.0, u * u], axis=1)
+        return cell[:, None] + np.arange(4), value / 6.0, slope / 2.0 / self.spacing_mm[axis]
 
     def _monomials(self, load: Array) -> tuple[Array, Array]:
         """(K, M) monomials and (K, M, L) derivatives; powers of the normal force go on along their tangents."""
         inside = load / self.scale_n
         beyond = np.maximum(inside[:, 0] - 1.0, 0.0)
         inside[:, 0] -= beyond
-        power = inside[:, None, :] ** self.exponent
-        by_load = inside[:, None, :] ** np.maximum(self.exponent - 1, 0) * self.exponent
+        whole_powers = [np.ones_like(inside)]
+        for _ in range(int(self.exponent.max(initial=0))):
+            whole_powers.append(whole_powers[-1] * inside)
+        powers, load_index = np.stack(whole_powers), np.arange(self.loads)
+        # (K, M, L) each: to the exponent, and to one less.
+        power = powers[self.exponent, :, load_index].transpose(2, 0, 1)
+        lower = powers[np.maximum(self.exponent - 1, 0), :, load_index].transpose(2, 0, 1)
+        by_load = lower * self.exponent
         power[:, :, 0] += by_load[:, :, 0] * beyond[:, None]
         slope = np.empty_like(power)
         for index in range(self.loads):
@@ -118,15 +132,15 @@ def most_likely(
     calibrated. Also returns their covariance (K, 2 + L, 2 + L), the inverse of what the change tells of them, and χ²
     (K,). With steps = 2 from the network's answer this is [pad.contact] refine.
     """
-    information = inverse_of(covariance)
+    information = inverse(covariance)
     lowest, highest = press_limits(response)
     press = np.clip(start, lowest, highest)
     modelled, slope = response.change_and_slope(press)
     chi2 = _misfit(change - modelled, information)
     damping = np.full(len(press), DAMPING)
     for _ in range(steps):
-        gradient = slope.transpose(0, 2, 1) @ information @ (change - modelled)[..., None]
-        step = np.linalg.solve(_damped(_normal(slope, information), damping), gradient)[..., 0]
+        gradient = product(slope.transpose(0, 2, 1), information, (change - modelled)[..., None])
+        step = solve(_damped(_normal(slope, information), damping), gradient)[..., 0]
         trial = np.clip(press + step, lowest, highest)
         trial_modelled, trial_slope = response.change_and_slope(trial)
         trial_chi2 = _misfit(change - trial_modelled, information)
@@ -134,20 +148,20 @@ def most_likely(
         press[better], chi2[better] = trial[better], trial_chi2[better]
         modelled[better], slope[better] = trial_modelled[better], trial_slope[better]
         damping = np.where(better, damping / DAMPING_FACTOR, damping * DAMPING_FACTOR)
-    return press, inverse_of(_normal(slope, information)), chi2
+    return press, inverse(_normal(slope, information)), chi2
 
 
 def answer_by_change(slope: Array, covariance: Array) -> Array:
     """(K, 2 + L, 5) how the most likely press moves with the change of pose, by the slope (K, 5, 2 + L) of the response
     and the change's covariance (K, 5, 5)."""
-    information = inverse_of(covariance)
-    answer: Array = inverse_of(_normal(slope, information)) @ slope.transpose(0, 2, 1) @ information
+    information = inverse(covariance)
+    answer: Array = product(inverse(_normal(slope, information)), slope.transpose(0, 2, 1), information)
     return answer
 
 
 def bound_of(slope: Array, covariance: Array) -> Array:
     """(K, 2 + L) the Cramér–Rao bound: least deviations of a press whose change has `covariance` (K, 5, 5)."""
-    bound: Array = np.sqrt(np.einsum("kii->ki", inverse_of(_normal(slope, inverse_of(covariance)))))
+    bound: Array = np.sqrt(np.diagonal(inverse(_normal(slope, inverse(covariance))), axis1=1, axis2=2))
     return bound
 
 
@@ -161,24 +175,27 @@ def press_limits(response: Response) -> tuple[Array, Array]:
     )
 
 
-def inverse_of(matrices: Array) -> Array:
-    """(K, n, n) of (K, n, n)."""
-    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
-
-
 def _normal(slope: Array, information: Array) -> Array:
     """(K, 2 + L, 2 + L) what the changes tell of the presses; what nothing is known of (a place at rest) is held down
     by a deviation of 1 m."""
-    normal: Array = slope.transpose(0, 2, 1) @ information @ slope
+    normal: Array = product(slope.transpose(0, 2, 1), information, slope)
     return normal + 1e-6 * np.eye(normal.shape[1])
 
 
 def _damped(normal: Array, damping: Array) -> Array:
-    diagonal = np.einsum("kii->ki", normal)
+    diagonal = np.diagonal(normal, axis1=1, axis2=2)
     damped: Array = normal + np.eye(normal.shape[1]) * (diagonal * damping[:, None])[:, :, None]
     return damped
 
 
 def _misfit(residual: Array, information: Array) -> Array:
-    misfit: Array = np.einsum("ki,kij,kj->k", residual, information, residual)
+    misfit: Array = product(residual[:, None], information, residual[:, :, None])[:, 0, 0]
     return misfit
+
+
+def _summed(terms: Array, axis: int) -> Array:
+    """One after the other, as refine.c sums them."""
+    total, *others = np.moveaxis(terms, axis, 0)
+    for term in others:
+        total = total + term
+    return np.asarray(total)

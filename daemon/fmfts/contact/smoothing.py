@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fmfts.arithmetic.elementary import exp, power, square
+from fmfts.arithmetic.matrix import least_squares, length, product
 from fmfts.chi2 import quantile
 from fmfts.pad import Array
 
@@ -34,7 +36,7 @@ class Smoother:
         if self._memory_s == 0.0:
             return position_m, axis, covariance
         pose = np.concatenate([position_m, axis])
-        fading = float(np.exp(-elapsed_s / self._memory_s))
+        fading = exp(-elapsed_s / self._memory_s)
         predicted = None
         if self._pose is not None:
             predicted = self._pose + (self._speed + self._acceleration * elapsed_s / 2.0) * elapsed_s
@@ -42,15 +44,15 @@ class Smoother:
             self._pose, self._speed, self._acceleration = pose, np.zeros(6), np.zeros(6)
             return position_m, axis, covariance
         innovation, fresh = pose - predicted, 1.0 - fading
-        smoothed = predicted + (1.0 - fading**3) * innovation
-        self._speed += self._acceleration * elapsed_s + 1.5 * fresh**2 * (1.0 + fading) / elapsed_s * innovation
-        self._acceleration += fresh**3 / elapsed_s**2 * innovation
-        self._pose = np.concatenate([smoothed[:3], smoothed[3:] / np.linalg.norm(smoothed[3:])])
+        smoothed = predicted + (1.0 - power(fading, 3)) * innovation
+        self._speed += self._acceleration * elapsed_s + 1.5 * square(fresh) * (1.0 + fading) / elapsed_s * innovation
+        self._acceleration += power(fresh, 3) / square(elapsed_s) * innovation
+        self._pose = np.concatenate([smoothed[:3], smoothed[3:] / length(smoothed[3:])])
         return self._pose[:3], self._pose[3:], covariance
 
     def _jumped(self, innovation: Array, covariance: Array) -> bool:
         """Noise of the prediction and of the pose: less than twice the pose's in variance."""
         moved = innovation[:COMPONENTS]
         expected = 2.0 * covariance[:COMPONENTS, :COMPONENTS]
-        chi2 = float(moved @ np.linalg.lstsq(expected, moved, rcond=None)[0])
+        chi2 = product(moved, least_squares(expected, moved))
         return not chi2 <= self._jump_chi2

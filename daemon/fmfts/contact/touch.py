@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import isfinite
 
+from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
 from fmfts.chi2 import quantile
 from fmfts.named import Named
 from fmfts.pad import Array
@@ -74,9 +75,8 @@ def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:
     if displacement is None or covariance is None:
         return None
     try:
-        root = np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:
+        whitened = solve_lower(cholesky(covariance), displacement)
+    except SingularError:
         return None
-    whitened = np.linalg.solve(root, displacement)
-    chi2 = float(whitened @ whitened)
-    return chi2 if np.isfinite(chi2) else None
+    chi2: float = product(whitened, whitened)
+    return chi2 if isfinite(chi2) else None

@@ -6,6 +6,11 @@
 enum { CONTACT = 3, POSE = 6 };
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
 
+static double root_of_squares(double a, double b)
+{
+    return sqrt(a * a + b * b);
+}
+
 /* The first bin whose upper end is not below the value. */
 static int bin_of(double count, const double *upper, double value)
 {
@@ -18,7 +23,7 @@ static int bin_of(double count, const double *upper, double value)
 
 static int radius_bin(const fmfts_facts *facts, const double *contact)
 {
-    return bin_of(facts->radius_bins[0], facts->radius_bin_m, hypot(contact[0], contact[1]));
+    return bin_of(facts->radius_bins[0], facts->radius_bin_m, root_of_squares(contact[0], contact[1]));
 }
 
 /* ContactModel._too_hard */
@@ -73,6 +78,12 @@ static double doubt(const fmfts_facts *facts, double force_n, double variance)
     return force_n > 0.0 && least < force_n * force_n ? least / (force_n * force_n) : 1.0;
 }
 
+/* astray_share of model.py */
+static double astray_share(double doubt)
+{
+    return doubt * doubt * sqrt(doubt);
+}
+
 static int bin_in_tables(const fmfts_facts *facts, const double *contact, int radius_bin)
 {
     int force_bin = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
@@ -82,7 +93,7 @@ static int bin_in_tables(const fmfts_facts *facts, const double *contact, int ra
 /* ContactEstimate.central_force_sd_n */
 static double central_force_sd_n(const fmfts_facts *facts, const double *contact, const double *found)
 {
-    return hypot(sqrt(found[2]), facts->own_deviation[CONTACT * bin_in_tables(facts, contact, 0) + 2]);
+    return root_of_squares(sqrt(found[2]), facts->own_deviation[CONTACT * bin_in_tables(facts, contact, 0) + 2]);
 }
 
 /* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
@@ -95,7 +106,7 @@ static void spread_of(const fmfts_facts *facts, const double *contact, const dou
     }
     double certain = 1.0 - doubt(facts, contact[2], found[2]);
     double trained = found[2] + facts->trained_force_n[bin] * facts->trained_force_n[bin];
-    double astray = certain * pow(doubt(facts, contact[2], trained), facts->astray_power[0]);
+    double astray = certain * astray_share(doubt(facts, contact[2], trained));
     for (int i = 0; i < 2; i++) {
         double even = facts->spread_m[i] * facts->spread_m[i];
         bool beyond = contact[i] < facts->edges_m[2 * i] || contact[i] > facts->edges_m[2 * i + 1];
@@ -107,7 +118,7 @@ static void spread_of(const fmfts_facts *facts, const double *contact, const dou
 /* contact_message.py */
 static double quiet_force_sd_n(double force_sd_n, double unfelt_n)
 {
-    return hypot(force_sd_n, unfelt_n / sqrt(3.0));
+    return root_of_squares(force_sd_n, unfelt_n / sqrt(3.0));
 }
 
 static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.ambient import Mounting
+from fmfts.arithmetic.elementary import square
 from fmfts.chi2 import quantile
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.model import (
-    ASTRAY_POWER,
     CERTAIN_DEVIATIONS,
     CERTAIN_FORCE_DEVIATIONS,
     HYSTERESIS_MM,
@@ -65,7 +65,7 @@ def put_tracking(facts: Named, mounting: Mounting, model: TrackingModel, rest_te
     facts.put("stop_chi2", tracker.STOP_TRACKING)
     facts.put("max_iterations", MAX_ITERATIONS)
     facts.put("reach_m", tracker.REACH_M)
-    facts.put("log_moment_reach", np.log(tracker.MOMENT_FACTOR))
+    facts.put("log_moment_reach", tracker.LOG_MOMENT_REACH)
     facts.put("vague_m", tracker.VAGUE_M)
     facts.put("gate_chi2", quantile(tracker.FALSE_ALARM, values - free))
     facts.put("freedom", values - free)
@@ -120,7 +120,6 @@ def put_contact(
     facts.put("radius_bin_m", model.radius_bins_m)
     facts.put("own_deviation", model.own_deviation)
     facts.put("trained_force_n", model.trained_force_n)
-    facts.put("astray_power", ASTRAY_POWER)
     facts.put("slipping_n", model.slipping_n)
 
 
@@ -132,4 +131,4 @@ def put_message(facts: Named, mounting: Mounting, remanence_t: float) -> None:
     nothing = np.full(3, np.nan)
     facts.put("ambient_t", mounting.ambient_t if measured and mounting.ambient_t is not None else nothing)
     deviation = mounting.ambient_deviation_t
-    facts.put("ambient_variance", deviation**2 if measured and deviation is not None else nothing)
+    facts.put("ambient_variance", square(deviation) if measured and deviation is not None else nothing)

@@ -96,7 +96,6 @@ enum {
     X(radius_bin_m, FMFTS_BINS)                                                                                        \
     X(own_deviation, 3 * FMFTS_BINS * FMFTS_BINS)                                                                      \
     X(trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                                        \
-    X(astray_power, 1)                                                                                                 \
     X(slipping_n, FMFTS_BINS)   /* by radius */                                                                        \
     X(rest_variance, 6)         /* contact_message.py */                                                               \
     X(remanence_t, 1)                                                                                                  \

@@ -198,7 +198,7 @@ static void tell_pose(const fmfts_facts *facts, const double *state, const fmfts
         n->ambient_sd_t[i] = sqrt(facts->ambient_variance[i] + own[(FMFTS_STEP + 1) * c]);
     }
     n->axis_sd_rad[0] = fmax(deviation[3], deviation[4]);
-    n->remanence_t[0] = facts->remanence_t[0] * exp(state[LOG_VALUE]);
+    n->remanence_t[0] = facts->remanence_t[0] * fmfts_exp(state[LOG_VALUE]);
     n->remanence_sd_t[0] = deviation[5] * n->remanence_t[0];
     n->residual_t[0] = pose->residual_t;
     n->chi2[0] = pose->chi2;

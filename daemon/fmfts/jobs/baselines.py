@@ -13,6 +13,7 @@ import numpy as np
 
 from fmfts import ambient
 from fmfts.ambient import Baseline, BaselineError, Mounting
+from fmfts.arithmetic.elementary import square
 from fmfts.jobs.baseline_files import previous, store
 from fmfts.jobs.tasks import PATIENCE_S
 from fmfts.pad import Pad, Tolerance
@@ -212,7 +213,7 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
         "kind": baseline.kind,
         "duration_s": recording.duration_s,
         "temperature_c": recording.temperature_c,
-        "noise_t": float(np.sqrt(np.mean(np.array(recording.noise_t) ** 2))),
+        "noise_t": float(np.sqrt(np.mean(square(np.array(recording.noise_t))))),
         "noise_per_axis_t": recording.noise_t,
     }
     if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import eigen, length, product, singular_values, solve
 from fmfts.pose.kernel import Batch
 from fmfts.pose.model import brought_to_now, predict, usable_rows
 from fmfts.pose.problem import PLACE, Part, Problem, Solution, Status
@@ -66,11 +67,11 @@ def starts_around(measurements: Array, distance_m: float) -> Array:
     """Twelve positions (12, 3): on both sides of the plane that the places lie about, near and far, amid and aside."""
     places = np.unique(measurements[:, PLACE], axis=0)
     middle = places.mean(axis=0)
-    _, _, (along, across, normal) = np.linalg.svd(places - middle)
+    along, across, normal = singular_values(places - middle)[2].T
     aside = 0.6 * np.array([along, -along, across, -across])
     one_side = np.array([0.6 * normal, 1.5 * normal, *(normal + aside)])
     starts: Array = middle + distance_m * np.concatenate(
-        [one_side, one_side - 2.0 * np.outer(one_side @ normal, normal)]
+        [one_side, one_side - 2.0 * np.outer(product(one_side, normal), normal)]
     )
     return starts
 
@@ -104,7 +105,7 @@ def _bent(problem: Problem, best: Solution) -> bool:
     columns = np.flatnonzero(np.isin(problem.parts, (Part.FREE, Part.PRIOR)))
     covariance = best.covariance[np.ix_(columns, columns)]
     deviation = np.sqrt(np.diagonal(covariance))
-    variances, directions = np.linalg.eigh(covariance / np.outer(deviation, deviation))
+    variances, directions = eigen(covariance / np.outer(deviation, deviation))
     step = np.zeros(len(problem.parts))
     step[columns] = BELIEVED_DEVIATIONS * np.sqrt(variances[-1]) * deviation * directions[:, -1]
     rows = usable_rows(problem)
@@ -113,8 +114,8 @@ def _bent(problem: Problem, best: Solution) -> bool:
     value, jacobian = predict(rows, problem.magnets, best.state)
     for way in (step, -step):
         moved, _ = predict(rows, problem.magnets, best.state.stepped(way))
-        missed = (moved - value - jacobian @ way) * weight
-        if not np.linalg.norm(missed) <= STRAIGHT * BELIEVED_DEVIATIONS:
+        missed = (moved - value - product(jacobian, way)) * weight
+        if not length(missed) <= STRAIGHT * BELIEVED_DEVIATIONS:
             return True
     return False
 
@@ -122,4 +123,4 @@ def _bent(problem: Problem, best: Solution) -> bool:
 def _differ(first: Solution, second: Solution) -> bool:
     away = first.state.position_m - second.state.position_m
     spread = first.covariance[POSITION, POSITION] + second.covariance[POSITION, POSITION]
-    return bool(away @ np.linalg.solve(spread, away) > SAME_DEVIATIONS**2)
+    return bool(product(away, solve(spread, away)) > SAME_DEVIATIONS * SAME_DEVIATIONS)

@@ -8,11 +8,14 @@ each: interpolating to it adds no noise and leaves out only the motion's curvatu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, erf, log
+from math import ceil, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import log, square
+from fmfts.arithmetic.matrix import root_of_squares
+from fmfts.arithmetic.series import erf
 from fmfts.named import Named
 
 Array = NDArray[np.float64]
@@ -105,7 +108,7 @@ class Alignment:
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
-        return Aligned(field, np.hypot(share, 1.0 - share), bend, instant, self._repeats.copy())
+        return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, self._repeats.copy())
 
 
 def repeats_allowed(noise_t: Array, step_t: float) -> Array:
@@ -113,7 +116,7 @@ def repeats_allowed(noise_t: Array, step_t: float) -> Array:
 
     An axis that repeats itself more often is stuck. Infinite where rounding hides the noise: a quiet axis is no fault.
     """
-    before_rounding = np.sqrt(np.maximum(noise_t**2 - step_t**2 / 12.0, 0.0))
+    before_rounding = np.sqrt(np.maximum(square(noise_t) - square(step_t) / 12.0, 0.0))
     return np.array([[_longest_run(deviation / step_t) for deviation in axes] for axes in before_rounding.tolist()])
 
 
@@ -121,5 +124,5 @@ def _longest_run(deviation_steps: float) -> float:
     # Below 0.4 steps, the most frequent value takes four fifths and the estimate of the noise is itself a guess.
     if deviation_steps < 0.4:
         return float("inf")
-    most_frequent = erf(0.5 / (np.sqrt(2.0) * deviation_steps))
+    most_frequent = erf(0.5 / (sqrt(2.0) * deviation_steps))
     return ceil(log(FALSE_STANDSTILL) / log(most_frequent))

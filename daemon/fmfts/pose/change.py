@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import product
 from fmfts.pad import Pad
 from fmfts.pose.solver import PoseEstimate
 from fmfts.pose.state import State, tangent_basis
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 
 def change_from(rest: State, estimate: PoseEstimate) -> Array:
     """(5,) change of position (m) and of the axis in the rest axis's tangent plane (rad)."""
-    return np.concatenate([estimate.position_m - rest.position_m, tangent_basis(rest.axis).T @ estimate.axis])
+    return np.concatenate([estimate.position_m - rest.position_m, product(tangent_basis(rest.axis).T, estimate.axis)])
 
 
 def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
@@ -25,15 +26,15 @@ def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
     project = np.zeros((5, 6))
     project[:3, :3] = np.eye(3)
     project[3:, 3:] = basis.T
-    return change, project @ estimate.pose_covariance @ project.T
+    return change, product(project, estimate.pose_covariance, project.T)
 
 
 def widened(estimate: PoseEstimate, rest: State, covariance: Array) -> PoseEstimate:
     """The estimate with `covariance` (5, 5) added, which is of a change of pose as `displacement` gives it."""
     turn = np.eye(5)
-    turn[3:, 3:] = tangent_basis(estimate.axis).T @ tangent_basis(rest.axis)
+    turn[3:, 3:] = product(tangent_basis(estimate.axis).T, tangent_basis(rest.axis))
     wider = estimate.covariance.copy()
-    wider[:5, :5] += turn @ covariance @ turn.T
+    wider[:5, :5] += product(turn, covariance, turn.T)
     return replace(estimate, covariance=wider)
 
 
@@ -47,7 +48,7 @@ def as_drawn(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, 
     turn = shortest_rotation(rest.axis, drawing.rest_axis)
     spread = np.eye(6)
     spread[3:, 3:] = turn
-    return position, turn @ estimate.axis, spread @ estimate.pose_covariance @ spread.T
+    return position, product(turn, estimate.axis), product(spread, estimate.pose_covariance, spread.T)
 
 
 def shortest_rotation(start: Array, end: Array) -> Array:
@@ -60,5 +61,5 @@ def shortest_rotation(start: Array, end: Array) -> Array:
         ]
     )
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Array = np.eye(3) + cross + cross @ cross / (1.0 + float(start @ end))
+    rotation: Array = np.eye(3) + cross + product(cross, cross) / (1.0 + product(start, end))
     return rotation

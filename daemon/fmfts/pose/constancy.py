@@ -8,6 +8,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import length
 from fmfts.chi2 import quantile
 from fmfts.pad import Array, Pad
 from fmfts.pose.problem import Status
@@ -87,7 +88,7 @@ class Constancy:
             return
         ambient = estimate.state.ambient_t
         self._lowest_t, self._highest_t = np.minimum(self._lowest_t, ambient), np.maximum(self._highest_t, ambient)
-        moved = float(np.linalg.norm(self._highest_t - self._lowest_t))
+        moved = length(self._highest_t - self._lowest_t)
         deviation = float(np.sqrt(np.trace(estimate.covariance[AMBIENT, AMBIENT])))
         if sum(self._explained) >= LOOKS - 1 and moved > max(MOVED_T, MOVED_DEVIATIONS * deviation):
             self._moved_t = max(self._moved_t, moved)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import product
 from fmfts.pose.state import State, tangent_basis
 
 Array = NDArray[np.float64]
@@ -26,8 +27,10 @@ class FieldErrors:
 
     def at(self, change: Array, ambient_t: Array) -> Array:
         """(3N, K) in tesla, sensor axes: of a change of pose (5,) and of the ambient field (3,) since the baseline."""
-        own = (ambient_t @ self.rotation).reshape(-1, 1)
-        errors: Array = np.tensordot(change, self.by_pose, 1) + own * self.by_field
+        own = product(ambient_t, self.rotation).reshape(-1, 1)
+        errors: Array = (
+            product(change, self.by_pose.reshape(len(change), -1)).reshape(self.by_pose.shape[1:]) + own * self.by_field
+        )
         return errors
 
 
@@ -42,5 +45,5 @@ class SensorErrors:
 def change_since(rest: State, state: State) -> Array:
     """(8,) change of position (m), of the axis in the rest axis's tangent plane (rad), and ambient field (T)."""
     return np.concatenate(
-        [state.position_m - rest.position_m, tangent_basis(rest.axis).T @ state.axis, state.ambient_t]
+        [state.position_m - rest.position_m, product(tangent_basis(rest.axis).T, state.axis), state.ambient_t]
     )

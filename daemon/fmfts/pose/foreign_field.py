@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fmfts.arithmetic.elementary import square
 from fmfts.pose.problem import Part, Parts, Prior
 from fmfts.pose.state import AMBIENT, GRADIENT, SIZE
 
@@ -20,8 +21,8 @@ def with_foreign_field(parts: Parts, prior: Prior) -> tuple[Parts, Prior]:
     """The same unknowns and that field's: a gradient, and an even part where the scene's ambient field is known."""
     parts, covariance = parts.copy(), prior.covariance.copy()
     parts[GRADIENT] = Part.PRIOR
-    covariance[GRADIENT, GRADIENT] = np.eye(5) * GRADIENT_DEVIATION_T_PER_M**2
+    covariance[GRADIENT, GRADIENT] = np.eye(5) * square(GRADIENT_DEVIATION_T_PER_M)
     if parts[AMBIENT.start] == Part.FIXED:
         parts[AMBIENT] = Part.PRIOR
-        covariance[AMBIENT, AMBIENT] = np.eye(3) * UNEVEN_FIELD_DEVIATION_T**2
+        covariance[AMBIENT, AMBIENT] = np.eye(3) * square(UNEVEN_FIELD_DEVIATION_T)
     return parts, replace(prior, covariance=covariance)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import cholesky, complement, lengths, log_determinant, product, solve, solve_lower
 from fmfts.chi2 import quantile
 from fmfts.named import Named
 
@@ -83,7 +85,7 @@ class Innovations:
         """One frame's residual (N, 3), NaN where an axis is silent; lasting_t (N, 3): deviation of the part of its
         error that stays from frame to frame, whatever the cause; change (8,): what errors are proportional to.
         True when it is time to judge."""
-        residual, lasting = residual_t.ravel(), lasting_t.ravel() ** 2
+        residual, lasting = residual_t.ravel(), square(lasting_t.ravel())
         self._pushed = min(self._pushed + 1, MEMORY_FRAMES)
         self.change += (change - self.change) / self._pushed
         seen = np.isfinite(residual)
@@ -108,14 +110,13 @@ class Innovations:
             return None
         # The running mean of n frames, and once the memory is full the exponential one, which holds 2·memory − 1.
         effective = np.where(self._frames < MEMORY_FRAMES, self._frames, 2 * MEMORY_FRAMES - 1.0)
-        weight = 1.0 / np.sqrt(self._noise[ready] ** 2 / effective[ready] + self._lasting[ready])
+        weight = 1.0 / np.sqrt(square(self._noise[ready]) / effective[ready] + self._lasting[ready])
         scaled = weight[:, None] * jacobian[ready]
-        basis = np.linalg.qr(scaled / np.sqrt((scaled * scaled).sum(axis=0)), mode="complete")[0]
-        parity = basis[:, unknowns:].T * weight
-        spread = parity @ tolerated[ready]
-        parity = np.linalg.solve(np.linalg.cholesky(np.eye(freedom) + spread @ spread.T), parity)
-        seen = parity @ self._mean[ready]
-        chi2 = float(seen @ seen)
+        parity = complement(scaled / lengths(scaled.T)).T * weight
+        spread = product(parity, tolerated[ready])
+        parity = solve_lower(cholesky(np.eye(freedom) + product(spread, spread.T)), parity)
+        seen = product(parity, self._mean[ready])
+        chi2 = product(seen, seen)
         self.sound = chi2 < quantile(SOUND, freedom)
         if chi2 < quantile(SOUND if forgiving else FALSE_ALARM, freedom):
             self.misfit = max(chi2 / quantile(SOUND, freedom), 1.0)
@@ -132,7 +133,7 @@ def _explained(seen: Array, parity: Array, foreign: Array, sensor_of: NDArray[np
         log_evidence, misfit = _evidence(seen, pattern)
         evidence.append(log_evidence)
         misfits.append(misfit)
-    share = np.exp(np.array(evidence) - max(evidence))
+    share = np.array([exp(one - max(evidence)) for one in evidence])
     share /= share.sum()
     best = int(np.argmax(share))
     blamed = names[best]
@@ -150,11 +151,11 @@ def _explanations(parity: Array, foreign: Array, sensor_of: NDArray[np.intp]) ->
         yield int(sensor_of[row]), AXIS_FAULT_T * parity[:, row : row + 1]
     for sensor in np.unique(sensor_of):
         yield int(sensor), AXIS_FAULT_T * parity[:, sensor_of == sensor]
-    yield None, parity @ foreign
+    yield None, product(parity, foreign)
 
 
 def _evidence(seen: Array, pattern: Array) -> tuple[float, float]:
     """Log probability of what is seen if the patterns' sizes are normal with deviation one, and its χ² beyond them."""
-    spread = np.eye(len(seen)) + pattern @ pattern.T
-    misfit = float(seen @ np.linalg.solve(spread, seen))
-    return -0.5 * (misfit + float(np.linalg.slogdet(spread)[1])), misfit
+    spread = np.eye(len(seen)) + product(pattern, pattern.T)
+    misfit = product(seen, solve(spread, seen))
+    return -0.5 * (misfit + log_determinant(spread)), misfit

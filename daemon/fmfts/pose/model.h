@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+#include "../arithmetic/elementary.h"
 #include "algebra.h"
 
 /* A measurement in units of its deviation. shares_place: with the row before it, so what depends on it need not be
@@ -137,7 +138,7 @@ FMFTS_INLINE void place_sources(const double *magnets, const double *state, fmft
         tangent_basis(source->axis, source->basis);
         if (own[LOG_VALUE] != sources->log_moment[m]) {
             sources->log_moment[m] = own[LOG_VALUE];
-            source->strength = magnets[FMFTS_MAGNET * m] * exp(own[LOG_VALUE]);
+            source->strength = magnets[FMFTS_MAGNET * m] * fmfts_exp(own[LOG_VALUE]);
         }
         source->octupole = magnets[FMFTS_MAGNET * m + 1];
     }

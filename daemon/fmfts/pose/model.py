@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import product
 from fmfts.pose.dipole import dipole_derivatives
 from fmfts.pose.problem import AGE, DIRECTION, NOISE, PLACE, PROPORTIONAL, VALUE, Problem
 from fmfts.pose.state import (
@@ -29,7 +31,7 @@ def usable_rows(problem: Problem) -> Array | None:
     """The measurements that hold a value; None where one of them is not a measurement."""
     rows = problem.measurements
     rows = rows[np.isfinite(rows[:, VALUE]) & (rows[:, NOISE] != np.inf)]
-    length = np.sqrt((rows[:, DIRECTION] ** 2).sum(axis=1))
+    length = np.sqrt(square(rows[:, DIRECTION]).sum(axis=1))
     whole = bool(np.isfinite(rows).all() and (np.abs(length - 1.0) <= UNIT).all())
     return rows if whole and (rows[:, NOISE] > 0.0).all() and (rows[:, [PROPORTIONAL, AGE]] >= 0.0).all() else None
 
@@ -40,11 +42,11 @@ def brought_to_now(problem: Problem, rows: Array) -> tuple[Array, Array]:
     How a sample ages, by the known rate and by what diffused, is linear about the start.
     """
     with np.errstate(over="ignore"):
-        value, variance = rows[:, VALUE], rows[:, NOISE] ** 2 + (rows[:, PROPORTIONAL] * rows[:, VALUE]) ** 2
+        value, variance = rows[:, VALUE], square(rows[:, NOISE]) + square(rows[:, PROPORTIONAL] * rows[:, VALUE])
     if problem.motion is not None:
         _, jacobian = predict(rows, problem.magnets, problem.start)
-        value = value + rows[:, AGE] * (jacobian @ problem.motion.rate)
-        variance = variance + rows[:, AGE] * (jacobian**2 @ problem.motion.diffusion)
+        value = value + rows[:, AGE] * product(jacobian, problem.motion.rate)
+        variance = variance + rows[:, AGE] * product(jacobian * jacobian, problem.motion.diffusion)
     with np.errstate(divide="ignore"):
         return value, 1.0 / np.sqrt(variance)
 
@@ -53,18 +55,18 @@ def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:
     """What each measurement (rows, 10) would read (rows,), T, and its derivative by a step (rows, columns)."""
     place, direction = rows[:, PLACE], rows[:, DIRECTION]
     jacobian = np.empty((len(rows), state.columns))
-    predicted = direction @ state.ambient_t
+    predicted = product(direction, state.ambient_t)
     jacobian[:, AMBIENT] = direction
     (x, y, z), (dx, dy, dz) = place.T, direction.T
     by_gradient = (dx * x - dz * z, dx * y + dy * x, dx * z + dz * x, dy * y - dz * z, dy * z + dz * y)
     jacobian[:, GRADIENT] = np.stack(by_gradient, axis=1)
-    predicted += jacobian[:, GRADIENT] @ state.gradient_t_per_m
+    predicted += product(jacobian[:, GRADIENT], state.gradient_t_per_m)
     for (first, magnet), (strength, octupole) in zip(magnets_of(state), magnets, strict=True):
-        moment = strength * np.exp(magnet.log_moment)
+        moment = strength * exp(magnet.log_moment)
         field, by_position, by_axis = dipole_derivatives(place, magnet.position_m, magnet.axis, moment, octupole)
         own = jacobian[:, first : first + NEIGHBOUR_SIZE]
-        own[:, POSITION] = np.einsum("ni,nij->nj", direction, by_position)
-        own[:, AXIS] = np.einsum("ni,nij->nj", direction, by_axis) @ tangent_basis(magnet.axis)
+        own[:, POSITION] = product(direction[:, None], by_position)[:, 0]
+        own[:, AXIS] = product(product(direction[:, None], by_axis)[:, 0], tangent_basis(magnet.axis))
         own[:, LOG_MOMENT] = (direction * field).sum(axis=1)
         predicted += own[:, LOG_MOMENT]
     return predicted, jacobian

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import lengths, product
 from fmfts.pad import Array, Magnet, Placement, SensorArray
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.problem import Part, Parts, Prior
@@ -64,7 +66,7 @@ class Seen:
 
     def field(self, sensors: SensorArray, where: Neighbour) -> Array:
         """(N, 3) tesla in sensor axes."""
-        strength = self.magnet.strength_t_m3 * float(np.exp(where.log_moment))
+        strength = self.magnet.strength_t_m3 * exp(where.log_moment)
         octupole_m2 = self.magnet.modelled_octupole_m2
         return sensors.to_sensor(dipole_field(sensors.position_m, where.position_m, where.axis, strength, octupole_m2))
 
@@ -83,17 +85,19 @@ class NeighbourView:
         if sighting.time_ns is not None:
             age_s = abs(time_ns - sighting.time_ns) * 1e-9
             reach_m, reach_rad = min(SPEED_M_PER_S * age_s, REACH_M), min(TURN_RAD_PER_S * age_s, REACH_RAD)
-        moved = np.array([reach_m] * 3 + [reach_rad] * 2 + [MOMENT_DEVIATION]) ** 2
+        moved = square(np.array([reach_m] * 3 + [reach_rad] * 2 + [MOMENT_DEVIATION]))
         turn = np.eye(COLUMNS)
         rest, now = self._placed(sighting.rest), self._placed(sighting.last)
         turn[POSITION, POSITION] = self.placement.rotation
-        turn[AXIS, AXIS] = tangent_basis(now.axis).T @ self.placement.rotation @ tangent_basis(sighting.last.axis)
-        covariance = turn @ sighting.covariance @ turn.T + np.diag(moved)
+        turn[AXIS, AXIS] = product(
+            tangent_basis(now.axis).T, self.placement.rotation, tangent_basis(sighting.last.axis)
+        )
+        covariance = product(turn, sighting.covariance, turn.T) + np.diag(moved)
         return Seen(sighting.magnet, rest, now, covariance, self.placement.tolerance_m)
 
     def _placed(self, state: State) -> Neighbour:
         place, turn = self.placement, self.placement.rotation
-        return Neighbour(place.point(state.position_m), turn @ state.axis, state.log_moment)
+        return Neighbour(place.point(state.position_m), product(turn, state.axis), state.log_moment)
 
 
 def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[Seen]) -> Array:
@@ -106,8 +110,8 @@ def placement_deviation(sensors: SensorArray, seen: Sequence[Seen]) -> Array:
     variance = np.zeros(len(sensors))
     for other in seen:
         change = other.field(sensors, other.now) - other.field(sensors, other.rest)
-        distance = np.linalg.norm(sensors.position_m - other.now.position_m, axis=1)
-        variance += (change**2).sum(axis=1) * (4.0 * other.placement_m / distance) ** 2 / 3.0
+        distance = lengths(sensors.position_m - other.now.position_m)
+        variance += square(change).sum(axis=1) * square(4.0 * other.placement_m / distance) / 3.0
     return np.sqrt(variance)[:, None]
 
 

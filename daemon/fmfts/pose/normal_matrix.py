@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import SingularError, cholesky, eigen, product, solve_lower
+
 Array = NDArray[np.float64]
 
 # A column whose variance the others explain but for this share is not measured: what is left is rounding.
@@ -17,8 +20,8 @@ def damped_step(normal: Array, gradient: Array, damping: float) -> tuple[Array |
     inverse = inverse_of(damped)
     if inverse is None:
         return None, np.inf
-    step = inverse @ gradient
-    return step, float(step @ gradient + damping * (step * step) @ np.diagonal(normal))
+    step = product(inverse, gradient)
+    return step, product(step, gradient) + damping * product(step * step, np.diagonal(normal))
 
 
 def inverse_of(matrix: Array) -> Array | None:
@@ -28,13 +31,13 @@ def inverse_of(matrix: Array) -> Array | None:
         return None
     scale = 1.0 / np.sqrt(diagonal)
     try:
-        factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
-    except np.linalg.LinAlgError:
+        factor = cholesky(matrix * scale[:, None] * scale)
+    except SingularError:
         return None
-    if (np.diagonal(factor) ** 2 < SINGULAR).any():
+    if (square(np.diagonal(factor)) < SINGULAR).any():
         return None
-    half = np.linalg.inv(factor) * scale
-    inverse: Array = half.T @ half
+    half = solve_lower(factor, np.eye(len(factor))) * scale
+    inverse: Array = product(half.T, half)
     return inverse
 
 
@@ -42,7 +45,7 @@ def weakest_step(normal: Array, columns: NDArray[np.intp], size: int) -> Array:
     """The unit step (size,) that changes the residuals least, each column in units of its own deviation."""
     diagonal = np.diagonal(normal)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    _, vectors = np.linalg.eigh(normal * scale[:, None] * scale)
+    _, vectors = eigen(normal * scale[:, None] * scale)
     direction = np.zeros(size)
     direction[columns] = vectors[:, 0]
     return direction

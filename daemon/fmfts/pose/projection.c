@@ -180,7 +180,7 @@ bool fmfts_best_linear_parts(fmfts_search *search, double *state)
         }
     }
     if (!length_open) {
-        of_length(a, slope, exp(state[LOG_VALUE]), moment);
+        of_length(a, slope, fmfts_exp(state[LOG_VALUE]), moment);
     } else if (factor(3, normal, 0.0, work)) {
         solve_factored(3, work, moment);
     } else {
@@ -193,7 +193,7 @@ bool fmfts_best_linear_parts(fmfts_search *search, double *state)
     for (int i = 0; i < 3; i++) {
         state[AXIS_VALUE + i] = moment[i] / length;
     }
-    state[LOG_VALUE] = length_open ? log(length) : state[LOG_VALUE];
+    state[LOG_VALUE] = length_open ? fmfts_log(length) : state[LOG_VALUE];
     for (size_t i = 0; i + 3 < parts.size; i++) {
         double change = shared[i][3];
         for (int j = 0; j < 3; j++) {

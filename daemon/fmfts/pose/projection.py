@@ -12,6 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import exp, log
+from fmfts.arithmetic.matrix import SingularError, eigen, length, product, solve
 from fmfts.pose.dipole import dipole_derivatives
 from fmfts.pose.model import predict
 from fmfts.pose.problem import DIRECTION, PLACE, VALUE, Part, Problem
@@ -32,31 +34,31 @@ def best_linear_parts(rows: Array, weight: Array, problem: Problem, state: State
     """
     try:
         return _best(rows, weight, problem, state)
-    except np.linalg.LinAlgError:
+    except SingularError:
         return None
 
 
 def _best(rows: Array, weight: Array, problem: Problem, state: State) -> State | None:
     strength = float(problem.magnets[0, 0])
     _, _, by_moment = dipole_derivatives(rows[:, PLACE], state.position_m, state.axis, strength)
-    design = weight[:, None] * np.einsum("ni,nij->nj", rows[:, DIRECTION], by_moment)
+    design = weight[:, None] * product(rows[:, None, DIRECTION], by_moment)[:, 0]
     predicted, jacobian = predict(rows, problem.magnets, state)
     rest = weight * (rows[:, VALUE] - predicted + jacobian[:, LOG_MOMENT])
-    normal, slope = design.T @ design, design.T @ rest
+    normal, slope = product(design.T, design), product(design.T, rest)
     uniform = np.flatnonzero(np.isin(problem.parts[AMBIENT], (Part.FREE, Part.PRIOR)))
     own = weight[:, None] * rows[:, DIRECTION][:, uniform]
-    curvature, pull = _with_prior(problem, state, uniform, own.T @ own, own.T @ rest)
-    shared = np.linalg.solve(curvature, own.T @ design)
+    curvature, pull = _with_prior(problem, state, uniform, product(own.T, own), product(own.T, rest))
+    shared = solve(curvature, product(own.T, design))
     estimated = problem.parts[LOG_MOMENT] in (Part.FREE, Part.PRIOR)
-    normal, slope = normal - design.T @ own @ shared, slope - shared.T @ pull
-    moment = np.linalg.solve(normal, slope) if estimated else _of_length(normal, slope, float(np.exp(state.log_moment)))
-    length = float(np.sqrt(moment @ moment))
-    if not 0.0 < length < np.inf:
+    normal, slope = normal - product(design.T, own, shared), slope - product(shared.T, pull)
+    moment = solve(normal, slope) if estimated else _of_length(normal, slope, exp(state.log_moment))
+    size = length(moment)
+    if not 0.0 < size < np.inf:
         return None
     ambient = state.ambient_t.copy()
-    ambient[uniform] += np.linalg.solve(curvature, pull) - shared @ moment
-    log_moment = float(np.log(length)) if estimated else state.log_moment
-    return replace(state, axis=moment / length, log_moment=log_moment, ambient_t=ambient)
+    ambient[uniform] += solve(curvature, pull) - product(shared, moment)
+    log_moment = log(size) if estimated else state.log_moment
+    return replace(state, axis=moment / size, log_moment=log_moment, ambient_t=ambient)
 
 
 def _with_prior(
@@ -72,22 +74,22 @@ def _with_prior(
     ]
 
 
-def _of_length(normal: Array, slope: Array, length: float) -> Array:
-    """The minimum of µᵀAµ − 2bᵀµ over |µ| = length, the lowest of them: (A − λ)µ = b with λ below A's eigenvalues.
+def _of_length(normal: Array, slope: Array, size: float) -> Array:
+    """The minimum of µᵀAµ − 2bᵀµ over |µ| = size, the lowest of them: (A − λ)µ = b with λ below A's eigenvalues.
 
     Newton's method on 1/|µ(λ)|, which is nearly linear, from the side where it converges monotonically (A. Conn,
     N. Gould, P. Toint, "Trust-Region Methods", 2000, section 7.3).
     """
-    values, vectors = np.linalg.eigh(normal)
-    turned = vectors.T @ slope
+    values, vectors = eigen(normal)
+    turned = product(vectors.T, slope)
     # Without a component along the weakest direction both signs of it are equally good: take one.
-    turned[0] = np.copysign(max(abs(turned[0]), HARD_CASE * float(np.sqrt(turned @ turned))), turned[0])
-    shift = values[0] - abs(turned[0]) / length
+    turned[0] = np.copysign(max(abs(turned[0]), HARD_CASE * length(turned)), turned[0])
+    shift = values[0] - abs(turned[0]) / size
     for _ in range(SECULAR_STEPS):
         moment = turned / (values - shift)
-        size = float(np.sqrt(moment @ moment))
-        if abs(size - length) <= SETTLED * length:
+        reached = length(moment)
+        if abs(reached - size) <= SETTLED * size:
             break
-        shift -= (size / length - 1.0) * size * size / float(moment @ (moment / (values - shift)))
-    best: Array = vectors @ moment
-    return best * (length / size)
+        shift -= (reached / size - 1.0) * reached * reached / product(moment, moment / (values - shift))
+    best: Array = product(vectors, moment)
+    return best * (size / reached)

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import length, product, solve
 from fmfts.pose.model import UNIT, brought_to_now, magnets_of, predict, usable_rows
 from fmfts.pose.normal_matrix import damped_step, inverse_of, weakest_step
 from fmfts.pose.problem import PLACE, VALUE, Part, Parts, Problem, Solution, Status
@@ -111,17 +113,17 @@ class _Search:
             raw = self._rows[:, VALUE] - predicted
             residual = self._weight * raw
             weighted = self._weight[:, None] * jacobian[:, self._order]
-            normal, gradient = weighted.T @ weighted, weighted.T @ residual
-            chi2 = float(residual @ residual)
+            normal, gradient = product(weighted.T, weighted), product(weighted.T, residual)
+            chi2 = product(residual, residual)
             if problem.prior is not None:
                 away, by_step = _from_mean(state, problem.prior.mean, problem.parts)
                 turn = by_step[np.ix_(self._order, self._order)]
-                pull = self._information @ away[self._order]
-                normal = normal + turn.T @ self._information @ turn
-                gradient = gradient - turn.T @ pull
-                chi2 += float(away[self._order] @ pull)
+                pull = product(self._information, away[self._order])
+                normal = normal + product(turn.T, self._information, turn)
+                gradient = gradient - product(turn.T, pull)
+                chi2 += product(away[self._order], pull)
             finite = np.isfinite(chi2) and bool(np.isfinite(normal).all())
-            return Linear(chi2 if finite else np.inf, normal, gradient, float(raw @ raw))
+            return Linear(chi2 if finite else np.inf, normal, gradient, product(raw, raw))
 
     def _solution(self, state: State, linear: Linear, iterations: int, status: Status) -> Solution:
         problem, active = self._problem, slice(0, self._active)
@@ -158,19 +160,19 @@ class _Search:
         columns = self._order[rest]
         variance = self._problem.prior.covariance[np.ix_(columns, columns)]
         cross = linear.normal[active, rest]
-        sensitivity = -inverse @ cross
-        shared = sensitivity @ variance
-        covariance = np.block([[inverse + shared @ sensitivity.T, shared], [shared.T, variance]])
-        slope = linear.gradient[rest] + sensitivity.T @ linear.gradient[active]
-        gain = slope @ np.linalg.solve(linear.normal[rest, rest] + cross.T @ sensitivity, slope)
-        return covariance, linear.chi2 - float(gain)
+        sensitivity = product(-inverse, cross)
+        shared = product(sensitivity, variance)
+        covariance = np.block([[inverse + product(shared, sensitivity.T), shared], [shared.T, variance]])
+        slope = linear.gradient[rest] + product(sensitivity.T, linear.gradient[active])
+        gain = product(slope, solve(linear.normal[rest, rest] + product(cross.T, sensitivity), slope))
+        return covariance, linear.chi2 - gain
 
     def _uncertain(self, state: State, deviation: Array) -> bool:
         """Whether a position or an axis is known so badly that its covariance means nothing."""
         full = np.zeros(state.columns)
         full[self._order[: self._active]] = deviation
         for first, magnet in magnets_of(state):
-            distance = np.sqrt(((self._rows[:, PLACE] - magnet.position_m) ** 2).sum(axis=1).min(initial=np.inf))
+            distance = np.sqrt(square(self._rows[:, PLACE] - magnet.position_m).sum(axis=1).min(initial=np.inf))
             own = full[first:]
             if (own[POSITION] > UNCERTAIN * distance).any() or (own[AXIS] > UNCERTAIN).any():
                 return True
@@ -185,7 +187,7 @@ def _valid(problem: Problem) -> bool:
             return False
         for first, magnet in magnets_of(state):
             tilt = problem.parts[first:][AXIS]
-            if abs(np.sqrt(magnet.axis @ magnet.axis) - 1.0) > UNIT or tilt[0] != tilt[1]:
+            if abs(length(magnet.axis) - 1.0) > UNIT or tilt[0] != tilt[1]:
                 return False
     if problem.motion is not None:
         rate, diffusion = problem.motion.rate, problem.motion.diffusion
@@ -220,10 +222,12 @@ def _from_mean(state: State, mean: State, parts: Parts) -> tuple[Array, Array]:
         tilt = slice(first + AXIS.start, first + AXIS.stop)
         if parts[tilt.start] in (Part.FREE, Part.FIXED):
             continue  # of no account, however far it is
-        along = magnet.axis @ origin.axis
+        along = product(magnet.axis, origin.axis)
         basis, to_mean = tangent_basis(magnet.axis), tangent_basis(origin.axis).T
-        away[tilt] = to_mean @ magnet.axis / along if along > 0.0 else np.nan
-        by_step[tilt, tilt] = to_mean @ basis / along - np.outer(away[tilt], origin.axis @ basis) / along
+        away[tilt] = product(to_mean, magnet.axis) / along if along > 0.0 else np.nan
+        by_step[tilt, tilt] = (
+            product(to_mean, basis) / along - np.outer(away[tilt], product(origin.axis, basis)) / along
+        )
     return away, by_step
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import exp
+from fmfts.arithmetic.matrix import product
 from fmfts.pad import Magnet, Pad
 from fmfts.pose.kernel import solve_problem
 from fmfts.pose.problem import (
@@ -53,7 +55,7 @@ class PoseEstimate(Solution):
         spread = np.zeros((6, 5))
         spread[:3, :3] = np.eye(3)
         spread[3:, 3:] = tangent_basis(self.state.axis)
-        covariance: Array = spread @ self.covariance[:5, :5] @ spread.T
+        covariance: Array = product(spread, self.covariance[:5, :5], spread.T)
         return covariance
 
 
@@ -104,7 +106,7 @@ def solve(
 def estimate_of(solution: Solution, magnet: Magnet) -> PoseEstimate:
     """`solution` with the remanence that `magnet`'s size gives the moment."""
     solved = solution.status in (Status.CONVERGED, Status.AT_LIMIT)
-    remanence_t = magnet.remanence_t * float(np.exp(solution.state.log_moment)) if solved else float("nan")
+    remanence_t = magnet.remanence_t * exp(solution.state.log_moment) if solved else float("nan")
     return PoseEstimate(
         solution.state,
         solution.covariance,

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import length, product
 from fmfts.pad import Pad
 
 Array = NDArray[np.float64]
@@ -125,21 +126,21 @@ class State:
 
 def turned(axis: Array, step: Array) -> Array:
     """The unit vector `axis` (3,) moved by `step` (2,) in its tangent plane, and brought back to the sphere."""
-    moved: Array = axis + tangent_basis(axis) @ step
-    return moved / np.sqrt(moved @ moved)
+    moved: Array = axis + product(tangent_basis(axis), step)
+    return moved / length(moved)
 
 
 def turn_between(start: Array, end: Array) -> Array:
     """The step (2,) that `turned` needs from `start` to `end`."""
     # The retraction reaches less than 90°; beyond it, the shadow on the tangent plane still has the direction.
-    step: Array = tangent_basis(start).T @ end / max(float(start @ end), 1e-3)
+    step: Array = product(tangent_basis(start).T, end) / max(product(start, end), 1e-3)
     return step
 
 
 def turn_derivative(start: Array, end: Array) -> Array:
     """(3, 2): how `turned(start, step)` moves with the step where it is `end`; `tangent_basis` at the start itself."""
     along: Array = tangent_basis(start)
-    derivative: Array = float(start @ end) * (along - np.outer(end, end @ along))
+    derivative: Array = product(start, end) * (along - np.outer(end, product(end, along)))
     return derivative
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import log, square
+from fmfts.arithmetic.matrix import length, product
 from fmfts.chi2 import quantile, survival
 from fmfts.named import Named
 from fmfts.pad import Pad
@@ -32,9 +34,9 @@ SEARCH_EVERY = 8
 # Misfit is averaged over so many frames: a fault that is not found yet shows within 40 ms, and what healthy frames
 # publish is half a per cent wider for it.
 MISFIT_FRAMES = 8
-# A magnet further from rest than this, or with a moment this many times off, is not the pad's any more.
+# A magnet further from rest than this, or with a moment three times off, is not the pad's any more.
 REACH_M = 8e-3
-MOMENT_FACTOR = 3.0
+LOG_MOMENT_REACH = log(3.0)
 # A place that is known no better than this is none: contact is not linear over it.
 VAGUE_M = 1e-3
 
@@ -76,7 +78,7 @@ class Tracker:
         self._rest_temperature_c = rest_temperature_c
         self._last = rest
         self._covariance = np.diag(model.initial)
-        self._unread_variance = (model.moment_per_k * model.unread_warming_k) ** 2
+        self._unread_variance = square(model.moment_per_k * model.unread_warming_k)
         self._covariance[LOG_MOMENT, LOG_MOMENT] += self._unread_variance
         self._since_good_s = 0.0
         self._warmth_variance = 0.0
@@ -92,7 +94,7 @@ class Tracker:
     @property
     def ambient_t(self) -> Array:
         """(N, 3) in sensor axes, of the last good frame: what of the field is not the magnet's."""
-        ambient_t: Array = self._last.ambient_t @ self._pad.sensors.rotation
+        ambient_t: Array = product(self._last.ambient_t, self._pad.sensors.rotation)
         return ambient_t
 
     def write(self, memory: Named) -> bool:
@@ -164,7 +166,7 @@ class Tracker:
         if temperature_c is not None and self._rest_temperature_c is not None:
             warmer_k = temperature_c - self._rest_temperature_c
             self._count_with(warmer_k)
-            self._new_warmth = max((self._model.moment_per_k_deviation * warmer_k) ** 2, self._warmth_variance)
+            self._new_warmth = max(square(self._model.moment_per_k_deviation * warmer_k), self._warmth_variance)
             if self._model.parts[LOG_MOMENT] == Part.CONSIDERED:
                 moment = self._rest.log_moment + self._model.moment_per_k * warmer_k
         covariance = self._covariance + np.diag(self._model.walk_per_s * self._since_good_s)
@@ -270,9 +272,9 @@ class Tracker:
     def _plausible(self, estimate: PoseEstimate) -> bool:
         return (
             estimate.status is Status.CONVERGED
-            and bool(np.linalg.norm(estimate.position_m - self._rest.position_m) < REACH_M)
-            and float(np.trace(estimate.covariance[POSITION, POSITION])) < VAGUE_M**2
-            and abs(estimate.state.log_moment - self._rest.log_moment) < np.log(MOMENT_FACTOR)
+            and length(estimate.position_m - self._rest.position_m) < REACH_M
+            and float(np.trace(estimate.covariance[POSITION, POSITION])) < square(VAGUE_M)
+            and abs(estimate.state.log_moment - self._rest.log_moment) < LOG_MOMENT_REACH
         )
 
     def _probability(self, estimate: PoseEstimate) -> float:

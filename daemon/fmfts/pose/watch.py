@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import exp
 from fmfts.named import Named
 from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
@@ -126,7 +127,7 @@ class Watch:
 
     def _predicted(self, state: State) -> Array:
         """(N, 3) in sensor axes."""
-        sensors, strength = self._pad.sensors, self._pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
+        sensors, strength = self._pad.sensors, self._pad.magnet.strength_t_m3 * exp(state.log_moment)
         octupole_m2 = self._pad.magnet.modelled_octupole_m2
         field = dipole_field(sensors.position_m, state.position_m, state.axis, strength, octupole_m2)
         return sensors.to_sensor(field + state.ambient_t)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -101,6 +102,7 @@ class Replay:
         self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → its first state
         self._silences: dict[tuple[str, str, int], ContactMessage] = {}
         self.solvers: set[str] = set()
+        self._digest = hashlib.sha256()
         for one in read(path):
             if isinstance(one.message, StateMessage):
                 self._first.setdefault(one.message.boot, {}).setdefault(one.pad, one.message)
@@ -115,6 +117,11 @@ class Replay:
 
     def contacts(self) -> Iterator[ContactMessage]:
         """What the pipeline makes of each frame."""
+        for contact in self._contacts():
+            self._digest.update(msgspec.json.encode(essence(contact)))
+            yield contact
+
+    def _contacts(self) -> Iterator[ContactMessage]:
         for one in read(self.path):
             message = one.message
             if isinstance(message, StateMessage):
@@ -137,6 +144,7 @@ class Replay:
             "without_their_other": compared.alone,
             "recorded_with": sorted(self.solvers),
             "replayed_with": SOLVER,
+            "sha256": self._digest.hexdigest(),  # of all that was replayed, the same on every processor
         }
 
     def _replayed(self, pipeline: PadPipeline, message: FrameMessage) -> Iterator[ContactMessage]:

@@ -1,0 +1,197 @@
+/* fmfts.arithmetic._arithmetic: matrix.c and elementary.h for Python, through the stable ABI. Called by matrix.py only,
+ * which makes the arrays. */
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+
+#include <stdlib.h>
+
+#include "elementary.h"
+#include "matrix.h"
+
+enum { MOST_BUFFERS = 3 };
+
+/* Arrays of doubles; how many each must have. */
+typedef struct {
+    Py_buffer buffer[MOST_BUFFERS];
+    int count;
+} arrays;
+
+static bool have(const arrays *a, const size_t *wanted)
+{
+    for (int i = 0; i < a->count; i++) {
+        if ((size_t)a->buffer[i].len != wanted[i] * sizeof(double)) {
+            PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zu doubles expected", i, a->buffer[i].len, wanted[i]);
+            return false;
+        }
+    }
+    return true;
+}
+
+static void release(arrays *a)
+{
+    for (int i = 0; i < a->count; i++) {
+        PyBuffer_Release(&a->buffer[i]);
+    }
+}
+
+static PyObject *none_of(arrays *a)
+{
+    release(a);
+    if (PyErr_Occurred()) {
+        return NULL;
+    }
+    Py_RETURN_NONE;
+}
+
+static PyObject *truth_of(arrays *a, bool truth)
+{
+    release(a);
+    return PyErr_Occurred() ? NULL : PyBool_FromLong(truth);
+}
+
+/* product(count, m, k, n, a, b, out): `count` products, or of one matrix a or b with each of the others. */
+static PyObject *product(PyObject *module, PyObject *args)
+{
+    Py_ssize_t count, m, k, n;
+    arrays a = {.count = 3};
+    (void)module;
+    if (!PyArg_ParseTuple(args, "nnnny*y*w*", &count, &m, &k, &n, &a.buffer[0], &a.buffer[1], &a.buffer[2])) {
+        return NULL;
+    }
+    size_t left = (size_t)(m * k), right = (size_t)(k * n), out = (size_t)(m * n), times = (size_t)count;
+    bool one_left = (size_t)a.buffer[0].len == left * sizeof(double);
+    bool one_right = (size_t)a.buffer[1].len == right * sizeof(double);
+    if (have(&a, (size_t[]){one_left ? left : left * times, one_right ? right : right * times, out * times})) {
+        for (size_t i = 0; i < times; i++) {
+            fmfts_product((size_t)m, (size_t)k, (size_t)n, (const double *)a.buffer[0].buf + (one_left ? 0 : i * left),
+                          (const double *)a.buffer[1].buf + (one_right ? 0 : i * right),
+                          (double *)a.buffer[2].buf + i * out);
+        }
+    }
+    return none_of(&a);
+}
+
+/* cholesky(count, n, a) → were all positive definite? */
+static PyObject *cholesky(PyObject *module, PyObject *args)
+{
+    Py_ssize_t count, n;
+    arrays a = {.count = 1};
+    bool good = true;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "nnw*", &count, &n, &a.buffer[0])) {
+        return NULL;
+    }
+    if (have(&a, (size_t[]){(size_t)(count * n * n)})) {
+        for (Py_ssize_t i = 0; i < count && good; i++) {
+            good = fmfts_cholesky((size_t)n, (double *)a.buffer[0].buf + i * n * n);
+        }
+    }
+    return truth_of(&a, good);
+}
+
+static PyObject *solve(PyObject *args, void (*solver)(size_t, size_t, const double *, double *))
+{
+    Py_ssize_t count, n, columns;
+    arrays a = {.count = 2};
+    if (!PyArg_ParseTuple(args, "nnny*w*", &count, &n, &columns, &a.buffer[0], &a.buffer[1])) {
+        return NULL;
+    }
+    if (have(&a, (size_t[]){(size_t)(count * n * n), (size_t)(count * n * columns)})) {
+        for (Py_ssize_t i = 0; i < count; i++) {
+            solver((size_t)n, (size_t)columns, (const double *)a.buffer[0].buf + i * n * n,
+                   (double *)a.buffer[1].buf + i * n * columns);
+        }
+    }
+    return none_of(&a);
+}
+
+/* solve_lower(count, n, columns, lower, x) */
+static PyObject *solve_lower(PyObject *module, PyObject *args)
+{
+    (void)module;
+    return solve(args, fmfts_solve_lower);
+}
+
+static PyObject *solve_lower_transposed(PyObject *module, PyObject *args)
+{
+    (void)module;
+    return solve(args, fmfts_solve_lower_transposed);
+}
+
+/* rotate_columns(m, n, a, v) → did the rotations come to an end? */
+static PyObject *rotate_columns(PyObject *module, PyObject *args)
+{
+    Py_ssize_t m, n;
+    arrays a = {.count = 2};
+    bool ended = true;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "nnw*w*", &m, &n, &a.buffer[0], &a.buffer[1])) {
+        return NULL;
+    }
+    if (have(&a, (size_t[]){(size_t)(m * n), (size_t)(n * n)})) {
+        ended = fmfts_rotate_columns((size_t)m, (size_t)n, a.buffer[0].buf, a.buffer[1].buf);
+    }
+    return truth_of(&a, ended);
+}
+
+/* complement(m, n, a, out) */
+static PyObject *complement(PyObject *module, PyObject *args)
+{
+    Py_ssize_t m, n;
+    arrays a = {.count = 2};
+    (void)module;
+    if (!PyArg_ParseTuple(args, "nnw*w*", &m, &n, &a.buffer[0], &a.buffer[1])) {
+        return NULL;
+    }
+    double *scale = PyMem_Malloc((size_t)(n + 1) * sizeof *scale);
+    if (!scale) {
+        PyErr_NoMemory();
+    } else if (have(&a, (size_t[]){(size_t)(m * n), (size_t)(m * (m - n))})) {
+        fmfts_complement((size_t)m, (size_t)n, a.buffer[0].buf, scale, a.buffer[1].buf);
+    }
+    PyMem_Free(scale);
+    return none_of(&a);
+}
+
+static PyObject *of_number(PyObject *number, double (*function)(double))
+{
+    double x = PyFloat_AsDouble(number);
+    return x == -1.0 && PyErr_Occurred() ? NULL : PyFloat_FromDouble(function(x));
+}
+
+static PyObject *exponential(PyObject *module, PyObject *number)
+{
+    (void)module;
+    return of_number(number, fmfts_exp);
+}
+
+static PyObject *logarithm(PyObject *module, PyObject *number)
+{
+    (void)module;
+    return of_number(number, fmfts_log);
+}
+
+static PyMethodDef methods[] = {
+    {"product", product, METH_VARARGS, NULL},
+    {"cholesky", cholesky, METH_VARARGS, NULL},
+    {"solve_lower", solve_lower, METH_VARARGS, NULL},
+    {"solve_lower_transposed", solve_lower_transposed, METH_VARARGS, NULL},
+    {"rotate_columns", rotate_columns, METH_VARARGS, NULL},
+    {"complement", complement, METH_VARARGS, NULL},
+    {"exp", exponential, METH_O, NULL},
+    {"log", logarithm, METH_O, NULL},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyModuleDef_Slot slots[] = {
+    {0, NULL},
+};
+
+static PyModuleDef definition = {
+    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_arithmetic", .m_size = 0, .m_methods = methods, .m_slots = slots};
+
+PyMODINIT_FUNC PyInit__arithmetic(void)
+{
+    return PyModuleDef_Init(&definition);
+}

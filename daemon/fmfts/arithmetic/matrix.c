@@ -1,0 +1,155 @@
+#include "matrix.h"
+
+#include <math.h>
+
+enum { MOST_SWEEPS = 60 };
+static const double ORTHOGONAL = 1e-15;
+
+void fmfts_product(size_t m, size_t k, size_t n, const double *a, const double *b, double *out)
+{
+    for (size_t i = 0; i < m; i++) {
+        double *row = out + i * n;
+        for (size_t j = 0; j < n; j++) {
+            row[j] = 0.0;
+        }
+        for (size_t l = 0; l < k; l++) {
+            for (size_t j = 0; j < n; j++) {
+                row[j] += a[i * k + l] * b[l * n + j];
+            }
+        }
+    }
+}
+
+bool fmfts_cholesky(size_t n, double *a)
+{
+    for (size_t j = 0; j < n; j++) {
+        for (size_t i = j; i < n; i++) {
+            double left = a[i * n + j];
+            for (size_t k = 0; k < j; k++) {
+                left -= a[i * n + k] * a[j * n + k];
+            }
+            a[i * n + j] = left;
+        }
+        double pivot = a[j * n + j];
+        if (!(pivot > 0.0 && pivot < INFINITY)) {
+            return false;
+        }
+        double root = sqrt(pivot);
+        a[j * n + j] = root;
+        for (size_t i = j + 1; i < n; i++) {
+            a[i * n + j] /= root;
+            a[j * n + i] = 0.0;
+        }
+    }
+    return true;
+}
+
+void fmfts_solve_lower(size_t n, size_t columns, const double *l, double *x)
+{
+    for (size_t k = 0; k < n; k++) {
+        for (size_t c = 0; c < columns; c++) {
+            x[k * columns + c] /= l[k * n + k];
+        }
+        for (size_t i = k + 1; i < n; i++) {
+            for (size_t c = 0; c < columns; c++) {
+                x[i * columns + c] -= l[i * n + k] * x[k * columns + c];
+            }
+        }
+    }
+}
+
+void fmfts_solve_lower_transposed(size_t n, size_t columns, const double *l, double *x)
+{
+    for (size_t k = n; k-- > 0;) {
+        for (size_t c = 0; c < columns; c++) {
+            x[k * columns + c] /= l[k * n + k];
+        }
+        for (size_t i = 0; i < k; i++) {
+            for (size_t c = 0; c < columns; c++) {
+                x[i * columns + c] -= l[k * n + i] * x[k * columns + c];
+            }
+        }
+    }
+}
+
+static double along(size_t count, size_t stride, const double *a, const double *b)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        sum += a[i * stride] * b[i * stride];
+    }
+    return sum;
+}
+
+static void rotate(size_t count, size_t stride, double *left, double *right, double cosine, double sine)
+{
+    for (size_t i = 0; i < count; i++) {
+        double one = left[i * stride], other = right[i * stride];
+        left[i * stride] = cosine * one - sine * other;
+        right[i * stride] = sine * one + cosine * other;
+    }
+}
+
+bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
+{
+    for (size_t i = 0; i < n * n; i++) {
+        v[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
+    }
+    for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
+        bool rotated = false;
+        for (size_t p = 0; p + 1 < n; p++) {
+            for (size_t q = p + 1; q < n; q++) {
+                double common = along(m, n, a + p, a + q);
+                double first = along(m, n, a + p, a + p), second = along(m, n, a + q, a + q);
+                if (!(fabs(common) > ORTHOGONAL * sqrt(first) * sqrt(second))) {
+                    continue;
+                }
+                double zeta = (second - first) / (2.0 * common);
+                double tangent = (zeta >= 0.0 ? 1.0 : -1.0) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
+                double cosine = 1.0 / sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
+                rotate(m, n, a + p, a + q, cosine, sine);
+                rotate(n, n, v + p, v + q, cosine, sine);
+                rotated = true;
+            }
+        }
+        if (!rotated) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* column −= v·(v·column)·scale, over the rows from `first` on; v is column `first` of a [m][n]. */
+static void reflect(size_t m, size_t first, size_t stride, const double *v, double scale, size_t columns, double *column)
+{
+    double share = 0.0;
+    for (size_t i = first; i < m; i++) {
+        share += v[i * stride] * column[i * columns];
+    }
+    share *= scale;
+    for (size_t i = first; i < m; i++) {
+        column[i * columns] -= share * v[i * stride];
+    }
+}
+
+void fmfts_complement(size_t m, size_t n, double *a, double *scale, double *complement)
+{
+    size_t left = m - n;
+    for (size_t k = 0; k < n; k++) {
+        double length = sqrt(along(m - k, n, a + k * n + k, a + k * n + k));
+        a[k * n + k] += a[k * n + k] >= 0.0 ? length : -length;
+        double square = along(m - k, n, a + k * n + k, a + k * n + k);
+        scale[k] = square > 0.0 ? 2.0 / square : 0.0;
+        for (size_t j = k + 1; j < n; j++) {
+            reflect(m, k, n, a + k, scale[k], n, a + j);
+        }
+    }
+    for (size_t i = 0; i < m * left; i++) {
+        complement[i] = i / left == n + i % left ? 1.0 : 0.0;
+    }
+    for (size_t k = n; k-- > 0;) {
+        for (size_t j = 0; j < left; j++) {
+            reflect(m, k, n, a + k, scale[k], left, complement + j);
+        }
+    }
+}

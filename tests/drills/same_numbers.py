@@ -1,0 +1,101 @@
+"""Recordings replayed as on other processors: every SHA-256 of all messages must be the same (`make same-numbers`).
+
+The shipped recordings, and one that is made on the spot. OpenBLAS, NumPy and glibc choose their code by the processor;
+each can be told to choose as on another one, as far as this one goes. aarch64 runs under qemu-user, from the cross-built
+wheel (`--aarch64`, some minutes).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from aarch64 import debian, emulated, install, wheel
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted((ROOT / "tests/data/recordings").glob("*.mcap"))
+CORES = ("Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX")
+PLAIN_GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX"}
+PLAIN_NUMPY = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"}
+PROCESSORS: dict[str, dict[str, str]] = {
+    "this one": {},
+    **{f"OpenBLAS as on {core}": {"OPENBLAS_CORETYPE": core} for core in CORES},
+    "glibc without AVX2, FMA": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+    "all three as in 2004": {"OPENBLAS_CORETYPE": "Prescott"} | PLAIN_GLIBC | PLAIN_NUMPY,
+}
+REPLAY = """
+import sys
+from pathlib import Path
+from fmfts.record.replay import Replay
+for path in sys.argv[1:]:
+    replay = Replay(Path(path))
+    count = sum(1 for _ in replay.contacts())
+    print(replay.facts()["sha256"], replay.comparison.is_the_same, count)
+"""
+
+
+def made_on_the_spot(path: Path, seconds: float) -> Path:
+    """A scripted finger on the standard pad, through a daemon and `record`."""
+    daemon = [sys.executable, "-m", "fmfts"]
+    environment = os.environ | {
+        "FMFTS_BUS": f"ipc://{path.parent}/bus",
+        "XDG_STATE_HOME": str(path.parent),
+        "XDG_RUNTIME_DIR": str(path.parent),
+    }
+    config = path.with_suffix(".toml")
+    config.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n')
+    with subprocess.Popen([*daemon, "run", "--config", config], env=environment, stderr=subprocess.PIPE) as serving:
+        try:
+            record = [*daemon, "record", path, "--seconds", str(seconds)]
+            while subprocess.run(record, env=environment, check=False, capture_output=True).returncode:
+                if serving.poll() is not None:  # else it only has not begun yet
+                    raise SystemExit(f"the daemon ended with {serving.returncode}: {serving.communicate()[1].decode()}")
+        finally:
+            serving.terminate()
+    return path
+
+
+def replayed(python: list[str | Path], paths: list[Path], environment: dict[str, str]) -> list[tuple[str, bool, int]]:
+    command = [*python, "-W", "ignore", "-c", REPLAY, *paths]
+    said = subprocess.run(command, env=os.environ | environment, check=True, capture_output=True, text=True).stdout
+    lines = (line.split() for line in said.splitlines())
+    return [(digest, same == "True", int(count)) for digest, same, count in lines]
+
+
+def all_replays(paths: list[Path], cache: Path | None) -> Iterator[tuple[str, list[tuple[str, bool, int]]]]:
+    """cache: where aarch64's Python is kept, None to leave it out."""
+    for name, environment in PROCESSORS.items():
+        yield name, replayed([sys.executable], paths, environment)
+    if cache is not None:
+        tree = debian(cache)
+        install(wheel(tree, cache / "aarch64"), cache / "aarch64/site")
+        yield "aarch64, under qemu", replayed(emulated(tree, cache / "aarch64/site"), paths, {})
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--aarch64", action="store_true", help="also under qemu, from the cross-built wheel")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of the recording that is made on the spot")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [*SHIPPED, made_on_the_spot(Path(folder) / "made_now.mcap", options.seconds)]
+        expected: list[str] = []
+        wrong = 0
+        for name, replays in all_replays(paths, (ROOT / "build").resolve() if options.aarch64 else None):
+            expected = expected or [digest for digest, _, _ in replays]
+            for path, first, (digest, same, count) in zip(paths, expected, replays, strict=True):
+                good = same and digest == first
+                wrong += not good
+                verdict = "identical" if good else "DIFFERS"
+                print(f"{name:26} {path.stem:9} {count:5} messages {verdict:9} {digest}", flush=True)
+    print(f"{wrong} of all these replays differ" if wrong else "every replay is identical, to the last bit")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
