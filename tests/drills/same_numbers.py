@@ -1,8 +1,8 @@
 """Recordings replayed as on other processors: every SHA-256 of all messages must be the same (`make same-numbers`).
 
 The shipped recordings, and one that is made on the spot. OpenBLAS, NumPy and glibc choose their code by the processor;
-each can be told to choose as on another one, as far as this one goes. aarch64 runs under qemu-user, from the cross-built
-wheel (`--aarch64`, some minutes).
+each can be told to choose as on another one, as far as this one goes. aarch64 runs under qemu-user, from the
+cross-built wheel (`--aarch64`, some minutes).
 """
 
 from __future__ import annotations

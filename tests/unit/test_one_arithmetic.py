@@ -17,8 +17,8 @@ from fmfts.record.replay import Replay
 
 PACKAGE = Path(fmfts.__file__).parent
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.mcap"))
-# All that a message depends on, from the configuration and a baseline's file on. `needs` advises in the log, `simulated`
-# makes frames, of which a recording holds the counts.
+# All that a message depends on, from the configuration and a baseline's file on. `needs` only advises in the log, and
+# `simulated` makes frames, of which a recording holds the counts.
 ROOMS = ["ambient", "config", "contact", "healthy", "pose", "running", "sensor"]
 FILES = ["chi2.py", "contact_message.py", "memory.py", "pad.py", "pipeline.py", "scene.py", "zeroed_pad.py"]
 ELSEWHERE = {"simulated.py"}
