@@ -1,4 +1,4 @@
-/* exp and log, the same to the last bit on every processor: elementary.py, which explains them. */
+/* exp and log, the same to the last bit on every processor: elementary_reference.py, which explains them. */
 #ifndef FMFTS_ELEMENTARY_H
 #define FMFTS_ELEMENTARY_H
 

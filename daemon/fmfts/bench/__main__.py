@@ -32,6 +32,7 @@ def main() -> None:
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
+    verb.add_argument("--beside", type=Path, metavar="FILE", help="another build's _kernel….so: only the ratio of both")
     verb.set_defaults(run=speed.run)
     verb = verbs.add_parser("accuracy", help="errors over the Cramér–Rao bound, and whether the covariance is honest")
     verb.add_argument("--draws", type=int, default=20000)

@@ -6,10 +6,12 @@ from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
+from pathlib import Path
 from time import process_time
 
 import numpy as np
 
+from fmfts.bench.other_kernel import loaded, ratio
 from fmfts.bench.rivals import moment_vector_solvers
 from fmfts.bench.speed_chart import draw_growth
 from fmfts.bench.workspace import batch_of, displaced, in_workspace, readings, standard_pad
@@ -33,6 +35,9 @@ MODELS = [(5, False, False), (6, False, False), (8, False, False), (6, True, Fal
 
 def run(options: Namespace) -> None:
     random = np.random.default_rng(options.seed)
+    if options.beside is not None:
+        _beside_another(options.beside, random)
+        return
     print(f"warm start, covariance included; processor time per solve in a batch of {PADS} pads, median of {REPEATS}\n")
     print(
         f"kernel                         |    µs | iterations p50 p99.9 | µs: {PADS} pads in one call, "
@@ -43,7 +48,7 @@ def run(options: Namespace) -> None:
         batch = _warm(unknowns, octupole, prior, random)
         each = _timed(batch)
         six = each if (unknowns, octupole) == (6, False) else six
-        label = f"{unknowns} unknowns{', octupole' if octupole else ''}{', prior' if prior else ''}"
+        label = _label(unknowns, octupole, prior)
         iterations = _iterations(unknowns, octupole, prior, random)
         called, empty = _call(batch, 1), _call(batch, 0)
         totals = [PADS * value for value in (each, called - empty, called)]
@@ -60,6 +65,19 @@ def run(options: Namespace) -> None:
         print(f"{count:3d} magnets, 4 sensors | {each:5.1f}")
     if options.chart is not None:
         draw_growth(sensors, magnets, options.chart)
+
+
+def _beside_another(path: Path, random: np.random.Generator) -> None:
+    other = loaded(path)
+    print(f"time of this kernel over that of {path}, turns alternating\n")
+    print("kernel                         | fastest | median")
+    for unknowns, octupole, prior in MODELS:
+        fastest, median = ratio(_warm(unknowns, octupole, prior, random), other)
+        print(f"{_label(unknowns, octupole, prior):30} | {fastest:7.3f} | {median:6.3f}")
+
+
+def _label(unknowns: int, octupole: bool, prior: bool) -> str:
+    return f"{unknowns} unknowns{', octupole' if octupole else ''}{', prior' if prior else ''}"
 
 
 def _warm(
