@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "tests/unit"
 DEBIAN = "python3,libpython3.11-dev,python3-numpy,python3-scipy"
 FROM_PYPI = ["msgspec", "msgpack", "pyzmq", "pyserial", "smbus2", "onnx", "protobuf", "typing_extensions"]
-FROM_PYPI += ["mcap", "zstandard", "lz4"]
+FROM_PYPI += ["mcap", "zstandard", "lz4", "mpmath"]
 FROM_PYPI += ["ml_dtypes==0.5.1"]  # the next one wants numpy 1.25, and Debian 12 has 1.24
 FROM_PYPI += ["pytest", "hypothesis", "sortedcontainers", "iniconfig", "pluggy", "packaging", "pygments"]
 PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "manylinux_2_17")
@@ -26,7 +26,7 @@ PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "many
 # Not client_clock: it is judged by the clock, and an emulated client on a busy machine is late.
 TESTS = ["pose_kernel", "pose_solver", "pose_refusals", "chi2", "alignment", "tracker", "innovation", "touch"]
 TESTS += ["smoothing", "contact_network", "refine", "near_magnet", "hmc5983", "wire*", "link", "clock"]
-TESTS += ["bridge", "messages", "config_file", "schedule", "pipeline", "healthy_path", "express*"]
+TESTS += ["arithmetic", "bridge", "messages", "config_file", "schedule", "pipeline", "healthy_path", "express*"]
 ANOTHER_PYTHON = "starts another Python, and the host's kernel does not run an emulated one"
 ONNXRUNTIME = "asks onnxruntime"
 ONE_SEED = "half a minute, and another seed runs"
