@@ -33,7 +33,17 @@ INTERRUPTED = """
 import logging, signal
 from fmfts.service import log
 log.configure()
-signal.signal(signal.SIGALRM, lambda number, frame: logging.info("amid another"))
+
+adding = False
+
+def add(number, frame):
+    global adding
+    if not adding:  # the next may come before this one is done, and so on to any depth
+        adding = True
+        logging.info("amid another")
+        adding = False
+
+signal.signal(signal.SIGALRM, add)
 signal.setitimer(signal.ITIMER_REAL, 1e-4, 1e-4)
 for number in range(20000):
     logging.info("line %d", number)
