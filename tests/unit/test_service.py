@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import re
@@ -15,6 +16,8 @@ from pathlib import Path
 import pytest
 
 from conftest import missing
+from fmfts.config import Config, PadConfig, SimulatedSource
+from fmfts.running.daemon import Daemon
 from fmfts.service import log
 from fmfts.service.notify import Notifier
 from fmfts.service.state import state_directory, write_atomically
@@ -62,6 +65,16 @@ def test_systemd_that_does_not_listen_is_logged_once(tmp_path: Path, caplog: pyt
     notifier.close()
     assert len(caplog.records) == 1
     assert "systemd cannot be told READY=1" in caplog.text
+
+
+def test_daemon_that_ended_leaves_no_line_to_systemd_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left open is an error of this test when it is collected: ResourceWarning."""
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with Daemon(Config(pad=[PadConfig(name="left", source=SimulatedSource(finger="none"))])):
+        pass
+    gc.collect()
 
 
 def test_state_directory_is_systemds_then_xdgs_then_homes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,6 +102,7 @@ class Daemon:
         self._publisher.close()
         if self._gate is not None:
             self._gate.close()
+        self._notifier.close()
         self._wake_read.close()
         self._wake_write.close()
 
