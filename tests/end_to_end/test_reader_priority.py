@@ -9,12 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import msgspec
 import pytest
 
+import permitted
 from end_to_end.kernel_bus import PATIENCE_S, KernelBus, kernel_bus, pad
 from end_to_end.processes import RunningDaemon
 from fmfts.sensor.framing import Decoder
@@ -35,18 +35,11 @@ type = "i2c"
 bus = 7
 rate_hz = 75
 """
-CAN_GIVE_IT_UP = os.geteuid() == 0 and shutil.which("setpriv") is not None
+CAN_GIVE_IT_UP = permitted.another_user() and shutil.which("setpriv") is not None
 WITHOUT_THE_RIGHT = ("setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice", "prlimit", "--rtprio=0:0")
 
 
-@cache
-def is_permitted() -> bool:
-    """Root often is; in many containers it is not."""
-    code = f"import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({PRIORITY}))"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
-
-
-needs_the_right = pytest.mark.skipif(not is_permitted(), reason="SCHED_FIFO is not permitted here: ulimit -r, or root")
+needs_the_right = pytest.mark.skipif(not permitted.priority(), reason=permitted.NO_PRIORITY)
 
 
 @pytest.fixture

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
 import pytest
+
+import permitted
 
 PRIORITY = """
 import os, threading, zmq
@@ -34,7 +35,7 @@ print(next(line.split()[1] for line in open("/proc/self/status") if line.startsw
 DENIED = """
 import os, resource
 from fmfts.service.realtime import RealtimeError, lock_memory, take_priority
-resource.setrlimit(resource.{limit}, (0, 0))
+resource.setrlimit(resource.{limit}, ({kept}, {kept}))
 os.setuid(65534)  # root is above limits
 try:
     {call}
@@ -48,21 +49,27 @@ def in_a_process(code: str) -> str:
     return done.stdout.strip() or done.stderr.strip()
 
 
-def is_permitted() -> bool:
-    return os.geteuid() == 0
-
-
-@pytest.mark.skipif(not is_permitted(), reason="needs root")
+@pytest.mark.skipif(not permitted.priority(), reason=permitted.NO_PRIORITY)
 def test_loop_and_bus_come_first_and_what_they_start_does_not() -> None:
     assert in_a_process(PRIORITY) == "True True True"
 
 
-@pytest.mark.skipif(not is_permitted(), reason="needs root")
+@pytest.mark.skipif(not permitted.locked_memory(), reason=permitted.NO_LOCKED_MEMORY)
 def test_memory_stays() -> None:
     assert int(in_a_process(LOCKED)) > 1000  # kB
 
 
-@pytest.mark.skipif(not is_permitted(), reason="needs root, to give it up")
+@pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
 def test_what_is_not_permitted_is_said_with_what_to_grant() -> None:
-    assert "LimitRTPRIO=7" in in_a_process(DENIED.format(limit="RLIMIT_RTPRIO", call="take_priority(7)"))
-    assert "LimitMEMLOCK=infinity" in in_a_process(DENIED.format(limit="RLIMIT_MEMLOCK", call="lock_memory()"))
+    priority = in_a_process(DENIED.format(limit="RLIMIT_RTPRIO", kept=0, call="take_priority(7)"))
+    assert "LimitRTPRIO=7" in priority
+    assert "CAP_SYS_NICE" in priority
+
+
+@pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
+@pytest.mark.parametrize(("kept", "said"), [(0, "no memory may"), (65536, "only 64 kB of memory may")])
+def test_memory_that_may_not_be_locked_is_said_with_what_to_grant(kept: int, said: str) -> None:
+    memory = in_a_process(DENIED.format(limit="RLIMIT_MEMLOCK", kept=kept, call="lock_memory()"))
+    assert memory.startswith(f"service.lock_memory: {said} be locked here")
+    assert "LimitMEMLOCK=infinity" in memory
+    assert "CAP_IPC_LOCK" in memory

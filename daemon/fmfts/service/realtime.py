@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+import resource
 import threading
 import time
 from pathlib import Path
@@ -27,11 +28,19 @@ def lock_memory() -> None:
     """
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0:
-        code = ctypes.get_errno()
+        why = _why_not_locked(ctypes.get_errno())
         raise RealtimeError(
-            f"service.lock_memory: {os.strerror(code)}: grant it (a service: LimitMEMLOCK=infinity; a shell: "
-            "ulimit -l unlimited), or set it to false"
+            f"service.lock_memory: {why}: grant it (a service: LimitMEMLOCK=infinity; a shell: ulimit -l unlimited; "
+            "a container: its CAP_IPC_LOCK), or set it to false"
         )
+
+
+def _why_not_locked(code: int) -> str:
+    """ENOMEM is a limit that is too low (mlock(2)): the computer's memory may be almost empty."""
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    if code not in (errno.ENOMEM, errno.EPERM) or limit == resource.RLIM_INFINITY:
+        return os.strerror(code)
+    return f"only {limit // 1024} kB of memory may be locked here" if limit else "no memory may be locked here"
 
 
 def take_priority(priority: int) -> None:
@@ -74,5 +83,5 @@ def _set_priority(thread: int, priority: int) -> None:
             raise RealtimeError(f"service.realtime_priority = {priority}: {error.strerror}") from error
         raise RealtimeError(
             f"service.realtime_priority = {priority}: not permitted: grant it (a service: LimitRTPRIO={priority}; "
-            "a shell: ulimit -r), or set it to 0"
+            "a shell: ulimit -r; a container: its CAP_SYS_NICE), or set it to 0"
         ) from error
