@@ -33,19 +33,18 @@ INTERRUPTED = """
 import logging, signal
 from fmfts.service import log
 log.configure()
-
-adding = False
+waiting = False
 
 def add(number, frame):
-    global adding
-    if not adding:  # the next may come before this one is done, and so on to any depth
-        adding = True
-        logging.info("amid another")
-        adding = False
+    global waiting
+    logging.info("amid another")
+    waiting = False
 
 signal.signal(signal.SIGALRM, add)
-signal.setitimer(signal.ITIMER_REAL, 1e-4, 1e-4)
 for number in range(20000):
+    if not waiting:  # on a slow computer signals that came by themselves would be amid each other to any depth
+        waiting = True
+        signal.setitimer(signal.ITIMER_REAL, 1e-4)
     logging.info("line %d", number)
 signal.setitimer(signal.ITIMER_REAL, 0)
 """
