@@ -247,3 +247,9 @@ def test_daemon_without_keys_is_told_how_to_make_them(tmp_path: Path) -> None:
 
 def test_curve_is_compiled_in() -> None:
     assert zmq.has("curve")
+
+
+def test_gate_that_is_closed_makes_room_for_the_next_at_once(tmp_path: Path) -> None:
+    keys = KeyFolder(tmp_path / "keys")
+    for _ in range(300):
+        Gate(keys).close()

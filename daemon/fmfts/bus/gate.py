@@ -46,6 +46,8 @@ class Gate:
             self._socket.send_multipart((route, empty, version, request, *status, b"", b""))
 
     def close(self) -> None:
+        # libzmq has a thread that closes; until it comes to it the endpoint would be taken.
+        self._socket.unbind(ZAP_ENDPOINT)
         self._socket.close()
 
     def _allows(self, public: bytes) -> bool:
