@@ -26,6 +26,8 @@ for told in (
 ):
     os.environ.pop(told, None)
 
+pytest_plugins = ["repeating"]
+
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.register_profile("few", settings.get_profile("deterministic"), max_examples=10)  # for emulated machines
 settings.load_profile("deterministic")

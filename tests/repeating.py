@@ -1,0 +1,119 @@
+"""A test that is judged by the clock, and fails while other programs take this computer's processors, is repeated once.
+
+A pytest plugin for what is marked `real_time`. Reports say what the others took; the summary names what was repeated.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Self
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+MARKER = "real_time"
+WINDOW_S = 1.0
+BUSY_SHARE = 0.25  # of one processor in any second; an idle computer's own work takes a tenth of that
+REPEATED, FIRST_FAILURE = "repeated", "first failure"  # names of a report's properties
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+
+
+def all_ticks() -> int:
+    """Of all processors, while they did anything; what a hypervisor gave to others is among it (proc_stat(5))."""
+    user, nice, system, _, _, irq, softirq, steal = map(int, Path("/proc/stat").read_text().split()[1:9])
+    return user + nice + system + irq + softirq + steal
+
+
+def own_ticks(root: int) -> int:
+    """Of the process `root` and all that descend from it, those that have ended included."""
+    children: dict[int, list[int]] = {}
+    ticks: dict[int, int] = {}
+    for process in Path("/proc").iterdir():
+        if process.name.isdecimal():
+            with suppress(OSError):  # it has ended since
+                fields = (process / "stat").read_text().rpartition(")")[2].split()
+                children.setdefault(int(fields[1]), []).append(int(process.name))
+                ticks[int(process.name)] = sum(map(int, fields[11:15]))
+    own = [root]
+    for process in own:
+        own += children.get(process, ())
+    return sum(ticks.get(process, 0) for process in own)
+
+
+class OthersShare:
+    """What other programs took at most of a processor in any second, while this is open."""
+
+    def __init__(self, root: int) -> None:
+        self.largest = 0.0
+        self._root = root
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def _watch(self) -> None:
+        all_before, own_before = all_ticks(), own_ticks(self._root)
+        over = False
+        while not over:
+            over = self._closing.wait(WINDOW_S)
+            all_now, own_now = all_ticks(), own_ticks(self._root)
+            others = all_now - all_before - max(own_now - own_before, 0)
+            self.largest = max(self.largest, others / TICKS_PER_S / WINDOW_S)
+            all_before, own_before = all_now, own_now
+
+    @property
+    def said(self) -> str:
+        return f"other programs took {self.largest:.0%} of a processor in the busiest second"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.set()
+        self._thread.join()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
+    if item.get_closest_marker(MARKER) is None:
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    reports, others = attempt(item)
+    first = next((report for report in reports if report.failed), None)
+    if first is not None and others.largest > BUSY_SHARE:
+        item.user_properties += [(REPEATED, others.said), (FIRST_FAILURE, first.longreprtext)]
+        reports, _ = attempt(item)
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def attempt(item: pytest.Item) -> tuple[list[pytest.TestReport], OthersShare]:
+    """Run it with fixtures of its own, which no later test is given, nor a later attempt."""
+    # With xdist this is one of some workers, whose tests are no strangers to each other.
+    root = os.getppid() if hasattr(item.config, "workerinput") else os.getpid()
+    with OthersShare(root) as others:
+        reports = runtestprotocol(item, log=False, nextitem=None)
+    for report in reports:
+        if report.failed:
+            report.sections.append(("this computer meanwhile", others.said))
+    return reports, others
+
+
+def repeated(reporter: pytest.TerminalReporter) -> Iterator[tuple[str, dict[str, str]]]:
+    for reports in reporter.stats.values():
+        for report in reports:
+            properties = dict(getattr(report, "user_properties", ()))
+            if REPEATED in properties and report.when == "teardown":
+                yield report.nodeid, properties
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    for node, properties in repeated(terminalreporter):
+        terminalreporter.section(f"repeated once: {node}")
+        terminalreporter.write_line(properties[REPEATED] + "; the first time:")
+        terminalreporter.write_line(properties[FIRST_FAILURE])
