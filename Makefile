@@ -1,6 +1,7 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
-# make test    set up what the tests need, then run them all
+# make test    set up what the tests need, then run all parts, and sum up    (PARTS="lint unit": those; or make lint …)
+# make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
 # make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make install-c-client      the client for controllers in C and C++, into PREFIX
@@ -22,7 +23,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
 
-.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit processes clock firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -37,20 +38,18 @@ else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
 endif
 
-test: test-packages $(VENV)/.installed-test lint unit
+PARTS ?=
+test: test-packages $(VENV)/.installed-test firmware-for-tests
+	@$(BIN)/python tests/all_parts.py $(PARTS)
 
-lint: $(VENV)/.installed-test
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy daemon clients/python
+lint unit processes clock: $(VENV)/.installed-test
+	@$(BIN)/python tests/all_parts.py $@
 
-# Tests of whole processes mostly wait, so that three share two cores. What is judged by the clock comes last: two at a
-# time, and neither computes much. The firmware is built before, lest several do; what cannot be built, the tests tell.
-unit: $(VENV)/.installed-test
+processes clock: firmware-for-tests
+
+# Built before, lest several tests do; what cannot be built, the tests tell.
+firmware-for-tests: | test-packages
 	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang >/dev/null
-	$(BIN)/python -m pytest -n 2 --dist loadfile tests/unit
-	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not real_time" --ignore tests/unit
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m real_time --ignore tests/unit
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5

@@ -1,0 +1,136 @@
+"""All parts of `make test`, one after the other, even if one fails; then one summary, with what to report.
+
+Each part's output is shown and kept in build/test-logs/, with pytest's report as XML.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from repeating import REPEATED
+
+ROOT = Path(__file__).parents[1]
+LOGS = Path("build/test-logs")
+PYTEST = ["-m", "pytest", "-o", "junit_logging=no"]
+WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
+# Tests of whole processes mostly wait, so that three share two cores. What is judged by the clock comes last: two at a
+# time, and neither computes much.
+PARTS = {
+    "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
+             ["-m", "mypy", "daemon", "clients/python"]],
+    "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit"]],
+    "processes": [[*PYTEST, "-n", "3", *WHOLE, "-m", "not real_time"]],
+    "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time"]],
+}  # fmt: skip
+
+
+@dataclass
+class Part:
+    """What became of it."""
+
+    name: str
+    seconds: float = 0.0
+    failed: list[str] = field(default_factory=list)
+    repeated: list[str] = field(default_factory=list)
+    skipped: dict[str, list[str]] = field(default_factory=dict)  # tests by reason
+    tests: int = 0
+
+    @property
+    def log(self) -> Path:
+        return LOGS / f"{self.name}.log"
+
+    @property
+    def report(self) -> Path:
+        return LOGS / f"{self.name}.xml"
+
+
+def run(part: Part, commands: list[list[str]]) -> None:
+    """All of its commands; their output goes on, and into its log."""
+    part.report.unlink(missing_ok=True)
+    start = time.monotonic()
+    with part.log.open("wb") as log:
+        for words in commands:
+            tests = "pytest" in words
+            command = [sys.executable, *words, *([f"--junit-xml={part.report}"] if tests else [])]
+            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+                assert process.stdout is not None
+                while data := os.read(process.stdout.fileno(), 65536):
+                    log.write(data)
+                    sys.stdout.buffer.write(data)
+                    sys.stdout.buffer.flush()
+            if tests and part.report.exists():
+                read(part)
+            elif tests:
+                part.failed.append(f"{' '.join(words)}: ended without a report")
+            if process.returncode != 0 and not part.failed:
+                part.failed.append(f"{' '.join(words)}: ended with {process.returncode}")
+    part.seconds = time.monotonic() - start
+
+
+def read(part: Part) -> None:
+    for case in ET.parse(part.report).iter("testcase"):
+        part.tests += 1
+        name = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
+        for kind in ("failure", "error"):
+            for bad in case.iter(kind):
+                part.failed.append(f"{name}: {first_line(bad.get('message'))}")
+        for skip in case.iter("skipped"):
+            part.skipped.setdefault(first_line(skip.get("message")), []).append(name)
+        for told in case.iter("property"):
+            if told.get("name") == REPEATED:
+                part.repeated.append(f"{name}: {told.get('value')}")
+
+
+def first_line(text: str | None) -> str:
+    return (text or "").strip().partition("\n")[0]
+
+
+def summary(parts: list[Part]) -> str:
+    lines = ["", "=" * 78]
+    for part in parts:
+        tests = f"{part.tests} tests" if part.tests else ""
+        verdict = "FAILED" if part.failed else "passed"
+        lines.append(f"{part.name:<10}{verdict:<8}{part.seconds:5.0f} s  {tests:<12}{part.log}")
+    for title, listed in (
+        ("failed", [line for part in parts for line in part.failed]),
+        ("repeated once, for the computer was busy", [line for part in parts for line in part.repeated]),
+        ("skipped", [skipped(*each) for part in parts for each in part.skipped.items()]),
+    ):
+        if listed:
+            lines += ["", f"{title}:", *(f"  {line}" for line in listed)]
+    bad = [part for part in parts if part.failed]
+    if bad:
+        logs = " ".join(str(part.log) for part in bad)
+        lines += ["", f"{len(bad)} of {len(parts)} parts failed. To report it: this summary, and {logs}"]
+    return "\n".join(lines)
+
+
+def skipped(reason: str, names: list[str]) -> str:
+    return f"{reason}: {names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}"
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all where none is named")
+    names = options.parse_args().parts or list(PARTS)
+    if unknown := [name for name in names if name not in PARTS]:
+        options.error(f"there is no part {unknown[0]}: {', '.join(PARTS)}")
+    os.chdir(ROOT)
+    LOGS.mkdir(parents=True, exist_ok=True)
+    parts = [Part(name) for name in names]
+    for part in parts:
+        print(f"\n{part.name} …", flush=True)
+        run(part, PARTS[part.name])
+    print(summary(parts), flush=True)
+    return int(any(part.failed for part in parts))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

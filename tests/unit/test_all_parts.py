@@ -1,0 +1,100 @@
+"""`make test`: every part runs, whatever became of the one before, and one summary says what to report."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+import all_parts
+
+TESTS = """
+import pytest
+
+def test_good(record_property):
+    record_property("repeated", "other programs took 90% of a processor")
+
+def test_bad():
+    assert 1 == 2, "one is not two"
+
+@pytest.fixture
+def broken():
+    raise OSError("no board")
+
+def test_without_its_board(broken):
+    pass
+
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.skipif(True, reason="forbidden here")
+def test_forbidden(number):
+    pass
+"""
+
+
+@pytest.fixture
+def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[list[str]]]:
+    """What `make test` consists of, and that its logs are in a folder of their own."""
+    (tmp_path / "pytest.ini").touch()
+    (tmp_path / "test_of_four.py").write_text(TESTS)
+    (tmp_path / "test_of_one.py").write_text("def test_good(): pass\n")
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.setattr(all_parts, "LOGS", tmp_path / "logs")
+    found = {
+        "first": [["-c", "print('here'); raise SystemExit(3)"], ["-c", "print('and there')"]],
+        "second": [["-m", "pytest", "--rootdir", str(tmp_path), str(tmp_path / "test_of_four.py")]],
+        "third": [["-m", "pytest", "--rootdir", str(tmp_path), str(tmp_path / "test_of_one.py")]],
+    }
+    monkeypatch.setattr(all_parts, "PARTS", found)
+    return found
+
+
+def outcome(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *names: str) -> tuple[int, list[str]]:
+    """Its exit code, and the summary's lines."""
+    monkeypatch.setattr(sys, "argv", ["all_parts.py", *names])
+    code = all_parts.main()
+    return code, capfd.readouterr().out.rpartition("=" * 78)[2].strip().splitlines()
+
+
+@pytest.mark.usefixtures("parts")
+def test_all_parts_run_and_the_summary_says_what_became_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    code, lines = outcome(monkeypatch, capfd)
+    assert code == 1
+    assert [line.split()[:2] for line in lines[:3]] == [["first", "FAILED"], ["second", "FAILED"], ["third", "passed"]]
+    text = "\n".join(lines)
+    assert "ended with 3" in text
+    assert "test_of_four.py::test_bad: AssertionError: one is not two" in text
+    assert 'test_of_four.py::test_without_its_board: failed on setup with "OSError: no board"' in text
+    assert "test_of_four.py::test_good: other programs took 90% of a processor" in text
+    assert "forbidden here: test_of_four.py::test_forbidden[1] and 1 more" in text
+    assert lines[-1].startswith("2 of 3 parts failed. To report it: ")
+    assert lines[-1].endswith(f"{tmp_path}/logs/first.log {tmp_path}/logs/second.log")
+    assert (tmp_path / "logs/first.log").read_text() == "here\nand there\n"
+    assert "one is not two" in (tmp_path / "logs/second.log").read_text()
+
+
+@pytest.mark.usefixtures("parts")
+def test_part_that_passes_passes(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    code, lines = outcome(monkeypatch, capfd, "third")
+    assert (code, len(lines)) == (0, 1)
+    assert "1 tests" in lines[0]
+
+
+def test_tests_that_end_without_a_report_are_a_failure(
+    parts: dict[str, list[list[str]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "test_of_one.py").write_text("import os\ndef test_that_kills(): os._exit(0)\n")
+    code, _ = outcome(monkeypatch, capfd, "third")
+    assert code == 1
+
+
+def test_a_part_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["all_parts.py", "everything"])
+    with pytest.raises(SystemExit, match="2"):
+        all_parts.main()
+    assert "lint, unit, processes, clock" in capfd.readouterr().err
