@@ -18,7 +18,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb drill-service drills soak aarch64 same-numbers
+.PHONY: install uninstall deb drill-service test-fresh drills soak aarch64 same-numbers
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -63,6 +63,14 @@ deb:
 drill-service: deb firmware
 	@$(call need,$(call missing_packages,debootstrap systemd-container),exit 1)
 	$(PYTHON) tests/drills/service.py build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
+
+# A fresh clone of HEAD on a plain Debian 12 (root). QUICK=1: the installation, lint and unit tests (ten minutes). CPU=v1, v2
+# or v3: the arithmetic that an older processor would choose.
+QUICK ?=
+CPU ?=
+test-fresh:
+	@$(call need,$(call missing_packages,debootstrap systemd-container git),exit 1)
+	$(PYTHON) tests/drills/fresh_clone.py $(if $(QUICK),--quick) $(if $(CPU),--cpu $(CPU))
 
 # What robots do to a service, in full (half an hour, and nothing else may run): docs/recovery.md.
 drills: test-packages $(VENV)/.installed-test

@@ -10,23 +10,29 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
-PACKAGES = "systemd,systemd-sysv,dbus,udev"  # what a minimal installation has beyond the base
+BOOTED = ["systemd", "systemd-sysv", "dbus", "udev"]  # what a minimal installation has beyond the base
 
 
-def debian_tree(cache: Path) -> Path:
-    """The tree, made by debootstrap when it is not there yet (two minutes; 300 MB)."""
-    tree = cache / "debian-12"
+def debian_tree(
+    cache: Path,
+    name: str = "debian-12",
+    packages: Sequence[str] = BOOTED,
+    prepare: Callable[[Path], object] = lambda tree: None,
+) -> Path:
+    """The tree, made by debootstrap when it is not there yet (two minutes; 300 MB), and then prepared."""
+    tree = cache / name
     if not tree.exists():
         cache.mkdir(parents=True, exist_ok=True)
-        making = Path(tempfile.mkdtemp(dir=cache, prefix="debian-12."))
-        command = ["debootstrap", "--variant=minbase", f"--include={PACKAGES}", "bookworm", str(making)]
+        making = Path(tempfile.mkdtemp(dir=cache, prefix=f"{name}."))
+        command = ["debootstrap", "--variant=minbase", f"--include={','.join(packages)}", "bookworm", str(making)]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         making.chmod(0o755)
+        prepare(making)
         making.rename(tree)
     return tree
 
