@@ -30,9 +30,13 @@ def debian_tree(
         cache.mkdir(parents=True, exist_ok=True)
         making = Path(tempfile.mkdtemp(dir=cache, prefix=f"{name}."))
         command = ["debootstrap", "--variant=minbase", f"--include={','.join(packages)}", "bookworm", str(making)]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        making.chmod(0o755)
-        prepare(making)
+        try:
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            making.chmod(0o755)
+            prepare(making)
+        except BaseException:
+            shutil.rmtree(making)
+            raise
         making.rename(tree)
     return tree
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import re
-import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -57,8 +57,7 @@ def _folders_in(text: str) -> Iterator[Path]:
 
 def copy(source: Path, to: Path) -> None:
     """Over what is there; nothing where there is no source."""
-    to.parent.mkdir(parents=True, exist_ok=True)
-    if source.is_dir():
-        shutil.copytree(source, to, symlinks=True, dirs_exist_ok=True)
-    elif source.exists():
-        shutil.copy2(source, to)
+    if source.exists():
+        to.parent.mkdir(parents=True, exist_ok=True)
+        # -T: into a folder of the same name, and not below it.
+        subprocess.run(["cp", "-aT", "--remove-destination", source, to], check=True)
