@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +19,7 @@ from _pytest.runner import runtestprotocol
 MARKER = "real_time"
 WINDOW_S = 1.0
 BUSY_SHARE = 0.25  # of one processor in any second; an idle computer's own work takes a tenth of that
+QUIET_WITHIN_S = 30.0  # before the second attempt
 REPEATED, FIRST_FAILURE = "repeated", "first failure"  # names of a report's properties
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
@@ -85,6 +87,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
     first = next((report for report in reports if report.failed), None)
     if first is not None and others.largest > BUSY_SHARE:
         item.user_properties += [(REPEATED, others.said), (FIRST_FAILURE, first.longreprtext)]
+        wait_for_quiet(root_of(item))
         reports, _ = attempt(item)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
@@ -92,11 +95,24 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
     return True
 
 
+def root_of(item: pytest.Item) -> int:
+    """With xdist this process is one of some workers, whose tests are no strangers to each other."""
+    return os.getppid() if hasattr(item.config, "workerinput") else os.getpid()
+
+
+def wait_for_quiet(root: int) -> None:
+    """It may come; without it the second attempt has to do."""
+    until = time.monotonic() + QUIET_WITHIN_S
+    while time.monotonic() < until:
+        with OthersShare(root) as others:
+            time.sleep(2 * WINDOW_S)
+        if others.largest <= BUSY_SHARE:
+            return
+
+
 def attempt(item: pytest.Item) -> tuple[list[pytest.TestReport], OthersShare]:
     """Run it with fixtures of its own, which no later test is given, nor a later attempt."""
-    # With xdist this is one of some workers, whose tests are no strangers to each other.
-    root = os.getppid() if hasattr(item.config, "workerinput") else os.getpid()
-    with OthersShare(root) as others:
+    with OthersShare(root_of(item)) as others:
         reports = runtestprotocol(item, log=False, nextitem=None)
     for report in reports:
         if report.failed:

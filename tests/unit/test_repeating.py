@@ -19,7 +19,7 @@ pytest_plugins = ["pytester"]
 FAILS = """
 import pathlib, pytest, repeating
 
-repeating.BUSY_SHARE = {busy_share}
+repeating.BUSY_SHARE, repeating.QUIET_WITHIN_S = {busy_share}, 0.0
 tried = pathlib.Path("tried")
 
 @pytest.fixture(scope="module")
