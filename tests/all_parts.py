@@ -18,7 +18,7 @@ from repeating import REPEATED
 
 ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
-PYTEST = ["-m", "pytest", "-o", "junit_logging=no"]
+PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
 WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
 # Tests of whole processes mostly wait, so that three share two cores. What is judged by the clock comes last: two at a
 # time, and neither computes much.
@@ -77,7 +77,7 @@ def run(part: Part, commands: list[list[str]]) -> None:
 def read(part: Part) -> None:
     for case in ET.parse(part.report).iter("testcase"):
         part.tests += 1
-        name = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
+        name = name_of(case)
         for kind in ("failure", "error"):
             for bad in case.iter(kind):
                 part.failed.append(f"{name}: {first_line(bad.get('message'))}")
@@ -86,6 +86,13 @@ def read(part: Part) -> None:
         for told in case.iter("property"):
             if told.get("name") == REPEATED:
                 part.repeated.append(f"{name}: {told.get('value')}")
+
+
+def name_of(case: ET.Element) -> str:
+    """As pytest takes it."""
+    file = case.get("file", "")
+    group = case.get("classname", "").removeprefix(file.removesuffix(".py").replace("/", ".")).lstrip(".")
+    return "::".join(filter(None, [file, *group.split("."), case.get("name")]))
 
 
 def first_line(text: str | None) -> str:

@@ -15,8 +15,9 @@ import pytest
 def test_good(record_property):
     record_property("repeated", "other programs took 90% of a processor")
 
-def test_bad():
-    assert 1 == 2, "one is not two"
+class TestGroup:
+    def test_bad(self):
+        assert 1 == 2, "one is not two"
 
 @pytest.fixture
 def broken():
@@ -36,14 +37,14 @@ def test_forbidden(number):
 def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[list[str]]]:
     """What `make test` consists of, and that its logs are in a folder of their own."""
     (tmp_path / "pytest.ini").touch()
-    (tmp_path / "test_of_four.py").write_text(TESTS)
+    (tmp_path / "test_of_many.py").write_text(TESTS)
     (tmp_path / "test_of_one.py").write_text("def test_good(): pass\n")
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.setattr(all_parts, "LOGS", tmp_path / "logs")
     found = {
         "first": [["-c", "print('here'); raise SystemExit(3)"], ["-c", "print('and there')"]],
-        "second": [["-m", "pytest", "--rootdir", str(tmp_path), str(tmp_path / "test_of_four.py")]],
-        "third": [["-m", "pytest", "--rootdir", str(tmp_path), str(tmp_path / "test_of_one.py")]],
+        "second": [[*all_parts.PYTEST, "--rootdir", str(tmp_path), str(tmp_path / "test_of_many.py")]],
+        "third": [[*all_parts.PYTEST, "--rootdir", str(tmp_path), str(tmp_path / "test_of_one.py")]],
     }
     monkeypatch.setattr(all_parts, "PARTS", found)
     return found
@@ -65,10 +66,10 @@ def test_all_parts_run_and_the_summary_says_what_became_of_them(
     assert [line.split()[:2] for line in lines[:3]] == [["first", "FAILED"], ["second", "FAILED"], ["third", "passed"]]
     text = "\n".join(lines)
     assert "ended with 3" in text
-    assert "test_of_four.py::test_bad: AssertionError: one is not two" in text
-    assert 'test_of_four.py::test_without_its_board: failed on setup with "OSError: no board"' in text
-    assert "test_of_four.py::test_good: other programs took 90% of a processor" in text
-    assert "forbidden here: test_of_four.py::test_forbidden[1] and 1 more" in text
+    assert "test_of_many.py::TestGroup::test_bad: AssertionError: one is not two" in text
+    assert 'test_of_many.py::test_without_its_board: failed on setup with "OSError: no board"' in text
+    assert "test_of_many.py::test_good: other programs took 90% of a processor" in text
+    assert "forbidden here: test_of_many.py::test_forbidden[1] and 1 more" in text
     assert lines[-1].startswith("2 of 3 parts failed. To report it: ")
     assert lines[-1].endswith(f"{tmp_path}/logs/first.log {tmp_path}/logs/second.log")
     assert (tmp_path / "logs/first.log").read_text() == "here\nand there\n"
