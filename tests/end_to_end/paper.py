@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from fmfts_client import Contact
 PAPER = Path(__file__).parents[1] / "data" / "paper"
 POSE_COLUMNS = ("a_mm", "b_mm", "c_mm", "m", "n", "p")
 TESLA_PER_GAUSS = 1e-4
+SAMPLE_NS = 20_000_000  # more than it takes chips to convert, and what is between them to be filled in
 CONFIG = """
 [[pad]]
 name = "paper"
@@ -79,8 +81,12 @@ def arrivals(host: FirmwareHost, daemon: RunningDaemon) -> Iterator[Arrival]:
     assert recorded.returncode == 0, recorded.stderr
     for reading in readings():
         host.field(reading.field_t)
-        before = daemon.wait_for(lambda contact: contact.pose is not None)
-        # A dozen frames on, no sample of the reading before is left in the chain.
+        since_ns = time.monotonic_ns() + SAMPLE_NS
+        # On a busy computer frames of the reading before may still lie anywhere in the chain.
+        before = daemon.wait_for(
+            lambda contact, since_ns=since_ns: contact.pose is not None and contact.t_sample_ns > since_ns
+        )
+        # A dozen frames on, what tracks the pose has left the reading before.
         contact = daemon.wait_for(
             lambda contact, first=before.seq: contact.pose is not None and contact.seq > first + 12
         )
