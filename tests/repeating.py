@@ -86,9 +86,11 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
     reports, others = attempt(item)
     first = next((report for report in reports if report.failed), None)
     if first is not None and others.largest > BUSY_SHARE:
-        item.user_properties += [(REPEATED, others.said), (FIRST_FAILURE, first.longreprtext)]
         wait_for_quiet(root_of(item))
-        reports, _ = attempt(item)
+        reports, later = attempt(item)
+        said = f"{others.said}, and {later.largest:.0%} when it was repeated"
+        for report in reports:
+            report.user_properties += [(REPEATED, said), (FIRST_FAILURE, first.longreprtext)]
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
