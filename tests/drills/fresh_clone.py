@@ -7,6 +7,7 @@ Run as root: `make test-fresh`.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shutil
 import subprocess
@@ -117,6 +118,7 @@ def main() -> None:
     options.add_argument("--cpu", choices=PROCESSORS, default="", help="compute as an older processor (x86-64-v…)")
     options.add_argument("--cache", type=Path, default=ROOT / "build", help="where the tree of Debian is kept")
     arguments = options.parse_args()
+    require(os.geteuid() == 0, "a tree of Debian is made and entered by root alone: sudo make test-fresh")
     start = time.monotonic()
     tree = plain_debian(arguments.cache)
     environment = PROCESSORS[arguments.cpu]
