@@ -6,6 +6,7 @@
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make install-c-client      the client for controllers in C and C++, into PREFIX
 # make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
+# make test-versions         each Python at hand with the oldest and the newest dependencies that are allowed: an hour
 # make wheel   one wheel for this architecture, refused if a compiled part is missing
 # make bench   what a solve costs, how accurate and sure it is, how soon a frame is published; cold-starts: half an hour
 
@@ -23,7 +24,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
 
-.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long lint unit processes clock firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -53,6 +54,12 @@ firmware-for-tests: | test-packages
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
+
+# VERSIONS="--python 3.12 --set oldest tests/unit/test_bus.py" for less.
+VERSIONS ?=
+test-versions: test-packages $(VENV)/.installed-test
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[versions]'
+	$(BIN)/python tests/drills/versions.py $(VERSIONS)
 
 bench: $(VENV)/.installed-test
 	@mkdir -p build
