@@ -21,7 +21,7 @@ def poses_of_the_workspace(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def magpylib_field(point_m: np.ndarray, position_m: np.ndarray, axis: np.ndarray, magnet: Magnet) -> np.ndarray:
-    turn, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])
+    turn = Rotation.from_euler("yz", [np.arccos(axis[2]), np.arctan2(axis[1], axis[0])])
     cylinder = magpylib.magnet.Cylinder(
         dimension=(magnet.diameter_m, magnet.length_m),
         polarization=(0.0, 0.0, magnet.remanence_t),
