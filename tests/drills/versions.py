@@ -31,8 +31,12 @@ from drills.aarch64 import load_compiled  # noqa: E402
 from end_to_end.processes import RunningDaemon  # noqa: E402
 
 RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
+# Minutes of statistics each, and no interface of a dependency that others do not use.
+SLOW = ["paper_studies", "neighbours", "needs", "rebaselining", "baseline_refine", "baseline_turn", "bench_contact"]
+SLOW += ["fault_drills"]
 # unicorn and pyocd, which no unit test imports, have their tests with the firmware.
 TESTS = ["tests/unit", "tests/firmware/test_emulator_i2c.py", "tests/firmware/test_stm32_registers.py"]
+TESTS += [f"--ignore=tests/unit/test_{name}.py" for name in SLOW]
 # Of each property ten examples: what is sought is an interface that is missing or another.
 OPTIONS = ["-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider", "--hypothesis-profile=few"]
 # An old package, beside new ones or on a new Python, uses what was deprecated since, and nobody mends it any more.
