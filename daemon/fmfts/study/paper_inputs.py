@@ -37,7 +37,8 @@ class Readings:
 
     @classmethod
     def of(cls, pad: Pad, press: Array, field_t: Array, rest_field_t: Array) -> Readings:
-        paper, daemon = (FrameSolver(pad, rest_field_t, scene, NOISE_T) for scene in ("constant", "drifting"))
+        paper = FrameSolver(pad, rest_field_t, "constant", NOISE_T)
+        daemon = FrameSolver(pad, rest_field_t, "drifting", NOISE_T)
         return cls(press, field_t, daemon.remanence_t, paper.solved(field_t), daemon.solved(field_t))
 
     @classmethod
