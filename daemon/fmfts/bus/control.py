@@ -138,7 +138,7 @@ def _decode(body: list[bytes]) -> dict[str, Any]:
         raise BadRequestError(f"a request is at most {LARGEST_REQUEST} bytes, not {len(body[0])}")
     try:
         return _decoder.decode(body[0])
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+    except (msgspec.DecodeError, ValueError, TypeError, RecursionError) as error:  # TypeError: a map for a key
         raise BadRequestError(f"not a msgpack map with text keys: {error}") from error
 
 
