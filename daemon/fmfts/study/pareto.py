@@ -67,8 +67,8 @@ def name_ticks(axis: Axis) -> None:
 
 
 def _figure(axes: Axes) -> Figure:
-    figure = axes.get_figure(root=True)
-    assert figure is not None
+    figure = axes.figure  # get_figure(root=True) came with Matplotlib 3.10
+    assert isinstance(figure, Figure)
     return figure
 
 
