@@ -6,7 +6,7 @@
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make install-c-client      the client for controllers in C and C++, into PREFIX
 # make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
-# make test-versions         each Python at hand with the oldest and the newest dependencies that are allowed: an hour
+# make test-versions         each Python at hand with the oldest and the newest dependencies that are allowed: half an hour
 # make wheel   one wheel for this architecture, refused if a compiled part is missing
 # make bench   what a solve costs, how accurate and sure it is, how soon a frame is published; cold-starts: half an hour
 

@@ -19,6 +19,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -140,23 +141,22 @@ def fetched(python: str) -> bool:
 
 
 def wheel(project: Project, python: str, end: str, folder: Path) -> Path:
-    """By way of the source archive, with the oldest or newest setuptools; the stable ABI needs one for all Pythons."""
+    """By way of the source archive, with the oldest or the newest setuptools."""
     needs, pinned = folder / "needs.in", folder / "pinned.txt"
     needs.write_text("\n".join(project.described["build-system"]["requires"]))
     pinned.write_text(uv("pip", "compile", "--resolution", RESOLUTIONS[end], "--python", python, needs))
     uv("build", "--python", python, "--build-constraints", pinned, "--out-dir", folder, project.folder)
     (built,) = folder.glob("*.whl")
-    print(f"{built.name}, built by Python {python} with {pinned.read_text().splitlines()[-2].strip()}", flush=True)
     return built
 
 
-def installed(project: Project, built: Path, python: str, end: str, folder: Path) -> dict[str, str]:
+def installed(project: Project, python: str, end: str, folder: Path) -> dict[str, str]:
     """Into a new environment; the versions there of what the project names."""
     uv("venv", "--python", python, folder)
     extras = [word for extra in project.extras for word in ("--extra", extra)]
     from_wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[end]]
     uv("pip", "install", "--python", folder, *from_wheels, "-r", project.folder / "pyproject.toml", *extras)
-    uv("pip", "install", "--python", folder, "--no-deps", built)
+    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder))
     listed = json.loads(uv("pip", "list", "--python", folder, "--format", "json"))
     return {each["name"]: each["version"] for each in listed if each["name"] in project.bounds}
 
@@ -185,22 +185,20 @@ def tried(project: Project, ends: list[str], only: list[str], judge: Callable[[P
     had, lacking = project.pythons()
     had = [python for python in had if not only or python in only]
     trials = []
-    for end in ends if had else []:
-        folder = ROOT / "build/versions" / f"{project.name}-{end}"
-        folder.mkdir(parents=True)
-        built = wheel(project, had[0] if end == "oldest" else had[-1], end, folder)
-        for python in had:
-            print(f"{project.name}: Python {python}, {end} dependencies", flush=True)
-            versions: dict[str, str] = {}
-            try:
-                versions = installed(project, built, python, end, folder / python)
-                outcome, well = judge(folder / python, end)
-            except RuntimeError as failure:
-                print(failure, flush=True)
-                outcome, well = "not installed", False
-            if well:
-                shutil.rmtree(folder / python)
-            trials.append(Trial(python, end, versions, outcome, well))
+    for end, python in product(ends, had):
+        folder = ROOT / "build/versions" / f"{project.name}-{python}-{end}"
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        print(f"{project.name}: Python {python}, {end} dependencies", flush=True)
+        versions: dict[str, str] = {}
+        try:
+            versions = installed(project, python, end, folder)
+            outcome, well = judge(folder, end)
+        except RuntimeError as failure:
+            print(failure, flush=True)
+            outcome, well = "not installed", False
+        if well:
+            shutil.rmtree(folder)
+        trials.append(Trial(python, end, versions, outcome, well))
     print_table(project, trials, lacking)
     return all(trial.well for trial in trials)
 
