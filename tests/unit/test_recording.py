@@ -214,18 +214,12 @@ def test_baseline_of_another_shape_is_refused_with_its_pad_and_file(tmp_path: Pa
 def test_replay_that_could_compare_nothing_is_no_success(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], left_out: Callable[[Recorded, int], bool], code: int
 ) -> None:
-    # With another NumPy the last digits are others than in the file: what must be the same is what was said here.
-    said_here = {contact.seq: contact for contact in Replay(TAPS).contacts()}
     contacts = 0
 
     def change(one: Recorded) -> dict[str, Any] | None:
         nonlocal contacts
         contacts += one.kind == "contact"
-        if left_out(one, contacts):
-            return None
-        if isinstance(one.message, ContactMessage):
-            return msgspec.to_builtins(said_here.get(one.message.seq, one.message))  # type: ignore[no-any-return]
-        return whole(one)
+        return None if left_out(one, contacts) else whole(one)
 
     assert cli.main(["replay", str(rewritten(tmp_path / "a.mcap", change)), "--json"]) == code
     assert msgspec.json.decode(capsys.readouterr().out)["different"] == 0
