@@ -36,7 +36,7 @@ ifneq ($(PAPER),)
 else ifneq ($(FIRMWARE),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/firmware_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else
-	@$(call until_interrupted,$(BIN)/python -m fmfts.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
+	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
 endif
 
 PARTS ?=
@@ -63,12 +63,12 @@ test-versions: test-packages $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-test
 	@mkdir -p build
-	@$(BIN)/python -m fmfts.bench speed
-	@$(BIN)/python -m fmfts.bench accuracy
-	@$(BIN)/python -m fmfts.bench latency --chart build/latency.svg
+	@$(BIN)/python -m fmfts_lab.bench speed
+	@$(BIN)/python -m fmfts_lab.bench accuracy
+	@$(BIN)/python -m fmfts_lab.bench latency --chart build/latency.svg
 
 cold-starts: $(VENV)/.installed
-	@$(BIN)/python -m fmfts.bench convergence --draws 250000
+	@$(BIN)/python -m fmfts_lab.bench convergence --draws 250000
 
 # A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's, the C client's.
 fuzz: test-packages $(VENV)/.installed-test
@@ -88,7 +88,7 @@ collect-drills: $(VENV)/.installed-test firmware
 	$(BIN)/python -m pytest -s tests/end_to_end/collect_drills.py
 
 # The shipped contact models, made again: from the calibration set, and from presses with shear.
-SOLVED := $(addprefix daemon/fmfts/simulate/,pressed.csv pressed_centre.csv sheared.csv)
+SOLVED := $(addprefix daemon/fmfts/simulation/,pressed.csv pressed_centre.csv sheared.csv)
 model: $(VENV)/.installed-test
 	mkdir -p build
 	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
@@ -98,7 +98,7 @@ model: $(VENV)/.installed-test
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
 	$(BIN)/pip wheel -q --no-deps -w build/wheel .
-	@for part in arithmetic/_arithmetic pose/_kernel healthy/_healthy sensor/_wire contact/_refine contact/_network; do \
+	@for part in arithmetic/_arithmetic pose/_kernel pipeline/fast/_fast sensor/wire/_wire contact/_refine contact/_network; do \
 	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@ls build/wheel/*.whl
@@ -108,7 +108,7 @@ recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
 
-$(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/arithmetic/*.[ch] daemon/fmfts/pose/*.[ch] daemon/fmfts/healthy/*.[ch] daemon/fmfts/contact/*.[ch] daemon/fmfts/sensor/*.[ch]) | base-packages
+$(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/*/*.[ch] daemon/fmfts/*/*/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
 	@echo "installing fmfts into $(VENV) (a minute the first time)"
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e .
@@ -116,7 +116,7 @@ $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/arithmetic/*.[ch] dae
 
 $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
 	@echo "installing what the tests need into $(VENV)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[test]'
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[test]' -e ./lab
 	@touch $@
 
 base-packages:

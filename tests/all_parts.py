@@ -26,7 +26,7 @@ WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
 # time, and neither computes much; where this user may say so, other programs have to wait for it.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
-             ["-m", "mypy", "daemon", "clients/python"]],
+             ["-m", "mypy", "daemon", "lab", "clients/python"]],
     "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit"]],
     "processes": [[*PYTEST, "-n", "3", *WHOLE, "-m", "not real_time"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time"]],

@@ -1,3 +1,3 @@
-from fmfts.cli import main
+from fmfts.cli.main import main
 
 raise SystemExit(main())

@@ -55,8 +55,8 @@ class SensorArray:
 
 
 # Largest field that the octupole of a cylinder may have at a sensor and be left out: a sample's noise. It is no unknown
-# and costs no time (`python -m fmfts.bench speed`), so that whatever can be felt counts; on the standard pad 0.5 µT,
-# which bend a pose by a tenth of its bound (docs/studies.md).
+# and costs no time (`python -m fmfts_lab.bench speed`), so that whatever can be felt counts; on the standard pad
+# 0.5 µT, which bend a pose by a tenth of its bound (docs/studies.md).
 NEGLECTED_OCTUPOLE_T = 2e-7
 
 

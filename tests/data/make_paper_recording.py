@@ -20,16 +20,16 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from end_to_end.paper import readings
 from end_to_end.processes import FirmwareHost
-from fmfts import ambient
+from fmfts import baseline as ambient
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.memory import state_message
-from fmfts.model_of import model_of
-from fmfts.pipeline import PadPipeline
-from fmfts.record.file import RecordingWriter
-from fmfts.running.channel import frame_message
-from fmfts.scene import choose
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import state_message
+from fmfts.recording.file import RecordingWriter
+from fmfts.runtime.channel import frame_message
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
-from fmfts.sensor.bridge import Bridge
+from fmfts.sensor.bridge.bridge import Bridge
 
 FOLDER = Path(__file__).parent / "recordings"
 PAD, BOOT, RATE_HZ = "paper", "recorded", 220

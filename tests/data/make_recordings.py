@@ -14,18 +14,18 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from fmfts.ambient import Baseline
+from fmfts.baseline import Baseline
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.memory import state_message
-from fmfts.model_of import model_of
-from fmfts.pipeline import PadPipeline
-from fmfts.record.file import RecordingWriter
-from fmfts.running.channel import frame_message
-from fmfts.scene import choose
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import state_message
+from fmfts.recording.file import RecordingWriter
+from fmfts.runtime.channel import frame_message
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import Finger, Touch
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, Touch
+from fmfts.simulation.source import Simulated
 
 FOLDER = Path(__file__).parent / "recordings"
 RATE_HZ, SECONDS, BOOT, WHEN = 220, 3.0, "recorded", "1970-01-01T00:00:00+00:00"

@@ -46,10 +46,10 @@ rate_hz = 75
 """
 STORE_FOR_EVER = """
 import hashlib
-from fmfts import ambient
+from fmfts import baseline as ambient
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.jobs.baseline_files import store
-from fmfts.jobs.simulated_baseline import simulated_baseline
+from fmfts.baseline.files import store
+from fmfts.simulation.baseline import simulated_baseline
 config = PadConfig(name="left", source=SimulatedSource(rate_hz=75))
 pad, baseline = config.pad(), simulated_baseline(config)
 store(baseline, pad)

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from end_to_end.processes import FirmwareHost
-from fmfts.bench.recorded import pressed_field
-from fmfts.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulate.finger import Stroke, Touch, no_finger
-from fmfts.simulate.mounted import MountedPad
+from fmfts.simulation.finger import Stroke, Touch, no_finger
+from fmfts.simulation.mounted import MountedPad
 from fmfts_client import Contact
+from fmfts_lab.bench.recorded import pressed_field
+from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 
 STANDARD_PAD = PadConfig(name="standard", source=SimulatedSource()).pad()
 REACH_M, FORCES_N = 6e-3, (0.4, 1.2)

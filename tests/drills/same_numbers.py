@@ -31,7 +31,7 @@ PROCESSORS: dict[str, dict[str, str]] = {
 REPLAY = """
 import sys
 from pathlib import Path
-from fmfts.record.replay import Replay
+from fmfts.offline.replay import Replay
 for path in sys.argv[1:]:
     replay = Replay(Path(path))
     count = sum(1 for _ in replay.contacts())

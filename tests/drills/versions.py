@@ -156,7 +156,8 @@ def installed(project: Project, python: str, end: str, folder: Path) -> dict[str
     extras = [word for extra in project.extras for word in ("--extra", extra)]
     from_wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[end]]
     uv("pip", "install", "--python", folder, *from_wheels, "-r", project.folder / "pyproject.toml", *extras)
-    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder))
+    laboratory = [project.folder / "lab"] if (project.folder / "lab").is_dir() else []  # its verbs are tried, too
+    uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *laboratory)
     listed = json.loads(uv("pip", "list", "--python", folder, "--format", "json"))
     return {each["name"]: each["version"] for each in listed if each["name"] in project.bounds}
 

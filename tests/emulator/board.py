@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.sensor.framing import Decoder, encode
-from fmfts.sensor.packets import (
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.packets import (
     Hello,
     HelloPad,
     HelloSensor,

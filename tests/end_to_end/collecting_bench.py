@@ -26,17 +26,17 @@ from emulator.force_gauge import SerialForceGauge
 from emulator.gcode_machine import GcodeMachine
 from emulator.priority import put_ahead
 from end_to_end.processes import FirmwareHost
+from fmfts.baseline.files import stored
+from fmfts.baseline.request import BaselineJob, BaselineRequest
 from fmfts.collect.clock import Clock, Monotonic
 from fmfts.collect.feed import DeviceFeed, open_feed
 from fmfts.collect.work import collect
 from fmfts.config import Config, PadConfig, SimulatedSource
 from fmfts.config.file import load
-from fmfts.jobs.baseline_files import stored
-from fmfts.jobs.baselines import BaselineJob, BaselineRequest
 from fmfts.pad import Array
-from fmfts.sensor.bridge import Bridge
-from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.mounted import MountedPad
+from fmfts.sensor.bridge.bridge import Bridge
+from fmfts.simulation.cylinder import cylinder_field
+from fmfts.simulation.mounted import MountedPad
 
 ORIGIN_MM, SURFACE_MM, CLEAR_MM = (100.0, 100.0), 10.0, 12.0
 HALF_SPAN_MM = 17.0

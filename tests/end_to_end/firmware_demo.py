@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from fmfts.demo import end_on_signals
+from fmfts.cli.demo import end_on_signals
 
 SEED = 1
 
@@ -18,7 +18,7 @@ def main() -> int:
     from end_to_end.firmware_in_the_loop import EmulatedBoard, PressedPad
     from end_to_end.processes import BRIDGE_CONFIG, RunningDaemon
     from fmfts.config.file import load
-    from fmfts.simulate.finger import ScriptedFinger
+    from fmfts.simulation.finger import ScriptedFinger
     from fmfts.view.listen import listen
 
     end_on_signals()

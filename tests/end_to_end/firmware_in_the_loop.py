@@ -13,8 +13,8 @@ import numpy as np
 
 from end_to_end.processes import ROOT, FirmwareHost
 from fmfts.pad import Pad
-from fmfts.simulate.finger import Finger
-from fmfts.simulate.mounted import MountedPad
+from fmfts.simulation.finger import Finger
+from fmfts.simulation.mounted import MountedPad
 
 ELF = ROOT / "firmware" / "build" / "fmfts.elf"
 RUNNER = ROOT / "tests" / "emulator" / "board_on_pty.py"

@@ -17,7 +17,7 @@ import conftest
 from emulator.chips import LSB_PER_GAUSS
 from fmfts.config import GeometryConfig, I2cSource, PadConfig
 from fmfts.sensor import Frame
-from fmfts.sensor.i2c import I2c
+from fmfts.sensor.i2c.source import I2c
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 SERVER = Path(__file__).parents[1] / "emulator" / "i2c_kernel_bus.py"

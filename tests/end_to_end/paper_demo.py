@@ -6,7 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from fmfts.demo import end_on_signals
+from fmfts.cli.demo import end_on_signals
 
 
 def main() -> int:

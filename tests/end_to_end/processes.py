@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from fmfts.pad import Pad
-from fmfts.simulate.cylinder import cylinder_field
+from fmfts.simulation.cylinder import cylinder_field
 from fmfts_client import Contact, Subscription, UnreachableError, request
 
 ROOT = Path(__file__).parents[2]

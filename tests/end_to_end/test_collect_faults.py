@@ -20,12 +20,12 @@ import pytest
 from end_to_end.collecting_bench import PressedBench
 from end_to_end.processes import run_command
 from end_to_end.test_collect import frames_behind, plan, rows
-from fmfts import exit_codes
 from fmfts.collect.errors import CollectError, RefusedError, StoppedError
 from fmfts.collect.guard import Guard
 from fmfts.collect.machine import Machine
 from fmfts.collect.stage import Stage
 from fmfts.collect.table import Row, Table
+from fmfts.common import exit_codes
 
 TESTS = Path(__file__).parents[1]
 LIFTED_WITHIN_S = 0.15

@@ -13,7 +13,7 @@ import pytest
 
 from end_to_end.processes import PATIENCE_S, ROOT, build_firmware_host
 
-DEMO = (sys.executable, "-m", "fmfts.demo", "--config", ROOT / "config.toml")
+DEMO = (sys.executable, "-m", "fmfts.cli.demo", "--config", ROOT / "config.toml")
 PAPER_DEMO = (sys.executable, ROOT / "tests" / "end_to_end" / "paper_demo.py")
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from end_to_end.kernel_bus import PATIENCE_S, KernelBus, all_valid, kernel_bus, pad, run
 from fmfts.sensor import Frame, SourceError
-from fmfts.sensor.i2c import I2c
+from fmfts.sensor.i2c.source import I2c
 
 
 @pytest.fixture

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from end_to_end.processes import run_command
-from fmfts import exit_codes
+from fmfts.baseline.request import BaselineJob, BaselineRequest
+from fmfts.bus.frame_message import frame_message
+from fmfts.common import exit_codes
 from fmfts.config.file import load
-from fmfts.frame_message import frame_message
-from fmfts.jobs.baselines import BaselineJob, BaselineRequest
-from fmfts.record.file import RecordingWriter
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import Touch, no_finger
+from fmfts.recording.file import RecordingWriter
+from fmfts.simulation.finger import Touch, no_finger
+from fmfts.simulation.source import Simulated
 
 RATE_HZ = 75
 CONFIG = f"""

@@ -17,10 +17,10 @@ import pytest
 import permitted
 from end_to_end.kernel_bus import PATIENCE_S, KernelBus, kernel_bus, pad
 from end_to_end.processes import RunningDaemon
-from fmfts.sensor.framing import Decoder
-from fmfts.sensor.i2c_bus import CallRecord
-from fmfts.sensor.i2c_config import reader_config
-from fmfts.sensor.packets import Sample
+from fmfts.sensor.i2c.bus import CallRecord
+from fmfts.sensor.i2c.reader_config import reader_config
+from fmfts.sensor.wire.framing import Decoder
+from fmfts.sensor.wire.packets import Sample
 
 PRIORITY = 3
 FIRST = (os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, PRIORITY)
@@ -57,7 +57,7 @@ def reader_of(daemon: RunningDaemon, other_than: int = 0) -> int:
     daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
     listed = Path(f"/proc/{daemon.process.pid}/task/{daemon.process.pid}/children").read_text().split()
     (reader,) = [
-        int(child) for child in listed if b"fmfts.sensor.i2c_reader" in Path(f"/proc/{child}/cmdline").read_bytes()
+        int(child) for child in listed if b"fmfts.sensor.i2c.reader" in Path(f"/proc/{child}/cmdline").read_bytes()
     ]
     assert reader != other_than
     return reader
@@ -84,7 +84,7 @@ def test_reader_that_may_not_come_first_says_so_and_reads(kernel: KernelBus) -> 
     config = msgspec.structs.replace(reader_config({0: pad()}), realtime_priority=PRIORITY)
     record = CallRecord()
     reader = subprocess.Popen(
-        [*WITHOUT_THE_RIGHT, sys.executable, "-m", "fmfts.sensor.i2c_reader", str(record.descriptor), _json(config)],
+        [*WITHOUT_THE_RIGHT, sys.executable, "-m", "fmfts.sensor.i2c.reader", str(record.descriptor), _json(config)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader
 
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
-from fmfts.record.file import is_whole, read
+from fmfts.recording.file import is_whole, read
 
 TAPPED = """
 [[pad]]
@@ -132,8 +132,8 @@ def test_recorder_that_is_killed_leaves_a_recording(daemon: RunningDaemon, tmp_p
 
 INTERRUPTED = """
 import os, signal, sys
-from fmfts import cli
-from fmfts.record.file import RecordingWriter
+from fmfts.cli import main as cli
+from fmfts.recording.file import RecordingWriter
 add, write, contacts = RecordingWriter.add, os.write, 0
 def counted(self, kind, *what):
     global contacts

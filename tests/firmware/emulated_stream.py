@@ -10,8 +10,8 @@ from typing import TypeVar
 
 from emulator.stm32_board import Board
 from emulator.stm32_core import SYSTICK
-from fmfts.sensor.framing import Decoder, encode
-from fmfts.sensor.packets import ALL_PADS, Hello, Packet, Reply, Request, Sample, Status, Verb
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.packets import ALL_PADS, Hello, Packet, Reply, Request, Sample, Status, Verb
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 EVERYONE = 0b1111

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from emulated_stream import EVERYONE, EmulatedStream
 
-from fmfts.sensor.framing import encode
-from fmfts.sensor.packets import ALL_PADS, Hello, Request, Result, Sample, SensorState, Status, Verb
+from fmfts.sensor.wire.framing import encode
+from fmfts.sensor.wire.packets import ALL_PADS, Hello, Request, Result, Sample, SensorState, Status, Verb
 
 RECOVERY_S = 1.0
 FAULT_S = 0.3

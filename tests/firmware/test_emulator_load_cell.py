@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from emulated_stream import EVERYONE, EmulatedStream
 
-from fmfts.sensor.packets import Load, Sample
+from fmfts.sensor.wire.packets import Load, Sample
 
 SECONDS = 1.0
 

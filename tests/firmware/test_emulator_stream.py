@@ -14,7 +14,7 @@ import pytest
 from emulated_stream import EVERYONE, EmulatedStream
 
 from emulator.chips import SINGLE_CONVERSION_S
-from fmfts.sensor.packets import Reply, Result, Sample, Selftest, Verb
+from fmfts.sensor.wire.packets import Reply, Result, Sample, Selftest, Verb
 
 SECONDS = float(os.environ.get("FMFTS_EMULATED_SECONDS", "3"))
 AGE_TOLERANCE_S = 0.5e-3  # the issue's; a conversion takes 4.5 ms

@@ -69,7 +69,7 @@ def assert_starts_from_there(tree: Path) -> None:
 
 def assert_runs(tree: Path) -> None:
     library = tree / LIBRARY
-    code = "import fmfts; from fmfts.cli import main; print(fmfts.__file__, flush=True); main(['--version'])"
+    code = "import fmfts; from fmfts.cli.main import main; print(fmfts.__file__, flush=True); main(['--version'])"
     environment = os.environ | {"PYTHONPATH": str(library)}
     words = [sys.executable, "-sP", "-c", code]
     said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)

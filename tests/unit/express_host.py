@@ -8,18 +8,18 @@ import msgspec
 import zmq
 from test_pipeline import pipeline_of
 
-from fmfts.ambient import Baseline
+from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.contact_message import PackedMessage
-from fmfts.healthy import Lane
-from fmfts.healthy.compiled import _healthy
-from fmfts.running.express import send_function
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.fast import Lane
+from fmfts.pipeline.fast.compiled import _fast
+from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor import Frame
-from fmfts.sensor.clock import DeviceClock
-from fmfts.sensor.link import Link
-from fmfts.sensor.packets import TEMPERATURE_UNKNOWN, Sample
 from fmfts.sensor.source import SourceState
+from fmfts.sensor.wire.clock import DeviceClock
+from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, Sample
 
 TOPIC = b"contact/demo"
 
@@ -68,7 +68,7 @@ class Bus:
         self._theirs.subscribe(TOPIC)
         send = send_function()
         assert send is not None
-        self.loop = _healthy.Loop(-1, send, int(self._ours.underlying))
+        self.loop = _fast.Loop(-1, send, int(self._ours.underlying))
         while not self._theirs.poll(0):  # until the subscription has arrived
             self._ours.send_multipart((TOPIC, b""))
         self.heard()

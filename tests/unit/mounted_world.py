@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmfts.ambient import Baseline, Means, Recording, make_bare, make_rest, means
-from fmfts.ambient.turn import STRENGTH_DEVIATION, UNEVEN_DEVIATION_T
-from fmfts.ambient.unknowns import STANDING_AMBIENT_T
+from fmfts.baseline import Baseline, Means, Recording, make_bare, make_rest, means
+from fmfts.baseline.turn import STRENGTH_DEVIATION, UNEVEN_DEVIATION_T
+from fmfts.baseline.unknowns import STANDING_AMBIENT_T
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import State
 from fmfts.sensor.frame import Frame
-from fmfts.simulate.cylinder import cylinder_field
-from fmfts.simulate.solved_table import standard_mechanics
+from fmfts.simulation.cylinder import cylinder_field
+from fmfts.simulation.solved_table import standard_mechanics
 
 NOISE_T = 2e-7
 FRAMES = 660

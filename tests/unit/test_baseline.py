@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World
 
-from fmfts import ambient
-from fmfts.ambient import Baseline, BaselineError, make_bare, make_rest, summarise
-from fmfts.ambient.unknowns import Unknowns
+from fmfts import baseline as ambient
+from fmfts.baseline import Baseline, BaselineError, make_bare, make_rest, summarise
+from fmfts.baseline.unknowns import Unknowns
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, dipole_field, displacement, solve
 from fmfts.sensor.frame import Frame

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World, frames_of, pressing
 
-from fmfts import ambient
-from fmfts.ambient import BaselineError, Means, Mounting, make_refined, make_rest, means
+from fmfts import baseline as ambient
+from fmfts.baseline import BaselineError, Means, Mounting, make_refined, make_rest, means
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 from fmfts.pose import State

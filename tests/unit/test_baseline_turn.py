@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from mounted_world import TOLERANCE, World, frames_of, turned
 
-from fmfts import ambient
-from fmfts.ambient import BaselineError, make_bare, make_rest, make_turn, means
-from fmfts.ambient.gains import relative_deviation
-from fmfts.ambient.stored import StoredTurn
-from fmfts.ambient.turn import Turn, gains_from_turn
+from fmfts import baseline as ambient
+from fmfts.baseline import BaselineError, make_bare, make_rest, make_turn, means
+from fmfts.baseline.file_format import StoredTurn
+from fmfts.baseline.gains import relative_deviation
+from fmfts.baseline.request import BaselineRequest
+from fmfts.baseline.turn import Turn, gains_from_turn
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.jobs.baselines import BaselineRequest
-from fmfts.jobs.simulated_baseline import simulated_baseline
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, displacement, solve
-from fmfts.sensor.simulated import Simulated
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.source import Simulated
 
 UNTESTED = replace(TOLERANCE, gain=0.05)
 

@@ -6,7 +6,7 @@ from argparse import Namespace
 
 import pytest
 
-from fmfts.bench import accuracy, convergence
+from fmfts_lab.bench import accuracy, convergence
 
 
 def test_monte_carlo_is_at_the_bound_with_the_octupole_and_not_without(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.bench.contact import accuracy
-from fmfts.bench.contact_live import motion, squeezes, touch
-from fmfts.bench.contact_sizes import sizes
-from fmfts.bench.workspace import standard_pad
 from fmfts.contact import ContactModel
+from fmfts_lab.bench.contact import accuracy
+from fmfts_lab.bench.contact_live import motion, squeezes, touch
+from fmfts_lab.bench.contact_sizes import sizes
+from fmfts_lab.bench.workspace import standard_pad
 
 
 def test_shipped_model_is_near_the_best_and_honest() -> None:

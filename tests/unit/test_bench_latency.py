@@ -7,11 +7,11 @@ import struct
 import msgspec
 import numpy as np
 
-from fmfts.bench.latency import pad_of
-from fmfts.bench.latency_rig import NUMBERS, RATE_HZ, RAW_PER_K, ROOM_C, repeated, samples
-from fmfts.bench.latency_run import WARM_UP_S, lateness, matched
-from fmfts.sensor.framing import Decoder, encode
-from fmfts.sensor.packets import Sample
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.packets import Sample
+from fmfts_lab.bench.latency import pad_of
+from fmfts_lab.bench.latency_rig import NUMBERS, RATE_HZ, RAW_PER_K, ROOM_C, repeated, samples
+from fmfts_lab.bench.latency_run import WARM_UP_S, lateness, matched
 
 
 def test_boards_number_their_frames_in_the_temperature() -> None:

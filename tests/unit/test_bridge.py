@@ -14,10 +14,10 @@ import pytest
 
 from emulator.board import UID, Board
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
-from fmfts.sensor.bridge import Bridge
-from fmfts.sensor.framing import encode
-from fmfts.sensor.packets import SensorState, Verb
+from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.sensor.source import SourceError
+from fmfts.sensor.wire.framing import encode
+from fmfts.sensor.wire.packets import SensorState, Verb
 
 PATIENCE_S = 10.0  # bounds liveness on a busy machine; nothing here takes a second but what says so
 

@@ -13,7 +13,7 @@ import pytest
 from test_bridge import connected, pad, plugged, run
 
 from emulator.board import UID, Board
-from fmfts.sensor.bridge import Bridge
+from fmfts.sensor.bridge.bridge import Bridge
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def test_a_port_that_stays_closed_to_us_is_tried_at_most_once_a_second(
         attempts.append(now_ns)
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("fmfts.sensor.serial_port.serial.Serial", refused)
+    monkeypatch.setattr("fmfts.sensor.bridge.serial_port.serial.Serial", refused)
     bridge = Bridge({0: pad(tmp_path / "port")})
     now_ns = 0
     while now_ns < 20_000_000_000:

@@ -13,6 +13,7 @@ import pytest
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import force_bins, own_error, rows, tables_of_squares
 from fmfts.calibrate.export import export
+from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.fitting import fit_response
 from fmfts.calibrate.left_out import LeftOut
 from fmfts.calibrate.levenberg import Layers, train
@@ -26,9 +27,8 @@ from fmfts.contact import ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import Response
 from fmfts.contact.verified import DEFAULT_PATH
-from fmfts.field_table import DataError
 from fmfts.pad import Pad
-from fmfts.simulate.chip import NOISE_T
+from fmfts.simulation.chip import NOISE_T
 
 REST = np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0])
 SCALE = np.array([0.2, 0.2, 0.6, 0.05, 0.05])

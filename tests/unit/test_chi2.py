@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from scipy.stats import chi2
 
-from fmfts.chi2 import quantile, survival
+from fmfts.common.chi2 import quantile, survival
 
 
 @pytest.mark.parametrize("degrees_of_freedom", range(1, 25))

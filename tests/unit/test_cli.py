@@ -10,9 +10,9 @@ from typing import get_args
 
 import pytest
 
-from fmfts import exit_codes
 from fmfts.bus.messages import Health
-from fmfts.cli import main
+from fmfts.cli.main import main
+from fmfts.common import exit_codes
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "config.toml"
@@ -45,7 +45,7 @@ def test_check_config_refuses_the_model_of_another_pad_as_run_would(
 def test_absent_package_comes_with_the_line_that_installs_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "fmfts.offline.calibrate", None)
+    monkeypatch.setitem(sys.modules, "fmfts.calibrate.command", None)
     arguments = ["calibrate", str(CALIBRATION), "-o", "m.onnx", "--config", str(SHIPPED)]
     assert main(arguments) == exit_codes.UNAVAILABLE
     assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err

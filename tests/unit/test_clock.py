@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.sensor.clock import SLOPE_BUCKETS, DeviceClock, HostClock, _wire
+from fmfts.sensor.wire.clock import SLOPE_BUCKETS, DeviceClock, HostClock, _wire
 
 PERIOD_US = 4545
 BOOT_NS = 5_000_000_000_000

@@ -15,7 +15,7 @@ from fmfts.collect.machine_log import Log, plateaus, read_log
 from fmfts.collect.plan import read_plan
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame, step_t
-from fmfts.simulate.mounted import MountedPad
+from fmfts.simulation.mounted import MountedPad
 
 REST_T = np.full((4, 3), 300 * step_t(3))
 

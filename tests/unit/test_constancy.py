@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmfts.bench.drills import FRAME_NS, live_finger, pad_config
-from fmfts.bench.tapped import pipeline_of
 from fmfts.bus.messages import ContactMessage
-from fmfts.model_of import model_of
+from fmfts.pipeline.configured import model_of
 from fmfts.sensor import Frame
-from fmfts.sensor.simulated import Simulated
+from fmfts.simulation.source import Simulated
+from fmfts_lab.bench.drills import FRAME_NS, live_finger, pad_config
+from fmfts_lab.bench.tapped import pipeline_of
 
 
 def published(turning_deg_per_s: float, seconds: float, offset_counts: int = 0) -> list[ContactMessage]:

@@ -19,8 +19,8 @@ from fmfts.contact.contract import parse_response
 from fmfts.contact.response import bound_of
 from fmfts.contact.verified import DEFAULT_PATH
 from fmfts.pad import Pad
-from fmfts.simulate.chip import NOISE_T
-from fmfts.simulate.solved_table import standard_mechanics
+from fmfts.simulation.chip import NOISE_T
+from fmfts.simulation.solved_table import standard_mechanics
 
 CALIBRATION = Path(__file__).parents[1] / "data" / "calibration_1.23T.csv"
 

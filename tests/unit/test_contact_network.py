@@ -22,8 +22,8 @@ from fmfts.contact.inference import _network
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
 from fmfts.contact.verified import DEFAULT_PATH
-from fmfts.healthy import Kind
 from fmfts.pad import Pad
+from fmfts.pipeline.fast import Kind
 
 pytestmark = pytest.mark.skipif(_network is None, reason="the network was not compiled")
 

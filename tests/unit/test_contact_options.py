@@ -11,13 +11,13 @@ import pytest
 from test_contact_model import CERTAIN, Frames
 from test_contact_model_file import edited, with_facts
 
-from fmfts.bench.workspace import standard_pad
 from fmfts.calibrate.export import export
 from fmfts.calibrate.levenberg import Layers
 from fmfts.calibrate.network import ContactNetwork
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
 from fmfts.pad import Pad
+from fmfts_lab.bench.workspace import standard_pad
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.ambient.drift import DriftFollower, Quiet
+from fmfts.baseline.drift import DriftFollower, Quiet
 from fmfts.pad import DriftLimits, Pad
 from fmfts.pose import State
 

@@ -20,16 +20,16 @@ from test_link import hello
 from test_pipeline import config_of
 
 from emulator.board import Board
-from fmfts.ambient import Baseline
+from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
-from fmfts.healthy.compiled import AVAILABLE, _healthy
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.running.channel import OVERDUE_S
+from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.runtime.channel import OVERDUE_S
 from fmfts.sensor import Frame
-from fmfts.sensor.bridge import Bridge
-from fmfts.sensor.clock import STANDSTILL_NS
-from fmfts.sensor.framing import encode
+from fmfts.sensor.bridge.bridge import Bridge
+from fmfts.sensor.wire.clock import STANDSTILL_NS
+from fmfts.sensor.wire.framing import encode
+from fmfts.simulation.baseline import simulated_baseline
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
@@ -169,7 +169,7 @@ def test_a_loop_refuses_what_it_was_not_made_for(bus: Bus) -> None:
     with pytest.raises(ValueError, match="not begun"):
         bus.loop.begin(Host.LINE, b"", (host.pipeline._compiled.lane(host.clock.line, TOPIC, 0).compiled,))
     with pytest.raises(ValueError, match="clock: 8 bytes"):
-        _healthy.Lane((*host.pipeline._compiled._pad, host.pipeline._compiled._network), bytearray(8), TOPIC, 0)
+        _fast.Lane((*host.pipeline._compiled._pad, host.pipeline._compiled._network), bytearray(8), TOPIC, 0)
 
 
 def test_a_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F811
@@ -238,6 +238,6 @@ def passes_through(send: Callable[..., int], bus: Bus) -> bool:
         ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, use_errno=True
     )
     function = kind(send)
-    loop = _healthy.Loop(-1, ctypes.cast(function, ctypes.c_void_p).value or 0, 0)
+    loop = _fast.Loop(-1, ctypes.cast(function, ctypes.c_void_p).value or 0, 0)
     loop.begin(Host.LINE, b"", (host.lane.compiled,))
     return loop.take(Host.LINE, data, arrival_ns)

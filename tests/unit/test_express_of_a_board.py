@@ -19,12 +19,12 @@ from test_healthy_path import frames_of
 from test_pipeline import config_of
 
 from emulator.board import Board
-from fmfts import ambient
+from fmfts import baseline as ambient
 from fmfts.config import BridgeSource, BusConfig, Config
-from fmfts.healthy.compiled import AVAILABLE
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.running.daemon import Daemon
-from fmfts.sensor.framing import encode
+from fmfts.pipeline.fast.compiled import AVAILABLE
+from fmfts.runtime.daemon import Daemon
+from fmfts.sensor.wire.framing import encode
+from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Message, Subscription
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")

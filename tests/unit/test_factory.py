@@ -10,7 +10,7 @@ import pytest
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig, PlacementConfig, SceneConfig, SimulatedSource
 from fmfts.sensor import SourceError
-from fmfts.sensor.factory import open_sources
+from fmfts.sources import open_sources
 
 
 def bridge(name: str, port: str = "/dev/a", **options: object) -> PadConfig:
@@ -76,7 +76,7 @@ def test_pads_that_cannot_share_are_named(pads: list[PadConfig], words: str) -> 
 
 def test_drivers_are_imported_only_where_a_pad_needs_them() -> None:
     code = (
-        "import sys; import fmfts.sensor; from fmfts.sensor.factory import open_sources; "
+        "import sys; import fmfts.sensor; from fmfts.sources import open_sources; "
         "from fmfts.config import *; open_sources([PadConfig(name='s', source=SimulatedSource())]); "
         "print(sorted({'serial', 'smbus2'} & set(sys.modules)))"
     )

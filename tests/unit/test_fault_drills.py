@@ -1,4 +1,4 @@
-"""A few of the drills of `python -m fmfts.bench faults`: frames of free-running chips through the whole pipeline."""
+"""A few of the drills of `python -m fmfts_lab.bench faults`: free-running chips through the whole pipeline."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from bus_messages import contact_message
 
-from fmfts.bench.drills import RATE_HZ, Ambient, field_faults, pad_config, record, sensor_faults
-from fmfts.bench.faults import Outcome, as_json, drilled
-from fmfts.bench.tapped import ManyFrames, Well, tapped, tapping
-from fmfts.sensor.simulated import Simulated
+from fmfts.simulation.source import Simulated
+from fmfts_lab.bench.drills import RATE_HZ, Ambient, field_faults, pad_config, record, sensor_faults
+from fmfts_lab.bench.faults import Outcome, as_json, drilled
+from fmfts_lab.bench.tapped import ManyFrames, Well, tapped, tapping
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mounted_world import FRAMES, NOISE_T, TOLERANCE, World
 
-from fmfts.ambient import Mounting
+from fmfts.baseline import Mounting
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pose import FREE_FIELD, PoseEstimate, solve
 from fmfts.pose.dipole import dipole_derivatives

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts import field_table
-from fmfts.field_table import DataError, field_columns, read
+from fmfts.calibrate import field_table
+from fmfts.calibrate.field_table import DataError, field_columns, read
 
 HEADER = ",".join([*field_columns(1), "note"])
 

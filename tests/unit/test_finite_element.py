@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fmfts.simulate.finite_element import PressedSlab
-from fmfts.simulate.slab import Press, Slab
-from fmfts.simulate.slab_mesh import SlabMesh
+from fmfts.simulation.slab import Press, Slab
+from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 
 
 @cache

@@ -16,19 +16,19 @@ from test_pipeline import PERIOD_NS, config_of, pipeline_of
 
 from examples import examples
 from fmfts.bus.messages import ContactMessage
+from fmfts.common.double_table import Named
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
-from fmfts.contact_message import PackedMessage
-from fmfts.healthy import Kind
-from fmfts.healthy.compiled import AVAILABLE, _healthy
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.named import Named
-from fmfts.pipeline import PadPipeline
-from fmfts.scene import choose
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.fast import Kind
+from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import Touch, no_finger
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Touch, no_finger
+from fmfts.simulation.source import Simulated
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
 
@@ -266,7 +266,7 @@ def test_the_memory_comes_back_whole() -> None:
     memories = []
     for pipeline in (compiled, oracle):
         assert pipeline._estimator is not None
-        memory = Named(_healthy.MEMORY)
+        memory = Named(_fast.MEMORY)
         pipeline._alignment.write(memory)
         assert pipeline._estimator._tracker.write(memory)
         pipeline._estimator._touch.write(memory)

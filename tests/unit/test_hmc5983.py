@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fmfts.sensor import hmc5983
+from fmfts.sensor.chips import hmc5983
 
 GOOD_UP, GOOD_DOWN = (452, 452, 421), (-452, -452, -421)
 

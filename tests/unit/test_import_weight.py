@@ -9,7 +9,8 @@ HEAVY = ("scipy", "rich", "sklearn", "onnx", "matplotlib", "magpylib", "hypothes
 
 
 @pytest.mark.parametrize(
-    "module", ["fmfts.running.daemon", "fmfts.sensor.bridge", "fmfts.sensor.i2c", "fmfts.sensor.i2c_reader"]
+    "module",
+    ["fmfts.runtime.daemon", "fmfts.sensor.bridge.bridge", "fmfts.sensor.i2c.source", "fmfts.sensor.i2c.reader"],
 )
 def test_running_daemon_imports_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print(*(name for name in {HEAVY} if name in sys.modules))"
@@ -19,7 +20,7 @@ def test_running_daemon_imports_nothing_heavy(module: str) -> None:
 
 def test_running_daemon_does_without_onnxruntime_where_the_model_is_compiled() -> None:
     code = (
-        "import sys, fmfts.running.daemon; from fmfts.config import PadConfig, SimulatedSource; "
+        "import sys, fmfts.runtime.daemon; from fmfts.config import PadConfig, SimulatedSource; "
         "from fmfts.contact import ContactModel; "
         "pad = PadConfig(name='a', source=SimulatedSource()).pad(); "
         "print(ContactModel.load('default', pad).inference.by, 'onnxruntime' in sys.modules)"
@@ -30,7 +31,7 @@ def test_running_daemon_does_without_onnxruntime_where_the_model_is_compiled() -
 
 def test_reader_process_of_a_bus_does_without_the_model() -> None:
     code = (
-        "import sys, fmfts.sensor.i2c_reader; print(*(name for name in ('onnxruntime', 'zmq') if name in sys.modules))"
+        "import sys, fmfts.sensor.i2c.reader; print(*(name for name in ('onnxruntime', 'zmq') if name in sys.modules))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == []

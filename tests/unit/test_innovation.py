@@ -8,7 +8,7 @@ import pytest
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.pad import Pad
 from fmfts.pose import SensorErrors, State, Track, Tracker, dipole_field, repeats_allowed
-from fmfts.scene import choose
+from fmfts.scene.tracking import choose
 
 NOISE_T = 2e-7
 NOISE = np.full((4, 3), NOISE_T)

@@ -14,8 +14,8 @@ import pytest
 
 from end_to_end.paper import readings
 from fmfts.bus.messages import ContactMessage
-from fmfts.record.file import read
-from fmfts.record.replay import Replay, essence
+from fmfts.offline.replay import Replay, essence
+from fmfts.recording.file import read
 
 FOLDER = Path(__file__).parents[1] / "data" / "recordings"
 RECORDINGS = sorted(FOLDER.glob("*.mcap"))

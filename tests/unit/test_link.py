@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from wire_packets import make_sample, packets, samples, selftests
 
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
-from fmfts.jobs.probing import faults_of
-from fmfts.running.statistics import PadStatistics
+from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import Source
-from fmfts.sensor.clock import DeviceClock
-from fmfts.sensor.framing import Decoder, encode
-from fmfts.sensor.link import Link
-from fmfts.sensor.packets import (
+from fmfts.sensor.probing import faults_of
+from fmfts.sensor.source import SourceState
+from fmfts.sensor.wire.clock import DeviceClock
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.packets import (
     Hello,
     HelloPad,
     HelloSensor,
@@ -33,7 +34,6 @@ from fmfts.sensor.packets import (
     StatusPad,
     Verb,
 )
-from fmfts.sensor.source import SourceState
 
 UID = bytes(range(12))
 SECOND_NS = 1_000_000_000

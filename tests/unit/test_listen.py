@@ -26,10 +26,10 @@ import msgspec
 import pytest
 from bus_messages import contact_message, event_message, status_message
 
-from fmfts import exit_codes
 from fmfts.bus.control import ControlServer
 from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
+from fmfts.common import exit_codes
 from fmfts.view.listen import listen
 from fmfts.view.status import status
 from fmfts_client import Endpoints

@@ -10,13 +10,14 @@ import pytest
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.recovered import recover_poses
 from fmfts.calibrate.standard_set import rows
-from fmfts.cli import main
-from fmfts.simulate.solved_table import standard_mechanics
+from fmfts.cli.main import main
+from fmfts.simulation.solved_table import standard_mechanics
 
 DATA = Path(__file__).parents[1] / "data"
 # Of another finite-element model, labelled with a pressure of 10, 40 or 70 kPa times the patch's area at rest.
 BY_PRESSURE = DATA / "calibration_pressure_1.23T.csv"
-# What the pressed patch, seen from above, has of its area at rest; by `python -m fmfts.simulate.patch_area` at (8, 6).
+# What the pressed patch, seen from above, has of its area at rest, at (8, 6):
+# `python -m fmfts_lab.finite_elements.patch_area`.
 SEEN_AREA = {0.2827: 0.988, 1.131: 0.949, 1.9792: 0.906}
 
 

@@ -11,14 +11,14 @@ import pytest
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.memory import BadMemoryError, restore, snapshot
-from fmfts.pipeline import PadPipeline
-from fmfts.record.replay import essence
-from fmfts.scene import choose
+from fmfts.offline.replay import essence
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import UNLOADED_AT_START_S
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import UNLOADED_AT_START_S
+from fmfts.simulation.source import Simulated
 
 DRIFTING = PadConfig(name="left", source=SimulatedSource(seed=3, warming_k_per_minute=30.0))
 CONSTANT = PadConfig(name="left", source=SimulatedSource(turning_deg_per_s=0.0), scene=SceneConfig(ambient="constant"))

@@ -25,7 +25,7 @@ from fmfts.config import (
 from fmfts.config.file import load
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
-from fmfts.needs import (
+from fmfts.scene import (
     LOAD_SHARES,
     PLACES_MM,
     Cost,
@@ -37,12 +37,12 @@ from fmfts.needs import (
     placed_beside,
     recommended,
 )
-from fmfts.scene import NOISE_T
-from fmfts.study.frame import Request
-from fmfts.study.scene import SHIPPED, printed, run
-from fmfts.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
-from fmfts.study.scene_networks import Networks
-from fmfts.study.scene_trial import tried, tried_beside
+from fmfts.scene.tracking import NOISE_T
+from fmfts_lab.study.harness import Request
+from fmfts_lab.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
+from fmfts_lab.study.scene_networks import Networks
+from fmfts_lab.study.scene_study import SHIPPED, printed, run
+from fmfts_lab.study.scene_trial import tried, tried_beside
 
 BENCH_TOP = SceneConfig(ambient="constant")
 # Three times larger at half the distance, of weak ferrite: neodymium would saturate the widest range tenfold.

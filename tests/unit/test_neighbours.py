@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmfts.bench.neighbours import pair, pressed_pair
 from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pose import PAPER, State, Tracker, dipole_field
 from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, Sighting, with_rest
-from fmfts.scene import around
+from fmfts.scene.tracking import around
+from fmfts_lab.bench.neighbours import pair, pressed_pair
 
 NOISE_T = 2e-7
 STEP_SD = np.array([3e-5, 3e-5, 3e-5, 5e-3, 5e-3, MOMENT_DEVIATION])

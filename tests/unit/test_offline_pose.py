@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.cli import main
-from fmfts.field_table import field_columns
+from fmfts.calibrate.field_table import field_columns
+from fmfts.cli.main import main
 from fmfts.pad import Pad
 from fmfts.pose import State, dipole_field
 from fmfts.pose.model import predict
 from fmfts.pose.problem import magnet_rows, measurement_rows
-from fmfts.simulate.cylinder import cylinder_field
+from fmfts.simulation.cylinder import cylinder_field
 
 CONFIG = """
 [[pad]]

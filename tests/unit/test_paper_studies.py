@@ -10,13 +10,13 @@ import pytest
 
 from fmfts.calibrate.dataset import read_calibration_set, standard_pad
 from fmfts.calibrate.standard_set import standard_set
-from fmfts.cli import main
+from fmfts.cli.main import main
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.simulate.solved_table import standard_mechanics
-from fmfts.study import experiment, paper_inputs
-from fmfts.study.frame import Facts, Request, Row
-from fmfts.study.paper_inputs import Readings
-from fmfts.study.paper_table3 import printed, run, table
+from fmfts.simulation.solved_table import standard_mechanics
+from fmfts_lab.study import experiment, paper_inputs
+from fmfts_lab.study.harness import Facts, Request, Row
+from fmfts_lab.study.paper_inputs import Readings
+from fmfts_lab.study.paper_table3 import printed, run, table
 
 PAD = PadConfig(name="standard", source=SimulatedSource())
 COLUMNS = ("x_mm", "y_mm", "force_n", "dx_um", "dy_um", "dz_um", "axis_x", "axis_y")
@@ -104,7 +104,7 @@ def test_missing_presses_are_named_with_the_command_that_solves_them(
     config = tmp_path / "config.toml"
     config.write_text('[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n')
     assert main(["study", "paper-table3", "--config", str(config), "--out", str(tmp_path)]) == 65
-    assert "python -m fmfts.simulate.solved_presses test-normal" in capsys.readouterr().err
+    assert "python -m fmfts_lab.finite_elements.solved_presses test-normal" in capsys.readouterr().err
 
 
 def test_experiment_blames_what_was_not_estimated(tmp_path: Path) -> None:

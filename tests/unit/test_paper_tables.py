@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.cli import main
+from fmfts.cli.main import main
 from fmfts.pad import Pad
 
 PAPER = Path(__file__).parents[1] / "data" / "paper"

@@ -10,19 +10,19 @@ from typing import Self
 import numpy as np
 import pytest
 
-from fmfts.ambient import Baseline
+from fmfts.baseline import Baseline
+from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage, decode_contact
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
-from fmfts.jobs.baselines import BaselineRequest
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.pipeline import PadPipeline
-from fmfts.running.channel import Channel
-from fmfts.scene import choose
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.runtime.channel import Channel
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import Finger, Touch, no_finger, steady_finger
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts.simulation.source import Simulated
 from fmfts_client import Endpoints
 
 PERIOD_NS = round(1e9 / 220)

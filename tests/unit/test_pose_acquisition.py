@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmfts.chi2 import quantile
+from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad
 from fmfts.pose import (
     FREE_FIELD,
@@ -51,7 +51,7 @@ def anywhere(random: np.random.Generator, ambient: bool) -> State:
 @pytest.mark.parametrize("sensors", [4, 3])
 @pytest.mark.parametrize("free", [FREE_PAPER, FREE_FIELD], ids=["6", "8"])
 def test_every_cold_start_is_right_or_flagged(pad: Pad, free: np.ndarray, sensors: int) -> None:
-    """`python -m fmfts.bench convergence` does it a million times."""
+    """`python -m fmfts_lab.bench convergence` does it a million times."""
     random = np.random.default_rng(11)
     flagged = 0  # three sensors cannot tell some poses from others while nothing is known of the ambient
     for _ in range(DRAWS):

@@ -232,7 +232,7 @@ def test_without_the_kernel_the_reference_serves() -> None:
     """Also what `FMFTS_SOLVER=numpy` asks for: the same pose, and the name that says so."""
     script = (
         "import numpy as np\n"
-        "from fmfts.bench.workspace import standard_pad\n"
+        "from fmfts_lab.bench.workspace import standard_pad\n"
         "from fmfts.pose import SOLVER, dipole_field, solve\n"
         "pad = standard_pad()\n"
         "place, strength = pad.sensors.position_m, pad.magnet.strength_t_m3\n"

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from fmfts.config import PadConfig, RebaselineConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.contact_message import PackedMessage
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.model_of import model_of
-from fmfts.pipeline import PadPipeline
-from fmfts.running.rebaselining import Rebaselining
-from fmfts.scene import choose
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import Finger, Touch, no_finger
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.runtime.rebaselining import Rebaselining
+from fmfts.scene.tracking import choose
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, Touch, no_finger
+from fmfts.simulation.source import Simulated
 
 # Slow enough to run through ten minutes of a pad's life in seconds.
 RATE_HZ = 20

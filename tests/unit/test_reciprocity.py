@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.cli import main
+from fmfts.cli.main import main
+from fmfts.common.exit_codes import DATA, USAGE
 from fmfts.config.file import ConfigError, load
-from fmfts.exit_codes import DATA, USAGE
-from fmfts.sensor.simulated import Simulated
 from fmfts.sensor.source import SourceError
-from fmfts.simulate.finite_element import PressedSlab
-from fmfts.simulate.pad_file import read_pad_file, write_pad_file
-from fmfts.simulate.reciprocity import Influence
-from fmfts.simulate.slab import Press, Slab
-from fmfts.simulate.solved_presses import solve_into
-from fmfts.simulate.solved_table import PRESSED_PATH, RESPONSE, SI, read_solved
+from fmfts.simulation.pad_file import read_pad_file, write_pad_file
+from fmfts.simulation.slab import Press, Slab
+from fmfts.simulation.solved_table import PRESSED_PATH, RESPONSE, SI, read_solved
+from fmfts.simulation.source import Simulated
+from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.reciprocity import Influence
+from fmfts_lab.finite_elements.solved_presses import solve_into
 
 ELEMENT_M = 2e-3
 COARSE = ("--element-mm", "2")

@@ -16,11 +16,11 @@ import pytest
 from bus_messages import contact_message, frame_message
 from mcap.reader import make_reader
 
-from fmfts import cli
 from fmfts.bus.messages import ContactMessage
-from fmfts.record.file import Recorded, RecordingError, RecordingWriter, is_whole, read
-from fmfts.record.replay import Comparison, Replay
-from fmfts.sensor.replayed import frame_of
+from fmfts.cli import main as cli
+from fmfts.offline.replay import Comparison, Replay
+from fmfts.recording.file import Recorded, RecordingError, RecordingWriter, is_whole, read
+from fmfts.recording.source import frame_of
 
 COUNT = 300
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World
 
-from fmfts.ambient import Baseline, BaselineError, encode, make_rest
-from fmfts.cli import main
-from fmfts.field_table import field_columns
+from fmfts.baseline import Baseline, BaselineError, encode, make_rest
+from fmfts.calibrate.field_table import field_columns
+from fmfts.cli.main import main
 from fmfts.pad import Pad
 
 PRESSES = 300

@@ -9,7 +9,7 @@ import pytest
 from fmfts.config import GeometryConfig, MagnetConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pose import LOG_MOMENT, State, Tracker, dipole_field, parts_of
-from fmfts.scene import MOMENT_DEVIATION, blind, choose
+from fmfts.scene.tracking import MOMENT_DEVIATION, blind, choose
 
 NOISE_T = 2e-7
 FRAME_S = 1 / 220

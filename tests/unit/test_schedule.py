@@ -11,9 +11,9 @@ from typing import cast
 import pytest
 
 from fmfts.bus.publisher import Publisher
-from fmfts.running import express
-from fmfts.running.express import Express
-from fmfts.running.schedule import Schedule
+from fmfts.runtime import fast_loop as express
+from fmfts.runtime.fast_loop import Express
+from fmfts.runtime.schedule import Schedule
 from fmfts.sensor import Source
 from fmfts_client import Endpoints
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fmfts.sensor import serial_port
+from fmfts.sensor.bridge import serial_port
 
 
 @pytest.fixture

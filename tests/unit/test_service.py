@@ -17,7 +17,7 @@ import pytest
 
 from conftest import missing
 from fmfts.config import Config, PadConfig, SimulatedSource
-from fmfts.running.daemon import Daemon
+from fmfts.runtime.daemon import Daemon
 from fmfts.service import log
 from fmfts.service.notify import Notifier
 from fmfts.service.state import state_directory, write_atomically

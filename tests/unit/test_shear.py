@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fmfts.ambient import Baseline
-from fmfts.bench.contact_shear import friction, solved
+from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
-from fmfts.jobs.simulated_baseline import simulated_baseline
-from fmfts.model_of import model_of
 from fmfts.pad import Pad
-from fmfts.pipeline import PadPipeline
-from fmfts.scene import choose
-from fmfts.sensor.simulated import Simulated
-from fmfts.simulate.finger import CYCLE_S, UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
-from fmfts.simulate.solved_table import standard_mechanics
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.scene.tracking import choose
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import CYCLE_S, UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
+from fmfts.simulation.solved_table import standard_mechanics
+from fmfts.simulation.source import Simulated
+from fmfts_lab.bench.contact_shear import friction, solved
 
 PERIOD_NS = round(1e9 / 220)
 CONFIG = PadConfig(

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 from fmfts.config import Config, PadConfig, SimulatedSource
-from fmfts.running import channel
-from fmfts.running.daemon import Daemon
+from fmfts.runtime import channel
+from fmfts.runtime.daemon import Daemon
 
 STALL_NS = 200_000_000  # longer than a pad may be silent
 

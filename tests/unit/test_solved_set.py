@@ -11,7 +11,7 @@ from fmfts.calibrate.dataset import read_labelled, standard_pad
 from fmfts.calibrate.simulated import rest_field_of
 from fmfts.calibrate.solved_set import main
 from fmfts.calibrate.tracked import FrameSolver
-from fmfts.simulate.solved_table import COLUMNS, mirrored
+from fmfts.simulation.solved_table import COLUMNS, mirrored
 
 # x, y, force, shear x, shear y, dx, dy, dz, axis x, axis y: off the diagonal, on it, and the centre.
 SOLVED = np.array(

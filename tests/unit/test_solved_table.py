@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.simulate.check_table import errors
-from fmfts.simulate.solved_presses import centre_grid, normal_grid, normal_test, press_columns, shear_grid, shear_test
-from fmfts.simulate.solved_table import (
+from fmfts.simulation.solved_table import (
     CENTRE_PATH,
     PRESSED_PATH,
     RESPONSE,
@@ -15,6 +13,15 @@ from fmfts.simulate.solved_table import (
     normal_mechanics,
     read_solved,
     standard_mechanics,
+)
+from fmfts_lab.finite_elements.check_table import errors
+from fmfts_lab.finite_elements.solved_presses import (
+    centre_grid,
+    normal_grid,
+    normal_test,
+    press_columns,
+    shear_grid,
+    shear_test,
 )
 
 SIMULATE = PRESSED_PATH.parent

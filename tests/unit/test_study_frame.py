@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.study.frame import Request, Row, Study
+from fmfts_lab.study.harness import Request, Row, Study
 
 COLUMNS = ("method", "error_um", "flagged", "deviation_um")
 

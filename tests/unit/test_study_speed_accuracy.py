@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmfts.cli import main
-from fmfts.study.frame import Facts
-from fmfts.study.pareto import front
+from fmfts.cli.main import main
+from fmfts_lab.study.harness import Facts
+from fmfts_lab.study.pareto import front
 
 Find = Callable[..., list[dict[str, str]]]
 SVG_LIMIT_BYTES = 300_000

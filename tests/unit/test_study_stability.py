@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.cli import main
+from fmfts.cli.main import main
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.study import stability
-from fmfts.study.hazards import Cell
-from fmfts.study.method import Answer
-from fmfts.study.world import Sample, World, drawn_world, frame_times, pressed, presses
+from fmfts_lab.study import stability
+from fmfts_lab.study.hazards import Cell
+from fmfts_lab.study.method import Answer
+from fmfts_lab.study.world import Sample, World, drawn_world, frame_times, pressed, presses
 
 DAEMON = "the daemon, whole"
 

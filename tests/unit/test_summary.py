@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bus_messages import status_message
 
-from fmfts.running.summary import one_line
+from fmfts.runtime.summary import one_line
 
 NOW_NS = 100_000_000_000
 

@@ -15,19 +15,19 @@ import msgpack
 import pytest
 import zmq
 
+from fmfts.baseline.files import path_of, previous_of, stored
 from fmfts.bus.control import ControlServer
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
-from fmfts.jobs.baseline_files import path_of, previous_of, stored
-from fmfts.jobs.tasks import PATIENCE_S
-from fmfts.pipeline import PadPipeline
-from fmfts.running.channel import Channel
-from fmfts.running.pending import PROGRESS_S
-from fmfts.running.verbs import Verbs
-from fmfts.scene import choose
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.runtime.channel import Channel
+from fmfts.runtime.pending import PROGRESS_S
+from fmfts.runtime.requests import Verbs
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
-from fmfts.sensor.simulated import Simulated
+from fmfts.sensor.tasks import PATIENCE_S
+from fmfts.simulation.source import Simulated
 from fmfts_client import Endpoints
 
 CONFIG = PadConfig(

@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wire_packets import make_sample, packets
 
-from fmfts.sensor.framing import MAX_LINE_BYTES, Decoder, encode
-from fmfts.sensor.packets import (
+from fmfts.sensor.wire.codec import pack
+from fmfts.sensor.wire.framing import MAX_LINE_BYTES, Decoder, encode
+from fmfts.sensor.wire.packets import (
     Hello,
     HelloPad,
     HelloSensor,
@@ -27,7 +28,6 @@ from fmfts.sensor.packets import (
     Status,
     StatusPad,
 )
-from fmfts.sensor.wire import pack
 
 DATA = Path(__file__).parents[1] / "data"
 VECTORS = ConfigParser()

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples import examples
-from fmfts.sensor import framing
 from fmfts.sensor.frame import WireFrame, bits
-from fmfts.sensor.framing import Decoder, encode
-from fmfts.sensor.packets import Packet, Reply, Sample
+from fmfts.sensor.wire import framing
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.packets import Packet, Reply, Sample
 
 pytestmark = pytest.mark.skipif(framing._wire is None, reason="the wire was not compiled")
 

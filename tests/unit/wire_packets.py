@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from fmfts.sensor.packets import (
+from fmfts.sensor.wire.packets import (
     Hello,
     HelloPad,
     HelloSensor,

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fmfts.ambient import Mounting
+from fmfts.baseline import Mounting
+from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, mounting_of, read
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.contract import OUTPUT_ORDER, SHEAR_OUTPUT_ORDER
-from fmfts.field_table import DataError, FieldTable, field_columns, mounting_of, read
 from fmfts.pad import Array, Pad
 from fmfts.pose import solve
-from fmfts.simulate.cylinder import cylinder_field
+from fmfts.simulation.cylinder import cylinder_field
 
 PAD_SIZE_MM = 40.0
 LARGEST_FORCE_N = 50.0

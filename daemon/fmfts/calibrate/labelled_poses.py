@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmfts.calibrate.dataset import CalibrationSet, rest_field
+from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.fitting import best_roughness, fit_response
 from fmfts.calibrate.left_out import LeftOut
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked, UnsolvedError
 from fmfts.contact.response import Response
-from fmfts.field_table import DataError
 
 # Presses that the fit was not told may differ by so many deviations of a frame's noise, and no more: beyond, the set
 # does not determine the response, or its labels are wrong. Places to 0.1 mm and forces to 1 % leave 4.9.

@@ -3,8 +3,8 @@
     python -m fmfts.calibrate.solved_set SOLVED.csv … -o SET.csv [--mirrored] [--largest-force-n 2] [--remanence-t 1.23]
 
 SOLVED.csv has x_mm, y_mm, force_n, shear_x_n, shear_y_n and the magnet's dx_um, dy_um, dz_um, axis_x, axis_y, as
-`fmfts.simulate.solved_presses` writes it. --mirrored adds what the square pad's mirrors and quarter turns make of each.
---largest-force-n leaves out what presses harder.
+`fmfts_lab.finite_elements.solved_presses` writes it. --mirrored adds what the square pad's mirrors and quarter turns
+make of each. --largest-force-n leaves out what presses harder.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.calibrate.dataset import standard_pad
+from fmfts.calibrate.field_table import field_columns
 from fmfts.calibrate.simulated import magnet_fields
 from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
-from fmfts.field_table import field_columns
 from fmfts.pad import Array, Pad
-from fmfts.simulate.solved_table import mirrored, read_solved
+from fmfts.simulation.solved_table import mirrored, read_solved
 
 
 def labelled(rows: Array, pad: Pad) -> Array:

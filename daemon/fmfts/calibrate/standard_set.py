@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.calibrate.dataset import CalibrationSet, standard_pad
+from fmfts.calibrate.field_table import field_columns
 from fmfts.calibrate.simulated import pressed_fields
 from fmfts.contact.contract import OUTPUT_ORDER
-from fmfts.field_table import field_columns
 from fmfts.pad import Array
 
 PLACES_MM = range(-14, 15, 2)

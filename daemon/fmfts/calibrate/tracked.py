@@ -13,7 +13,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.ambient import Mounting
+from fmfts.baseline import Mounting
 from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, State, parts_of, solve, tangent_basis
 from fmfts.pose.change import shortest_rotation

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from fmfts.calibrate.dataset import CalibrationSet
 from fmfts.calibrate.evaluation import force_bins, metrics, own_error, rounded, rows, tables_of_squares
 from fmfts.calibrate.export import export
+from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import LabelledPoses, Say, solver_of
 from fmfts.calibrate.network import ContactNetwork, train_network
 from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
@@ -27,9 +28,8 @@ from fmfts.contact.contract import (
     Facts,
 )
 from fmfts.contact.response import Response
-from fmfts.field_table import DataError
 from fmfts.pad import Array
-from fmfts.scene import NOISE_T
+from fmfts.scene.tracking import NOISE_T
 
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # of force

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.ambient import BaselineError, Mounting
-from fmfts.ambient.recording import Recording, summarise
-from fmfts.chi2 import quantile
+from fmfts.baseline import BaselineError, Mounting
+from fmfts.baseline.recording import Recording, summarise
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.gauge import Reading
+from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, solve
 from fmfts.sensor import Frame

@@ -7,14 +7,14 @@ from typing import Any, Protocol
 
 import msgspec
 
+from fmfts.bus.frame_message import frame_of
 from fmfts.bus.lock import serving_pid
 from fmfts.bus.messages import FrameMessage
 from fmfts.collect.errors import AbsentError
 from fmfts.collect.gauge import Counts
 from fmfts.config import Config, PadConfig
-from fmfts.frame_message import frame_of
 from fmfts.sensor import Frame, Source, SourceError
-from fmfts.sensor.factory import open_sources
+from fmfts.sources import open_sources
 from fmfts_client import Subscription, request
 from fmfts_client.endpoints import for_client, named_base
 

@@ -11,18 +11,18 @@ from typing import Self
 
 import msgspec
 
-from fmfts.ambient import Baseline
+from fmfts.baseline import Baseline
+from fmfts.bus.frame_message import frame_message
 from fmfts.bus.messages import StateMessage
 from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.config import PadConfig
 from fmfts.contact import ModelError
-from fmfts.frame_message import frame_message
-from fmfts.memory import state_message
-from fmfts.model_of import model_of
-from fmfts.pipeline import PadPipeline
-from fmfts.record.file import RecordingError, RecordingWriter
-from fmfts.scene import choose
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import state_message
+from fmfts.recording.file import RecordingError, RecordingWriter
+from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
 
 

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from fmfts.collect.errors import AbsentError
 from fmfts.config.collect import GaugeConfig, LoadCellGauge, SerialGauge, UdpGauge
-from fmfts.sensor import serial_port
+from fmfts.sensor.bridge import serial_port
 
 ASK_NS = 20_000_000  # a gauge that does not stream is asked so often, unless it answers sooner
 LONGEST_LINE = 256

@@ -13,7 +13,7 @@ from fmfts.collect.dialect import DIALECTS, Answer, Dialect, Place
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.guard import Rescue
 from fmfts.config.collect import StageConfig
-from fmfts.sensor import serial_port
+from fmfts.sensor.bridge import serial_port
 
 BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
 ANSWER_S = 1.0

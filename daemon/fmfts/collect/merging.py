@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fmfts.bus.frame_message import frame_of
 from fmfts.bus.messages import FrameMessage
 from fmfts.collect.alignment import Alignment, align
 from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
@@ -22,8 +23,7 @@ from fmfts.collect.session import Identity, row_of
 from fmfts.collect.table import FORMAT, UNTOUCHED, Header, Row, Table
 from fmfts.collect.work import averaging_s, unmoved_since_baseline
 from fmfts.config import Config, PadConfig
-from fmfts.frame_message import frame_of
-from fmfts.record.file import RecordingError, read
+from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
 
 ZERO_DRIFT_N = 0.05  # of the log from one pause to the next, its rod up; more is a press, or no zero to believe

@@ -10,7 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from fmfts.ambient import Mounting
+from fmfts.baseline import Mounting
 from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
 from fmfts.collect.errors import CollectError, StoppedError
 from fmfts.collect.frames import Frames

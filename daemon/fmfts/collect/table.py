@@ -16,8 +16,8 @@ from typing import Self
 
 import msgspec
 
+from fmfts.calibrate.field_table import field_columns
 from fmfts.collect.errors import RefusedError
-from fmfts.field_table import field_columns
 from fmfts.service.state import write_atomically
 
 FORMAT = 2

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fmfts.ambient import Baseline, BaselineError
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.files import StateError, stored
 from fmfts.collect.average import Unmoved
 from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
@@ -24,7 +25,6 @@ from fmfts.collect.table import FORMAT, Header, Table
 from fmfts.collect.watch import Limits, Watch
 from fmfts.config import Config, PadConfig
 from fmfts.config.collect import CollectConfig
-from fmfts.jobs.baseline_files import StateError, stored
 from fmfts.pad import Pad
 
 FRAMES_A_ROW = 64  # a mean of fewer is refused

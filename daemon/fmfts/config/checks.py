@@ -18,8 +18,8 @@ from fmfts.config import (
     SourceConfig,
     collect,
 )
-from fmfts.sensor.hmc5983 import gain_code_for_range
-from fmfts.sensor.rate_limits import i2c_rate_hz, source_rate_hz
+from fmfts.sensor.chips.hmc5983 import gain_code_for_range
+from fmfts.sensor.chips.rates import i2c_rate_hz, source_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 

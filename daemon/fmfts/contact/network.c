@@ -1,7 +1,7 @@
 /* Forward and backward pass of graph.py's FORWARD and BACKWARD. Inner loops run over the hidden units, whose sums are kept
  * apart in lanes: that is what a compiler can vectorise without changing the order of any sum. */
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("tree-loop-vectorize") /* the solver beside it in _healthy is faster without */
+#pragma GCC optimize("tree-loop-vectorize") /* the solver beside it in _fast is faster without */
 #endif
 #include "network.h"
 

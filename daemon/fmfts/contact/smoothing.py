@@ -14,7 +14,7 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import exp, power, square
 from fmfts.arithmetic.matrix import least_squares, length, product
-from fmfts.chi2 import quantile
+from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 
 COMPONENTS = 5  # position, and the axis but for what follows from it

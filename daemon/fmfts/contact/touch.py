@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
-from fmfts.chi2 import quantile
-from fmfts.named import Named
+from fmfts.common.chi2 import quantile
+from fmfts.common.double_table import Named
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import log, square
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.arithmetic.series import erf
-from fmfts.named import Named
+from fmfts.common.double_table import Named
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

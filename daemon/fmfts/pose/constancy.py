@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length
-from fmfts.chi2 import quantile
+from fmfts.common.chi2 import quantile
 from fmfts.pad import Array, Pad
 from fmfts.pose.problem import Status
 from fmfts.pose.solver import FREE_FIELD, solve

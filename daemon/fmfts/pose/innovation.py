@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, square
 from fmfts.arithmetic.matrix import cholesky, complement, lengths, log_determinant, product, solve, solve_lower
-from fmfts.chi2 import quantile
-from fmfts.named import Named
+from fmfts.common.chi2 import quantile
+from fmfts.common.double_table import Named
 
 Array = NDArray[np.float64]
 

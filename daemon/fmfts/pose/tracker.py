@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import log, square
 from fmfts.arithmetic.matrix import length, product
-from fmfts.chi2 import quantile, survival
-from fmfts.named import Named
+from fmfts.common.chi2 import quantile, survival
+from fmfts.common.double_table import Named
 from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.foreign_field import with_foreign_field

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp
-from fmfts.named import Named
+from fmfts.common.double_table import Named
 from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.field_errors import SensorErrors, change_since

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.sensor.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
+from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
 
 TESLA_PER_GAUSS = 1e-4
 AGE_UNKNOWN_US = 65535

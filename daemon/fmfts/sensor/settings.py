@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Self
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig
-from fmfts.sensor import hmc5983
-from fmfts.sensor.rate_limits import source_rate_hz
+from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips.rates import source_rate_hz
 from fmfts.sensor.source import SourceError
 
 

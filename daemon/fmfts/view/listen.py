@@ -17,7 +17,7 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from fmfts import exit_codes
+from fmfts.common import exit_codes
 from fmfts.view.picture import render_contact
 from fmfts.view.silence import why_nothing_came
 from fmfts.view.tally import Tally, now_line

@@ -17,7 +17,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from fmfts import exit_codes
+from fmfts.common import exit_codes
 from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
 
 HALF_WIDTH_M = 0.020  # the pad is not described on the bus: what is farther out is drawn at the edge

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fmfts import exit_codes
+from fmfts.common import exit_codes
 from fmfts_client import ControlError, EndpointError, MessageError, Status, request
 
 TIMEOUT_S = 3.0

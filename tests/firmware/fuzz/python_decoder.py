@@ -14,7 +14,7 @@ import random
 import sys
 from pathlib import Path
 
-from fmfts.sensor.framing import Decoder
+from fmfts.sensor.wire.framing import Decoder
 
 VECTORS = Path(__file__).parents[2] / "data" / "wire_vectors.ini"
 

@@ -1,0 +1,44 @@
+"""How well a mounting is known, in the few figures that a person compares before and after."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product
+from fmfts.baseline.gains import relative_deviation
+from fmfts.baseline.mounting import Mounting
+from fmfts.pad import Pad
+from fmfts.pose import FREE_FIELD
+
+# What 1 N at (4, 4) mm does to the magnet of the standard pad: metres, and radians.
+PRESS_1N = np.array([-1.8e-5, -1.8e-5, -7.7e-4, 0.03, 0.03])
+DEPTH = 2
+
+
+def accuracy(mounting: Mounting, pad: Pad) -> dict[str, float]:
+    """Standard deviations (rms over sensors and axes) of gains, relative to each other, places (m) and remanence (T).
+
+    Of a press of about 1 N, what is left open of the pose's change: sideways (m), and of its depth, as a force (N).
+    Empty for a mounting whose rest was not recorded.
+    """
+    leftover = mounting.leftover
+    if leftover is None:
+        return {}
+    scale = leftover.unknowns.deviation
+    covariance = leftover.covariance * scale * scale[:, None]
+    first_gain = 9 + 3 * len(pad.sensors)
+    by_change = mounting.change_error(FREE_FIELD)
+    error = product(PRESS_1N, by_change.reshape(5, -1)).reshape(5, -1)
+    press = np.sqrt(square(error).sum(axis=1))
+    return {
+        "gain_sd": _rms(relative_deviation(covariance[first_gain:, first_gain:])),
+        "sensor_place_sd_m": _rms(np.sqrt(np.diagonal(covariance)[9:first_gain])),
+        "remanence_sd_t": float(np.sqrt(covariance[5, 5])) * mounting.remanence_t(pad),
+        "press_1n_sideways_sd_m": _rms(press[:2]),
+        "press_1n_force_sd_n": float(press[DEPTH] / abs(PRESS_1N[DEPTH])),
+    }
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(square(values))))

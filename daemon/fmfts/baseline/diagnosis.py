@@ -1,0 +1,126 @@
+"""Refuses a baseline that no mounted, unloaded pad explains, and names what does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import lengths, product
+from fmfts.baseline.gains import Gains
+from fmfts.baseline.mounting import Mounting, estimate_mounting
+from fmfts.baseline.recording import BaselineError, Recording
+from fmfts.common.chi2 import quantile
+from fmfts.pad import Pad, Tolerance
+
+Array = NDArray[np.float64]
+
+# A pad built within its tolerances is refused once in this many.
+FALSE_REFUSAL = 1e-5
+# A rest pose further than this from the drawing, in tolerances, is a load rather than a mounting (once in 3000 pads).
+LARGEST_STRAIN = 4.0
+# The Earth's field plus what a robot's own steel adds (gauss); more than this is a magnet or iron close by.
+LARGEST_AMBIENT_T = 2e-4
+# Far more than any mounting leaves open: what a finger, or a wrong rest_mm, does.
+LOADED = {"magnet_position_m": 3e-3, "magnet_tilt_rad": 0.35}
+
+
+@dataclass(frozen=True, slots=True)
+class _Suspicion:
+    mounting: Mounting
+    sentence: str
+
+    @property
+    def plausible(self) -> bool:
+        return _fits(self.mounting)
+
+
+def check_bare(pad: Pad, bare: Recording) -> None:
+    """BaselineError where the field without the magnet cannot be the robot's surroundings."""
+    size = lengths(bare.mean_t)
+    if size.max() > LARGEST_AMBIENT_T:
+        sensor = int(np.argmax(size))
+        raise BaselineError(
+            f"sensor {sensor + 1} sees {size[sensor] * 1e4:.2f} G without the pad (the Earth's field has 0.25–0.65 G): "
+            "is the magnet still mounted, or steel or another magnet nearby?"
+        )
+
+
+def estimate_and_judge(
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None = None
+) -> Mounting:
+    """The mounting, if it is one: BaselineError with the misfit and its likely cause otherwise."""
+    mounting = estimate_mounting(pad, tolerance, rest, bare, gains=gains)
+    if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
+        return mounting
+    # With perfect sensors the misfit shows where it arose; the tolerances would spread it over all of them.
+    misfit = estimate_mounting(
+        pad, replace(tolerance, sensor_position_m=0.0, gain=0.0), rest, bare, gains=gains
+    ).misfit_t
+    worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
+    facts = (
+        f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
+        f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} tolerances from its place; "
+        f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e7:+.0f} mG off."
+    )
+    plausible = [suspicion for suspicion in _suspicions(pad, tolerance, rest, bare, gains) if suspicion.plausible]
+    if not plausible:
+        cause = (
+            "No single fault explains it: steel or a magnet nearby, or sensors_mm, rest_mm and remanence_t in the "
+            "config are not this pad's."
+        )
+    else:
+        likeliest = min(plausible, key=lambda suspicion: suspicion.mounting.chi2 / suspicion.mounting.measurements)
+        cause = likeliest.sentence
+    raise BaselineError(f"{facts} {cause}")
+
+
+def _limit(mounting: Mounting) -> float:
+    return quantile(FALSE_REFUSAL, mounting.measurements)
+
+
+def _fits(mounting: Mounting) -> bool:
+    return mounting.chi2 < _limit(mounting)
+
+
+def _suspicions(
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None
+) -> Iterator[_Suspicion]:
+    """The single faults that are worth a try, each with the mounting that would follow if it were so."""
+    count = len(pad.sensors)
+    yield _Suspicion(
+        estimate_mounting(replace(pad, rest_axis=-pad.rest_axis), tolerance, rest, bare, gains=gains),
+        "The magnet is in upside down: turn it, or negate rest_axis.",
+    )
+    for one, other in combinations(range(count), 2):
+        order = np.arange(count)
+        order[[one, other]] = other, one
+        yield _Suspicion(
+            estimate_mounting(pad, tolerance, _reordered(rest, order), bare and _reordered(bare, order), gains=gains),
+            f"Sensors {one + 1} and {other + 1} are swapped: exchange their channels in the config or their wires.",
+        )
+    loaded = estimate_mounting(pad, replace(tolerance, **LOADED), rest, bare, gains=gains)
+    x, y, z = (loaded.rest.position_m - pad.rest_position_m) * 1e3
+    tilt = np.arccos(np.clip(product(loaded.rest.axis, pad.rest_axis), -1.0, 1.0))
+    yield _Suspicion(
+        loaded,
+        f"The magnet would be off by {x:+.2f}, {y:+.2f}, {z:+.2f} mm and {np.degrees(tilt):.1f}°: "
+        "something presses on the pad, or rest_mm is not this pad's.",
+    )
+    if count < 4:
+        return
+    for sensor in range(count):
+        used = np.arange(count) != sensor
+        yield _Suspicion(
+            estimate_mounting(pad, tolerance, rest, bare, used, gains),
+            f"Sensor {sensor + 1} alone is wrong: a bad chip (run selftest), a bad place, or steel beside it.",
+        )
+
+
+def _reordered(recording: Recording, order: NDArray[np.intp]) -> Recording:
+    return replace(
+        recording, mean_t=recording.mean_t[order], noise_t=recording.noise_t[order], samples=recording.samples[order]
+    )

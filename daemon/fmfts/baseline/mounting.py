@@ -1,0 +1,239 @@
+"""What a mounted pad really is: its rest pose, magnet, sensor places and gains, as the rest field tells them.
+
+A pad is never quite its drawing. The rest pose is estimated, not assumed: the maximum a posteriori over everything that
+mounting and manufacture leave open, with the tolerances as priors. Contact then uses the pose's change from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import inverse, lengths, product, root_of_squares, solve
+from fmfts.baseline.gains import Gains, relative_deviation
+from fmfts.baseline.presses import PressBundle, Presses
+from fmfts.baseline.recording import Recording
+from fmfts.baseline.unknowns import Leftover, Unknowns
+from fmfts.pad import Pad, SensorArray, Tolerance
+from fmfts.pose import FieldErrors, State, dipole_field
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 30
+SETTLED = 1e-6  # largest step, in prior deviations, at which the search ends
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """A pad as it is mounted: everything that turns a measured field into the magnet's, with its deviation.
+
+    rest: the unloaded magnet. rest_covariance: (6, 6) of its step (position, axis, log moment).
+    gain: (N, 3) measured = gain·true, per axis. sensor_position_m: (N, 3).
+    offset_t: (N, 3) in sensor axes, what remains of the field when the magnet's is taken away: the ambient field, with
+    what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
+    noise_t: (N, 3) of one sample. gain_deviation: (N, 3) of a change of field, relative to it; place_deviation: (N, 1)
+    of a change of the magnet's own field, which is not everywhere the same.
+    systematic_t: what every value may be off besides, always by the same.
+    leftover: what the rest field could not tell, None where rest was not recorded.
+    chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
+    rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
+    ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
+    press_chi2: (K,) misfit of each press, if there were any, of 3N − 5 degrees of freedom.
+    """
+
+    rest: State
+    rest_covariance: Array
+    gain: Array
+    sensor_position_m: Array
+    offset_t: Array
+    rest_field_t: Array
+    noise_t: Array
+    gain_deviation: Array
+    place_deviation: Array
+    systematic_t: float
+    leftover: Leftover | None
+    chi2: float
+    measurements: int
+    misfit_t: Array
+    rest_strain: Array
+    ambient_t: Array | None
+    ambient_deviation_t: Array | None
+    press_chi2: Array = field(default_factory=lambda: np.zeros(0))
+
+    def drifted(self, moved: Array) -> Self:
+        """The same pad, its magnet at rest elsewhere: moved (5,) in m, and rad in the tangent plane of the axis."""
+        return replace(self, rest=self.rest.stepped(moved))
+
+    def mounted(self, pad: Pad) -> Pad:
+        """The drawing with the estimated sensor places and rest pose in it."""
+        return replace(
+            pad,
+            sensors=SensorArray(self.sensor_position_m, pad.sensors.rotation),
+            rest_position_m=self.rest.position_m,
+            rest_axis=self.rest.axis,
+        )
+
+    def remanence_t(self, pad: Pad) -> float:
+        """The strength of this pad's magnet as the remanence of a magnet of its drawing's size."""
+        return pad.magnet.remanence_t * exp(self.rest.log_moment)
+
+    def magnet_field(self, measured_t: Array) -> Array:
+        """Measured field (N, 3), sensor axes → the magnet's share of it, gains and ambient field removed."""
+        return measured_t / self.gain - self.offset_t
+
+    def lasting_deviation_t(self, magnet_field_t: Array, ambient_t: Array) -> Array:
+        """(N, 3) standard deviation of the magnet's field, noise aside; ambient_t (N, 3): what of it, in sensor axes,
+        is a change of the ambient field since the baseline.
+
+        Real errors are proportional. Those at rest are in the estimate, so only the change counts; where a sensor sits
+        matters to the magnet's field alone.
+        """
+        change = magnet_field_t - self.rest_field_t
+        gain, place = self.gain_deviation * change, self.place_deviation * (change - ambient_t)
+        deviation: Array = np.sqrt(gain * gain + place * place + square(self.systematic_t))
+        return deviation
+
+    def field_errors(self) -> FieldErrors | None:
+        """What the baseline left open, as it shows in the field; None before rest was recorded."""
+        return None if self.leftover is None else self.leftover.field_errors()
+
+    def change_error(self, solved: NDArray[np.intp]) -> Array:
+        """(5, 5, M) error of a unit change of pose, see `Leftover.change_error`."""
+        return np.zeros((5, 5, 0)) if self.leftover is None else self.leftover.change_error(solved)
+
+
+def estimate_mounting(
+    pad: Pad,
+    tolerance: Tolerance,
+    rest: Recording,
+    bare: Recording | None,
+    used: NDArray[np.bool_] | None = None,
+    gains: Gains | None = None,
+    presses: Presses | None = None,
+) -> Mounting:
+    """The most probable mounting, from the field at rest and, where there is one, the field without the pad.
+
+    With a bare recording, the difference of both is the magnet's alone, and the ambient field is a measurement; without
+    one it is one more unknown, and what comes out for it is not worth publishing (18–31 mG wrong).
+    used: (N,) sensors to believe, all if None. gains: what is known of them, no more than the tolerance if None.
+    presses: what moved the magnet, if anything did; every press must be of a sensor that is believed.
+    """
+    count = len(pad.sensors)
+    unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
+    data, variance = rest.mean_t, square(rest.mean_deviation_t) + square(unknowns.model_deviation_t)
+    if bare is not None:
+        data, variance = data - bare.mean_t, variance + square(bare.mean_deviation_t)
+    believed = np.repeat(np.ones(count, dtype=bool) if used is None else used, 3)
+    bundle = None if presses is None else PressBundle(presses, unknowns)
+    weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
+    scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle)
+    # Values known so well tell more than the first order, from which the covariance comes, can say.
+    curvature = unknowns.curvature_t(scaled, inverse(normal))
+    weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
+    scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
+    state, places, gain = unknowns.unpack(scaled)
+    misfit = data - unknowns.predict(state, places, gain, octupole_m2=unknowns.cylinder_m2)[0]
+    predicted, _ = unknowns.predict(state, places, gain)
+    scaled_covariance = inverse(normal)
+    covariance = scaled_covariance * unknowns.deviation[:, None] * unknowns.deviation
+    magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
+    distance = lengths(places - state.position_m)
+    ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
+    place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
+    gain_deviation = relative_deviation(covariance[9 + 3 * count :, 9 + 3 * count :])
+    return Mounting(
+        rest=replace(state, ambient_t=np.zeros(3)),
+        rest_covariance=covariance[:6, :6],
+        gain=gain,
+        sensor_position_m=places,
+        offset_t=rest.mean_t / gain - magnet_alone,
+        rest_field_t=magnet_alone,
+        noise_t=rest.noise_t,
+        gain_deviation=gain_deviation,
+        place_deviation=_by_place(place_deviation, distance),
+        systematic_t=0.0,
+        leftover=Leftover(unknowns, scaled, scaled_covariance, np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0)),
+        chi2=float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled)),
+        measurements=int(believed.sum()),
+        misfit_t=misfit,
+        rest_strain=scaled[:5],
+        ambient_t=ambient,
+        ambient_deviation_t=ambient_deviation,
+        press_chi2=np.zeros(0) if bundle is None else bundle.linearise(scaled).block_chi2,
+    )
+
+
+def _most_probable(
+    unknowns: Unknowns, data: Array, weight: Array, start: Array, bundle: PressBundle | None
+) -> tuple[Array, Array]:
+    """The unknowns (M,) of the largest posterior, in prior deviations, and its normal matrix (M, M) there.
+
+    data (N, 3) of weight (3N,); the poses of the bundle's presses follow.
+    """
+    scaled = start
+    for _ in range(ITERATIONS):
+        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled), octupole_m2=unknowns.cylinder_m2)
+        weighted = weight[:, None] * jacobian * unknowns.deviation
+        normal = product(weighted.T, weighted) + unknowns.precision
+        gradient = product(weighted.T, weight * (data - predicted).ravel()) - product(unknowns.precision, scaled)
+        if bundle is not None:
+            reduced = bundle.linearise(scaled)
+            normal, gradient = normal + reduced.normal, gradient + reduced.gradient
+        step = solve(normal, gradient)
+        # Beyond a few prior deviations the linear model is not to be believed.
+        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
+        scaled = scaled + step
+        if bundle is not None:
+            bundle.follow(step)
+        if np.abs(step).max() < SETTLED:
+            break
+    return scaled, normal
+
+
+def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mounting:
+    """The drawing itself, for a pad whose rest was not recorded yet: only its ambient field is known.
+
+    All sensors weigh the same, as in the paper: nothing tells yet which of them are off, only how much they may be.
+    """
+    shape = bare.mean_t.shape
+    at_rest_t = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
+    typical_t = np.sqrt(np.mean(square(at_rest_t)))
+    distance = lengths(pad.sensors.position_m - pad.rest_position_m)
+    place = _by_place(np.full(shape, tolerance.sensor_position_m), distance)
+    proportional = np.sqrt(square(tolerance.gain) + np.mean(square(place)))
+    ambient, ambient_deviation = _ambient(pad, bare)
+    return Mounting(
+        rest=State.at_rest(pad),
+        rest_covariance=np.zeros((6, 6)),
+        gain=np.ones(shape),
+        sensor_position_m=pad.sensors.position_m,
+        offset_t=bare.mean_t,
+        rest_field_t=pad.sensors.to_sensor(at_rest_t),
+        noise_t=bare.noise_t,
+        gain_deviation=np.zeros(shape),
+        place_deviation=np.zeros((shape[0], 1)),
+        systematic_t=float(proportional * typical_t),
+        leftover=None,
+        chi2=0.0,
+        measurements=0,
+        misfit_t=np.zeros(shape),
+        rest_strain=np.zeros(5),
+        ambient_t=ambient,
+        ambient_deviation_t=ambient_deviation,
+    )
+
+
+def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
+    """The uniform ambient field (3,), and its deviation (3,) from how far the sensors differ about it."""
+    seen = pad.sensors.to_pad(bare.mean_t)
+    return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
+
+
+def _by_place(place_deviation_m: Array, distance_m: Array) -> Array:
+    """(N, 1) relative error of a change of the magnet's field: a gradient of a dipole's field goes with 1/r⁴."""
+    relative: Array = 4.0 / np.sqrt(3.0) * lengths(place_deviation_m) / distance_m
+    return relative[:, None]

@@ -1,0 +1,77 @@
+"""Presses that nobody labelled: each has a pose of its own, and all were seen by the same sensors and magnet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import cholesky, product, solve_lower
+from fmfts.baseline.bundle import Reduced
+from fmfts.baseline.unknowns import STANDING_AMBIENT_T, Unknowns
+from fmfts.pose import State
+from fmfts.pose.state import turned
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Presses:
+    """change_t (K, N, 3): the fields' change from rest, in sensor axes, deviation_t (N, 3) of each.
+
+    start: the poses, roughly.
+    """
+
+    change_t: Array
+    deviation_t: Array
+    start: tuple[State, ...]
+
+
+@dataclass
+class PressBundle:
+    """The presses within the search for a mounting: their poses follow the shared unknowns."""
+
+    presses: Presses
+    unknowns: Unknowns
+    poses: list[State] = field(init=False)
+    reduced: Reduced = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.poses = list(self.presses.start)
+
+    def linearise(self, scaled: Array) -> Reduced:
+        """Around the unknowns `scaled` (M,) and the poses as they are.
+
+        The change from rest is measured, so that what no parameter explains at rest is in no change either.
+        """
+        rest, places, gain = self.unknowns.unpack(scaled)
+        cylinder = self.unknowns.cylinder_m2
+        at_rest, rest_columns = self.unknowns.predict(rest, places, gain, octupole_m2=cylinder)
+        whiten = self._whitening(gain)
+        own, shared, residual = [], [], []
+        for pose, change in zip(self.poses, self.presses.change_t, strict=True):
+            state = replace(rest, position_m=pose.position_m, axis=pose.axis)
+            there, columns = self.unknowns.predict(state, places, gain, pose.axis, cylinder)
+            own.append(product(whiten, columns[:, :5]))
+            columns[:, :5] = 0.0
+            shared.append(product(whiten, (columns - rest_columns) * self.unknowns.deviation))
+            residual.append(product(whiten, (change - (there - at_rest)).ravel()))
+        self.reduced = Reduced.of(np.array(own), np.array(shared), np.array(residual))
+        return self.reduced
+
+    def follow(self, step: Array) -> None:
+        """Move every pose as a step (M,) of the shared unknowns demands."""
+        self.poses = [
+            replace(pose, position_m=pose.position_m + own[:3], axis=turned(pose.axis, own[3:]))
+            for pose, own in zip(self.poses, self.reduced.own_steps(step), strict=True)
+        ]
+
+    def _whitening(self, gain: Array) -> Array:
+        """(3N, 3N) that makes a change's errors, noise and ambient field, independent and of deviation one."""
+        rotation = self.unknowns.pad.sensors.rotation
+        ambient = (gain[:, :, None] * rotation.transpose(0, 2, 1)).reshape(-1, 3) * STANDING_AMBIENT_T
+        variance = (square(self.presses.deviation_t)).ravel() + square(self.unknowns.model_deviation_t)
+        whitening: Array = solve_lower(cholesky(np.diag(variance) + product(ambient, ambient.T)), np.eye(len(variance)))
+        return whitening

@@ -1,0 +1,105 @@
+"""What a few seconds of an untouched pad say: the mean field and the noise of every axis, or why they say nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS
+from fmfts.sensor.frame import TESLA_PER_GAUSS, Frame
+
+Array = NDArray[np.float64]
+
+MINIMUM_FRAMES = 50
+MINIMUM_SHARE_VALID = 0.95
+BLOCKS = 8
+# Means of blocks of white noise differ by less than this many of their own deviations (96 of them, once in 1e5).
+STEADY_DEVIATIONS = 6.0
+# …or by less than this: a drift that moves the pose by a quarter of its own deviation is not worth a refusal (0.5 mG).
+STEADY_FIELD_T = 5e-8
+
+
+class BaselineError(Exception):
+    """A baseline cannot be recorded, stored or used; the text says why, with the figure, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """mean_t, noise_t: (N, 3) in each sensor's own axes, tesla; noise is one sample's standard deviation.
+
+    samples: (N,) fresh samples behind each mean. temperature_c: mean, None where the source has no thermometer.
+    """
+
+    mean_t: Array
+    noise_t: Array
+    samples: NDArray[np.int64]
+    gain_code: int
+    temperature_c: float | None
+    duration_s: float
+
+    @property
+    def mean_deviation_t(self) -> Array:
+        """(N, 3) standard deviation of the mean."""
+        return self.noise_t / np.sqrt(self.samples)[:, None]
+
+
+def summarise(frames: Sequence[Frame]) -> Recording:
+    """The recording that these frames make; BaselineError where they are too few, incomplete, saturated or moving."""
+    if len(frames) < MINIMUM_FRAMES:
+        raise BaselineError(
+            f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
+        )
+    gain_codes = {frame.gain_code for frame in frames}
+    if len(gain_codes) > 1:
+        raise BaselineError("the range was changed during the recording: record again")
+    valid = np.array([frame.valid for frame in frames])
+    _require(
+        np.asarray(valid.mean(axis=0) >= MINIMUM_SHARE_VALID, dtype=np.bool_),
+        lambda sensor: (
+            f"sensor {sensor + 1} answered in {valid[:, sensor].sum()} of {len(frames)} frames: check wiring"
+        ),
+    )
+    overflow = np.array([frame.overflow for frame in frames]).any(axis=(0, 2))
+    _require(
+        ~np.asarray(overflow, dtype=np.bool_),
+        lambda sensor: f"sensor {sensor + 1} is saturated: choose a larger range_gauss",
+    )
+    fresh = np.array([frame.fresh & frame.valid for frame in frames])
+    fields = np.array([frame.field_t for frame in frames])
+    mean, noise, wander = np.empty(fields.shape[1:]), np.empty(fields.shape[1:]), np.empty(fields.shape[1:])
+    step_t = TESLA_PER_GAUSS / LSB_PER_GAUSS[gain_codes.pop()]
+    for sensor in range(fields.shape[1]):
+        samples = fields[fresh[:, sensor], sensor]
+        if len(samples) < MINIMUM_FRAMES:
+            raise BaselineError(f"sensor {sensor + 1} gave only {len(samples)} new samples: its clock has stopped")
+        mean[sensor] = samples.mean(axis=0)
+        # Differences of neighbours see the noise but not a drift; a count is never known better than its rounding.
+        noise[sensor] = np.maximum(np.diff(samples, axis=0).std(axis=0) / np.sqrt(2.0), step_t / np.sqrt(12.0))
+        blocks = np.array([block.mean(axis=0) for block in np.array_split(samples, BLOCKS)])
+        wander[sensor] = np.abs(blocks - mean[sensor]).max(axis=0)
+        limit = STEADY_DEVIATIONS * noise[sensor] / np.sqrt(len(samples) / BLOCKS) + STEADY_FIELD_T
+        if (wander[sensor] > limit).any():
+            axis = int(np.argmax(wander[sensor] / limit))
+            raise BaselineError(
+                f"the field moves: sensor {sensor + 1}, axis {'xyz'[axis]} wandered by "
+                f"{wander[sensor, axis] * 1e7:.1f} mG (steady is below {limit[axis] * 1e7:.1f} mG): "
+                "leave pad and robot still, and record again"
+            )
+    temperatures = [frame.temperature_c for frame in frames if frame.temperature_c is not None]
+    return Recording(
+        mean_t=mean,
+        noise_t=noise,
+        samples=fresh.sum(axis=0),
+        gain_code=frames[0].gain_code,
+        temperature_c=float(np.mean(temperatures)) if temperatures else None,
+        duration_s=(frames[-1].device_time_us - frames[0].device_time_us) * 1e-6,
+    )
+
+
+def _require(good: NDArray[np.bool_], sentence: Callable[[int], str]) -> None:
+    """Raise the sentence for the first sensor that is not good."""
+    if not good.all():
+        raise BaselineError(sentence(int(np.argmin(good))))

@@ -1,0 +1,162 @@
+"""Gains from turning the unloaded pad: all sensors see one vector of constant length, the Earth's field, turn.
+
+y_k = g∘(Rᵀ·u_k) + o for every sensor, with o what turns along (its magnet), and |u_k| = E. The length that all gains
+have in common is free; the moment absorbs it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import exp, log, square
+from fmfts.arithmetic.matrix import inverse, least_squares, lengths, product, root_of_squares, singular_values, solve
+from fmfts.baseline.bundle import Reduced
+from fmfts.baseline.gains import Gains
+from fmfts.baseline.recording import BaselineError
+from fmfts.baseline.window_means import MEAN_OF, Means
+from fmfts.common.chi2 import quantile
+from fmfts.pad import Pad, Tolerance
+
+Array = NDArray[np.float64]
+
+# More would cost file and time, not deviation: at 100 the noise leaves 0.03 % of a gain.
+ORIENTATIONS = 100
+# A workshop: the field's strength differs by so much over the way that a turned pad takes. It differs smoothly: however
+# many orientations there are, no more than so many of them have a strength of their own.
+STRENGTH_DEVIATION, INDEPENDENT = 0.005, 10
+# The same, between sensors 16 mm apart.
+UNEVEN_DEVIATION_T = 5e-8
+# The field's sweep along the direction that it moved least in: at least this, and this share of the largest.
+SMALLEST_SWEEP_T, SMALLEST_SHARE = 2e-5, 0.5
+# Orientations that an untouched pad is accused of; and misfits that no touch explains, in expected deviations.
+FALSE_TOUCH = 1e-6
+LARGEST_MISFIT = 5.0
+ITERATIONS, SETTLED = 20, 1e-8
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Fields (K, N, 3) in sensor axes at K orientations, with the deviation (N, 3) of each and when (K,) it was."""
+
+    field_t: Array
+    deviation_t: Array
+    time_s: Array
+
+    @classmethod
+    def of(cls, means: Means) -> Turn:
+        chosen = np.unique(np.linspace(0, len(means.field_t) - 1, ORIENTATIONS).round().astype(np.intp))
+        return cls(means.field_t[chosen], means.noise_t / np.sqrt(MEAN_OF), means.time_s[chosen])
+
+
+def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
+    """BaselineError where the orientations do not span space, or something else than the Earth's field changed."""
+    _require_span(pad, turn)
+    deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T * _repeated(len(turn.field_t)))
+    count = len(pad.sensors)
+    field, offset, strength = _first_guess(pad, turn)
+    gain = np.ones((count, 3))
+    # A tolerance of zero says that the gains are perfect: nothing is left to estimate.
+    prior = np.full(3 * count, 1.0 / square(max(tolerance.gain, 1e-9)))
+    for _ in range(ITERATIONS):
+        reduced = _linearised(pad, turn.field_t, deviation, (gain, offset, strength), field)
+        normal, gradient = reduced.normal.copy(), reduced.gradient.copy()
+        normal[range(3 * count), range(3 * count)] += prior
+        gradient[: 3 * count] -= prior * (gain - 1.0).ravel()
+        # Offsets are some 1e-4, the rest about one: scaled, the equations are well conditioned.
+        scale = 1.0 / np.sqrt(np.diagonal(normal))
+        step = scale * solve(normal * scale * scale[:, None], scale * gradient)
+        field = field + reduced.own_steps(step)
+        gain = gain + step[: 3 * count].reshape(count, 3)
+        offset = offset + step[3 * count : -1].reshape(count, 3)
+        strength *= exp(step[-1])
+        if np.abs(step[: 3 * count]).max() < SETTLED:
+            break
+    inflation = _judged(turn, gain, offset, pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1)))
+    # The prior keeps its weight, the recording loses what it does not explain.
+    reduced = _linearised(pad, turn.field_t, deviation * inflation, (gain, offset, strength), field)
+    normal = reduced.normal + np.diag(np.concatenate([prior, np.zeros(3 * count + 1)]))
+    scale = 1.0 / np.sqrt(np.diagonal(normal))
+    covariance = inverse(normal * scale * scale[:, None]) * scale * scale[:, None]
+    return Gains(gain, covariance[: 3 * count, : 3 * count])
+
+
+def _linearised(
+    pad: Pad, measured: Array, deviation: Array, shared: tuple[Array, Array, float], field: Array
+) -> Reduced:
+    """Columns: gains (3N), offsets (3N), log strength. Own: the field (3). Rows: 3N values, then the strength."""
+    gain, offset, strength = shared
+    orientations, count = len(measured), len(pad.sensors)
+    seen = pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1))
+    rows = 3 * count
+    residual = np.empty((orientations, rows + 1))
+    own = np.empty((orientations, rows + 1, 3))
+    columns = np.zeros((orientations, rows + 1, 2 * rows + 1))
+    sizes = lengths(field)
+    residual[:, :-1] = ((measured - gain * seen - offset) / deviation).reshape(orientations, rows)
+    strength_deviation = STRENGTH_DEVIATION * _repeated(orientations)
+    residual[:, -1] = (log(strength) - np.array([log(size) for size in sizes])) / strength_deviation
+    own[:, :-1] = (gain[:, :, None] * pad.sensors.rotation.transpose(0, 2, 1) / deviation[:, :, None]).reshape(rows, 3)
+    own[:, -1] = field / (square(sizes) * strength_deviation)[:, None]
+    diagonal = np.arange(rows)
+    columns[:, diagonal, diagonal] = (seen / deviation).reshape(orientations, rows)
+    columns[:, diagonal, rows + diagonal] = 1.0 / deviation.ravel()
+    columns[:, -1, -1] = -1.0 / strength_deviation
+    return Reduced.of(own, columns, residual)
+
+
+def _repeated(orientations: int) -> float:
+    """What a deviation that INDEPENDENT orientations have must be at each of many, so that they tell no more."""
+    return float(np.sqrt(max(orientations / INDEPENDENT, 1.0)))
+
+
+def _first_guess(pad: Pad, turn: Turn) -> tuple[Array, Array, float]:
+    """Field (K, 3), offsets (N, 3), strength: perfect gains, and the sphere through it, a linear problem."""
+    mean = turn.field_t.mean(axis=0)
+    swept = pad.sensors.to_pad(turn.field_t - mean).mean(axis=1)
+    equations = np.column_stack([2.0 * swept, np.full(len(swept), 1e-5)])
+    centre = least_squares(equations, square(swept).sum(axis=1))[:3]
+    field = swept - centre
+    offset = mean + pad.sensors.to_sensor(np.tile(centre, (len(mean), 1)))
+    return field, offset, float(np.sqrt(square(field).sum(axis=1).mean()))
+
+
+def _require_span(pad: Pad, turn: Turn) -> None:
+    swept = pad.sensors.to_pad(turn.field_t - turn.field_t.mean(axis=0)).mean(axis=1)
+    sweep = np.ptp(product(swept, singular_values(swept)[2]), axis=0)
+    needed = max(SMALLEST_SWEEP_T, SMALLEST_SHARE * sweep.max())
+    if sweep.min() < needed:
+        arc = 2.0 * np.degrees(np.arcsin(min(1.0, sweep.min() / sweep.max())))
+        wanted = 2.0 * np.degrees(np.arcsin(SMALLEST_SHARE))
+        figures = ", ".join(f"{value * 1e4:.2f}" for value in sorted(sweep, reverse=True))
+        raise BaselineError(
+            f"the robot was not turned about enough axes: the field swept {figures} G along its three main directions, "
+            f"and the least must be {needed * 1e4:.2f} G: turn it half around about one axis, then by at least "
+            f"{wanted:.0f}° (now {arc:.0f}°) about another one, across the first"
+        )
+
+
+def _judged(turn: Turn, gain: Array, offset: Array, seen: Array) -> float:
+    """How much larger the misfits are than expected, at least 1; BaselineError where a touch or steel made them."""
+    deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T)
+    misfit = turn.field_t - gain * seen - offset
+    chi2 = square(misfit / deviation).sum(axis=(1, 2))
+    freedom = misfit[0].size - 3
+    inflation = max(1.0, float(np.sqrt(np.median(chi2) / freedom)))
+    worst = int(np.argmax(chi2))
+    if inflation > LARGEST_MISFIT:
+        raise BaselineError(
+            f"the sensors do not see one field turn: they disagree by {np.sqrt(np.mean(square(misfit))) * 1e7:.1f} mG, "
+            f"where {np.sqrt(np.mean(square(deviation))) * 1e7:.1f} mG is noise, most {turn.time_s[worst]:.1f} s after "
+            "the start: leave the pad untouched, keep steel away, and turn again"
+        )
+    touched = chi2 > quantile(FALSE_TOUCH / len(chi2), freedom) * square(inflation)
+    if touched.any():
+        raise BaselineError(
+            f"the pad was touched, or passed steel, {turn.time_s[worst]:.1f} s after the start: the sensors disagree "
+            f"by {np.abs(misfit[worst]).max() * 1e7:.0f} mG there ({touched.sum()} of {len(chi2)} orientations): "
+            "leave it untouched: turn again, and hold the robot, not the pad"
+        )
+    return inflation

@@ -1,0 +1,211 @@
+"""What mounting and manufacture leave open, as one vector, and what it does to the field and to a change of pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import cholesky, inverse, least_squares, lengths, product
+from fmfts.baseline.gains import Gains
+from fmfts.pad import Pad, Tolerance
+from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2
+from fmfts.pose.state import turn_derivative
+
+Array = NDArray[np.float64]
+
+# The Earth's field has 0.25–0.65 G in a direction nobody knows; steel in a robot's arm adds to it.
+AMBIENT_DEVIATION_T = 5e-5
+# The robot stands still from one recording to the next; what its surroundings change all the same.
+STANDING_AMBIENT_T = 1e-7
+# What a firm press does to the pose: the error of a change is measured at such a one.
+TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
+# A finger goes down; sideways and in tilt it goes either way.
+HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """Rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N), counted in prior deviations:
+    `deviation` (9 + 6N,) has them in SI, from the drawing and the prior's `gain` (N, 3). precision (9 + 6N, 9 + 6N):
+    of the prior in these units; turning the robot makes gains depend on each other."""
+
+    pad: Pad
+    deviation: Array
+    gain: Array
+    precision: Array
+
+    @classmethod
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, gains: Gains | None = None) -> Self:
+        """ambient_free: nothing is known of the field, else it is what is left of a bare recording's.
+
+        gains: the tolerance's if None. With a tolerance of zero they are taken as exact.
+        """
+        count = len(pad.sensors)
+        gains = gains or Gains.untested(count, tolerance.gain)
+        gain_deviation = np.sqrt(np.diagonal(gains.covariance)) if tolerance.gain else np.zeros(3 * count)
+        precision = np.eye(9 + 6 * count)
+        if tolerance.gain:
+            correlation = gains.covariance / gain_deviation / gain_deviation[:, None]
+            precision[9 + 3 * count :, 9 + 3 * count :] = inverse(correlation)
+        spread = np.concatenate(
+            [
+                np.full(3, tolerance.magnet_position_m),
+                np.full(2, tolerance.magnet_tilt_rad),
+                [tolerance.remanence],
+                np.full(3, AMBIENT_DEVIATION_T if ambient_free else STANDING_AMBIENT_T),
+                np.full(3 * count, tolerance.sensor_position_m),
+                gain_deviation,
+            ]
+        )
+        return cls(pad, spread, gains.mean, precision)
+
+    def unpack(self, scaled: Array) -> tuple[State, Array, Array]:
+        """State, sensor places (N, 3) and gains (N, 3)."""
+        count = len(self.pad.sensors)
+        values = self.deviation * scaled
+        places = self.pad.sensors.position_m + values[9 : 9 + 3 * count].reshape(count, 3)
+        gain = self.gain + values[9 + 3 * count :].reshape(count, 3)
+        return State.at_rest(self.pad).stepped(values[:9]), places, gain
+
+    @property
+    def cylinder_m2(self) -> float:
+        """κ of the magnet itself, also where the tracker makes do with a dipole."""
+        return octupole_m2(self.pad.magnet)
+
+    @property
+    def model_deviation_t(self) -> float:
+        """What `predict` leaves out of the cylinder's field, at the nearest sensor."""
+        away = lengths(self.pad.sensors.position_m - self.pad.rest_position_m)
+        return self.pad.magnet.beyond_octupole_t(float(away.min()))
+
+    def curvature_t(self, scaled: Array, covariance: Array) -> Array:
+        """(3N,) root mean square of what the first order around `scaled` leaves of each field value, over errors of
+        `covariance` (M, M): with H the second derivatives in independent errors of deviation one, the mean is ½ tr H
+        and the variance ½ tr H²."""
+        root = cholesky(covariance)
+        here = self.predict(*self.unpack(scaled), octupole_m2=self.cylinder_m2)[1]
+        bent = np.array(
+            [
+                product(
+                    self.predict(*self.unpack(scaled + error), octupole_m2=self.cylinder_m2)[1] - here,
+                    self.deviation[:, None] * root,
+                )
+                for error in root.T
+            ]
+        )
+        mean, variance = np.trace(bent, axis1=0, axis2=2) / 2.0, square(bent).sum(axis=(0, 2)) / 2.0
+        return np.asarray(np.sqrt(square(mean) + variance), dtype=np.float64)
+
+    def predict(
+        self,
+        state: State,
+        places: Array,
+        gain: Array,
+        start_axis: Array | None = None,
+        octupole_m2: float | None = None,
+    ) -> tuple[Array, Array]:
+        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI.
+
+        octupole_m2: κ of the magnet; None: as the tracker has it.
+
+        The tilt is a step in the tangent plane of `start_axis`: the drawing's if None, where the search for the rest
+        pose starts.
+        """
+        start_axis = self.pad.rest_axis if start_axis is None else start_axis
+        count = len(places)
+        strength = self.pad.magnet.strength_t_m3 * exp(state.log_moment)
+        octupole_m2 = self.pad.magnet.modelled_octupole_m2 if octupole_m2 is None else octupole_m2
+        dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength, octupole_m2)
+        to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
+        field = (product(to_sensor, (dipole + state.ambient_t)[:, :, None]))[:, :, 0]
+        columns = np.zeros((count, 3, len(self.deviation)))
+        columns[:, :, 0:3] = product(to_sensor, by_position)
+        columns[:, :, 3:5] = product(to_sensor, by_axis, turn_derivative(start_axis, state.axis))
+        columns[:, :, 5] = (product(to_sensor, dipole[:, :, None]))[:, :, 0]
+        columns[:, :, 6:9] = to_sensor
+        for sensor in range(count):
+            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = product(-to_sensor[sensor], by_position[sensor])
+        columns *= gain[:, :, None]
+        for sensor in range(count):
+            first = 9 + 3 * (count + sensor)
+            columns[sensor, :, first : first + 3] = np.diag(field[sensor])
+        return gain * field, columns.reshape(3 * count, -1)
+
+
+@dataclass(frozen=True, slots=True)
+class Leftover:
+    """What the baseline could not tell: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
+
+    weight: (3N,) of the field values of a frame.
+    """
+
+    unknowns: Unknowns
+    scaled: Array
+    covariance: Array
+    weight: Array
+
+    @property
+    def _root(self) -> Array:
+        return np.asarray(self.unknowns.deviation[:, None] * cholesky(self.covariance), dtype=np.float64)
+
+    def field_errors(self) -> FieldErrors:
+        """What the same leftover does to the field of a changed pose, and of an ambient field that has changed.
+
+        Besides the M unknowns' deviations there is one column for the dipole that stands in for the cylinder.
+        """
+        state, places, gain = self.unknowns.unpack(self.scaled)
+        state = replace(state, ambient_t=np.zeros(3))
+        relative, root, kappa = gain.reshape(-1, 1), self._root, self.unknowns.cylinder_m2
+        by_pose = np.empty((5, gain.size, len(self.scaled) + 1))
+        for direction, (less, more) in enumerate(_around_half_a_press(state)):
+            mistaken = product(
+                self.unknowns.predict(more, places, gain)[1] - self.unknowns.predict(less, places, gain)[1], root
+            )
+            cylinder = self._cylinder(more, places, gain, kappa) - self._cylinder(less, places, gain, kappa)
+            by_pose[direction] = np.hstack([mistaken, cylinder.reshape(-1, 1)]) / relative / TYPICAL_CHANGE[direction]
+        by_field = np.hstack([root[-gain.size :], np.zeros((gain.size, 1))]) / relative
+        return FieldErrors(by_pose, by_field, self.unknowns.pad.sensors.rotation)
+
+    def _cylinder(self, state: State, places: Array, gain: Array, octupole_m2: float) -> Array:
+        """(N, 3) the cylinder's field less that of the tracker's model."""
+        whole, _ = self.unknowns.predict(state, places, gain, octupole_m2=octupole_m2)
+        modelled, _ = self.unknowns.predict(state, places, gain)
+        return whole - modelled
+
+    def change_error(self, solved: NDArray[np.intp]) -> Array:
+        """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that
+        follows from each of M independent deviations of the unknowns.
+
+        At rest the baseline absorbs an error of places and gains; what it does to a change is the difference of the
+        field's derivatives there and here, seen through the least squares of the tracker, whose unknowns are the
+        columns `solved` (pose 0–4, log moment 5, ambient field 6–8).
+        """
+        state, places, gain = self.unknowns.unpack(self.scaled)
+        _, at_rest = self.unknowns.predict(state, places, gain)
+        root = self._root
+        errors = np.empty((5, 5, len(self.scaled)))
+        for direction, size in enumerate(TYPICAL_CHANGE):
+            step = np.zeros(9)
+            step[direction] = size
+            _, there = self.unknowns.predict(state.stepped(step), places, gain)
+            seen = self.weight[:, None] * there[:, solved]
+            scale = lengths(seen.T)
+            mistaken = product(self.weight[:, None] * (there - at_rest), root)
+            errors[direction] = (least_squares(seen / scale, mistaken) / scale[:, None])[:5] / size
+        return errors
+
+
+def _around_half_a_press(rest: State) -> Iterator[tuple[State, State]]:
+    """For each direction of the pose, the states half a typical change before and after half a press.
+
+    A quadratic that is zero at rest is the change times its derivative half way: so the second order is in it, too.
+    """
+    for direction, size in enumerate(TYPICAL_CHANGE):
+        step = np.zeros(5)
+        step[direction] = size / 2.0
+        yield rest.stepped(HALF_A_PRESS - step), rest.stepped(HALF_A_PRESS + step)

@@ -1,0 +1,94 @@
+"""Frames of a moving field as short means at one instant each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.baseline.recording import MINIMUM_FRAMES, BaselineError
+from fmfts.pose import Alignment
+from fmfts.sensor.frame import Frame, step_t
+
+Array = NDArray[np.float64]
+
+# 50 ms at 220 Hz: three times quieter than one sample, and a hand does not get far.
+MEAN_OF = 11
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """field_t (K, N, 3) in sensor axes, of MEAN_OF frames each. wander_t (K,): how far the field moved meanwhile.
+
+    time_s (K,) since the recording began. noise_t (N, 3): standard deviation of one sample.
+    """
+
+    field_t: Array
+    wander_t: Array
+    time_s: Array
+    noise_t: Array
+
+
+def means(frames: Sequence[Frame]) -> Means:
+    """BaselineError where too few frames are whole. Chips run free: each frame is brought to one instant first."""
+    if len(frames) < MINIMUM_FRAMES:
+        raise BaselineError(
+            f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
+        )
+    if len({frame.gain_code for frame in frames}) > 1:
+        raise BaselineError("the range was changed during the recording: record again")
+    fields, times = _aligned(frames)
+    absent: NDArray[np.bool_] = np.asarray(np.isnan(fields).any(axis=2), dtype=np.bool_)
+    whole: NDArray[np.bool_] = np.asarray(~absent.any(axis=1), dtype=np.bool_)
+    if whole.sum() < max(MINIMUM_FRAMES, len(frames) // 2):
+        sensor = int(np.argmax(absent.sum(axis=0)))
+        raise BaselineError(
+            f"only {whole.sum()} of {len(frames)} frames are whole: sensor {sensor + 1} is absent or saturated in "
+            f"{absent[:, sensor].sum()}: check its wiring, or choose a larger range_gauss"
+        )
+    fields, times = fields[whole], times[whole]
+    count = len(fields) // MEAN_OF
+    blocks = fields[: count * MEAN_OF].reshape(count, MEAN_OF, *fields.shape[1:])
+    half = MEAN_OF // 2
+    return Means(
+        field_t=blocks.mean(axis=1),
+        wander_t=np.abs(blocks[:, :half].mean(axis=1) - blocks[:, -half:].mean(axis=1)).max(axis=(1, 2)),
+        time_s=(times[: count * MEAN_OF].reshape(count, MEAN_OF).mean(axis=1) - times[0]) * 1e-6,
+        noise_t=_noise(frames),
+    )
+
+
+def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
+    """Fields (K, N, 3) and their instants (K,) in µs."""
+    span_us = frames[-1].device_time_us - frames[0].device_time_us
+    alignment = Alignment(len(frames[0].valid), period_us=span_us / (len(frames) - 1))
+    pushed = [
+        alignment.push(frame.field_t, frame.device_time_us - frame.age_us.astype(np.int64), frame.fresh)
+        for frame in frames
+    ]
+    return np.array([one.field_t for one in pushed]), np.array([one.time_us for one in pushed], dtype=np.float64)
+
+
+def _noise(frames: Sequence[Frame]) -> Array:
+    """(N, 3) standard deviation of one sample, as it was sampled: interpolation would smooth it, though not its mean.
+
+    Second differences see the noise (√6 of it) but neither a turn nor a press.
+    """
+    fields, fresh = np.array([frame.field_t for frame in frames]), np.array([frame.fresh for frame in frames])
+    differences = (np.diff(fields[fresh[:, sensor], sensor], 2, axis=0) for sensor in range(fields.shape[1]))
+    noise = np.array([_robust_deviation(of_sensor) for of_sensor in differences]) / np.sqrt(6.0)
+    # A count is never known better than its rounding.
+    floored: Array = np.maximum(noise, step_t(frames[0].gain_code) / np.sqrt(12.0))
+    return floored
+
+
+def _robust_deviation(differences: Array) -> Array:
+    """Standard deviation along the first axis that a few jerks do not spoil: of what lies within four times that which
+    the median of the squares says; alone, the median of counts is a count."""
+    squares = square(differences)
+    rough = np.nanmedian(squares, axis=0) / 0.4549  # the median of χ² with one degree
+    deviation: Array = np.sqrt(np.nanmean(np.where(squares <= 16.0 * rough, squares, np.nan), axis=0))
+    return deviation

@@ -1,1 +1,0 @@
-"""What the solver costs and what it is worth, measured: `python -m fmfts.bench speed | accuracy | convergence`."""

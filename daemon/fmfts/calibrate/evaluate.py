@@ -1,0 +1,73 @@
+"""`fmfts-daemon evaluate`: how far a contact model's answers are from a test set's labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.calibrate.dataset import CalibrationSet
+from fmfts.calibrate.evaluation import Row, rows
+from fmfts.calibrate.labelled_poses import solved, solver_of
+from fmfts.calibrate.tracked import Scene, Tracked
+from fmfts.contact import ContactModel
+from fmfts.contact.model import CONTACT_UNIT, POSE_UNIT
+from fmfts.pad import Array
+from fmfts.scene.tracking import NOISE_T
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """press (K, m): what the labels say; found (K, m), deviation (K, m): what the model says, in mm and N. in_range
+    (K,): presses that the model neither calls over range nor refuses, which alone have numbers to compare."""
+
+    press: Array
+    found: Array
+    deviation: Array
+    in_range: NDArray[np.bool_]
+    model: str
+
+    def rows(self) -> list[Row]:
+        """Errors by region, of the presses in range."""
+        return rows(self.press[self.in_range], self.found[self.in_range], self.deviation[self.in_range])
+
+    def facts(self) -> dict[str, Any]:
+        return {
+            "model": self.model,
+            "presses": len(self.press),
+            "over_range": int((~self.in_range).sum()),
+            "regions": self.rows() if self.in_range.any() else [],
+        }
+
+
+def evaluate(
+    labelled: CalibrationSet, source: Path, model: ContactModel, scene: Scene, noise_t: float = NOISE_T
+) -> Evaluation:
+    """Every row of `labelled`, read from `source`, is a frame of its own. DataError for a field that is none."""
+    return judge(labelled, solved(str(source), labelled, solver_of(labelled, scene, noise_t)), model)
+
+
+def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Evaluation:
+    """What `model` makes of the poses, beside the labels."""
+    outputs = min(len(model.facts.outputs), labelled.press.shape[1])
+    unit = CONTACT_UNIT[: len(model.facts.outputs)]
+    found, deviation, in_range = [], [], []
+    for pose, covariance in zip(tracked.pose, tracked.covariance, strict=True):
+        whole = np.zeros((6, 6))
+        whole[:5, :5] = covariance
+        position_m, axis = np.split(pose / POSE_UNIT, 2)
+        contact = model.estimate(position_m, axis, whole / POSE_UNIT / POSE_UNIT[:, None])
+        shear_n = () if contact.shear_n is None else contact.shear_n
+        found.append(
+            (
+                np.array([contact.x_m, contact.y_m, contact.force_n, *shear_n])
+                / CONTACT_UNIT[: len(model.facts.outputs)]
+            )[:outputs]
+        )
+        deviation.append((np.sqrt(np.diagonal(contact.covariance)) / unit)[:outputs])
+        in_range.append(not (contact.over_range or contact.refused))
+    press = labelled.press[:, :outputs]
+    return Evaluation(press, np.array(found), np.array(deviation), np.array(in_range), model.hash)

@@ -1,0 +1,118 @@
+"""CSV files of fields, the offline verbs' input, and the baselines that go with them. Columns b1x_ut … bNz_ut in µT,
+sensors in the order of the config."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from fmfts import baseline as ambient
+from fmfts.baseline import BaselineError, Mounting
+from fmfts.pad import Array, Pad
+
+LARGEST_CHARACTERS = 200_000_000  # a day of one frame a second, or a quarter of an hour of all frames
+LARGEST_FIELD_UT = 1000.0  # 10 G: the chip's largest range ends at 8.1 G
+
+
+class DataError(Exception):
+    """The file cannot be used; the text names file, row and column."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldTable:
+    """field_t (K, N, 3), NaN where a cell is empty; `others`: the columns that are passed through, as they were; line:
+    where in the file each row ends."""
+
+    field_t: Array
+    others: dict[str, list[str]]
+    line: list[int]
+
+
+def field_columns(sensors: int) -> list[str]:
+    return [f"b{sensor}{axis}_ut" for sensor in range(1, sensors + 1) for axis in "xyz"]
+
+
+def read(path: Path, sensors: int) -> FieldTable:
+    """Raises DataError: a missing column, a cell that is no number, a field no sensor could have measured."""
+    try:
+        with path.open(encoding="utf-8-sig") as file:  # some spreadsheets put a byte order mark first
+            text = file.read(LARGEST_CHARACTERS + 1)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+    if len(text) > LARGEST_CHARACTERS:
+        raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
+    lines = csv.DictReader(io.StringIO(text))
+    header = list(lines.fieldnames or [])
+    if not header:
+        raise DataError(f"{path}: is empty: the first row names the columns, b1x_ut and so on")
+    if len(header) == 1 and (other := [mark for mark in ";\t" if mark in header[0]]):
+        raise DataError(
+            f"{path}: row 1: columns are separated by {other[0]!r}, not by ','; numbers need a decimal point"
+        )
+    wanted = field_columns(sensors)
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
+    rows = [(lines.line_num, row) for row in lines]
+    if not rows:
+        raise DataError(f"{path}: there is no row below the header")
+    for line, row in rows:
+        _require_as_many(path, line, row, header)
+    values = np.array([[_number(path, line, name, row[name]) for name in wanted] for line, row in rows])
+    return FieldTable(
+        field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
+        others={name: [row[name] for _, row in rows] for name in header if name not in wanted},
+        line=[line for line, _ in rows],
+    )
+
+
+def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:
+    """The columns, which have equal lengths, as CSV."""
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+
+
+def mounting_of(path: Path, pad: Pad) -> Mounting:
+    """What the baseline file at `path` says of `pad`; DataError where it cannot be used."""
+    try:
+        baseline = ambient.load(path, pad)
+        if baseline is None:
+            raise DataError(f"{path}: there is no such baseline")
+        return baseline.mounting(pad)
+    except BaselineError as error:
+        raise DataError(str(error)) from error
+
+
+def _require_as_many(path: Path, line: int, row: Mapping[str | None, object], header: Sequence[str]) -> None:
+    """csv.DictReader keeps what is too much under None, and gives None for what is missing."""
+    surplus = row.get(None, [])
+    cells = len(header) - list(row.values()).count(None) + (len(surplus) if isinstance(surplus, list) else 0)
+    if cells != len(header):
+        raise DataError(f"{path}: row {line} has {cells} cells, the header {len(header)}: was it cut off?")
+
+
+def _number(path: Path, line: int, name: str, cell: str) -> float:
+    if not cell.strip():
+        return float("nan")
+    try:
+        value = float(cell)
+    except ValueError:
+        raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number") from None
+    if not math.isfinite(value):
+        raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number; leave the row out")
+    if abs(value) > LARGEST_FIELD_UT:
+        raise DataError(
+            f"{path}: row {line}, column {name}: {cell} µT is beyond any range of the chip (810 µT): "
+            "is the column in another unit? 1 G = 100 µT"
+        )
+    return value

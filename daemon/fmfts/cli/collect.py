@@ -1,0 +1,75 @@
+"""The verb `collect`: its options, and what it prints."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from pathlib import Path
+from typing import Any
+
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad
+from fmfts.common import exit_codes
+
+
+def add_to(verb: AddVerb) -> None:
+    """Add it; `verb` makes a parser from a name, a handler and a line of help."""
+    collect = verb("collect", _collect, "press a plan of places and forces, and write the calibration data")
+    collect.add_argument("plan", metavar="GRID.toml", nargs="?", help="a plan, or a preset: see docs/collecting.md")
+    collect.add_argument("-o", "--output", type=Path, metavar="DATA.csv", help="gone on with if begun")
+    collect.add_argument("--by-hand", action="store_true", help="you press; [collect.gauge] tells the force, or you do")
+    collect.add_argument("--merge", type=Path, metavar="LOG.csv", help="no plan: another machine's log of the presses")
+    collect.add_argument("--frames", type=Path, metavar="RECORDING", help="of --merge: what `record` wrote meanwhile")
+    collect.add_argument(
+        "--weigh-g", type=float, nargs=2, metavar="GRAM", help="no plan: two known weights tell the load cell's scale"
+    )
+    collect.add_argument("--pad", metavar="NAME", help="needed where there are several")
+    collect.add_argument("--json", action="store_true", help="print facts as JSON")
+
+
+def _collect(options: argparse.Namespace) -> int:
+    from fmfts.collect.errors import CollectError, RefusedError
+    from fmfts.config.file import load
+    from fmfts.view.facts import print_facts
+
+    pad = configured_pad(options)
+    config, _ = load(options.config)
+    # However somebody ends it, the rod is lifted first; stopped and not ended, it would stay down.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.default_int_handler)
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+    try:
+        facts = _done(options, config, pad)
+    except CollectError as error:
+        code = exit_codes.DATA if isinstance(error, RefusedError) else exit_codes.UNAVAILABLE
+        raise VerbError(code, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0
+
+
+def _ask(text: str) -> None:
+    input(f"{text} ")
+
+
+def _done(options: argparse.Namespace, config: Any, pad: Any) -> dict[str, Any]:
+    if options.weigh_g is not None:
+        from fmfts.collect.feed import open_feed
+        from fmfts.collect.weigh import weigh
+
+        feed = open_feed(config, pad)
+        try:
+            return weigh(feed, options.weigh_g, _ask)
+        finally:
+            feed.close()
+    if options.output is None:
+        raise VerbError(exit_codes.USAGE, "where to? -o DATA.csv")
+    if options.merge is not None:
+        from fmfts.collect.merging import merge
+
+        if options.frames is None:
+            raise VerbError(exit_codes.USAGE, "--merge needs --frames RECORDING, which fmfts-daemon record wrote")
+        return merge(config, pad, options.merge, options.frames, options.output)
+    if options.plan is None:
+        raise VerbError(exit_codes.USAGE, "which plan? GRID.toml, or a preset")
+    from fmfts.collect.work import collect
+
+    return collect(config, pad, options.plan, options.output, options.by_hand)

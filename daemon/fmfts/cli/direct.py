@@ -1,0 +1,184 @@
+"""Verbs that want a device for a moment: through the running daemon, or, when none runs, on the device itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from fmfts.baseline import BaselineError
+from fmfts.baseline.files import StateError, stored
+from fmfts.baseline.request import BaselineJob, BaselineRequest, Collection, restore
+from fmfts.bus.lock import BusError, serving_pid
+from fmfts.config import Config, PadConfig
+from fmfts.recording.baseline import require_device
+from fmfts.sensor import Frame, Source, SourceError
+from fmfts.sensor.probing import probe_facts
+from fmfts.sensor.tasks import PATIENCE_S, Selftest, Task
+from fmfts.simulation.baseline import hold_still
+from fmfts.simulation.finger import ScriptedFinger
+from fmfts.simulation.source import Simulated
+from fmfts.sources import open_sources
+from fmfts.view.progress import progress_bar
+from fmfts_client import ControlError, EndpointError, request
+from fmfts_client import RefusedError as RefusedByDaemon
+from fmfts_client.endpoints import for_client, named_base
+
+TURN_S = 0.002
+
+
+class AbsentError(Exception):
+    """Neither a daemon nor the device answers, or there is no place for the result."""
+
+
+class RefusedError(Exception):
+    """It was tried, and the answer is no."""
+
+
+def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | None:
+    """The answer of the daemon that runs with `config`, None where none runs. Shows progress on a terminal."""
+    try:
+        endpoints = for_client(named_base(config.bus.endpoint))
+        if serving_pid(endpoints.control) is None:
+            return None
+        with progress_bar(verb) as told:
+            return request(verb, endpoint=endpoints, progress=lambda facts: told(facts.get("share", 0.0)), **arguments)
+    except RefusedByDaemon as error:
+        raise RefusedError(str(error).removeprefix(f"{verb}: ")) from error
+    except (ControlError, EndpointError, BusError) as error:
+        raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
+
+
+def record_baseline(
+    pad: PadConfig,
+    pads: Sequence[PadConfig],
+    *,
+    bare: bool,
+    replaced: bool,
+    turn: bool,
+    refine: bool,
+    duration_s: float | None,
+) -> dict[str, Any]:
+    """Record on the device itself, judge, store. `pads`: all of the file."""
+    with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
+        require_device(pad)
+        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
+        try:
+            before = stored(work.pad)
+        except BaselineError:
+            if turn or refine:
+                raise
+            # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
+            before = None
+        with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as told:
+            if isinstance(source, Simulated):
+                hold_still(source, mounted=not bare)
+                source.tumbling = turn
+                if refine:
+                    source.finger = ScriptedFinger(seed=0)
+            job = BaselineJob(work, before, source, executor)
+            return _finished(pad.name, job, _turns(source, pad_index, job.take), told)
+
+
+def restore_baseline(pad: PadConfig) -> dict[str, Any]:
+    """Bring the baseline before the last one back."""
+    drawing = pad.pad()
+    with _errors_named():
+        require_device(pad)
+        return restore(drawing).facts(drawing)
+
+
+def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bool) -> dict[str, Any]:
+    """A drift is followed by a running daemon alone, and forgotten when it ends."""
+    raise AbsentError(f"pad '{pad.name}': no daemon runs, so no drift is followed and there is nothing to undo")
+
+
+def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
+    """The self-test on the device itself."""
+    with _errors_named(), _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as told:
+        there = Collection(source, duration_s=0.0)
+        for _ in _turns(source, pad_index, there.take):
+            if there.complete:
+                break
+            _require_hope(pad.name, there.problem(time.monotonic()))
+        task = Selftest(pad.name, source, pad_index)
+        return _finished(pad.name, task, _turns(source, pad_index, lambda frame: None), told)
+
+
+def probe(config: Config) -> dict[str, Any]:
+    """What every device of the configuration says of itself."""
+    try:
+        sources = open_sources(config.pad)
+    except SourceError as error:
+        raise AbsentError(str(error)) from error
+    seen: set[str] = set()
+    until = time.monotonic() + PATIENCE_S
+    try:
+        while time.monotonic() < until and len(seen) < len(config.pad):
+            for source, names in sources:
+                seen |= {
+                    names[frame.pad_index] for frame in source.poll(time.monotonic_ns()) if frame.pad_index in names
+                }
+            time.sleep(TURN_S)
+        silence = f"connected, but no frame within {PATIENCE_S:g} s"
+        return {
+            "pads": [
+                probe_facts(name, source, index, "" if name in seen else silence)
+                for source, names in sources
+                for index, name in names.items()
+            ]
+        }
+    finally:
+        for source, _ in sources:
+            source.close()
+
+
+def _finished(pad: str, task: Task, turns: Iterator[None], told: Callable[[float], None]) -> dict[str, Any]:
+    """The task's facts, once there are any."""
+    for _ in turns:
+        facts = task.facts()
+        if facts is not None:
+            return facts
+        _require_hope(pad, task.problem(time.monotonic()))
+        told(task.share)
+    raise AssertionError("turns never end")
+
+
+def _require_hope(pad: str, problem: str) -> None:
+    if problem:
+        raise AbsentError(f"pad '{pad}': {problem}")
+
+
+def _turns(source: Source, pad_index: int, take: Callable[[Frame], None]) -> Iterator[None]:
+    """Feed the pad's frames to `take` for ever."""
+    while True:
+        time.sleep(TURN_S)
+        for frame in source.poll(time.monotonic_ns()):
+            if frame.pad_index == pad_index:
+                take(frame)
+        yield
+
+
+@contextmanager
+def _opened(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[tuple[Source, int]]:
+    try:
+        ((source, names),) = open_sources([pad], pads)
+    except SourceError as error:
+        raise AbsentError(str(error)) from error
+    try:
+        yield source, next(iter(names))
+    finally:
+        source.close()
+
+
+@contextmanager
+def _errors_named() -> Iterator[None]:
+    """In the two words that the command knows."""
+    try:
+        yield
+    except (BaselineError, SourceError) as error:
+        raise RefusedError(str(error)) from error
+    except StateError as error:
+        raise AbsentError(str(error)) from error

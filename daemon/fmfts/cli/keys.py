@@ -1,0 +1,41 @@
+"""The verb `keys`: its options, and what it prints."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fmfts.cli.verb import AddVerb, VerbError, configuration
+from fmfts.common import exit_codes
+
+
+def add_to(verb: AddVerb) -> None:
+    """Add it; `verb` makes a parser from a name, a handler and a line of help."""
+    keys = verb("keys", _keys, "make and list the keys that let clients in over the network")
+    keys.add_argument("action", choices=("new", "forget", "list"))
+    keys.add_argument("name", nargs="?", metavar="NAME", help="of the client")
+    keys.add_argument("-o", "--output", type=Path, metavar="FILE", help="of the client's key (NAME.key)")
+
+
+def _keys(options: argparse.Namespace) -> int:
+    from fmfts.bus.keys import KeyFolder
+    from fmfts.bus.lock import BusError
+
+    folder = configuration(options).bus.keys
+    if folder is None:
+        raise VerbError(exit_codes.CONFIG, '[bus] keys names no folder for them (keys = "/etc/fmfts/keys")')
+    if (options.name is None) != (options.action == "list"):
+        raise VerbError(exit_codes.USAGE, f"keys {options.action}: {'no' if options.name else 'a'} NAME is needed")
+    store = KeyFolder(Path(folder))
+    try:
+        if options.action == "new":
+            output = options.output or Path(f"{options.name}.key")
+            store.add(options.name, output)
+            print(f"{output}: carry it to the client by a safe way, and name it there in FMFTS_KEY")
+        elif options.action == "forget":
+            store.forget(options.name)
+        else:
+            print("\n".join(store.clients()))
+    except BusError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    return 0

@@ -1,0 +1,253 @@
+"""The command `fmfts-daemon`: its verbs, options and exit codes. Each verb imports what it needs, and no more."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fmfts import __version__
+from fmfts.cli import calibrate as calibration_verbs
+from fmfts.cli import collect as collect_verb
+from fmfts.cli import keys as keys_verb
+from fmfts.cli import pose as pose_verb
+from fmfts.cli import record as record_verbs
+from fmfts.cli.verb import AddVerb, VerbError, configuration, pad_named, seconds, serving_base
+from fmfts.common import exit_codes
+
+DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
+LISTENERS_CONFIG = "the daemon's, where it names an endpoint; needless otherwise"
+VERBS = "fmfts.verbs"  # entry points: a function of AddVerb
+LABORATORY = {"study": "compare methods on this pad", "pad-model": "make a simulated pad by finite elements"}
+EPILOG = """\
+A new pad: check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
+With a running daemon, probe, selftest and baseline go through it.
+
+exit codes: 0 done; 1 the self-test failed; 2 usage; 65 data, device or daemon refused; 69 device, daemon, place to
+store or a Python package absent; 78 bad configuration; 130 interrupted
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb; the exit code: 0, 2 usage, 65 refused data, 69 hardware or daemon absent, 78 bad configuration."""
+    from fmfts.service.log import configure
+
+    words = sys.argv[1:] if arguments is None else arguments
+    options = _parser(words[0] if words else None).parse_args(words)
+    command = f"fmfts-daemon {options.verb}"
+    if options.verb == "run":
+        configure()
+    else:
+        configure(logging.WARNING, command=command)
+    try:
+        code: int = options.handler(options)
+        return code
+    except VerbError as failure:
+        print(f"{command}: {failure}", file=sys.stderr)
+        return failure.code
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # Whoever read our output has gone: say nothing more, also not at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _parser(asked: str | None) -> argparse.ArgumentParser:
+    """asked: the verb that stands on the command line, None where there is none."""
+    parser = argparse.ArgumentParser(
+        prog="fmfts-daemon",
+        description="Contact location and force from a magnet pad.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    def verb(name: str, handler: Any, text: str, default_config: str = DEFAULT_CONFIG) -> argparse.ArgumentParser:
+        added = verbs.add_parser(name, help=text, description=text)
+        added.set_defaults(handler=handler)
+        added.add_argument("--config", type=Path, metavar="FILE", help=default_config)
+        return added
+
+    def facts(added: argparse.ArgumentParser) -> None:
+        added.add_argument("--json", action="store_true", help="print facts as JSON")
+
+    verb("run", _run, "read the pads and publish contacts until stopped")
+    baseline = verb("baseline", _baseline, "record the baseline of a pad, before loading it")
+    kind = baseline.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--bare", action="store_true", help="the pad is not mounted: the ambient field alone")
+    kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
+    kind.add_argument("--turn", action="store_true", help="turn the unloaded robot: learn the sensors' gains")
+    kind.add_argument("--refine", action="store_true", help="press some 30 times anywhere: learn places and gains")
+    kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
+    kind.add_argument("--undo-drift", action="store_true", help="record nothing: forget what [pad.rebaseline] followed")
+    baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
+    baseline.add_argument("--duration-s", type=seconds, help="of the recording: 0.5 to 60 (3; --turn 20; --refine 40)")
+    selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
+    for added in (baseline, selftest):
+        added.add_argument("--pad", metavar="NAME", help="needed where there are several")
+        facts(added)
+    facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
+    facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
+    facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
+    listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
+    listen.add_argument("--pad", metavar="NAME", help="only this pad")
+    listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
+    facts(listen)
+    keys_verb.add_to(verb)
+    record_verbs.add_to(verb, LISTENERS_CONFIG)
+    pose_verb.add_to(verb)
+    calibration_verbs.add_to(verb)
+    collect_verb.add_to(verb)
+    if asked not in verbs.choices:
+        _add_laboratory(verb)
+    return parser
+
+
+def _add_laboratory(verb: AddVerb) -> None:
+    """The verbs of another installation (lab/), which are looked for only where no verb of the robot's is asked for."""
+    from importlib.metadata import entry_points
+
+    found = {point.name: point for point in entry_points(group=VERBS)}
+    for name, text in LABORATORY.items():
+        if name in found:
+            found.pop(name).load()(verb)
+        else:
+            verb(name, _without_laboratory, f"{text} (not installed)").add_argument("rest", nargs="*")
+    for point in found.values():
+        point.load()(verb)
+
+
+def _without_laboratory(options: argparse.Namespace) -> int:
+    raise VerbError(
+        exit_codes.UNAVAILABLE,
+        f"{options.verb} is the laboratory's, which is an installation of its own: in a checkout of fmfts,\n"
+        f"    {sys.executable} -m pip install . ./lab",
+    )
+
+
+class _Version(argparse.Action):
+    def __init__(self, **rest: Any) -> None:
+        super().__init__(nargs=0, help="versions of package, wire and message schema", **rest)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from fmfts.sensor.wire.codec import VERSION as WIRE_VERSION
+        from fmfts_client import SCHEMA_VERSION
+
+        print(f"fmfts-daemon {__version__} (wire {WIRE_VERSION}, schema {SCHEMA_VERSION})")
+        parser.exit()
+
+
+def _run(options: argparse.Namespace) -> int:
+    from fmfts.baseline.files import StateError
+    from fmfts.bus.lock import BusError
+    from fmfts.contact import ModelError
+    from fmfts.runtime.daemon import Daemon
+    from fmfts.sensor import SourceError
+    from fmfts.service.realtime import RealtimeError
+    from fmfts_client.endpoints import EndpointError
+
+    config = configuration(options)
+    try:
+        with Daemon(config) as daemon:
+            daemon.run()
+    except (BusError, EndpointError) as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    except (ModelError, SourceError, StateError, RealtimeError) as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
+    return 0
+
+
+def _baseline(options: argparse.Namespace) -> int:
+    from fmfts.cli import direct as oneshot
+    from fmfts.cli.direct import record_baseline, restore_baseline
+
+    if options.undo_drift:
+        return _through_daemon(options, "baseline", {"undo_drift": True}, oneshot.nothing_to_undo)
+    if options.restore:
+        return _through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
+    names = ("bare", "replaced", "turn", "refine", "duration_s")
+    arguments = {name: getattr(options, name) for name in names}
+    return _through_daemon(options, "baseline", arguments, record_baseline)
+
+
+def _selftest(options: argparse.Namespace) -> int:
+    from fmfts.cli.direct import run_selftest
+
+    return _through_daemon(options, "selftest", {}, run_selftest)
+
+
+def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
+    """A verb on one pad's device: the running daemon does it, for it owns the device; without one, we do."""
+    from fmfts.cli import direct as oneshot
+    from fmfts.view.facts import print_facts
+
+    config = configuration(options)
+    pad = pad_named(config, options.pad)
+    try:
+        facts = oneshot.ask_daemon(verb, config, pad=pad.name, **arguments)
+        if facts is None:
+            facts = directly(pad, config.pad, **arguments)
+    except oneshot.RefusedError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    except oneshot.AbsentError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0 if facts.get("passed", True) else 1
+
+
+def _probe(options: argparse.Namespace) -> int:
+    from fmfts.cli import direct as oneshot
+    from fmfts.view.facts import print_facts
+
+    config = configuration(options)
+    try:
+        facts = oneshot.ask_daemon("probe", config) or oneshot.probe(config)
+    except oneshot.RefusedError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    except oneshot.AbsentError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0 if all(pad["connected"] for pad in facts["pads"]) else exit_codes.UNAVAILABLE
+
+
+def _status(options: argparse.Namespace) -> int:
+    from fmfts.view.status import status
+
+    return status(as_json=options.json, endpoint=serving_base(options))
+
+
+def _check_config(options: argparse.Namespace) -> int:
+    from fmfts.config.checks import other_silicone
+    from fmfts.contact import ModelError
+    from fmfts.runtime.daemon import load_models
+
+    config = configuration(options)
+    try:
+        models = load_models(config)
+    except ModelError as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
+    if options.json:
+        import msgspec
+
+        print(json.dumps(msgspec.to_builtins(config), indent=1))
+    else:
+        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
+        for pad in config.pad:
+            kind = pad.source.__struct_config__.tag
+            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
+            if (doubt := other_silicone(pad)) is not None:
+                print(f"{pad.name}: warning: {doubt}", file=sys.stderr)
+    return 0
+
+
+def _listen(options: argparse.Namespace) -> int:
+    from fmfts.view.listen import listen
+
+    return listen(options.pad, options.seconds, as_json=options.json, endpoint=serving_base(options))

@@ -1,0 +1,58 @@
+"""The verbs `record` and `replay`: their options, and what they print."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import closing
+from pathlib import Path
+
+from fmfts.cli.verb import AddVerb, VerbError, seconds, serving_base
+from fmfts.common import exit_codes
+
+
+def add_to(verb: AddVerb, listeners_config: str) -> None:
+    """Add both; `verb` makes a parser from a name, a handler and a line of help."""
+    record = verb("record", _record, "write what a running daemon says, raw frames included", listeners_config)
+    record.add_argument("output", type=Path, metavar="FILE.mcap", help="must not exist yet")
+    record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
+    record.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
+    record.add_argument("--json", action="store_true", help="print facts as JSON")
+    replay = verb("replay", _replay, "put a recording's frames through the pipeline again, and compare")
+    replay.add_argument("recording", type=Path, metavar="FILE.mcap")
+    replay.add_argument("--model", action="append", default=[], metavar="FILE", help="that it was recorded with")
+    replay.add_argument("--contacts", action="store_true", help="print each contact as a line of JSON")
+    replay.add_argument("--json", action="store_true", help="print facts as JSON")
+
+
+def _record(options: argparse.Namespace) -> int:
+    from fmfts.recording.file import RecordingError
+    from fmfts.recording.recorder import Recorder
+    from fmfts.view.facts import print_facts
+    from fmfts_client import EndpointError, SchemaError
+
+    try:
+        with closing(Recorder(options.output, options.pad, serving_base(options))) as recorder:
+            facts = recorder.run(options.seconds)
+    except (RecordingError, EndpointError, SchemaError) as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    print_facts(facts, as_json=options.json)
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    import msgspec
+
+    from fmfts.offline.replay import Replay
+    from fmfts.recording.file import RecordingError
+    from fmfts.view.facts import print_facts
+
+    try:
+        replay = Replay(options.recording, options.model)
+        for contact in replay.contacts():
+            if options.contacts:
+                print(msgspec.json.encode(contact).decode())
+    except RecordingError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    if not options.contacts:
+        print_facts(replay.facts(), as_json=options.json)
+    return 0 if replay.comparison.is_the_same else exit_codes.DATA

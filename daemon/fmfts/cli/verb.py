@@ -1,0 +1,83 @@
+"""What the verbs of `fmfts-daemon` share: how one is added, what --config and --pad name, and how one fails."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import math
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from fmfts.common import exit_codes
+
+if TYPE_CHECKING:
+    from fmfts.config import Config, PadConfig
+
+# Makes a verb's parser from its name, its handler and a line of help.
+AddVerb = Callable[..., argparse.ArgumentParser]
+
+log = logging.getLogger("fmfts")
+
+
+class VerbError(Exception):
+    """Ends the command with `code` and one sentence."""
+
+    def __init__(self, code: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.code = code
+
+
+def seconds(text: str) -> float:
+    """An option's time; argparse says what is wrong with it."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: must be more than 0 seconds")
+    return value
+
+
+def lacking(error: ImportError, extra: str) -> VerbError:
+    """For a module that only an extra of the package brings; the installed package stays as it is."""
+    return VerbError(
+        exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install 'fmfts[{extra}]'"
+    )
+
+
+def configuration(options: argparse.Namespace) -> Config:
+    from fmfts.config.file import ConfigError, load
+
+    try:
+        config, path = load(options.config)
+    except ConfigError as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
+    log.info("configuration: %s", path)
+    return config
+
+
+def serving_base(options: argparse.Namespace) -> str | None:
+    """Where the daemon of `--config` serves; None: at the default. Listening needs no configuration."""
+    from fmfts_client.endpoints import named_base
+
+    return named_base(None if options.config is None else configuration(options).bus.endpoint)
+
+
+def pad_named(config: Config, name: str | None) -> PadConfig:
+    """VerbError where there is none, or where None leaves a choice."""
+    known = {pad.name: pad for pad in config.pad}
+    if name is None and len(known) == 1:
+        return config.pad[0]
+    if name not in known:
+        raise VerbError(
+            exit_codes.USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}"
+        )
+    return known[name]
+
+
+def configured_pad(options: argparse.Namespace) -> PadConfig:
+    """The pad that `--config` and `--pad` name; VerbError where they do not."""
+    return pad_named(configuration(options), options.pad)
+
+
+def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
+    """All pads of the file."""
+    return configuration(options).pad

@@ -1,0 +1,210 @@
+"""What is said of a reading: null wherever there is no estimate that could be acted upon."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import root_of_squares
+from fmfts.baseline import Baseline, Mounting
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
+from fmfts.contact import ContactEstimate, doubt
+from fmfts.pipeline.fast import HealthyPath, Judged, Kind, Lane, Passed, Template
+from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
+from fmfts.pose.state import SIZE
+from fmfts.sensor import Frame
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One frame, read. used: (N, 3) axes behind it. None: nothing to be believed."""
+
+    health: Health
+    reason: str
+    used: NDArray[np.bool_]
+    estimate: PoseEstimate | None = None
+    contact: ContactEstimate | None = None
+    touching: bool | None = None
+    unfelt_n: float = 0.0
+
+
+class PackedMessage(msgspec.Struct, frozen=True, gc=False):
+    """The message of a healthy frame, as it goes on the bus."""
+
+    payload: bytes
+    kind: Kind
+    t_sample_ns: int
+    t_publish_ns: int
+
+    @property
+    def message(self) -> ContactMessage:
+        return decode_contact(self.payload)
+
+
+class Sender:
+    """Numbers the messages of one pad."""
+
+    def __init__(self, pad: str, boot: str, model: str) -> None:
+        self._pad = pad
+        self._boot = boot
+        self._model = model
+        self.number = 0
+        self._sampled_ns = 0
+        self._templates: tuple[Template, ...] = ()  # of each kind
+        self._templates_of: tuple[bool, str] | None = None  # without a thermometer, baseline
+        self._last_kind: Kind | None = None  # of the last message, where that was a packed one
+
+    def packed(
+        self, path: HealthyPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
+    ) -> PackedMessage:
+        """The message of the frame that `path` has judged."""
+        if self._templates_of != (frame.temperature_c is None, baseline.id):
+            self._templates = tuple(self._template(kind, frame, mounting, baseline) for kind in Kind)
+            self._templates_of = frame.temperature_c is None, baseline.id
+        self._last_kind = judged.kind
+        self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
+        self.number += 1
+        publish_ns = time.monotonic_ns()
+        payload = path.message(self._templates[judged.kind], self.number, self._sampled_ns, publish_ns, time.time_ns())
+        return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
+
+    def begin(self, lane: Lane) -> bool:
+        """Let `lane` send the next messages; False where the last one was no packed one."""
+        if self._last_kind is not None:
+            lane.begin(self._templates, self._last_kind, self.number)
+        return self._last_kind is not None
+
+    def passed(self, passed: Passed) -> PackedMessage:
+        """The last message of a lane that had begun."""
+        self.number, self._sampled_ns, self._last_kind = passed.number, passed.t_sample_ns, passed.kind
+        return PackedMessage(passed.payload, passed.kind, passed.t_sample_ns, passed.t_publish_ns)
+
+    def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
+        """What `message` makes of a healthy reading of that kind, whatever its numbers are."""
+        over_range = kind == Kind.OVER_RANGE
+        contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0, 0.0)
+        state = mounting.rest
+        estimate = PoseEstimate(
+            state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
+        )
+        reading = Reading("ok", "", np.ones((len(frame.valid), 3), np.bool_), estimate, contact, kind != Kind.QUIET)
+        number, sampled_ns = self.number, self._sampled_ns
+        message = self.message(reading, 0, frame.temperature_c, mounting, baseline)
+        self.number, self._sampled_ns = number, sampled_ns
+        return Template.of(message)
+
+    def message(
+        self,
+        reading: Reading,
+        sampled_ns: int | None,
+        temperature_c: float | None,
+        mounting: Mounting | None,
+        baseline: Baseline | None,
+    ) -> ContactMessage:
+        """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
+        self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
+        self._last_kind = None
+        self.number += 1
+        estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
+        if reading.contact is not None and reading.touching is not None:
+            estimates |= _contact_fields(reading.contact, reading.touching, reading.unfelt_n)
+        if reading.estimate is not None and mounting is not None:
+            estimates["pose"] = _pose_message(reading.estimate, mounting)
+        return ContactMessage(
+            pad=self._pad,
+            boot=self._boot,
+            seq=self.number,
+            t_sample_ns=self._sampled_ns,
+            t_publish_ns=time.monotonic_ns(),
+            utc_ns=time.time_ns(),
+            temperature_c=temperature_c,
+            health=reading.health,
+            reason=reading.reason,
+            **estimates,
+            sensors_ok=_mask(reading.used),
+            solver=SOLVER,
+            model=self._model,
+            baseline=None if baseline is None else baseline.id,
+        )
+
+
+def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -> dict[str, Any]:
+    """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
+    if touching and contact.over_range:
+        return {"contact": True, "over_range": True, "force_min_n": 0.0 if contact.refused else contact.force_min_n}
+    if touching and contact.refused:  # neither place nor force: what shear does cannot be told from them there
+        return {"contact": True}
+    force: dict[str, Any] = {
+        "contact": touching,
+        "force_n": max(contact.force_n, 0.0),
+        "force_sd_n": contact.force_sd_n,
+    }
+    if not touching:
+        return force | {"force_sd_n": quiet_force_sd_n(contact.central_force_sd_n, unfelt_n)}
+    force |= _shear_fields(contact) | {"force_sd_n": touched_force_sd_n(contact.force_n, contact.force_sd_n, unfelt_n)}
+    return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
+
+
+def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
+    if contact.shear_n is None:
+        return {}
+    (x_n, y_n), deviation_n = contact.shear_n.tolist(), np.sqrt(np.diagonal(contact.covariance)[3:])
+    x_sd_n, y_sd_n = deviation_n.tolist()
+    return {"shear_x_n": x_n, "shear_x_sd_n": x_sd_n, "shear_y_n": y_n, "shear_y_sd_n": y_sd_n}
+
+
+def quiet_force_sd_n(force_sd_n: float, unfelt_n: float) -> float:
+    """Where no touch is felt, there may be any up to the weakest that would be, wherever on the pad it is felt least:
+    an even spread."""
+    return float(root_of_squares(force_sd_n, unfelt_n / sqrt(3.0)))
+
+
+def touched_force_sd_n(force_n: float, force_sd_n: float, unfelt_n: float) -> float:
+    """The more a felt force may be none, the more it may be any that is hardly felt."""
+    return quiet_force_sd_n(force_sd_n, doubt(force_n, square(force_sd_n)) * unfelt_n)
+
+
+def felt_force_sd_n(quiet_sd_n: float, unfelt_n: float) -> float:
+    """The deviation of a press in the middle of the pad again: the other way round."""
+    return sqrt(max(square(quiet_sd_n) - square(unfelt_n) / 3.0, 0.0))
+
+
+def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:
+    """The absolute pose: as uncertain as its change from rest and the rest pose together."""
+    variance = np.diagonal(estimate.covariance)
+    deviation = np.sqrt(variance[:6] + np.diagonal(mounting.rest_covariance))
+    ambient, ambient_deviation = None, None
+    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
+        ambient = _vector(mounting.ambient_t + estimate.state.ambient_t)
+        ambient_deviation = _vector(np.sqrt(square(mounting.ambient_deviation_t) + variance[AMBIENT]))
+    return PoseMessage(
+        position_m=_vector(estimate.position_m),
+        position_sd_m=_vector(deviation[:3]),
+        axis=_vector(estimate.axis),
+        axis_sd_rad=float(deviation[3:5].max()),
+        remanence_t=estimate.remanence_t,
+        remanence_sd_t=float(deviation[5]) * estimate.remanence_t,
+        ambient_t=ambient,
+        ambient_sd_t=ambient_deviation,
+        residual_t=estimate.residual_t,
+        chi2=estimate.chi2,
+    )
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _mask(used: NDArray[np.bool_]) -> int:
+    """Bit i: every axis of sensor i is used."""
+    return sum(1 << sensor for sensor in np.flatnonzero(used.all(axis=1)).tolist())

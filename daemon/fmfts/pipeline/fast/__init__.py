@@ -1,0 +1,9 @@
+"""The compiled path of a healthy frame: what pipeline.py says, where nothing is wrong, in C.
+
+Every other frame, and every frame where there is no compiler, is judged by the stages in Python.
+"""
+
+from fmfts.pipeline.fast.path import HealthyPath, Judged, Kind, Lane, Passed
+from fmfts.pipeline.fast.template import Template
+
+__all__ = ["HealthyPath", "Judged", "Kind", "Lane", "Passed", "Template"]

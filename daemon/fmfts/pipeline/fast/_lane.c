@@ -1,0 +1,198 @@
+/* fmfts.pipeline.fast._fast.Lane: lane.h for Python. Made by path.py only. */
+#include "_lane.h"
+
+#include <string.h>
+
+PyTypeObject *fmfts_lane_type;
+
+enum { FACTS, MEMORY, PASSAGE, RESPONSE, NETWORK, CLOCK, TOPIC, PAD_BUFFERS };
+
+typedef struct {
+    PyObject_HEAD
+    fmfts_published_lane published;
+    Py_buffer pad[PAD_BUFFERS];
+    Py_buffer places[FMFTS_KINDS];
+    int begun;
+} lane_object;
+
+/* Lane((facts, memory, passage, response, network), clock, topic, pad_index) */
+static int lane_init(PyObject *object, PyObject *args, PyObject *named)
+{
+    lane_object *self = (lane_object *)object;
+    fmfts_lane *lane = &self->published.lane;
+    Py_buffer *b = self->pad;
+    (void)named;
+    if (b[FACTS].obj) {
+        PyErr_SetString(PyExc_TypeError, "a Lane is made once");
+        return -1;
+    }
+    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*I", &b[FACTS], &b[MEMORY], &b[PASSAGE], &b[RESPONSE], &b[NETWORK],
+                          &b[CLOCK], &b[TOPIC], &lane->pad_index) ||
+        !has_size(&b[FACTS], sizeof(fmfts_facts), "facts") || !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
+        !has_size(&b[PASSAGE], sizeof(fmfts_passage), "passage") ||
+        !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock") || !view_network(&b[NETWORK], &lane->network)) {
+        return -1;
+    }
+    lane->facts = b[FACTS].buf;
+    lane->memory = b[MEMORY].buf;
+    lane->passage = b[PASSAGE].buf;
+    lane->response = b[RESPONSE].buf;
+    lane->response_bytes = (size_t)b[RESPONSE].len;
+    lane->clock = b[CLOCK].buf;
+    self->published.topic = b[TOPIC].buf;
+    self->published.topic_bytes = (size_t)b[TOPIC].len;
+    return 0;
+}
+
+static void lane_dealloc(PyObject *object)
+{
+    lane_object *self = (lane_object *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < PAD_BUFFERS; i++) {
+        PyBuffer_Release(&self->pad[i]);
+    }
+    for (int i = 0; i < FMFTS_KINDS; i++) {
+        PyBuffer_Release(&self->places[i]);
+        PyMem_Free(self->published.lane.message[i].text);
+    }
+    PyMem_Free(self->published.lane.change);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+/* One template, of the tuple (text, places): a copy of the text, a view of the places. */
+static int take_template(PyObject *given, fmfts_template *template, Py_buffer *places)
+{
+    const char *text;
+    Py_ssize_t size;
+    if (!PyArg_ParseTuple(given, "y#y*", &text, &size, places) ||
+        !has_size(places, (FMFTS_MESSAGE_INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places")) {
+        return 0;
+    }
+    uint8_t *copy = PyMem_Realloc(template->text, (size_t)size);
+    if (!copy) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    memcpy(copy, text, (size_t)size);
+    *template = (fmfts_template){copy, (size_t)size, places->buf};
+    return 1;
+}
+
+/* begin((template of each kind), kind, number): of the last message, the next ones have their kind's template. */
+static PyObject *lane_begin(PyObject *object, PyObject *args)
+{
+    lane_object *self = (lane_object *)object;
+    fmfts_lane *lane = &self->published.lane;
+    PyObject *given[FMFTS_KINDS];
+    size_t longest = 0;
+    int kind;
+    unsigned long long number;
+    self->begun = 0;
+    if (!lane->facts) {
+        PyErr_SetString(PyExc_ValueError, "this Lane could not be made");
+        return NULL;
+    }
+    if (!PyArg_ParseTuple(args, "(OOO)iK", &given[0], &given[1], &given[2], &kind, &number)) {
+        return NULL;
+    }
+    for (int i = 0; i < FMFTS_KINDS; i++) {
+        PyBuffer_Release(&self->places[i]);
+        if (!PyTuple_Check(given[i]) || !take_template(given[i], &lane->message[i], &self->places[i])) {
+            return PyErr_Occurred() ? NULL : (PyErr_SetString(PyExc_TypeError, "a template is a tuple"), NULL);
+        }
+        longest = lane->message[i].size > longest ? lane->message[i].size : longest;
+    }
+    uint8_t *change = PyMem_Realloc(lane->change, longest);
+    if (!change) {
+        return PyErr_NoMemory();
+    }
+    lane->change = change;
+    if (kind < 0 || kind >= FMFTS_KINDS) {
+        PyErr_Format(PyExc_ValueError, "there is no kind %d", kind);
+        return NULL;
+    }
+    lane->kind = (fmfts_contact)kind;
+    lane->number = number;
+    lane->passed = lane->change_bytes = 0;
+    self->begun = 1;
+    return Py_NewRef(Py_None);
+}
+
+static PyObject *latencies_of(const fmfts_lane *lane)
+{
+    PyObject *latencies = PyList_New((Py_ssize_t)lane->passed);
+    for (size_t i = 0; latencies && i < lane->passed; i++) {
+        PyObject *latency = PyFloat_FromDouble(lane->latency_s[i]);
+        if (!latency || PyList_SetItem(latencies, (Py_ssize_t)i, latency) < 0) {
+            Py_CLEAR(latencies);
+        }
+    }
+    return latencies;
+}
+
+/* end() → (frames, first sequence, last sequence, number, kind, payload, change, arrival_ns, t_sample_ns, t_publish_ns,
+ * latencies in s) of what has passed since `begin`; None where nothing has. */
+static PyObject *lane_end(PyObject *object, PyObject *unused)
+{
+    lane_object *self = (lane_object *)object;
+    const fmfts_lane *lane = &self->published.lane;
+    const fmfts_template *last = &lane->message[lane->kind];
+    int begun = self->begun;
+    (void)unused;
+    self->begun = 0;
+    if (!begun || !lane->passed) {
+        return Py_NewRef(Py_None);
+    }
+    PyObject *latencies = latencies_of(lane);
+    return latencies ? Py_BuildValue("(nIIKiy#y#LLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
+                                     (unsigned long long)lane->number, (int)lane->kind, last->text,
+                                     (Py_ssize_t)last->size, lane->change_bytes ? lane->change : NULL,
+                                     (Py_ssize_t)lane->change_bytes, (long long)lane->arrival_ns,
+                                     (long long)lane->t_sample_ns, (long long)lane->t_publish_ns, latencies)
+                     : NULL;
+}
+
+/* last_ns() → when the last frame came that has passed since `begin`, 0: none has. */
+static PyObject *lane_last_ns(PyObject *object, PyObject *unused)
+{
+    const lane_object *self = (const lane_object *)object;
+    const fmfts_lane *lane = &self->published.lane;
+    (void)unused;
+    return PyLong_FromLongLong(self->begun && lane->passed ? lane->arrival_ns : 0);
+}
+
+fmfts_published_lane *fmfts_lane_of(PyObject *object)
+{
+    lane_object *self = (lane_object *)object;
+    if (!PyObject_TypeCheck(object, fmfts_lane_type)) {
+        PyErr_SetString(PyExc_TypeError, "no Lane");
+        return NULL;
+    }
+    if (!self->begun) {
+        PyErr_SetString(PyExc_ValueError, "a Lane that was not begun");
+        return NULL;
+    }
+    return &self->published;
+}
+
+static PyMethodDef methods[] = {
+    {"begin", lane_begin, METH_VARARGS, "Let frames pass from now on; see path.py."},
+    {"end", lane_end, METH_NOARGS, "What has passed; see path.py."},
+    {"last_ns", lane_last_ns, METH_NOARGS, "When the last frame came; see path.py."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot slots[] = {
+    {Py_tp_init, (void *)lane_init},
+    {Py_tp_dealloc, (void *)lane_dealloc},
+    {Py_tp_methods, methods},
+    {0, NULL},
+};
+
+PyType_Spec fmfts_lane_spec = {
+    .name = "fmfts.pipeline.fast._fast.Lane",
+    .basicsize = sizeof(lane_object),
+    .flags = Py_TPFLAGS_DEFAULT,
+    .slots = slots,
+};

@@ -1,0 +1,257 @@
+/* fmfts.pipeline.fast._fast.Loop: waits for bytes, and lets the frames in them pass to the bus. Made by runtime/fast_loop.py. */
+#include "_board_line.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <time.h>
+
+enum { EVENTS = 64 };
+
+typedef struct {
+    PyObject_HEAD
+    int epoll;
+    fmfts_bus bus;
+    fmfts_board_line **line; /* by descriptor */
+    int lines;
+    int needy; /* lines that need Python */
+    int turn;  /* the last of them that got it */
+} loop_object;
+
+/* Loop(epoll, send, socket): a descriptor, and addresses of zmq_send and of a socket that never blocks a sender. */
+static int loop_init(PyObject *object, PyObject *args, PyObject *named)
+{
+    loop_object *self = (loop_object *)object;
+    unsigned long long send, socket;
+    (void)named;
+    if (!PyArg_ParseTuple(args, "iKK", &self->epoll, &send, &socket)) {
+        return -1;
+    }
+    self->bus.send = (int (*)(void *, const void *, size_t, int))(uintptr_t)send;
+    self->bus.socket = (void *)(uintptr_t)socket;
+    return 0;
+}
+
+static void forget(fmfts_board_line *line)
+{
+    for (int i = 0; line && i < FMFTS_PADS; i++) {
+        Py_XDECREF(line->lane[i]);
+    }
+    PyMem_Free(line);
+}
+
+static void loop_dealloc(PyObject *object)
+{
+    loop_object *self = (loop_object *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < self->lines; i++) {
+        forget(self->line[i]);
+    }
+    PyMem_Free(self->line);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+static fmfts_board_line *line_of(const loop_object *self, int descriptor)
+{
+    return descriptor >= 0 && descriptor < self->lines ? self->line[descriptor] : NULL;
+}
+
+static int add(PyObject *list, int descriptor)
+{
+    PyObject *item = PyLong_FromLong(descriptor);
+    int failed = !item || PyList_Append(list, item) < 0;
+    Py_XDECREF(item);
+    return !failed;
+}
+
+/* 0 and MemoryError where the table cannot grow as far as the descriptor. */
+static int make_room(loop_object *self, int descriptor)
+{
+    if (descriptor < self->lines) {
+        return 1;
+    }
+    fmfts_board_line **grown = PyMem_Realloc(self->line, ((size_t)descriptor + 1) * sizeof *grown);
+    if (!grown) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    memset(grown + self->lines, 0, (size_t)(descriptor + 1 - self->lines) * sizeof *grown);
+    self->line = grown;
+    self->lines = descriptor + 1;
+    return 1;
+}
+
+/* begin(descriptor, unread, lanes): until `end`, frames of these begun lanes pass; unread: what was read already. */
+static PyObject *loop_begin(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    int descriptor;
+    const char *unread;
+    Py_ssize_t unread_bytes;
+    PyObject *lanes;
+    if (!PyArg_ParseTuple(args, "iy#O!", &descriptor, &unread, &unread_bytes, &PyTuple_Type, &lanes)) {
+        return NULL;
+    }
+    if (descriptor < 0 || unread_bytes > FMFTS_ROOM || line_of(self, descriptor)) {
+        PyErr_Format(PyExc_ValueError, "descriptor %d, %zd bytes unread: no line that could begin", descriptor,
+                     unread_bytes);
+        return NULL;
+    }
+    fmfts_board_line *line = make_room(self, descriptor) ? PyMem_Calloc(1, sizeof *line) : NULL;
+    if (!line) {
+        return PyErr_NoMemory();
+    }
+    memcpy(line->unread, unread, (size_t)unread_bytes);
+    line->unread_bytes = (size_t)unread_bytes;
+    for (Py_ssize_t i = 0; i < PyTuple_Size(lanes); i++) {
+        PyObject *lane = PyTuple_GetItem(lanes, i);
+        const fmfts_published_lane *published = fmfts_lane_of(lane);
+        if (!published || published->lane.pad_index >= FMFTS_PADS || line->lane[published->lane.pad_index]) {
+            if (published) {
+                PyErr_SetString(PyExc_ValueError, "a board has sixteen pads, and each has one Lane");
+            }
+            forget(line);
+            return NULL;
+        }
+        line->lane[published->lane.pad_index] = Py_NewRef(lane);
+    }
+    line->needs_python = unread_bytes > FMFTS_LONGEST_LINE;
+    self->needy += line->needs_python;
+    self->line[descriptor] = line;
+    return Py_NewRef(Py_None);
+}
+
+/* end(descriptor) → (unread, when a frame last passed, 0: none did), or None where nothing had begun. */
+static PyObject *loop_end(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    int descriptor;
+    if (!PyArg_ParseTuple(args, "i", &descriptor)) {
+        return NULL;
+    }
+    fmfts_board_line *line = line_of(self, descriptor);
+    if (!line) {
+        return Py_NewRef(Py_None);
+    }
+    PyObject *result = Py_BuildValue("(y#L)", line->unread, (Py_ssize_t)line->unread_bytes, (long long)line->heard_ns);
+    self->needy -= line->needs_python;
+    self->line[descriptor] = NULL;
+    forget(line);
+    return result;
+}
+
+/* take(descriptor, data, arrival_ns) → has all of it passed? The same of bytes that somebody else has read. */
+static PyObject *loop_take(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    int descriptor;
+    const char *data;
+    Py_ssize_t size;
+    long long arrival_ns;
+    if (!PyArg_ParseTuple(args, "iy#L", &descriptor, &data, &size, &arrival_ns)) {
+        return NULL;
+    }
+    fmfts_board_line *line = line_of(self, descriptor);
+    if (!line || size > FMFTS_READ_BYTES) {
+        PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
+        return NULL;
+    }
+    int needed = line->needs_python;
+    if (!needed && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns)) {
+        return NULL;
+    }
+    self->needy += line->needs_python - needed;
+    return PyBool_FromLong(!line->needs_python);
+}
+
+/* Waits once; the events, −1 and an exception. */
+static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_event *events)
+{
+    int64_t left_ns = until_ns - fmfts_now_ns(CLOCK_MONOTONIC);
+    int timeout_ms = left_ns <= 0 ? 0 : left_ns > 60000000000 ? 60000 : (int)((left_ns + 999999) / 1000000);
+    int count;
+    Py_BEGIN_ALLOW_THREADS
+    count = epoll_wait(self->epoll, events, EVENTS, timeout_ms);
+    Py_END_ALLOW_THREADS
+    if (count < 0 && errno == EINTR) {
+        return PyErr_CheckSignals() < 0 ? -1 : 0;
+    }
+    if (count < 0) {
+        PyErr_SetFromErrno(PyExc_OSError);
+    }
+    return count;
+}
+
+/* What is readable passes, as far as it may; descriptors of no line go to `wanted`. 0 and an exception where that failed. */
+static int serve(loop_object *self, const struct epoll_event *events, int count, PyObject *wanted)
+{
+    for (int i = 0; i < count; i++) {
+        fmfts_board_line *line = line_of(self, events[i].data.fd);
+        if (!line) {
+            if (!add(wanted, events[i].data.fd)) {
+                return 0;
+            }
+        } else if (!line->needs_python) {
+            if (!fmfts_serve(line, &self->bus, events[i].data.fd)) {
+                return 0;
+            }
+            self->needy += line->needs_python;
+        }
+    }
+    return 1;
+}
+
+/* One line that needs Python, each in turn: others' frames come first, however many need it at once. */
+static int add_needy(loop_object *self, PyObject *wanted)
+{
+    for (int i = 0; self->needy > 0 && i < self->lines; i++) {
+        self->turn = (self->turn + 1) % self->lines;
+        if (self->line[self->turn] && self->line[self->turn]->needs_python) {
+            return add(wanted, self->turn);
+        }
+    }
+    return 1;
+}
+
+/* wait(until_ns) → descriptors that Python is to look at, as soon as there are any; none at that time. */
+static PyObject *loop_wait(PyObject *object, PyObject *args)
+{
+    loop_object *self = (loop_object *)object;
+    struct epoll_event events[EVENTS];
+    long long until_ns;
+    PyObject *wanted = NULL;
+    if (!PyArg_ParseTuple(args, "L", &until_ns) || !(wanted = PyList_New(0))) {
+        return NULL;
+    }
+    do {
+        int count = wait_once(self, self->needy ? 0 : until_ns, events);
+        if (count < 0 || !serve(self, events, count, wanted) || !add_needy(self, wanted)) {
+            Py_DECREF(wanted);
+            return NULL;
+        }
+    } while (PyList_Size(wanted) == 0 && fmfts_now_ns(CLOCK_MONOTONIC) < until_ns);
+    return wanted;
+}
+
+static PyMethodDef methods[] = {
+    {"begin", loop_begin, METH_VARARGS, "Let a board's frames pass; see runtime/fast_loop.py."},
+    {"end", loop_end, METH_VARARGS, "Let none pass; see runtime/fast_loop.py."},
+    {"take", loop_take, METH_VARARGS, "Let the frames in these bytes pass."},
+    {"wait", loop_wait, METH_VARARGS, "Let frames pass until Python is needed."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot slots[] = {
+    {Py_tp_init, (void *)loop_init},
+    {Py_tp_dealloc, (void *)loop_dealloc},
+    {Py_tp_methods, methods},
+    {0, NULL},
+};
+
+PyType_Spec fmfts_loop_spec = {
+    .name = "fmfts.pipeline.fast._fast.Loop",
+    .basicsize = sizeof(loop_object),
+    .flags = Py_TPFLAGS_DEFAULT,
+    .slots = slots,
+};

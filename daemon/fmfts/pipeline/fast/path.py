@@ -1,0 +1,180 @@
+"""The compiled path of one pad: its facts, the memory between its frames, and handing that memory over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.baseline import Mounting
+from fmfts.common.double_table import Named
+from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact.inference import CompiledInference
+from fmfts.pad import Pad
+from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast.facts import put_contact, put_message, put_sensors, put_tracking
+from fmfts.pipeline.fast.template import Template
+from fmfts.pose import Alignment, Tracker
+from fmfts.pose.tracking_model import TrackingModel
+from fmfts.sensor.frame import Packed
+
+Array = NDArray[np.float64]
+
+
+class Kind(IntEnum):
+    """What a healthy frame says of contact, as tables.h numbers it."""
+
+    QUIET = 0
+    TOUCHED = 1
+    OVER_RANGE = 2
+
+
+KINDS = tuple(Kind)
+
+
+class Judged(NamedTuple):
+    """instant_us: the device's time of the estimate."""
+
+    instant_us: int
+    kind: Kind
+
+
+class Passed(NamedTuple):
+    """Frames that went from their bytes to the bus without Python; sequences of the first and the last of them.
+
+    number, kind, payload, arrival_ns, t_sample_ns, t_publish_ns: of the last message. latencies_s: of each, sample →
+    publish. change: the first message of another kind than before, None where there was none; there is no second.
+    """
+
+    frames: int
+    first_sequence: int
+    sequence: int
+    number: int
+    kind_number: int
+    payload: bytes
+    change: bytes | None
+    arrival_ns: int
+    t_sample_ns: int
+    t_publish_ns: int
+    latencies_s: list[float]
+
+    @property
+    def kind(self) -> Kind:
+        return KINDS[self.kind_number]
+
+
+class Lane:
+    """Lets a pad's frames pass while they are healthy: lane.h."""
+
+    def __init__(self, compiled: _fast.Lane) -> None:
+        self.compiled = compiled
+
+    def begin(self, templates: Sequence[Template], kind: Kind, number: int) -> None:
+        """templates: of each kind. kind, number: of the last message. This has the pad's memory until `end`."""
+        quiet, touched, over_range = [(template.text, template.places) for template in templates]
+        self.compiled.begin((quiet, touched, over_range), kind, number)
+
+    def last_ns(self) -> int:
+        """When the last frame came that has passed since `begin`, 0: none has."""
+        return self.compiled.last_ns()
+
+    def end(self) -> Passed | None:
+        """None where no frame has passed since `begin`."""
+        passed = self.compiled.end()
+        return None if passed is None else Passed(*passed)
+
+
+class HealthyPath:
+    """Judges frames as `Estimator.read` does, as long as nothing is wrong. Either of the two holds the pad's memory:
+
+    `take` it after a healthy frame in Python, `give` it back before the next frame that is judged there.
+    """
+
+    def __init__(self, facts: Named, model: ContactModel) -> None:
+        self._facts_buffer = facts.buffer
+        self._model = model.inference
+        self._model_buffers = [
+            array.data.cast("B") for array in (self._model.pose, self._model.contact, self._model.jacobian.ravel())
+        ]
+        self._network = model.inference.network if isinstance(model.inference, CompiledInference) else None
+        self._response = None if model.refiner is None else model.refiner.packed
+        self._memory = Named(_fast.MEMORY)
+        self._memory_buffer = self._memory.buffer
+        self._passage = np.zeros(_fast.PASSAGE_BYTES // 8).data
+        self._pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
+        self._lane: Lane | None = None
+
+    @classmethod
+    def of(
+        cls,
+        drawing: Pad,
+        mounting: Mounting,
+        tracking: TrackingModel,
+        rest_temperature_c: float | None,
+        model: ContactModel,
+        touch: TouchDetector,
+        change_error: Array,
+        repeats_allowed: Array,
+        stopped_us: float,
+        unfelt_n: float,
+    ) -> Self | None:
+        """None where nothing compiled is there, or the contact model's error tables are larger than it has room for, or
+        the model tells shear or smooths."""
+        if not (AVAILABLE and model.plain):
+            return None
+        facts = Named(_fast.FACTS)
+        try:
+            put_sensors(facts, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
+            put_tracking(facts, mounting, tracking, rest_temperature_c)
+            put_contact(facts, mounting, drawing, change_error, touch, model, unfelt_n)
+            put_message(facts, mounting, drawing.magnet.remanence_t)
+        except ValueError:
+            return None
+        return cls(facts, model)
+
+    def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
+        """None where the frame is not healthy in every respect: the memory then is as it was."""
+        pad = self._pad
+        frame = packed, device_time_us, np.nan if temperature_c is None else temperature_c
+        judged = None
+        if self._network is not None:
+            judged = _fast.judge(*pad, self._network, *frame)
+        elif _fast.ask(*pad, self._model_buffers[0], *frame):
+            self._model.run()
+            judged = _fast.conclude(*pad, *self._model_buffers[1:])
+        return None if judged is None else Judged(judged[0], KINDS[judged[1]])
+
+    def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
+        """The last judged frame's."""
+        return _fast.message(template.text, template.places, self._passage, seq, t_sample_ns, t_publish_ns, utc_ns)
+
+    def lane(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane | None:
+        """Of this pad, whose messages are about `topic`; clock: `DeviceClock.line`. None where onnxruntime is asked."""
+        if self._lane is None and self._network is not None:
+            self._lane = Lane(_fast.Lane((*self._pad, self._network), clock, topic, pad_index))
+        return self._lane
+
+    def take(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector, last_us: int) -> bool:
+        """Take the memory over, if nothing is pending in it that only Python can judge."""
+        if not tracker.write(self._memory):
+            return False
+        alignment.write(self._memory)
+        touch.write(self._memory)
+        self._memory.put("last_us", last_us)
+        self._memory.put("passed", 0)
+        return True
+
+    @property
+    def passed(self) -> int:
+        """Frames judged here since the memory was taken over."""
+        return int(self._memory.number("passed"))
+
+    def give(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector) -> int:
+        """Give it back; the time of the last frame."""
+        alignment.read(self._memory)
+        tracker.read(self._memory)
+        touch.read(self._memory)
+        return int(self._memory.number("last_us"))

@@ -1,0 +1,108 @@
+/* Counts → field at one instant, baseline subtracted: alignment.py and Estimator.read. */
+#include <math.h>
+#include <string.h>
+
+#include "../pipeline/fast/tables.h"
+
+enum { OVERFLOW_COUNT = -4096, AMBIENT_VALUE = 7 };
+
+static int little_endian(const uint8_t *bytes)
+{
+    return bytes[0] | bytes[1] << 8;
+}
+
+/* Takes the fresh samples into the memory. False where one is missing, saturated, or the board began anew. */
+static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_frame *frame)
+{
+    int sensors = (int)facts->sensors[0];
+    double newest = 0.0, before = 0.0;
+    if ((frame->valid & ((1u << sensors) - 1)) != (1u << sensors) - 1 || frame->gain_code > 7) {
+        return false;
+    }
+    for (int i = 0; i < sensors; i++) {
+        double sampled = frame->time_us - little_endian(frame->readings + FMFTS_READING_BYTES * i + 6);
+        newest = fmax(newest, sampled);
+        before = fmax(before, memory->time_us[i]);
+        double *sample[3], *time = memory->time_us + i;
+        for (int k = 0; k < 3; k++) {
+            sample[k] = memory->field_t + k * FMFTS_AXES + 3 * i;
+        }
+        bool fresh = frame->fresh >> i & 1;
+        if (fresh) {
+            memcpy(sample[2], sample[1], 3 * sizeof(double));
+            memcpy(sample[1], sample[0], 3 * sizeof(double));
+            time[2 * FMFTS_SENSORS] = time[FMFTS_SENSORS];
+            time[FMFTS_SENSORS] = time[0];
+            time[0] = sampled;
+        }
+        for (int axis = 0; axis < 3; axis++) {
+            int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * i + 2 * axis);
+            if (count == OVERFLOW_COUNT) {
+                return false;
+            }
+            if (fresh) {
+                double *repeats = memory->repeats + 3 * i + axis;
+                sample[0][axis] = count * facts->step_t[frame->gain_code];
+                *repeats = sample[0][axis] == sample[1][axis] ? *repeats + 1.0 : 0.0;
+            }
+            if (!isfinite(sample[2][axis]) || !isfinite(sample[1][axis]) ||
+                !(memory->repeats[3 * i + axis] <= facts->repeats_allowed[3 * i + axis])) {
+                return false;
+            }
+        }
+    }
+    return newest >= before - facts->stopped_us[0];
+}
+
+/* One axis, interpolated; `share` of the sample before, and what the curvature of the field may add. */
+static void interpolate(const fmfts_facts *facts, const fmfts_memory *memory, int axis, double instant,
+                        fmfts_field *field)
+{
+    const double *time = memory->time_us + axis / 3;
+    double newest = memory->field_t[axis], previous = memory->field_t[FMFTS_AXES + axis],
+           oldest = memory->field_t[2 * FMFTS_AXES + axis];
+    double behind = time[0] - instant, gap = fmax(time[0] - time[FMFTS_SENSORS], 1.0),
+           gap_before = fmax(time[FMFTS_SENSORS] - time[2 * FMFTS_SENSORS], 1.0);
+    double share = fmin(fmax(behind / gap, 0.0), 1.0);
+    double aligned = (1.0 - share) * newest + share * previous;
+    double slopes = (newest - previous) / gap - (previous - oldest) / gap_before;
+    double bend = 2.0 * behind * fmax(gap - behind, 0.0) / (gap + gap_before) * slopes, jump = fabs(slopes) * gap;
+    if (jump > facts->jump_t[0] && share > 0.0) {
+        bend = fmax(share, 1.0 - share) * jump;
+    }
+    const double *direction = facts->direction + 3 * axis, *uniform = memory->state + AMBIENT_VALUE;
+    double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
+    double magnet = aligned / facts->gain[axis] - facts->offset_t[axis];
+    double change = magnet - facts->rest_field_t[axis];
+    double by_gain = facts->gain_deviation[axis] * change, by_place = facts->place_deviation[axis / 3] * (change - ambient);
+    double noise_square = facts->noise_t[axis] * facts->noise_t[axis] *
+                          (share * share + (1.0 - share) * (1.0 - share));
+    field->field_t[axis] = magnet;
+    field->lasting_t2[axis] = bend * bend;
+    field->variance_t2[axis] = by_gain * by_gain + by_place * by_place +
+                               facts->systematic_t[0] * facts->systematic_t[0] + bend * bend + noise_square;
+}
+
+bool fmfts_align(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_frame *frame, fmfts_field *field)
+{
+    int sensors = (int)facts->sensors[0];
+    if (!push(facts, memory, frame)) {
+        return false;
+    }
+    double latest = -INFINITY, instant = INFINITY;
+    for (int i = 0; i < sensors; i++) {
+        latest = fmax(latest, memory->time_us[i]);
+        instant = fmin(instant, memory->time_us[i]);
+        if (!(memory->time_us[FMFTS_SENSORS + i] > 0.0)) {
+            return false;
+        }
+    }
+    if (!(latest - instant <= facts->stopped_us[0])) {
+        return false;
+    }
+    field->instant_us = instant;
+    for (int axis = 0; axis < 3 * sensors; axis++) {
+        interpolate(facts, memory, axis, instant, field);
+    }
+    return true;
+}

@@ -1,0 +1,102 @@
+/* The magnet's state from a field and the frame before: Tracker._follow where everything fits. */
+#include <math.h>
+#include <string.h>
+
+#include "model.h"
+#include "../pipeline/fast/tables.h"
+
+/* What since_good_s is in tracker.py: healthy frames follow each other. */
+static double elapsed_s(const fmfts_memory *memory, const fmfts_field *field)
+{
+    return fmax(field->instant_us - memory->last_us[0], 0.0) * 1e-6;
+}
+
+/* The last state, as uncertain as time and warmth have made it since; as warm as when that was last known. */
+static void predict(const fmfts_facts *facts, fmfts_memory *memory, double elapsed, double temperature_c)
+{
+    for (int c = 0; c < FMFTS_STEP; c++) {
+        memory->covariance[c * FMFTS_STEP + c] += facts->walk_per_s[c] * elapsed;
+    }
+    double warmer_k = temperature_c - facts->rest_temperature_c[0];
+    if (!isfinite(warmer_k)) {
+        return;
+    }
+    double warmth = facts->moment_per_k_deviation[0] * warmer_k;
+    memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN] += fmax(warmth * warmth - memory->warmth_variance[0], 0.0);
+    memory->warmth_variance[0] = fmax(warmth * warmth, memory->warmth_variance[0]);
+    if (facts->part[LOG_COLUMN] == FMFTS_CONSIDERED) {
+        memory->state[LOG_VALUE] = facts->rest[LOG_VALUE] + facts->moment_per_k[0] * warmer_k;
+    }
+}
+
+static void write_measurements(const fmfts_facts *facts, const fmfts_field *field, double *rows)
+{
+    for (int axis = 0; axis < 3 * (int)facts->sensors[0]; axis++) {
+        double *row = rows + FMFTS_MEASUREMENT * axis;
+        memcpy(row, facts->place_m + axis / 3 * 3, 3 * sizeof(double));
+        memcpy(row + 3, facts->direction + 3 * axis, 3 * sizeof(double));
+        row[6] = field->field_t[axis];
+        row[7] = sqrt(field->variance_t2[axis]);
+        row[8] = row[9] = 0.0;
+    }
+}
+
+static bool fits(const fmfts_facts *facts, const fmfts_summary *found, const double *state, const double *covariance)
+{
+    double square = 0.0, trace = 0.0;
+    for (int i = 0; i < 3; i++) {
+        square += (state[i] - facts->rest[i]) * (state[i] - facts->rest[i]);
+        trace += covariance[(FMFTS_STEP + 1) * i];
+    }
+    return found->status == FMFTS_CONVERGED && sqrt(square) < facts->reach_m[0] &&
+           trace < facts->vague_m[0] * facts->vague_m[0] &&
+           fabs(state[LOG_VALUE] - facts->rest[LOG_VALUE]) < facts->log_moment_reach[0] &&
+           found->chi2 < facts->gate_chi2[0];
+}
+
+bool fmfts_track(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field, double temperature_c,
+                 fmfts_pose *pose)
+{
+    double rows[FMFTS_AXES * FMFTS_MEASUREMENT], work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_STATE],
+        direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], facts->octupole_m2[0]};
+    uint8_t parts[FMFTS_STEP];
+    bool has_prior = false;
+    double elapsed = elapsed_s(memory, field);
+    if (elapsed > facts->longest_gap_s[0]) {
+        return false; /* Python forgets the touch from before it */
+    }
+    predict(facts, memory, elapsed, temperature_c);
+    write_measurements(facts, field, rows);
+    for (int c = 0; c < FMFTS_STEP; c++) {
+        parts[c] = (uint8_t)facts->part[c];
+        has_prior |= parts[c] == FMFTS_PRIOR || parts[c] == FMFTS_CONSIDERED;
+    }
+    const fmfts_problem problem = {
+        .measurements = rows,
+        .rows = 3 * (size_t)facts->sensors[0],
+        .magnets = magnet,
+        .magnet_count = 1,
+        .parts = parts,
+        .start = memory->state,
+        .prior_mean = has_prior ? memory->state : NULL,
+        .prior_covariance = has_prior ? memory->covariance : NULL,
+        .stop_chi2 = facts->stop_chi2[0],
+        .max_iterations = (int)facts->max_iterations[0],
+    };
+    fmfts_summary found = fmfts_solve(&problem, work, state, pose->covariance, direction);
+    if (!fits(facts, &found, state, pose->covariance)) {
+        return false;
+    }
+    pose->chi2 = found.chi2;
+    pose->residual_t = found.residual_t;
+    memcpy(memory->state, state, sizeof state);
+    memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
+    memory->misfit[0] += (found.chi2 / facts->freedom[0] - memory->misfit[0]) / facts->misfit_frames[0];
+    double misfit = fmax(memory->misfit[0], memory->lasting_misfit[0]);
+    for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
+        pose->covariance[i] *= misfit;
+    }
+    memory->last_us[0] = field->instant_us;
+    memory->passed[0] += 1.0;
+    return true;
+}

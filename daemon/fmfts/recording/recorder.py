@@ -1,0 +1,121 @@
+"""`fmfts-daemon record`: a subscriber like any other, in a process of its own, so that a slow disk delays nobody."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import zmq
+
+from fmfts.recording.file import RecordingError, RecordingWriter
+from fmfts.view.silence import why_nothing_came
+from fmfts_client import Endpoints, Message, Subscription
+
+FLUSH_S = 1.0
+PATIENCE_S = 5.0
+TURN_S = 0.1
+BATCH = 1000
+
+
+class Recorder:
+    """Writes what a daemon says, from each pad's state on: frames before it could not be replayed."""
+
+    def __init__(self, output: Path, pad: str | None, endpoint: str | Endpoints | None) -> None:
+        """pad: None for all; else it and all that it feels. EndpointError, RecordingError."""
+        self._pad = pad
+        self._group = None if pad is None else with_neighbours(pad, endpoint)
+        pad = pad if self._group == {pad} else None
+        # The bus first: then every frame that is recorded has its contact.
+        self._bus = Subscription(("contact", "event", "status"), pad, endpoint)
+        try:
+            self._frames = Subscription(("frame", "state"), pad, endpoint)
+            self._writer = RecordingWriter(output)
+        except Exception:
+            self._bus.close()
+            raise
+        self._poller = zmq.Poller()
+        for subscription in (self._bus, self._frames):
+            self._poller.register(subscription.socket, zmq.POLLIN)
+        self._with_state: set[str] = set()
+        self._next_seq: dict[tuple[str, str], int] = {}
+        self.missed = 0
+        self._told_to_end = False
+
+    def run(self, seconds: float | None) -> dict[str, Any]:
+        """Until `seconds` are over (None: for ever) or an interrupt; the facts of the recording.
+
+        RecordingError where there is nothing to record, or no room for it.
+        """
+        # An exception amid a write would leave it open how much of the chunk is in the file.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._end)
+        begun_s = flushed_s = time.monotonic()
+        while not self._told_to_end and (seconds is None or time.monotonic() - begun_s < seconds):
+            self._turn()
+            now_s = time.monotonic()
+            if not self._writer.messages and now_s - begun_s > PATIENCE_S:
+                break
+            if now_s - flushed_s > FLUSH_S:
+                flushed_s = now_s
+                self._writer.flush()
+        if not self._writer.messages:
+            self._writer.discard()
+            why = why_nothing_came(self._bus.endpoints, self._pad)
+            raise RecordingError(f"nothing came in {time.monotonic() - begun_s:.1f} s, so nothing was recorded: {why}")
+        self._writer.finish()
+        return {
+            "recording": str(self._writer.path),
+            "seconds": round(time.monotonic() - begun_s, 1),
+            "messages": self._writer.messages,
+            "pads": sorted(self._with_state),
+            "missed_contacts": self.missed,
+            "refused_messages": self._bus.refused + self._frames.refused,
+        }
+
+    def close(self) -> None:
+        self._writer.close()
+        self._frames.close()
+        self._bus.close()
+
+    def _end(self, *_: object) -> None:
+        self._told_to_end = True
+
+    def _turn(self) -> None:
+        self._poller.poll(round(TURN_S * 1e3))
+        for subscription in (self._frames, self._bus):
+            for _ in range(BATCH):
+                message = subscription.receive(0.0)
+                if message is None:
+                    break
+                self._take(message)
+
+    def _take(self, message: Message) -> None:
+        if self._group is not None and message.pad not in self._group:
+            return
+        if message.kind == "state":
+            self._with_state.add(message.pad)
+        elif message.kind == "frame" and message.pad not in self._with_state:
+            return
+        elif message.kind == "contact":
+            key, seq = (message.pad, message.body["boot"]), message.body["seq"]
+            self.missed += seq - self._next_seq.get(key, seq)
+            self._next_seq[key] = seq + 1
+        self._writer.add(message.kind, message.pad, message.body)
+
+
+def with_neighbours(pad: str, endpoint: str | Endpoints | None) -> set[str]:
+    """A pad, its neighbours, theirs and so on: each one's contacts depend on where its neighbours' magnets are, so that
+    none could be replayed without the others. A pad that sends no frames tells nobody of its neighbours."""
+    group, asked = {pad}, set[str]()
+    while unasked := group - asked:
+        name = min(unasked)
+        asked.add(name)
+        with Subscription(("frame", "state"), name, endpoint) as messages:
+            until_s = time.monotonic() + PATIENCE_S
+            while (message := messages.receive(until_s - time.monotonic())) is not None:
+                if message.kind == "state":
+                    group |= set(message.body["config"]["scene"]["neighbours"])
+                    break
+    return group

@@ -1,0 +1,256 @@
+"""One pad within the daemon: its pipeline, what it delivered, and what is told about it besides contacts."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from fmfts.baseline import Baseline
+from fmfts.baseline.request import BaselineJob
+from fmfts.bus.frame_message import frame_message
+from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
+from fmfts.bus.publisher import Publisher, contact_topic
+from fmfts.config import PadConfig
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.fast import Kind, Lane
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import state_message
+from fmfts.runtime.rebaselining import Rebaselining
+from fmfts.runtime.statistics import PadStatistics
+from fmfts.sensor import ByteSource, Frame, Source
+from fmfts.sensor.probing import faults_of
+
+log = logging.getLogger(__name__)
+
+SHORTEST_SILENCE_NS = 150_000_000
+# A frame this old is not worth solving: newer ones wait behind it. What a busy computer's scheduler does is shorter.
+OVERDUE_S = 0.5
+
+
+class Channel:
+    """Feeds one pad's frames through its pipeline and publishes all that follows from them."""
+
+    def __init__(
+        self, source: Source, pad_index: int, pipeline: PadPipeline, publisher: Publisher, boot: str, rate_hz: float
+    ) -> None:
+        self.name = pipeline.pad.name
+        self.source = source
+        self.pad_index = pad_index
+        self.pipeline = pipeline
+        self.job: BaselineJob | None = None
+        self.config: PadConfig | None = None  # what recorders are told of it; without it, they get no state
+        self._rebaselining: Rebaselining | None = None
+        self._publisher = publisher
+        self._topic = contact_topic(self.name)
+        self._boot = boot
+        self._rate_hz = rate_hz
+        self._clock = source.clock_line if isinstance(source, ByteSource) else None
+        self._statistics = PadStatistics()
+        self._started_ns = time.monotonic_ns()
+        # Without a usable frame for this long a pad is silent: at any rate, two frames may be missing.
+        self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
+        self._last_frame_ns: int | None = None
+        self._last_used_ns: int | None = None
+        self._late_s = 0.0
+        self._failed = False
+        self._last: ContactMessage | PackedMessage | None = None
+        self._kind: Kind | None = None  # of the last message, if it was a healthy frame's
+        self._health_since_ns = self._started_ns
+        self._lane: Lane | None = None  # while frames pass there
+        self._touched = False
+        self._touched_since_ns = self._started_ns
+
+    @property
+    def health(self) -> Health:
+        last = self._last_message
+        return "disconnected" if last is None else last.health
+
+    @property
+    def faults(self) -> list[str]:
+        """A sentence for everything that is wrong with the source now."""
+        return faults_of(self.source, self.pad_index)
+
+    def frame(self, frame: Frame) -> None:
+        """One frame in: a contact, and whatever changed, out."""
+        arrived_ns = time.monotonic_ns()
+        self._last_frame_ns = arrived_ns
+        self._statistics.frame(frame)
+        if self.job is not None:
+            self.job.take(frame)
+        self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9
+        overdue = self._late_s > OVERDUE_S
+        if self._publisher.frames_wanted(self.name, arrived_ns):
+            self._tell_recorders(frame, used=not overdue)
+        if overdue:
+            self._statistics.dropped += 1
+            return
+        answer = self._answered(frame)
+        if isinstance(answer, PackedMessage) and answer.kind is self._kind:
+            # Healthy as the one before, touched as the one before: there is nothing else to tell.
+            self._publisher.send_packed(self._topic, answer.payload)
+            self._last = answer
+        else:
+            self._publish(answer.message if isinstance(answer, PackedMessage) else answer)
+            self._kind = answer.kind if isinstance(answer, PackedMessage) else None
+        self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
+        self._last_used_ns = arrived_ns
+        if self._rebaselining is not None and self._rebaselining.saw(answer):
+            self._publisher.state_changed(self.name)
+            self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
+
+    def begin(self, now_ns: int) -> Lane | None:
+        """Let healthy frames pass in C from now on; None where Python has to see them."""
+        if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
+            return None
+        if self._publisher.frames_wanted(self.name, now_ns):
+            return None
+        self._lane = self.pipeline.begin(self._clock, self._topic, self.pad_index)
+        return self._lane
+
+    def end(self) -> None:
+        """Account for what has passed, if frames pass; from now on they come to `frame` again."""
+        if self._lane is None:
+            return
+        ended = self.pipeline.end(self._lane)
+        self._lane = None
+        if ended is not None:
+            passed, last = ended
+            if passed.change is not None:
+                self._tell(decode_contact(passed.change))
+            self._last, self._kind = last, last.kind
+            self._statistics.passed(passed)
+            self._last_frame_ns = self._last_used_ns = passed.arrival_ns
+
+    def use(self, baseline: Baseline) -> None:
+        """BaselineError where it does not fit the pad. What a drift taught is forgotten."""
+        mounting = self.pipeline.use(baseline)
+        self._rebaselining = None
+        if self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None:
+            self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, self.config.rebaseline.si())
+        self._publisher.state_changed(self.name)
+
+    def is_silent(self, now_ns: int) -> bool:
+        last_ns = self._last_used_ns
+        if last_ns is not None and self._lane is not None:
+            last_ns = max(last_ns, self._lane.last_ns())
+        return last_ns is None or now_ns - last_ns >= self._silent_ns
+
+    def tick(self, now_ns: int) -> None:
+        """Called twenty times a second while no frame can be used: its health is said anyway."""
+        if not self.is_silent(now_ns):
+            return
+        state, last = self.source.state, self._last_frame_ns
+        if not state.connected:
+            self._publish(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}"))
+            return
+        if last is None:
+            reason = "; ".join(self.faults) or "connected, but no frame yet"
+        elif now_ns - last < self._silent_ns:
+            reason = f"frames come {self._late_s:.1f} s late: this computer is overloaded, or the board's clock stands"
+        else:
+            reason = f"silent for {(now_ns - last) * 1e-9:.1f} s"
+        self._publish(self.pipeline.absent("stale", f"{state.description}: {reason}"))
+
+    @property
+    def _last_message(self) -> ContactMessage | None:
+        return self._last.message if isinstance(self._last, PackedMessage) else self._last
+
+    def _answered(self, frame: Frame) -> ContactMessage | PackedMessage:
+        """An error in the work on one pad must not end the others', nor pass for a reading."""
+        try:
+            return self.pipeline.answer(frame)
+        except Exception as error:
+            if not self._failed:
+                self._failed = True
+                log.exception(
+                    "pad '%s': internal error, worth reporting; its contacts are published as lost", self.name
+                )
+            return self.pipeline.absent("lost", f"internal error: {type(error).__name__}: {error}")
+
+    def event(self, kind: EventKind, detail: str) -> None:
+        now = EventMessage(
+            pad=self.name, boot=self._boot, t_ns=time.monotonic_ns(), utc_ns=time.time_ns(), kind=kind, detail=detail
+        )
+        self._publisher.send_event(self.name, now)
+
+    def status(self, now_ns: int) -> StatusMessage:
+        """Facts of the last interval; ends it."""
+        latency = self._statistics.interval(now_ns)
+        state, last, mounting = self.source.state, self._last_message, self.pipeline.mounting
+        return StatusMessage(
+            pad=self.name,
+            boot=self._boot,
+            t_publish_ns=now_ns,
+            utc_ns=time.time_ns(),
+            health=self.health,
+            reason="" if last is None else last.reason,
+            since_ns=self._health_since_ns,
+            source=state.description,
+            connected=state.connected,
+            rate_hz=self._statistics.rate_hz,
+            rate_nominal_hz=self._rate_hz,
+            frames=self._statistics.frames,
+            dropped=self._statistics.dropped,
+            gaps=self._statistics.gaps,
+            crc_errors=state.crc_errors,
+            garbage_bytes=state.garbage_bytes,
+            reconnects=state.reconnects,
+            latency_p50_s=latency and latency[0],
+            latency_p99_s=latency and latency[1],
+            latency_max_s=latency and latency[2],
+            temperature_c=None if last is None else last.temperature_c,
+            ambient_t=None if last is None or last.pose is None else last.pose.ambient_t,
+            remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
+            rest_drift_m=None if self._rebaselining is None else self._rebaselining.size_m,
+            sensor_faults=self.faults,
+            board=state.board,
+            uptime_s=(now_ns - self._started_ns) * 1e-9,
+        )
+
+    def _publish(self, message: ContactMessage) -> ContactMessage:
+        """Send it, and tell what changed; what was sent (the publisher may have withheld an estimate)."""
+        message = self._publisher.send_contact(self.name, message)
+        self._tell(message)
+        self._last, self._kind = message, None
+        return message
+
+    def _tell(self, message: ContactMessage) -> None:
+        """What changed with a message that was sent."""
+        before = self._last_message
+        if before is None or before.health != message.health:
+            self._health_since_ns = message.t_publish_ns
+            text = f"{message.health}: {message.reason}" if message.reason else message.health
+            log.log(logging.INFO if message.health == "ok" else logging.WARNING, "pad '%s': %s", self.name, text)
+            self.event("health", text)
+        if message.contact is not None:
+            self._follow_contact(message)
+        if message.over_range and not (before is not None and before.over_range):
+            self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
+
+    def _follow_contact(self, message: ContactMessage) -> None:
+        """Onset and release. An unknown contact is neither: what held before it holds until something is known."""
+        if message.contact and not self._touched:
+            self.event("onset", _place(message))
+        elif self._touched and not message.contact:
+            self.event("release", f"after {(message.t_sample_ns - self._touched_since_ns) * 1e-9:.2f} s")
+        if message.contact != self._touched:
+            self._touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
+
+    def _tell_recorders(self, frame: Frame, used: bool) -> None:
+        if self.config is not None and self._publisher.state_wanted(self.name):
+            self._send_state(self.config)
+        self._publisher.send_frame(self.name, frame_message(frame, self.name, self._boot, time.time_ns(), used))
+
+    def _send_state(self, config: PadConfig) -> None:
+        """What cannot be recorded must not end what can be felt."""
+        try:
+            self._publisher.send_state(self.name, state_message(self.pipeline, config, self._boot))
+        except TypeError:
+            self._publisher.state_told(self.name)
+            log.exception("pad '%s': its state cannot be recorded, worth reporting", self.name)
+
+
+def _place(message: ContactMessage) -> str:
+    if message.x_m is None or message.y_m is None or message.force_n is None:
+        return "over range"
+    return f"{message.force_n:.3f} N at ({message.x_m * 1e3:+.1f}, {message.y_m * 1e3:+.1f}) mm"

@@ -1,0 +1,263 @@
+"""The running daemon: one loop that waits for bytes, requests and deadlines, and for nothing else."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import secrets
+import signal
+import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle
+from pathlib import Path
+from types import FrameType
+from typing import Self
+
+from fmfts.baseline import BaselineError
+from fmfts.baseline.files import stored
+from fmfts.bus.control import ControlServer
+from fmfts.bus.gate import Gate
+from fmfts.bus.keys import KeyFolder
+from fmfts.bus.publisher import Publisher
+from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.config.checks import other_silicone
+from fmfts.contact import ContactModel
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.recording.baseline import recorded_baseline
+from fmfts.runtime.channel import Channel
+from fmfts.runtime.fast_loop import Express
+from fmfts.runtime.requests import Verbs
+from fmfts.runtime.schedule import Schedule
+from fmfts.runtime.summary import one_line
+from fmfts.scene import advice
+from fmfts.scene.tracking import around, blind, choose
+from fmfts.sensor import Source
+from fmfts.service.notify import Notifier
+from fmfts.service.realtime import lock_memory, take_priority
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.sources import open_sources
+from fmfts_client.endpoints import for_daemon
+
+log = logging.getLogger(__name__)
+
+TICK_NS = 50_000_000  # while a pad is silent: so often its health is said
+QUIET_TICK_NS = 200_000_000  # while all is well; a wake-up of an idle computer costs more than what is done in it
+SECOND_NS = 1_000_000_000
+NEIGHBOURS_WITHOUT_BARE = (
+    "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
+    "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
+)
+
+
+class Daemon:
+    """All pads of one configuration. Use as a context manager; `run` returns when asked to stop."""
+
+    def __init__(self, config: Config) -> None:
+        """Opens models, baselines and endpoints; raises their errors. Devices may come later."""
+        self._boot = secrets.token_hex(4)
+        endpoints = for_daemon(config.bus.endpoint)
+        models = load_models(config)
+        for pad in config.pad:
+            model = models[pad.name]
+            by = model.inference.by
+            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
+        keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
+        key = None if keys is None else keys.server()
+        self._gate = None if keys is None else Gate(keys)
+        self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad])
+        self._control = ControlServer(endpoints.control, key)
+        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
+        self._channels: dict[tuple[int, int], Channel] = {}
+        self._sources: list[Source] = []
+        self._express = Express(self._publisher)
+        self._pads = config.pad
+        self._service = config.service
+        by_name = {pad.name: pad for pad in config.pad}
+        for source, names in open_sources(config.pad):
+            self._sources.append(source)
+            for pad_index, name in names.items():
+                self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
+            self._express.take_in(source, [self._channels[id(source), pad_index] for pad_index in names])
+        self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
+        self._schedule = Schedule(self._sources, self._express)
+        self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
+        self._notifier = Notifier()
+        self._stopping = self._asked = False
+        self._tick_ns = self._look_ns = self._status_ns = time.monotonic_ns()
+        self._next_status = cycle(self._channels.values())
+        self._wake_read, self._wake_write = socket.socketpair()
+        log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._express.close()
+        for source in self._sources:
+            source.close()
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        self._control.close()
+        self._publisher.close()
+        if self._gate is not None:
+            self._gate.close()
+        self._notifier.close()
+        self._wake_read.close()
+        self._wake_write.close()
+
+    def run(self) -> None:
+        """Frames in, contacts out, until SIGTERM or SIGINT. RealtimeError where the config asks for what it may not."""
+        self._wake_write.setblocking(False)
+        signal.set_wakeup_fd(self._wake_write.fileno())
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._stop)
+        self._schedule.wake_for(self._wake_read.fileno())
+        self._schedule.wake_for(self._control.fileno())
+        self._schedule.wake_for(self._publisher.fileno())
+        if self._gate is not None:
+            self._schedule.wake_for(self._gate.fileno())
+        if self._service.lock_memory:
+            lock_memory()
+        if self._service.realtime_priority:
+            take_priority(self._service.realtime_priority)
+        # What is there now stays: no collection has to look through it again while frames come.
+        gc.collect()
+        gc.freeze()
+        self._notifier.ready()
+        for channel in self._channels.values():
+            self._report(channel, time.monotonic_ns())
+        # A rate wants a second; from then on, one status at a time: those of many pads would keep frames waiting.
+        self._status_ns = time.monotonic_ns() + SECOND_NS
+        while not self._stopping:
+            self._turn()
+        self._notifier.stopping()
+
+    def _turn(self) -> None:
+        """Wait until something needs Python, and do it."""
+        for source in self._schedule.wait(min(self._tick_ns, self._status_ns)):
+            now_ns = time.monotonic_ns()
+            with self._express.ended(source, now_ns):
+                self._serve(source, now_ns)
+        now_ns = time.monotonic_ns()
+        looks = now_ns >= self._look_ns
+        if self._schedule.called or self._asked or looks:
+            self._asked = self._answer()
+        if looks:
+            self._look_ns = now_ns + QUIET_TICK_NS
+            self._notifier.watchdog()
+        if now_ns >= self._tick_ns:
+            self._schedule.review()
+            if self._verbs.is_busy:
+                self._express.end_all()  # a baseline may come into use
+                self._verbs.finish_jobs()
+            all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
+            self._tick_ns = now_ns + (QUIET_TICK_NS if all_well else TICK_NS)
+        if now_ns >= self._status_ns:
+            self._status_ns = now_ns + SECOND_NS // len(self._channels)
+            self._report(next(self._next_status), now_ns)
+
+    def _serve(self, source: Source, now_ns: int) -> None:
+        frames = source.poll(now_ns)
+        for frame in frames:
+            channel = self._channels.get((id(source), frame.pad_index))
+            if channel is not None:
+                channel.frame(frame)
+        self._schedule.served(source, had_frames=bool(frames))
+
+    def _tell_silence(self, now_ns: int) -> bool:
+        """Is any pad silent?"""
+        silent = False
+        for channel in self._channels.values():
+            if not channel.is_silent(now_ns):
+                continue
+            with self._express.ended(channel.source, now_ns):
+                # Frames that passed in C are accounted for now.
+                if channel.is_silent(now_ns):
+                    # They may lie here: on a busy computer this loop itself stands still at times.
+                    self._serve(channel.source, now_ns)
+                    channel.tick(now_ns)
+                silent |= channel.is_silent(now_ns)
+        return silent
+
+    def _answer(self) -> bool:
+        """Whoever asks for something; False where nobody does.
+
+        ZeroMQ signals at edges only, and answering may swallow one: to be called again then, and now and then.
+        """
+        if self._publisher.anything_wanted():
+            self._express.end_all()  # whose frames are recorded are seen by Python
+        if self._gate is not None:
+            self._gate.answer()
+        requests = self._control.poll()
+        if requests:
+            self._express.end_all()
+        for request in requests:
+            self._verbs.handle(request)
+            self._schedule.review()
+        return bool(requests)
+
+    def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
+        pad = config.pad()
+        rate_hz = float(config.source.rate_hz)
+        scene = choose(config.scene, config.magnet, thermometer=config.source.chip == "hmc5983")
+        pipeline = PadPipeline(pad, model, self._boot, rate_hz, scene.tracking)
+        log.info("pad '%s': %s", pad.name, scene.why)
+        for text in blind(pad, scene.tracking):
+            log.warning("pad '%s': %s", pad.name, text)
+        if (doubt := other_silicone(config)) is not None:
+            log.warning("pad '%s': %s", pad.name, doubt)
+        channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
+        channel.config = config
+        try:
+            replays = isinstance(config.source, ReplaySource)
+            baseline = recorded_baseline(source, pad_index) if replays else stored(pad)
+            if baseline is None and isinstance(config.source, SimulatedSource):
+                baseline = simulated_baseline(config, neighbours_of(config, self._pads))
+                log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
+            if baseline is None:
+                log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
+            else:
+                channel.use(baseline)
+        except BaselineError as error:
+            log.error("%s", error)
+            pipeline.refuse(str(error))
+        advised = advice(config, self._pads, model.response, pipeline.mounting)
+        if advised is not None:
+            log.info("pad '%s': %s", pad.name, advised)
+        return channel
+
+    def _introduce_neighbours(self, pipelines: dict[str, PadPipeline]) -> None:
+        for pad in self._pads:
+            for neighbour in around(pad, self._pads):
+                log.info("pad '%s': %s", pad.name, neighbour.why)
+                if neighbour.is_felt:
+                    pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
+            baseline = pipelines[pad.name].baseline
+            if pad.scene.neighbours and baseline is not None and baseline.bare is None:
+                log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
+
+    def _report(self, channel: Channel, now_ns: int) -> None:
+        """Its status; systemd is told of all with the first one's."""
+        with self._express.ended(channel.source, now_ns):
+            status = channel.status(now_ns)
+        self._verbs.last_status[channel.name] = status
+        self._publisher.send_status(channel.name, status)
+        if channel.name == self._pads[0].name:
+            self._notifier.status(one_line(list(self._verbs.last_status.values()), now_ns))
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        log.info("stopping: %s", signal.Signals(number).name)
+        self._stopping = True
+
+
+def load_models(config: Config) -> dict[str, ContactModel]:
+    """By pad; pads of one structure share theirs. ModelError where one is not of its pad."""
+    loaded: dict[tuple[object, ...], ContactModel] = {}
+    models = {}
+    for pad in config.pad:
+        key = (pad.contact, pad.pad().geometry_hash)
+        if key not in loaded:
+            loaded[key] = model_of(pad)
+        models[pad.name] = loaded[key]
+    return models

@@ -1,0 +1,67 @@
+"""A request that is answered later: one rule for every task, so that none is ever left without an answer."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Any
+
+from fmfts.baseline import BaselineError
+from fmfts.baseline.files import StateError
+from fmfts.bus.control import Request
+from fmfts.sensor import SourceError
+from fmfts.sensor.tasks import Task
+
+# A client takes 5 s of silence for a dead daemon.
+PROGRESS_S = 0.5
+
+log = logging.getLogger(__name__)
+
+
+class Pending:
+    """`done` is called before the facts are sent: what the daemon itself does with a result."""
+
+    def __init__(self, request: Request, pad: str, task: Task, done: Callable[[], None] = lambda: None) -> None:
+        self.task = task
+        self._request = request
+        self._pad = pad
+        self._done = done
+        self._told_s = time.monotonic()
+        request.progress(share=task.share)
+
+    def settle(self, now_s: float) -> bool:
+        """Answer where there is an answer, else say from time to time how far it is. True: it was answered."""
+        try:
+            return self._reply(self.task.facts()) or self._give_up(self.task.problem(now_s)) or self._tell(now_s)
+        except (BaselineError, SourceError, StateError) as error:
+            log.warning("%s", error)
+            self._request.fail(str(error))
+        except Exception as error:
+            log.exception("%s: internal error, worth reporting", self._request.verb)
+            fail_internally(self._request, error)
+        return True
+
+    def _reply(self, facts: dict[str, Any] | None) -> bool:
+        if facts is None:
+            return False
+        self._done()
+        self._request.reply(**facts)
+        return True
+
+    def _give_up(self, problem: str) -> bool:
+        if problem:
+            self._request.fail(f"pad '{self._pad}': {problem}")
+        return bool(problem)
+
+    def _tell(self, now_s: float) -> bool:
+        if now_s - self._told_s >= PROGRESS_S:
+            self._told_s = now_s
+            self._request.progress(share=self.task.share)
+        return False
+
+
+def fail_internally(request: Request, error: Exception) -> None:
+    """An error nobody foresaw costs one request, never the daemon."""
+    if not request.answered:
+        request.fail(f"internal error, worth reporting with the daemon's log: {type(error).__name__}: {error}")

@@ -1,0 +1,190 @@
+"""What the control socket can be asked to do. Each verb answers with facts or with an error that changes nothing."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+
+import msgspec
+
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.files import StateError
+from fmfts.baseline.request import BaselineJob, BaselineRequest, Recorded, Restoration
+from fmfts.bus.control import BadRequestError, Request
+from fmfts.bus.messages import StatusMessage
+from fmfts.config import PadConfig
+from fmfts.recording.baseline import require_device
+from fmfts.runtime.channel import Channel
+from fmfts.runtime.pending import Pending, fail_internally
+from fmfts.sensor import SourceError
+from fmfts.sensor.probing import probe_facts
+from fmfts.sensor.tasks import Selftest
+
+log = logging.getLogger(__name__)
+
+
+class _Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """A verb without arguments."""
+
+
+class _OfPad(msgspec.Struct, forbid_unknown_fields=True):
+    pad: str | None = None
+
+
+class _Baseline(_OfPad, forbid_unknown_fields=True):
+    bare: bool = False
+    replaced: bool = False
+    restore: bool = False
+    turn: bool = False
+    refine: bool = False
+    undo_drift: bool = False
+    duration_s: float | None = None
+
+
+class Verbs:
+    """Handles requests on the pipeline's thread; what takes long is a task, and answered when that ends."""
+
+    def __init__(self, configs: Mapping[str, PadConfig], channels: Sequence[Channel], executor: Executor) -> None:
+        self.last_status: dict[str, StatusMessage] = {}
+        self._configs = configs
+        self._channels = {channel.name: channel for channel in channels}
+        self._executor = executor
+        self._pending: list[Pending] = []
+        self._handlers: dict[str, Callable[[Request], None]] = {
+            "status": self._status,
+            "pads": self._pads,
+            "probe": self._probe,
+            "baseline": self._baseline,
+            "selftest": self._selftest,
+        }
+
+    def handle(self, request: Request) -> None:
+        try:
+            self._handlers[request.verb](request)
+        except (BadRequestError, SourceError, BaselineError, StateError) as error:
+            request.fail(str(error))
+        except Exception as error:
+            log.exception("%s: internal error, worth reporting", request.verb)
+            fail_internally(request, error)
+
+    @property
+    def is_busy(self) -> bool:
+        """Some request's work goes on, or has ended since it was looked at."""
+        return bool(self._pending)
+
+    def finish_jobs(self) -> None:
+        """Answer the requests whose work has ended since the last call; call it a few times a second."""
+        now_s = time.monotonic()
+        self._pending = [pending for pending in self._pending if not pending.settle(now_s)]
+        under_way = {id(pending.task) for pending in self._pending}
+        for channel in self._channels.values():
+            if id(channel.job) not in under_way:
+                channel.job = None
+
+    def _status(self, request: Request) -> None:
+        request.arguments_as(_Nothing)
+        request.reply(pads=[msgspec.to_builtins(status) for status in self.last_status.values()])
+
+    def _pads(self, request: Request) -> None:
+        request.arguments_as(_Nothing)
+        pads = [
+            {
+                "pad": name,
+                "health": channel.health,
+                "baseline": channel.pipeline.baseline and channel.pipeline.baseline.id,
+                "rate_nominal_hz": float(self._configs[name].source.rate_hz),
+                "geometry_hash": channel.pipeline.pad.geometry_hash,
+            }
+            for name, channel in self._channels.items()
+        ]
+        request.reply(pads=pads)
+
+    def _probe(self, request: Request) -> None:
+        request.arguments_as(_Nothing)
+        request.reply(
+            pads=[
+                probe_facts(name, channel.source, channel.pad_index, _silence(channel))
+                for name, channel in self._channels.items()
+            ]
+        )
+
+    def _selftest(self, request: Request) -> None:
+        channel = self._named(request.arguments_as(_OfPad).pad)
+        task = Selftest(channel.name, channel.source, channel.pad_index)
+        self._pending.append(Pending(request, channel.name, task))
+
+    def _baseline(self, request: Request) -> None:
+        arguments = request.arguments_as(_Baseline)
+        channel = self._named(arguments.pad)
+        if channel.job is not None:
+            raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")
+        pad = channel.pipeline.pad
+        if arguments.undo_drift:
+            request.reply(**_without_drift(channel))
+            return
+        require_device(self._configs[channel.name])
+        if arguments.restore:
+            restoration = Restoration(pad, self._executor)
+            self._await_baseline(request, channel, restoration)
+            return
+        tolerance = self._configs[channel.name].tolerance.si()
+        work = BaselineRequest(
+            pad,
+            tolerance,
+            arguments.bare,
+            arguments.replaced,
+            arguments.duration_s,
+            arguments.turn,
+            arguments.refine,
+        )
+        if not channel.source.state.connected:
+            state = channel.source.state
+            raise BadRequestError(
+                f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}"
+            )
+        channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
+        self._await_baseline(request, channel, channel.job)
+
+    def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:
+        def adopt() -> None:
+            assert task.recorded is not None
+            _use(channel, task.recorded)
+
+        self._pending.append(Pending(request, channel.name, task, adopt))
+
+    def _named(self, pad: str | None) -> Channel:
+        if pad is None and len(self._channels) == 1:
+            return next(iter(self._channels.values()))
+        if pad is None or pad not in self._channels:
+            known = ", ".join(sorted(self._channels))
+            raise BadRequestError(
+                f"the running daemon has no pad '{pad}', but {known}" if pad else f"which pad? one of {known}"
+            )
+        return self._channels[pad]
+
+
+def _recorded(channel: Channel) -> Baseline | None:
+    baseline = channel.pipeline.baseline
+    return None if baseline is None else baseline.as_recorded()
+
+
+def _without_drift(channel: Channel) -> dict[str, object]:
+    recorded = _recorded(channel)
+    if recorded is None:
+        raise BadRequestError(f"pad '{channel.name}': it has no baseline, so none has drifted")
+    channel.use(recorded)
+    channel.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
+    return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}
+
+
+def _silence(channel: Channel) -> str:
+    return "connected, but it sends no frames" if channel.health in ("stale", "disconnected") else ""
+
+
+def _use(channel: Channel, recorded: Recorded) -> None:
+    baseline = recorded.baseline
+    channel.use(baseline)
+    channel.event("baseline", f"{baseline.kind} {baseline.id}")
+    log.info("pad '%s': baseline %s (%s) stored in %s", channel.name, baseline.id, baseline.kind, recorded.path)

@@ -1,0 +1,58 @@
+"""What a pad really delivered: true rate, gaps, latency. Published once a second; counters only grow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fmfts.pipeline.fast import Passed
+from fmfts.sensor import Frame
+
+
+@dataclass(slots=True)
+class PadStatistics:
+    """Counters since the start, and the latencies (sample → publish) since the last `interval`.
+
+    gaps: frames that were produced and never came, of those between two that came in one run of the source. What was
+    lost at the seam of two runs is not known: a board that restarts counts from 0 again.
+    dropped: frames that came and were not used.
+    """
+
+    frames: int = 0
+    gaps: int = 0
+    dropped: int = 0
+    rate_hz: float = 0.0
+    _last: tuple[int, int] | None = None  # run, sequence
+    _first_ns: int | None = None
+    _latencies_s: list[float] = field(default_factory=list)
+
+    def frame(self, frame: Frame) -> None:
+        """Account for a frame: a jump of the sequence within a run is a gap of that many."""
+        self.frames += 1
+        if self._last is not None and self._last[0] == frame.run:
+            self.gaps += max(frame.sequence - self._last[1] - 1, 0)
+        self._last = frame.run, frame.sequence
+
+    def published(self, sampled_ns: int, published_ns: int) -> None:
+        self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
+
+    def passed(self, passed: Passed) -> None:
+        """Frames of the same run as the last one, and their messages."""
+        self.frames += passed.frames
+        before = passed.first_sequence - 1
+        if self._last is not None:
+            run, before = self._last
+            self._last = run, passed.sequence
+        self.gaps += max(passed.sequence - before - passed.frames, 0)
+        self._latencies_s += passed.latencies_s
+
+    def interval(self, now_ns: int) -> tuple[float, float, float] | None:
+        """End the interval: sets `rate_hz`; latencies p50, p99, max in seconds, None where nothing was published."""
+        count = len(self._latencies_s)
+        if self._first_ns is not None and now_ns > self._first_ns:
+            self.rate_hz = count / ((now_ns - self._first_ns) * 1e-9)
+        self._first_ns = now_ns
+        if not count:
+            return None
+        ordered = sorted(self._latencies_s)
+        self._latencies_s.clear()
+        return ordered[count // 2], ordered[min(count - 1, int(count * 0.99))], ordered[-1]

@@ -1,0 +1,155 @@
+"""Noise and bias of every model at the contact, to first order.
+
+A model errs in two ways. What it leaves unknown costs noise: with Jacobian J of the field by its unknowns, the pose has
+the covariance P = σ²(JᵀJ)⁻¹, and a press whose pose changes by S per unit the covariance C = (SᵀP⁻¹S)⁻¹. What it takes
+for known and is not, a change δ of the field that no unknown explains, costs bias: C SᵀP⁻¹ (JᵀJ)⁻¹Jᵀδ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from fmfts.config import PadConfig
+from fmfts.contact.response import CHANGE
+from fmfts.pad import Array, Magnet, Pad
+from fmfts.pose import State, tangent_basis
+from fmfts.pose.change import shortest_rotation
+from fmfts.pose.dipole import dipole_field, octupole_m2
+from fmfts.pose.model import predict
+from fmfts.pose.neighbour import REACH_M, REACH_RAD
+from fmfts.pose.problem import DIRECTION, measurement_rows
+from fmfts.pose.state import Neighbour
+from fmfts.scene.candidate import AMBIENT_CHANGE_T, RUNNING, UNKNOWNS, Cost, Model, Surroundings
+
+PLACES_MM, LOAD_SHARES = (-8.0, -4.0, 0.0, 4.0, 8.0), (0.15, 0.5, 1.0)
+
+
+def costs(around: Surroundings, thorough: bool = True) -> list[Cost]:
+    """Of every model, the smallest first; if not thorough, of those that run, from a fifth of the presses."""
+    names = [other.name for other in around.others]
+    neighbours = [tuple(names[:count]) for count in range(len(names) + 1)]
+    models = [Model(*each) for each in product(UNKNOWNS if thorough else RUNNING, (False, True), neighbours)]
+    pad, poses = around.config.pad(), list(_pressed(around))[:: 1 if thorough else 5]
+    reference = [_Frame.of(pad, pose, around.noise_t, Model(5, True)).noise for pose in poses]
+    made = [_cost(around, pad, poses, model, np.array(reference)) for model in models]
+    return sorted(made, key=lambda cost: cost.model.size)
+
+
+@dataclass(frozen=True, slots=True)
+class _Pressed:
+    """state: of the magnet; slope (5, 3): of its change by the press; turn (3, 3): drawing's axes ← rest axis' own."""
+
+    state: State
+    slope: Array
+    turn: Array
+
+
+def _pressed(around: Surroundings) -> Iterator[_Pressed]:
+    """Presses all over the pad, from light to full scale, and the poses they make."""
+    pad = around.config.pad()
+    loads = np.array(LOAD_SHARES) * around.response.scale_n
+    press = np.array(list(product(PLACES_MM, PLACES_MM, loads)))
+    if around.response.loads > 1:
+        press = np.hstack([press, np.zeros((len(press), around.response.loads - 1))])
+    change, slope = around.response.change_and_slope(press)
+    turn = shortest_rotation(np.array([0.0, 0.0, 1.0]), pad.rest_axis)
+    for one, by_press in zip(change, slope[:, :, :3], strict=True):
+        axis = turn @ np.append(one[3:], np.sqrt(1.0 - one[3:] @ one[3:]))
+        yield _Pressed(State(pad.rest_position_m + one[:3] * 1e-3, axis, 0.0, np.zeros(3)), by_press, turn)
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """noise (3,): deviations of the press; to_press (3, 3N): its error per unmodelled field."""
+
+    noise: Array
+    to_press: Array
+
+    @classmethod
+    def of(cls, pad: Pad, pressed: _Pressed, noise_t: float, model: Model) -> _Frame:
+        rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, noise_t)
+        _, jacobian = predict(rows, _magnets(pad.magnet, model), pressed.state)
+        jacobian = jacobian[:, UNKNOWNS[model.unknowns]]
+        # Columns differ by ten powers of ten: brought to one length before they are inverted.
+        length = np.linalg.norm(jacobian, axis=0)
+        inverse = np.linalg.pinv(jacobian / length, rcond=1e-12) / length[:, None]
+        to_pose = np.zeros((CHANGE, CHANGE))
+        to_pose[:3, :3] = np.eye(3) * 1e3
+        to_pose[3:, 3:] = (pressed.turn.T @ tangent_basis(pressed.state.axis))[:2]
+        pose = to_pose @ inverse[:CHANGE]
+        weight = np.linalg.inv(noise_t**2 * pose @ pose.T)
+        covariance = np.linalg.inv(pressed.slope.T @ weight @ pressed.slope)
+        return cls(np.sqrt(np.diagonal(covariance)), covariance @ pressed.slope.T @ weight @ pose)
+
+
+def _cost(around: Surroundings, pad: Pad, poses: Sequence[_Pressed], model: Model, reference: Array) -> Cost:
+    rest = _causes(around, pad, State.at_rest(pad), model)
+    noise, bias = [], []
+    for pressed in poses:
+        frame = _Frame.of(pad, pressed, around.noise_t, model)
+        there = _causes(around, pad, pressed.state, model)
+        # What the baseline saw of the cylinder at rest, it took away.
+        there["cylinder"] = there["cylinder"] - rest["cylinder"]
+        noise.append(frame.noise)
+        bias.append([np.sqrt(np.sum((frame.to_press @ field) ** 2, axis=1)) for field in there.values()])
+    noises, biases = np.array(noise), np.array(bias)
+    whole = np.sqrt(np.sum(biases**2, axis=1))
+    avoidable = [not (around.drifts and cause == "moment") for cause in rest]
+    errors = np.sqrt(noises**2 + np.sum(biases[:, avoidable] ** 2, axis=1))
+    by_cause = np.sqrt(np.mean((biases / reference[:, None]) ** 2, axis=(0, 2)))
+    return Cost(
+        model,
+        rms(noises[:, :2]),
+        rms(whole[:, :2]),
+        rms(noises[:, 2]),
+        rms(whole[:, 2]),
+        rms(errors / reference),
+        dict(zip(rest, by_cause.tolist(), strict=True)),
+    )
+
+
+def _causes(around: Surroundings, pad: Pad, state: State, model: Model) -> dict[str, Array]:
+    """Cause → (3N, n) changes of the field, one deviation each, that no unknown of `model` stands for."""
+    rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, around.noise_t)
+    field, _ = predict(rows, _magnets(pad.magnet, replace(model, cylinder=True)), state)
+    modelled, _ = predict(rows, _magnets(pad.magnet, model), state)
+    absent = np.zeros((len(rows), 1))
+    knows_moment, knows_field = model.unknowns in (5, 8), model.unknowns in (5, 6)
+    causes = {
+        "cylinder": (field - modelled)[:, None],
+        "moment": field[:, None] * around.moment_deviation if knows_moment else absent,
+        "ambient": rows[:, DIRECTION] * AMBIENT_CHANGE_T if knows_field and around.drifts else absent,
+    }
+    for other in around.others:
+        felt = other.name not in model.neighbours
+        causes[f"pad '{other.name}'"] = _of_neighbour(around.config, other, rows) if felt else absent
+    return causes
+
+
+def _of_neighbour(config: PadConfig, other: PadConfig, rows: Array) -> Array:
+    """(3N, 5) of its hardest press: along each direction of its magnet's pose, so that together they make one."""
+    there, magnet = other.placement.si().seen_from(config.placement.si()), other.pad()
+    axis = there.rotation @ magnet.rest_axis
+    rest = Neighbour(there.point(magnet.rest_position_m), axis, 0.0)
+    size = np.array([REACH_M / np.sqrt(3.0)] * 3 + [REACH_RAD / np.sqrt(2.0)] * 2)
+    columns = []
+    for direction in np.eye(CHANGE) * size:
+        moved = rest.stepped(np.append(direction, 0.0))
+        ends = [
+            dipole_field(rows[:, :3], where.position_m, where.axis, magnet.magnet.strength_t_m3)
+            for where in (rest, moved)
+        ]
+        columns.append(np.sum(rows[:, DIRECTION] * (ends[1] - ends[0]), axis=1))
+    return np.stack(columns, axis=1)
+
+
+def _magnets(magnet: Magnet, model: Model) -> Array:
+    return np.array([[magnet.strength_t_m3, octupole_m2(magnet) if model.cylinder else 0.0]])
+
+
+def rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,297 @@
+"""Frames from an STM32 on a serial port. Everything happens inside `poll`, and nothing there waits."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import serial
+
+from fmfts.config import BridgeSource, PadConfig
+from fmfts.sensor.bridge import serial_port
+from fmfts.sensor.frame import Frame
+from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.wire.clock import DeviceClock
+from fmfts.sensor.wire.faults import note
+from fmfts.sensor.wire.framing import MAX_LINE_BYTES
+from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.packets import UID_BYTES, Verb
+
+READ_BYTES = 4096  # all that Linux holds back of a line
+FIRST_BACKOFF_NS = 50_000_000
+LONGEST_BACKOFF_NS = 1_000_000_000
+LOOK_NS = 50_000_000  # has anything been plugged in, or pulled? No port is opened for that
+SILENCE_NS = 1_500_000_000  # a board says its status every second, whatever else it does
+REOPEN_NS = 5_000_000_000  # some adapters recover only so
+IDENTIFY_NS = 1_500_000_000  # what a port gets to show that it holds the right board
+FRAME_BYTES = (21, 8)  # on the line: of any sample packet, and for each sensor
+
+
+class Bridge:
+    """A Source: one board on one port, feeding the pads of `pads` (pad index → config)."""
+
+    clock_ns = staticmethod(time.monotonic_ns)  # the one that frames bear; a bench has its own
+
+    def __init__(self, pads: Mapping[int, PadConfig], by_id: Path = Path("/dev/serial/by-id")) -> None:
+        source = next(iter(pads.values())).source
+        assert isinstance(source, BridgeSource)
+        self.state = SourceState(description=f"bridge on {source.port}")
+        self._pads = pads
+        self._configured_port = source.port
+        self._baud = source.baud
+        self._uid = None if source.uid is None else _uid_bytes(source.uid, next(iter(pads.values())).name)
+        self._clock = DeviceClock()
+        self._link = Link(pads, self.state, self._clock, self._uid)
+        self._by_id = by_id
+        self._candidates: list[str] = []
+        self._found: dict[str, str] = {}  # port → what is there, of the present round
+        self._serial: serial.Serial | None = None
+        self._descriptor: int | None = None  # of the open port: asking pyserial takes longer than reading
+        self._port = source.port
+        self._opened_ns = 0
+        self._attempt_ns = 0
+        self._backoff_ns = FIRST_BACKOFF_NS
+        self._look_ns = 0
+        self._there: frozenset[object] = frozenset()
+        self._outbox = b""
+        self._unread = b""  # given back: packets, or the beginning of one
+
+    def fileno(self) -> int | None:
+        return self._descriptor
+
+    def deadline_ns(self) -> int | None:
+        if self._serial is None:
+            return min(self._attempt_ns, self._look_ns)
+        patience_ns = SILENCE_NS if self.state.connected else REOPEN_NS
+        times = [self._quiet_since_ns + patience_ns, self._link.due_ns]
+        if not self.state.connected:
+            times.append(self._look_ns)
+        if not self._link.is_right_board:
+            times.append(self._opened_ns + IDENTIFY_NS)
+        return min(when for when in times if when is not None)
+
+    @property
+    def clock_line(self) -> bytearray:
+        return self._clock.line
+
+    def lendable(self) -> frozenset[int]:
+        if self._outbox or not (self.state.connected and self._link.is_quiet):
+            return frozenset()
+        self._unread = self._link.give_back() + self._unread
+        if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
+            return frozenset()  # there is a packet, or no beginning of one
+        return frozenset(index for index in self._pads if self._link.welcomes(index))
+
+    def lend(self) -> tuple[int, bytes]:
+        assert self._descriptor is not None
+        unread, self._unread = self._unread, b""
+        return self._descriptor, unread
+
+    def give_back(self, unread: bytes, heard_ns: int) -> None:
+        self._unread = unread
+        self._link.heard_ns = max(self._link.heard_ns, heard_ns)
+
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        if self._serial is None and now_ns >= self._look_ns:
+            self._look(now_ns)
+        if self._serial is None and (now_ns < self._attempt_ns or not self._open(now_ns)):
+            return ()
+        frames = self._receive(now_ns)
+        if frames and self.state.connected and not self._outbox and self._link.is_quiet:
+            return frames  # all is well, and there is nothing to say
+        if self._serial is not None:
+            self._judge(now_ns)
+        if self._serial is not None:
+            self._send(now_ns)
+        return frames
+
+    def request_selftest(self, pad_index: int) -> None:
+        if not self.state.connected:
+            raise SourceError(
+                f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
+            )
+        self._link.request_selftest(pad_index, time.monotonic_ns())
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return self._link.selftest_result(pad_index)
+
+    def load_counts(self) -> list[tuple[int, int]]:
+        """(CLOCK_MONOTONIC ns, counts) of the load cell on the board's spare pins since the last call."""
+        loads = list(self._link.loads)
+        self._link.loads.clear()
+        return loads
+
+    def close(self) -> None:
+        self._release()
+        self._attempt_ns = self._look_ns = 1 << 62
+        self.state.disconnect("closed", time.monotonic_ns())
+
+    @property
+    def _quiet_since_ns(self) -> int:
+        return max(self._link.heard_ns, self._opened_ns)
+
+    @property
+    def _is_configured_port(self) -> bool:
+        """No byte goes to another port before it has spoken the wire: it may be anything."""
+        return self._port == self._configured_port
+
+    def _look(self, now_ns: int) -> None:
+        """What was plugged in just now is not kept waiting."""
+        self._look_ns = now_ns + LOOK_NS
+        before, self._there = self._there, serial_port.presence(self._ports_to_try())
+        if self._there - before:
+            self._candidates.clear()
+            self._attempt_ns = now_ns
+            self._backoff_ns = FIRST_BACKOFF_NS
+
+    def _open(self, now_ns: int) -> bool:
+        if not self._candidates:
+            self._candidates = self._ports_to_try()
+            self._found.clear()
+        self._port = self._candidates.pop(0)
+        try:
+            self._serial = serial_port.open_raw(self._port, self._baud)
+        except OSError as error:
+            self._found[self._port] = serial_port.why_not_open(self._port, error)
+            self._next_attempt(now_ns)
+            return False
+        self._descriptor = self._serial.fileno()
+        self._opened_ns = now_ns
+        self._outbox = b""
+        sensors = max(len(pad.geometry.sensors_mm) for pad in self._pads.values())
+        frame_bytes = FRAME_BYTES[0] + FRAME_BYTES[1] * sensors
+        self._clock.fixed_delay_ns = serial_port.transfer_ns(self._port, self._baud, frame_bytes)
+        self._link.restart()
+        note(self.state.warnings, "latency timer", serial_port.latency_warning(self._port))
+        if self._is_configured_port:
+            self._link.requests.ask(Verb.HELLO)
+        return True
+
+    def _ports_to_try(self) -> list[str]:
+        """The configured port; with a binding also every other one that udev knows, for the board may have moved."""
+        if self._uid is None:
+            return [self._configured_port]
+        others = {os.path.realpath(path): str(path) for path in sorted(self._by_id.glob("*"))}
+        others.pop(os.path.realpath(self._configured_port), None)
+        return [self._configured_port, *others.values()]
+
+    def _receive(self, now_ns: int) -> Sequence[Frame]:
+        assert self._descriptor is not None
+        data = self._unread
+        try:
+            if b"\0" not in data:
+                more = os.read(self._descriptor, READ_BYTES)
+                data = data + more if more else b""
+        except BlockingIOError:
+            return ()
+        except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
+            self._disconnect(f"the port is gone ({error.strerror}): plug the board in again", now_ns)
+            return ()
+        if not data:
+            self._disconnect("the port hung up: plug the board in again", now_ns)
+            return ()
+        self._unread = b""
+        unheard = self._link.heard_ns == 0
+        # Not `now_ns`: what came since then would pass for older than it is.
+        frames = self._link.feed(data, self.clock_ns())
+        if unheard and self._link.heard_ns and not self._is_configured_port:
+            self._link.requests.ask(Verb.HELLO)
+        return frames
+
+    def _judge(self, now_ns: int) -> None:
+        """Connected, silent, the wrong board, or the wrong device altogether?"""
+        link = self._link
+        if not self.state.connected and self._has_lost_its_name(now_ns):
+            self._disconnect(f"{self._port} is no longer the device that was opened: plug the board in again", now_ns)
+        elif not link.is_right_board:
+            if link.hello is not None:
+                self._found[self._port] = f"holds board {link.hello.uid.hex()}"
+                self._give_port_up(now_ns)
+            elif now_ns - self._opened_ns >= IDENTIFY_NS:
+                silence = "answers, but tells no uid" if link.heard_ns else "holds no board that answers"
+                self._found[self._port] = self.state.warnings.get("wire version", silence)
+                self._give_port_up(now_ns)
+        elif now_ns - self._quiet_since_ns >= SILENCE_NS:
+            self._silent(now_ns)
+        elif link.heard_ns and not self.state.connected:
+            self._backoff_ns = FIRST_BACKOFF_NS
+            self._candidates.clear()
+            self.state.description = f"bridge on {self._port}"
+            self.state.connect(now_ns)
+
+    def _has_lost_its_name(self, now_ns: int) -> bool:
+        """A silent port need not be waited for where what has its name now was plugged in since."""
+        if now_ns < self._look_ns:
+            return False
+        self._look_ns = now_ns + LOOK_NS
+        return self._serial is not None and not serial_port.is_named(self._port, self._serial)
+
+    def _silent(self, now_ns: int) -> None:
+        quiet_s = (now_ns - self._quiet_since_ns) / 1e9
+        silent = f"the port is open but silent for {quiet_s:.1f} s: is the board powered and running?"
+        reason = self.state.warnings.get("wire version", silent)
+        if now_ns - self._quiet_since_ns >= REOPEN_NS:
+            self._disconnect(reason, now_ns)
+            return
+        if self.state.connected:
+            self._link.requests.ask(Verb.HELLO)
+        self.state.disconnect(reason, now_ns)
+
+    def _send(self, now_ns: int) -> None:
+        assert self._descriptor is not None
+        self._outbox = self._outbox or self._link.outgoing(now_ns)
+        if not self._outbox:
+            return
+        try:
+            self._outbox = self._outbox[os.write(self._descriptor, self._outbox) :]
+        except BlockingIOError:
+            return  # the rest goes at the next poll; the repetition after 250 ms brings one about
+        except OSError as error:
+            self._disconnect(f"the port takes no requests ({error.strerror}): plug the board in again", now_ns)
+
+    def _give_port_up(self, now_ns: int) -> None:
+        self._release()
+        self._next_attempt(now_ns)
+
+    def _next_attempt(self, now_ns: int) -> None:
+        """The next candidate at once; after the last, say what was found and wait."""
+        if self._candidates:
+            self._attempt_ns = now_ns
+            return
+        self._attempt_ns = now_ns + self._backoff_ns
+        self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
+        if self._uid is None:
+            reason = f"the port {self._found[self._port]}"
+        else:
+            found = "; ".join(f"{port} {what}" for port, what in self._found.items())
+            reason = f"board {self._uid.hex()} is nowhere: {found}"
+        self.state.disconnect(reason, now_ns)
+
+    def _disconnect(self, reason: str, now_ns: int) -> None:
+        """The descriptor goes before anything else: kept, it would make the adapter come back under another name."""
+        self._release()
+        self._link.lost(reason)
+        self._candidates.clear()
+        self._attempt_ns = now_ns + self._backoff_ns
+        self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
+        self.state.disconnect(reason, now_ns)
+
+    def _release(self) -> None:
+        if self._serial is not None:
+            serial_port.close(self._serial)
+            self._unread = b""
+            self._serial = self._descriptor = None
+
+
+def _uid_bytes(text: str, pad_name: str) -> bytes:
+    try:
+        uid = bytes.fromhex(text)
+    except ValueError:
+        uid = b""
+    if len(uid) != UID_BYTES:
+        raise SourceError(
+            f"pad {pad_name!r}: uid = {text!r}: a board's uid is {2 * UID_BYTES} hex digits; `probe` shows it"
+        )
+    return uid

@@ -1,0 +1,104 @@
+"""What the reader process of one I2C bus is told, and whether the bus can carry it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from msgspec import Struct
+
+from fmfts.config import I2cSource, PadConfig
+from fmfts.sensor.chips.rates import i2c_cycle_s, i2c_rate_hz
+from fmfts.sensor.settings import Settings
+from fmfts.sensor.source import SourceError
+from fmfts.sensor.wire.packets import MAX_PADS, MAX_SENSORS
+
+
+class PadWiring(Struct, frozen=True):
+    name: str
+    mux_address: int
+    channels: tuple[int, ...]
+
+
+class ReaderConfig(Struct, frozen=True):
+    """`pads` in the order of their pad index."""
+
+    bus: int
+    clock_hz: int
+    chip: str
+    rate_hz: int
+    gain_code: int
+    trigger: int
+    pads: tuple[PadWiring, ...]
+    realtime_priority: int = 0  # of SCHED_FIFO; 0: an ordinary process
+
+    @property
+    def trigger_name(self) -> str:
+        return "simultaneous" if self.trigger else "free"
+
+    @property
+    def sensors(self) -> int:
+        return sum(len(pad.channels) for pad in self.pads)
+
+    @property
+    def cycle_s(self) -> float:
+        """Time on the wires for one reading of all sensors."""
+        return i2c_cycle_s(self.clock_hz, self.sensors, len(self.pads), self.trigger_name)
+
+    @property
+    def highest_rate_hz(self) -> int:
+        return i2c_rate_hz(self.chip, self.trigger_name, self.clock_hz, self.sensors, len(self.pads))
+
+
+def reader_config(pads: Mapping[int, PadConfig]) -> ReaderConfig:
+    """One bus's pads (pad index → config) as its reader wants them; SourceError where they cannot work together."""
+    configs = [pads[index] for index in sorted(pads)]
+    source = _source(configs[0])
+    settings = Settings.of(configs[0])
+    wirings = tuple(PadWiring(pad.name, _source(pad).mux_address, _source(pad).channels) for pad in configs)
+    for pad in configs:
+        _check_channels(pad)
+    _check_sharing(wirings)
+    config = ReaderConfig(
+        source.bus, source.clock_hz, source.chip, source.rate_hz, settings.gain_code, settings.trigger, wirings
+    )
+    if config.rate_hz > config.highest_rate_hz:
+        names = " and ".join(repr(pad.name) for pad in configs)
+        raise SourceError(
+            f"pad {names}: {config.sensors} sensors at {config.rate_hz} Hz are more "
+            f"than I2C bus {source.bus} carries at {source.clock_hz} Hz: at most {config.highest_rate_hz} Hz; "
+            "lower rate_hz, raise clock_hz (400000 is the mux's limit), or use another bus"
+        )
+    return config
+
+
+def _source(pad: PadConfig) -> I2cSource:
+    assert isinstance(pad.source, I2cSource)
+    return pad.source
+
+
+def _check_channels(pad: PadConfig) -> None:
+    channels, sensors = _source(pad).channels, len(pad.geometry.sensors_mm)
+    if len(channels) != sensors or not 1 <= sensors <= MAX_SENSORS:
+        raise SourceError(
+            f"pad {pad.name!r}: {len(channels)} channels, but {sensors} places in geometry.sensors_mm: "
+            f"one channel a sensor, 1 to {MAX_SENSORS} of them"
+        )
+    if len(set(channels)) != len(channels):
+        raise SourceError(f"pad {pad.name!r}: channels = {list(channels)}: every sensor needs a channel of its own")
+
+
+def _check_sharing(wirings: Sequence[PadWiring]) -> None:
+    if len(wirings) > MAX_PADS:
+        raise SourceError(f"{len(wirings)} pads on one I2C bus ({_names(wirings)}): at most {MAX_PADS}")
+    for index, pad in enumerate(wirings):
+        for other in wirings[:index]:
+            shared = set(pad.channels) & set(other.channels)
+            if pad.mux_address == other.mux_address and shared:
+                raise SourceError(
+                    f"pads {other.name!r} and {pad.name!r} "
+                    f"both use channel {min(shared)} of mux 0x{pad.mux_address:02x}"
+                )
+
+
+def _names(wirings: Sequence[PadWiring]) -> str:
+    return ", ".join(wiring.name for wiring in wirings)

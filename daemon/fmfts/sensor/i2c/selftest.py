@@ -1,0 +1,61 @@
+"""The bias-strap measurement of one pad on an I2C bus (data sheet 900425, self-test operation)."""
+
+from __future__ import annotations
+
+import time
+
+from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips.hmc5983 import ADDRESS, SELFTEST_GAIN_CODE, Axes
+from fmfts.sensor.i2c.pad import I2cPad, MuxError
+from fmfts.sensor.i2c.sensor import Sensor
+from fmfts.sensor.wire.packets import Selftest, SelftestSensor, SensorState
+
+RATE_HZ = 15  # the data sheet's own example; single measurements do not wait for it
+CONVERSION_LIMIT_S = 0.1  # eight averaged conversions of 6 ms, and as much again
+NOTHING: Axes = (0, 0, 0)
+
+
+def measure(pad: I2cPad, request_id: int) -> Selftest:
+    """No bias and both at every sensor; blocks for some 0.1 s a sensor, and leaves all as configured before."""
+    sensors = tuple(_measure_sensor(pad, sensor) for sensor in pad.sensors)
+    pad.configure(pad.settings)
+    return Selftest(request_id, pad.index, SELFTEST_GAIN_CODE, sensors)
+
+
+def _measure_sensor(pad: I2cPad, sensor: Sensor) -> SelftestSensor:
+    if sensor.state != SensorState.OK:
+        return SelftestSensor(sensor.state, NOTHING, NOTHING)
+    try:
+        pad.select(sensor)
+        unbiased, positive, negative = (
+            _biased(pad, bias) for bias in (hmc5983.BIAS_NONE, hmc5983.BIAS_POSITIVE, hmc5983.BIAS_NEGATIVE)
+        )
+    except MuxError:
+        return SelftestSensor(SensorState.MUX_SILENT, NOTHING, NOTHING)
+    except OSError:
+        return SelftestSensor(SensorState.NO_ANSWER, NOTHING, NOTHING)
+    if unbiased is None or positive is None or negative is None:
+        return SelftestSensor(SensorState.NO_NEW_DATA, NOTHING, NOTHING)
+    positive, negative = hmc5983.strap_counts(unbiased, positive, negative)
+    failed = hmc5983.selftest_failures(SELFTEST_GAIN_CODE, positive, negative)
+    return SelftestSensor(SensorState.SELFTEST_FAILED if failed else SensorState.OK, positive, negative)
+
+
+def _biased(pad: I2cPad, bias: int) -> Axes | None:
+    """Counts under `bias`; None if none came."""
+    config_a = hmc5983.config_a(pad.chip, RATE_HZ, bias, hmc5983.AVERAGE_8)
+    pad.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A, config_a, hmc5983.config_b(SELFTEST_GAIN_CODE))))
+    _single(pad)  # still has the old gain
+    block = _single(pad)
+    return None if block is None else hmc5983.axes_from_registers(block)
+
+
+def _single(pad: I2cPad) -> bytes | None:
+    pad.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_SINGLE)))
+    end_s = time.monotonic() + CONVERSION_LIMIT_S
+    while time.monotonic() < end_s:
+        time.sleep(hmc5983.SINGLE_CONVERSION_S)
+        status, block = pad.bus.read_status_and_axes()
+        if status & hmc5983.STATUS_READY:
+            return block
+    return None

@@ -1,0 +1,192 @@
+"""Frames from one Linux I2C bus, by way of the process that owns it (i2c_reader.py), which may die or get stuck."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+
+import msgspec
+
+from fmfts.config import PadConfig
+from fmfts.sensor.frame import Frame
+from fmfts.sensor.i2c.bus import CallRecord
+from fmfts.sensor.i2c.reader_config import reader_config
+from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.wire.clock import HostClock
+from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.packets import Verb
+from fmfts.service.realtime import thread_priority
+
+READ_BYTES = 65536
+CHECK_NS = 100_000_000
+STUCK_NS = 300_000_000  # no transfer of ours takes a millisecond
+KILL_NS = 2_000_000_000
+SILENCE_NS = 3_000_000_000  # alive, in no call, and yet without a word
+START_NS = 10_000_000_000  # until its first word: half a second, but many times that on a busy computer
+FIRST_BACKOFF_NS = 200_000_000
+LONGEST_BACKOFF_NS = 1_000_000_000
+WARNING_NS = 3_000_000_000
+CLOSE_S = 1.0
+
+
+class I2c:
+    """A Source: one bus, feeding the pads of `pads` (pad index → config); SourceError when it cannot carry them."""
+
+    def __init__(self, pads: Mapping[int, PadConfig]) -> None:
+        self._config = reader_config(pads)
+        self._pads = pads
+        self._path = f"/dev/i2c-{self._config.bus}"
+        self.state = SourceState(description=f"I2C bus {self._config.bus}")
+        self._link = Link(pads, self.state, HostClock())
+        self._record = CallRecord()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._last_words = ""
+        self._killed = ""
+        self._started_ns = 0
+        self._attempt_ns = 0
+        self._check_ns = 0
+        self._warned_ns = 0
+        self._backoff_ns = FIRST_BACKOFF_NS
+
+    def fileno(self) -> int | None:
+        return None if self._process is None or self._killed else self._descriptor("stdout")
+
+    def deadline_ns(self) -> int | None:
+        if self._process is None:
+            return self._attempt_ns
+        return min(when for when in (self._check_ns, self._link.due_ns) if when is not None)
+
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        if self._process is None:
+            if now_ns >= self._attempt_ns:
+                self._start(now_ns)
+            return ()
+        frames = self._receive(now_ns)
+        if now_ns >= self._check_ns:
+            self._check_ns = now_ns + CHECK_NS
+            self._check(now_ns)
+        if self._process is not None and not self._killed:
+            self._send(now_ns)
+        return frames
+
+    def request_selftest(self, pad_index: int) -> None:
+        if not self.state.connected:
+            raise SourceError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
+        self._link.request_selftest(pad_index, time.monotonic_ns())
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return self._link.selftest_result(pad_index)
+
+    def close(self) -> None:
+        self._attempt_ns = 1 << 62
+        if self._process is not None:
+            self._process.kill()
+            # A process stuck in the kernel is left to it: it dies when the call returns.
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(CLOSE_S)
+            self._forget_process()
+        self.state.disconnect("closed", time.monotonic_ns())
+
+    def _start(self, now_ns: int) -> None:
+        # A late look at the sensors is a late contact, so the reader runs as the loop does that waits for it.
+        config = msgspec.structs.replace(self._config, realtime_priority=thread_priority())
+        command = [sys.executable, "-m", "fmfts.sensor.i2c.reader", str(self._record.descriptor)]
+        command.append(msgspec.json.encode(config).decode())
+        pipe = subprocess.PIPE
+        self._record.end()
+        self._process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=pipe, bufsize=0, pass_fds=[self._record.descriptor]
+        )
+        for stream in ("stdin", "stdout", "stderr"):
+            os.set_blocking(self._descriptor(stream), False)
+        self._started_ns = now_ns
+        self._check_ns = now_ns + CHECK_NS
+        self._killed = self._last_words = ""
+        self._link.restart()
+        self._link.requests.ask(Verb.HELLO)
+
+    def _descriptor(self, stream: str) -> int:
+        file = getattr(self._process, stream)
+        return int(file.fileno())
+
+    def _receive(self, now_ns: int) -> Sequence[Frame]:
+        if self._killed:
+            return ()
+        try:
+            data = os.read(self._descriptor("stdout"), READ_BYTES)
+        except BlockingIOError:
+            return ()
+        if not data:
+            self._check_ns = now_ns  # it is ending: find out why
+            return ()
+        # Not `now_ns`: what came since then would pass for older than it is.
+        frames = self._link.feed(data, time.monotonic_ns())
+        if not self.state.connected and self._link.hello is not None:
+            self._backoff_ns = FIRST_BACKOFF_NS
+            self.state.connect(now_ns)
+        return frames
+
+    def _check(self, now_ns: int) -> None:
+        """Has it died, is it stuck in a call, has it fallen silent?"""
+        assert self._process is not None
+        self._hear_sentences(now_ns)
+        if self._process.poll() is not None:
+            self._ended(now_ns)
+            return
+        call = self._record.current()
+        patience_ns = SILENCE_NS if self._link.heard_ns else START_NS
+        if call is not None and now_ns - call[0] > STUCK_NS:
+            stuck_s = (now_ns - call[0]) / 1e9
+            reason = f"{self._path} is wedged for {stuck_s:.1f} s in {call[1]}: look for SDA or SCL held low"
+            self.state.disconnect(reason, now_ns)
+            if now_ns - call[0] > KILL_NS and not self._killed:
+                self._kill(reason)
+        elif now_ns - max(self._link.heard_ns, self._started_ns) > patience_ns and not self._killed:
+            self._kill(f"the reader of {self._path} has sent nothing for {patience_ns / 1e9:.0f} s")
+            self.state.disconnect(self._killed, now_ns)
+
+    def _kill(self, reason: str) -> None:
+        """The next one starts when this one has really gone; until then it holds the bus's lock."""
+        assert self._process is not None
+        self._killed = reason
+        self._process.kill()
+
+    def _hear_sentences(self, now_ns: int) -> None:
+        try:
+            text = os.read(self._descriptor("stderr"), READ_BYTES).decode(errors="replace").strip()
+        except BlockingIOError:
+            text = ""
+        if text:
+            self._last_words = self.state.warnings["bus"] = text.splitlines()[-1]
+            self._warned_ns = now_ns
+        elif now_ns - self._warned_ns > WARNING_NS:
+            self.state.warnings.pop("bus", None)
+
+    def _ended(self, now_ns: int) -> None:
+        assert self._process is not None
+        code = self._process.returncode
+        last_words = self._last_words if code > 0 else ""  # a signal interrupts whoever spoke of something else
+        reason = self._killed or last_words or f"its reader ended with code {code}"
+        self._forget_process()
+        self._link.lost(reason)
+        self._attempt_ns = now_ns + self._backoff_ns
+        self._backoff_ns = min(2 * self._backoff_ns, LONGEST_BACKOFF_NS)
+        self.state.disconnect(reason, now_ns)
+
+    def _forget_process(self) -> None:
+        assert self._process is not None
+        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
+            assert stream is not None
+            stream.close()
+        self._process = None
+
+    def _send(self, now_ns: int) -> None:
+        # A request is far below PIPE_BUF, so it goes whole or not at all; a lost one is repeated.
+        with suppress(BlockingIOError, BrokenPipeError):
+            data = self._link.outgoing(now_ns)
+            if data:
+                os.write(self._descriptor("stdin"), data)

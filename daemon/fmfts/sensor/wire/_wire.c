@@ -1,0 +1,77 @@
+/* fmfts.sensor.wire._wire: sample.c and clock.c for Python, through the stable ABI. Called by framing.py and clock.py only. */
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+#include <string.h>
+
+#include "clock.h"
+#include "sample.h"
+
+/* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), …], end): the
+ * sample packets that `data` begins with, and where they end. */
+static PyObject *samples(PyObject *module, PyObject *args)
+{
+    const char *data;
+    Py_ssize_t size, end = 0;
+    fmfts_sample s;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y#", &data, &size)) {
+        return NULL;
+    }
+    PyObject *found = PyList_New(0);
+    while (found && end < size) {
+        const char *zero = memchr(data + end, 0, (size_t)(size - end));
+        if (!zero || !fmfts_read_sample((const uint8_t *)data + end, (size_t)(zero - data - end), &s)) {
+            break;
+        }
+        PyObject *sample = Py_BuildValue("(IIKi(IIIy#))", s.pad_index, s.sequence, (unsigned long long)s.time_us,
+                                         s.temperature_raw, s.gain_code, s.valid, s.fresh, s.readings,
+                                         (Py_ssize_t)(FMFTS_READING_BYTES * s.sensors));
+        if (!sample || PyList_Append(found, sample) < 0) {
+            Py_CLEAR(found);
+        }
+        Py_XDECREF(sample);
+        end = zero - data + 1;
+    }
+    return found ? Py_BuildValue("(Nn)", found, end) : NULL;
+}
+
+/* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None where only Python can judge; see clock.h. */
+static PyObject *host_time(PyObject *module, PyObject *args)
+{
+    Py_buffer line = {0};
+    long long device_us, arrival_ns;
+    int64_t host_ns;
+    PyObject *result = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "w*LL", &line, &device_us, &arrival_ns)) {
+        return NULL;
+    }
+    if (line.len != (Py_ssize_t)sizeof(fmfts_clock_line)) {
+        PyErr_Format(PyExc_ValueError, "line: %zd bytes, %zu expected", line.len, sizeof(fmfts_clock_line));
+    } else if (fmfts_host_time(line.buf, device_us, arrival_ns, &host_ns)) {
+        result = PyLong_FromLongLong(host_ns);
+    } else {
+        result = Py_NewRef(Py_None);
+    }
+    PyBuffer_Release(&line);
+    return result;
+}
+
+static PyMethodDef methods[] = {
+    {"host_time", host_time, METH_VARARGS, "The host's time of a board's; see clock.py."},
+    {"samples", samples, METH_VARARGS, "The sample packets that bytes begin with; see framing.py."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyModuleDef_Slot slots[] = {
+    {0, NULL},
+};
+
+static PyModuleDef definition = {
+    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_wire", .m_size = 0, .m_methods = methods, .m_slots = slots};
+
+PyMODINIT_FUNC PyInit__wire(void)
+{
+    return PyModuleDef_Init(&definition);
+}

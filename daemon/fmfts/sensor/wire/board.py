@@ -1,0 +1,90 @@
+"""What a board has said of itself, kept in its source's state, and what it has to be asked to become as configured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msgspec.structs import replace
+
+from fmfts.config import PadConfig
+from fmfts.sensor.settings import Settings
+from fmfts.sensor.source import SourceState
+from fmfts.sensor.wire import faults
+from fmfts.sensor.wire.packets import Hello, Status, StatusPad, Verb
+
+# What of hello a request changes.
+SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}
+
+
+class Board:
+    """`hello`: its last, None until it has spoken. uid: of the only board that is the right one, None for any."""
+
+    def __init__(self, pads: Mapping[int, PadConfig], state: SourceState, uid: bytes | None) -> None:
+        self.hello: Hello | None = None
+        self._pads = pads
+        self._settings = Settings.of(next(iter(pads.values())))
+        self._state = state
+        self._uid = uid
+
+    @property
+    def is_right(self) -> bool:
+        """False while a binding is configured and not yet confirmed."""
+        return self._uid is None or (self.hello is not None and self.hello.uid == self._uid)
+
+    def forget(self) -> None:
+        self.hello = None
+        for book in (self._state.board, self._state.pad_faults, self._state.sensor_faults, self._state.warnings):
+            book.clear()
+
+    def contradiction(self, pad_index: int, sensors: int) -> str | None:
+        """Why something of this pad with so many sensors cannot be, None where it can."""
+        return None if self.hello is None else faults.contradiction(self.hello, pad_index, sensors)
+
+    def describe(self) -> None:
+        """Write what the last hello says; only of the right board."""
+        hello = self.hello
+        assert hello is not None
+        self._state.board.update(faults.identity(hello))
+        faults.note(self._state.warnings, "clock", faults.bad_clock(hello))
+        for pad_index, pad in self._pads.items():
+            faults.note(self._state.pad_faults, pad_index, faults.pad_mismatch(pad, pad_index, hello))
+        self._state.sensor_faults.clear()
+        for pad_index, described in enumerate(hello.pads):
+            self._note_sensors(hello, pad_index, tuple(sensor.state for sensor in described.sensors))
+
+    def wishes(self) -> Iterator[tuple[Verb, int]]:
+        """Requests that make it what the configuration wants."""
+        hello, wanted = self.hello, self._settings
+        assert hello is not None
+        if hello.gain_code != wanted.gain_code:
+            yield Verb.RANGE, wanted.gain_code
+        # In this order no rate is ever asked for that the trigger in force cannot do.
+        changes = [(Verb.TRIGGER, hello.trigger, wanted.trigger), (Verb.RATE, hello.rate_hz, wanted.rate_hz)]
+        for verb, actual, value in reversed(changes) if wanted.trigger else changes:
+            if actual != value:
+                yield verb, value
+        if not hello.running:
+            yield Verb.START, 0
+
+    def granted(self, verb: Verb, argument: int) -> None:
+        """A request of SETTING was done."""
+        if self.hello is not None:
+            self.hello = replace(self.hello, **{SETTING[verb]: argument})
+            self._state.board.update(faults.identity(self.hello))
+
+    def count(self, status: Status) -> None:
+        """Losses of the line, as the board counts them."""
+        self._state.board["transmit_dropped"] = status.transmit_dropped
+        self._state.board["receive_errors"] = status.receive_errors
+
+    def count_of_pad(self, pad_index: int, pad: StatusPad) -> None:
+        counters = {"errors": pad.bus_errors, "recoveries": pad.bus_recoveries, "repairs": pad.config_repairs}
+        self._state.board[f"bus_{pad_index}"] = counters
+        if self.hello is not None:
+            self._note_sensors(self.hello, pad_index, pad.states)
+
+    def _note_sensors(self, hello: Hello, pad_index: int, states: tuple[int, ...]) -> None:
+        if pad_index in self._pads:
+            for sensor, state in enumerate(states):
+                sentence = faults.sensor_fault(hello.pads[pad_index], sensor, state)
+                faults.note(self._state.sensor_faults, (pad_index, sensor), sentence)

@@ -1,0 +1,222 @@
+"""When a sample was taken, on the host's clock: a board's microseconds mapped to CLOCK_MONOTONIC.
+
+Every packet arrives later than it was sent, by an amount that is never negative and often near its minimum. So the
+map is a line below all points (device time, arrival): its slope from the lower convex hull of the last half minute
+(Moon, Skelly, Towsley 1999), its height from the earliest arrivals of the last seconds. What no host can see is the
+constant part of the delay; the caller subtracts what it knows of it.
+
+A packet far above the line is late and teaches nothing: a stalled host gets its backlog in one burst. Only when
+nothing but late packets has *arrived* for a while, it was the board's clock that stood still, and the line moves up.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from itertools import chain, pairwise
+
+try:
+    from fmfts.sensor.wire import _wire
+except ImportError:  # no compiler was there when the package was built
+    _wire = None  # type: ignore[assignment]
+
+BUCKET_US = 250_000
+SLOPE_BUCKETS = 128  # 32 s: a crystal's drift is constant over that, an RC oscillator's nearly
+HEIGHT_BUCKETS = 16  # 4 s: longer than a host's hiccup, short enough for an error of the slope not to matter
+JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step beyond this is a reset, or a suspended host
+STANDSTILL_NS = 400_000_000  # of arrivals, each of them late
+# At a few Hz, two late packets in a row are chance. Spread over that time, too: a backlog comes in a few bursts.
+STANDSTILL_PACKETS = 8
+LATE_APART_NS = STANDSTILL_NS // (STANDSTILL_PACKETS - 1)
+
+# fmfts_clock_line of clock.h: what packets teach, there and here, and the limits; then the lowest of the last buckets.
+LINE = struct.Struct("=8q3d5q2dq")
+MINIMA_BYTES = SLOPE_BUCKETS * struct.calcsize("=2q")
+
+Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
+
+
+class HostClock:
+    """The clock of a source on this host: its device time is CLOCK_MONOTONIC already."""
+
+    drift_ppm = 0.0
+
+    def __init__(self) -> None:
+        self.restarts = 0
+
+    def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
+        return min(device_us * 1000, arrival_ns)
+
+    def restart(self) -> None:
+        """There is nothing to forget."""
+        self.restarts += 1
+
+
+class DeviceClock:
+    """A free-running clock with `tolerance` (relative: 200e-6 for a crystal, 0.02 for an RC oscillator).
+
+    fixed_delay_ns, of every packet, holds from the next `restart` on.
+    """
+
+    def __init__(self, tolerance: float = 0.02, fixed_delay_ns: int = 0) -> None:
+        self._tolerance = tolerance
+        self.fixed_delay_ns = fixed_delay_ns
+        self.restarts = -1
+        self.line = bytearray(LINE.size + MINIMA_BYTES)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget everything: the board was reset, or the line was closed."""
+        self.restarts += 1
+        self._origin: Point | None = None
+        self._newest_us = 0
+        self._bucket_end_us = 0
+        self._minima_count = 0
+        self._lowest: Point = (0, 0)
+        self._slope = 0.0  # ns per µs by which the host's clock outruns the board's
+        self._height = 0.0  # ns at device time zero
+        self._forget_late()
+        self._draw_line()
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much slower than the host's the board's clock runs."""
+        self._take_line()
+        return self._slope * 1000.0
+
+    @property
+    def tolerance(self) -> float:
+        """How far the board's clock may be off, relative."""
+        return self._tolerance
+
+    @tolerance.setter
+    def tolerance(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._take_line()
+        self._draw_line()
+
+    def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
+        """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
+        host_ns = None if _wire is None else _wire.host_time(self.line, device_us, arrival_ns)
+        return self._in_python(device_us, arrival_ns) if host_ns is None else host_ns
+
+    def _in_python(self, device_us: int, arrival_ns: int) -> int:
+        self._take_line()
+        host_ns = self._to_host_ns(device_us, arrival_ns)
+        self._draw_line()
+        return host_ns
+
+    def _take_line(self) -> None:
+        """What packets that passed in C have taught."""
+        values = LINE.unpack_from(self.line)
+        self._newest_us, self._lowest, self._bucket_end_us = values[0], values[1:3], values[5]
+        self._late_packets, self._late_ns, self._least_late_ns, self._height, self._slope = values[6:11]
+        self._minima_count = values[-1]
+
+    def _draw_line(self) -> None:
+        """What C needs to map packets, and to learn from them."""
+        learnt = self._newest_us, *self._lowest, *(self._origin or (0, 0)), self._bucket_end_us
+        late, line = (self._late_packets, self._late_ns, self._least_late_ns), (self._height, self._slope)
+        limits = self.fixed_delay_ns, BUCKET_US, STANDSTILL_NS, STANDSTILL_PACKETS, HEIGHT_BUCKETS, JUMP_NS
+        LINE.pack_into(self.line, 0, *learnt, *late, *line, *limits, self.tolerance * 1000, self._minima_count)
+
+    @property
+    def _minima(self) -> list[Point]:
+        """Of the last buckets, oldest first."""
+        values = struct.unpack_from(f"={2 * self._minima_count}q", self.line, LINE.size)
+        return list(zip(values[::2], values[1::2], strict=True))
+
+    @_minima.setter
+    def _minima(self, points: list[Point]) -> None:
+        self._minima_count = len(points)
+        struct.pack_into(f"={2 * len(points)}q", self.line, LINE.size, *chain.from_iterable(points))
+
+    def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
+        if self._origin is not None and not self._plausible(device_us, arrival_ns):
+            self.restart()
+        if self._origin is None:
+            self._begin(device_us, arrival_ns)
+        point = self._point(device_us, arrival_ns)
+        if self._above_line(point) > self._unsure_ns(point):
+            self._late(point, arrival_ns)
+        else:
+            self._forget_late()
+            self._learn(point)
+        self._newest_us = max(self._newest_us, device_us)
+        return arrival_ns - max(0, int(self._above_line(point))) - self.fixed_delay_ns
+
+    def _begin(self, device_us: int, arrival_ns: int) -> None:
+        self._origin = (device_us, arrival_ns - 1000 * device_us)
+        self._newest_us = device_us
+        self._bucket_end_us = BUCKET_US
+        self._lowest = (0, 0)
+        self._slope = self._height = 0.0
+
+    def _point(self, device_us: int, arrival_ns: int) -> Point:
+        assert self._origin is not None
+        return device_us - self._origin[0], arrival_ns - 1000 * device_us - self._origin[1]
+
+    def _plausible(self, device_us: int, arrival_ns: int) -> bool:
+        point = self._point(device_us, arrival_ns)
+        went_back_ns = 1000 * (self._newest_us - device_us)
+        return went_back_ns < JUMP_NS and self._above_line(point) > -self._unsure_ns(point)
+
+    def _unsure_ns(self, point: Point) -> float:
+        """Not yet knowing the slope, the line may be wrong by the tolerance times the time since it was anchored."""
+        return JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
+
+    def _above_line(self, point: Point) -> float:
+        return point[1] - self._height - self._slope * point[0]
+
+    def _learn(self, point: Point) -> None:
+        if point[0] >= self._bucket_end_us:
+            self._close_bucket(point)
+        elif self._lowest[0] < point[0] and self._above_line(point) < self._above_line(self._lowest):
+            self._lowest = point
+        self._height = min(self._height, point[1] - self._slope * point[0])
+
+    def _forget_late(self) -> None:
+        self._late_ns = self._late_packets = 0
+        self._least_late_ns = math.inf
+
+    def _late(self, point: Point, arrival_ns: int) -> None:
+        """Follow, once the lateness has lasted: the clock stood still for as long as the least late packet says."""
+        self._least_late_ns = min(self._least_late_ns, self._above_line(point))
+        if self._late_packets and arrival_ns - self._late_ns < LATE_APART_NS:
+            return
+        self._late_packets += 1
+        self._late_ns = arrival_ns
+        if self._late_packets < STANDSTILL_PACKETS:
+            return
+        step_ns = int(self._least_late_ns)
+        self._minima = [(time_us, residual + step_ns) for time_us, residual in self._minima]
+        self._lowest = (self._lowest[0], self._lowest[1] + step_ns)
+        self._height += step_ns
+        self._forget_late()
+        self._learn(point)
+
+    def _close_bucket(self, first: Point) -> None:
+        self._minima = minima = [*self._minima, self._lowest][-SLOPE_BUCKETS:]
+        self._bucket_end_us = (first[0] // BUCKET_US + 1) * BUCKET_US
+        self._lowest = first
+        limit = self.tolerance * 1000
+        self._slope = min(limit, max(-limit, _hull_slope(minima)))
+        self._height = min(residual - self._slope * time_us for time_us, residual in minima[-HEIGHT_BUCKETS:])
+
+
+def _hull_slope(points: list[Point]) -> float:
+    """Slope of that edge of the lower convex hull which spans the points' mean time; 0 for a single point."""
+    hull: list[Point] = []
+    for point in points:
+        while len(hull) > 1 and _turns_down(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    mean_us = sum(time_us for time_us, _ in points) / len(points)
+    for (start_us, start_ns), (end_us, end_ns) in pairwise(hull):
+        if end_us >= mean_us:
+            return (end_ns - start_ns) / (end_us - start_us)
+    return 0.0
+
+
+def _turns_down(a: Point, b: Point, c: Point) -> bool:
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

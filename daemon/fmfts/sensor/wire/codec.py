@@ -1,0 +1,233 @@
+"""Packets as bytes, header and body: docs/wire.md in Python; framing.py adds CRC and COBS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from struct import Struct as Layout
+from struct import error as LayoutError  # noqa: N812
+from typing import Any
+
+import numpy as np
+
+from fmfts.sensor.wire.packets import (
+    MAX_PADS,
+    MAX_SENSORS,
+    Hello,
+    HelloPad,
+    HelloSensor,
+    Load,
+    Packet,
+    PacketType,
+    Reply,
+    Request,
+    Sample,
+    Selftest,
+    SelftestSensor,
+    Status,
+    StatusPad,
+    Verb,
+)
+
+VERSION = 1
+
+_SAMPLE = Layout("<BBIIHBBBh")
+_HELLO = Layout("<B3BBB12sHBB")
+_HELLO_PAD = Layout("<BBB")
+_HELLO_SENSOR = Layout("<BB3s")
+_STATUS = Layout("<BIHIIB")
+_STATUS_PAD = Layout("<IIIB")
+_REPLY = Layout("<BBBB")
+_SELFTEST = Layout("<BBBB")
+_SELFTEST_SENSOR = Layout("<B3h3h")
+_LOAD = Layout("<BIIHi")
+_REQUEST = Layout("<BBBH")
+
+
+class MalformedError(ValueError):
+    """Bytes that are no packet: bad COBS, a length or a count that the type does not allow, an unknown type."""
+
+
+def _count(value: int, most: int, what: str) -> int:
+    if not 1 <= value <= most:
+        raise MalformedError(f"{value} {what}: 1 to {most}")
+    return value
+
+
+def _whole(packet: bytes, end: int) -> None:
+    if len(packet) != end:
+        raise MalformedError(f"{len(packet)} bytes where {end} are due")
+
+
+def _records(layout: Layout, packet: bytes, start: int, end: int) -> Iterator[tuple[Any, ...]]:
+    return layout.iter_unpack(packet[start:end])
+
+
+def _unpack_sample(packet: bytes) -> Sample:
+    _, pad, sequence, time_low, time_high, flags, valid, fresh, temperature = _SAMPLE.unpack_from(packet)
+    sensors = _count(pad >> 4, MAX_SENSORS, "sensors")
+    _whole(packet, _SAMPLE.size + 8 * sensors)
+    readings = np.frombuffer(packet, "<i2", 4 * sensors, _SAMPLE.size).reshape(sensors, 4)
+    return Sample(
+        pad & 15,
+        sequence,
+        time_low | time_high << 32,
+        flags & 7,
+        flags >> 3 & 1,
+        valid,
+        fresh,
+        temperature,
+        readings[:, :3],
+        readings[:, 3].view("<u2"),
+    )
+
+
+def _pack_sample(sample: Sample) -> bytes:
+    sensors = len(sample.counts)
+    readings = np.empty((sensors, 4), "<i2")
+    readings[:, :3] = sample.counts
+    readings[:, 3] = np.asarray(sample.age_us, "<u2").view("<i2")
+    header = _SAMPLE.pack(
+        VERSION << 4 | PacketType.SAMPLE,
+        sample.pad_index | sensors << 4,
+        sample.sequence,
+        sample.time_us & 0xFFFFFFFF,
+        sample.time_us >> 32,
+        sample.gain_code | sample.trigger << 3,
+        sample.valid,
+        sample.fresh,
+        sample.temperature_raw,
+    )
+    return header + readings.tobytes()
+
+
+def _unpack_hello(packet: bytes) -> Hello:
+    _, *version, cause, clock, uid, rate_hz, settings, pad_count = _HELLO.unpack_from(packet)
+    offset = _HELLO.size
+    pads = []
+    for _ in range(_count(pad_count, MAX_PADS, "pads")):
+        port, mux_address, sensor_count = _HELLO_PAD.unpack_from(packet, offset)
+        offset += _HELLO_PAD.size
+        end = offset + _HELLO_SENSOR.size * _count(sensor_count, MAX_SENSORS, "sensors")
+        sensors = tuple(HelloSensor(*fields) for fields in _records(_HELLO_SENSOR, packet, offset, end))
+        pads.append(HelloPad(port, mux_address, sensors))
+        offset = end
+    _whole(packet, offset)
+    major, minor, patch = version
+    gain_code, trigger, running = settings & 7, settings >> 3 & 1, settings >> 4 & 1
+    return Hello((major, minor, patch), cause, clock, uid, rate_hz, gain_code, trigger, running, tuple(pads))
+
+
+def _pack_hello(hello: Hello) -> bytes:
+    settings = hello.gain_code | hello.trigger << 3 | hello.running << 4
+    header = VERSION << 4 | PacketType.HELLO
+    fixed = (*hello.firmware_version, hello.reset_cause, hello.clock, hello.uid, hello.rate_hz, settings)
+    parts = [_HELLO.pack(header, *fixed, len(hello.pads))]
+    for pad in hello.pads:
+        parts.append(_HELLO_PAD.pack(pad.i2c_port, pad.mux_address, len(pad.sensors)))
+        parts += [_HELLO_SENSOR.pack(one.channel, one.state, one.identification) for one in pad.sensors]
+    return b"".join(parts)
+
+
+def _unpack_status(packet: bytes) -> Status:
+    _, time_low, time_high, dropped, errors, pad_count = _STATUS.unpack_from(packet)
+    offset = _STATUS.size
+    pads = []
+    for _ in range(_count(pad_count, MAX_PADS, "pads")):
+        bus_errors, recoveries, repairs, sensor_count = _STATUS_PAD.unpack_from(packet, offset)
+        offset += _STATUS_PAD.size
+        end = offset + _count(sensor_count, MAX_SENSORS, "sensors")
+        pads.append(StatusPad(bus_errors, recoveries, repairs, tuple(packet[offset:end])))
+        offset = end
+    _whole(packet, offset)
+    return Status(time_low | time_high << 32, dropped, errors, tuple(pads))
+
+
+def _pack_status(status: Status) -> bytes:
+    time = (status.time_us & 0xFFFFFFFF, status.time_us >> 32)
+    header = VERSION << 4 | PacketType.STATUS
+    parts = [_STATUS.pack(header, *time, status.transmit_dropped, status.receive_errors, len(status.pads))]
+    for pad in status.pads:
+        counters = (pad.bus_errors, pad.bus_recoveries, pad.config_repairs, len(pad.states))
+        parts.append(_STATUS_PAD.pack(*counters) + bytes(pad.states))
+    return b"".join(parts)
+
+
+def _unpack_reply(packet: bytes) -> Reply:
+    _whole(packet, _REPLY.size)
+    return Reply(*_REPLY.unpack(packet)[1:])
+
+
+def _pack_reply(reply: Reply) -> bytes:
+    return _REPLY.pack(VERSION << 4 | PacketType.REPLY, reply.request_id, reply.request_type, reply.result)
+
+
+def _unpack_selftest(packet: bytes) -> Selftest:
+    _, request_id, pad, gain_code = _SELFTEST.unpack_from(packet)
+    end = _SELFTEST.size + _SELFTEST_SENSOR.size * _count(pad >> 4, MAX_SENSORS, "sensors")
+    records = _records(_SELFTEST_SENSOR, packet, _SELFTEST.size, end)
+    _whole(packet, end)
+    sensors = tuple(SelftestSensor(state, tuple(axes[:3]), tuple(axes[3:])) for state, *axes in records)
+    return Selftest(request_id, pad & 15, gain_code, sensors)
+
+
+def _pack_selftest(selftest: Selftest) -> bytes:
+    pad = selftest.pad_index | len(selftest.sensors) << 4
+    header = _SELFTEST.pack(VERSION << 4 | PacketType.SELFTEST, selftest.request_id, pad, selftest.gain_code)
+    return header + b"".join(_SELFTEST_SENSOR.pack(one.state, *one.positive, *one.negative) for one in selftest.sensors)
+
+
+def _unpack_load(packet: bytes) -> Load:
+    _whole(packet, _LOAD.size)
+    _, sequence, time_low, time_high, counts = _LOAD.unpack(packet)
+    return Load(sequence, time_low | time_high << 32, counts)
+
+
+def _pack_load(load: Load) -> bytes:
+    time = (load.time_us & 0xFFFFFFFF, load.time_us >> 32)
+    return _LOAD.pack(VERSION << 4 | PacketType.LOAD, load.sequence, *time, load.counts)
+
+
+def _unpack_request(packet: bytes) -> Request:
+    _whole(packet, _REQUEST.size)
+    header, request_id, pad_index, argument = _REQUEST.unpack(packet)
+    return Request(header & 15, request_id, pad_index, argument)
+
+
+def _pack_request(request: Request) -> bytes:
+    return _REQUEST.pack(VERSION << 4 | request.verb, request.request_id, request.pad_index, request.argument)
+
+
+_UNPACK: dict[int, Callable[[bytes], Packet]] = {
+    PacketType.SAMPLE: _unpack_sample,
+    PacketType.HELLO: _unpack_hello,
+    PacketType.STATUS: _unpack_status,
+    PacketType.REPLY: _unpack_reply,
+    PacketType.SELFTEST: _unpack_selftest,
+    PacketType.LOAD: _unpack_load,
+    **dict.fromkeys(Verb, _unpack_request),
+}
+
+_PACK: dict[type[Packet], Callable[[Any], bytes]] = {
+    Sample: _pack_sample,
+    Hello: _pack_hello,
+    Status: _pack_status,
+    Reply: _pack_reply,
+    Selftest: _pack_selftest,
+    Load: _pack_load,
+    Request: _pack_request,
+}
+
+
+def pack(packet: Packet) -> bytes:
+    """Header and body of `packet`; struct.error where a field does not fit its type."""
+    return _PACK[type(packet)](packet)
+
+
+def unpack(body: bytes) -> Packet:
+    """The packet in header and body (COBS and CRC taken off); MalformedError where the type forbids such bytes."""
+    try:
+        return _UNPACK[body[0] & 15](body)
+    except KeyError:
+        raise MalformedError(f"there is no packet type {body[0] & 15}") from None
+    except LayoutError as error:
+        raise MalformedError(str(error)) from None

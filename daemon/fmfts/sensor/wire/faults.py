@@ -1,0 +1,130 @@
+"""What a board's codes mean, as sentences for the person who has to mend it."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from fmfts.config import PadConfig
+from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.wire.codec import VERSION
+from fmfts.sensor.wire.packets import Hello, HelloPad, Reply, Request, Result, SensorState, Verb
+
+Key = TypeVar("Key")
+
+DEAF = "the board sends but answers no request: check the line from host to board"
+_RESET_CAUSES = ("unknown", "power on", "reset pin", "software", "independent watchdog", "window watchdog", "low power")
+_CLOCKS = ("host build", "crystal", "RC oscillator")
+
+_STATE_SENTENCES: dict[int, str] = {
+    SensorState.NO_ANSWER: f"does not answer at 0x{hmc5983.ADDRESS:02X}: check SDA/SCL of that channel",
+    SensorState.CONFIGURATION_LOST: "does not keep its configuration: check its supply and the cable's length",
+    SensorState.NO_NEW_DATA: "answers but delivers no new samples: power-cycle it",
+    SensorState.SELFTEST_FAILED: "failed its self-test: replace it",
+    SensorState.BUS_STUCK: "cannot be reached, SDA or SCL is held low: look for a short, power-cycle the sensors",
+    SensorState.MUX_SILENT: "cannot be reached, the mux does not answer: check its supply, address pins and RESET",
+    SensorState.NOT_STARTED: "has not been started yet",
+}
+
+
+def note(book: dict[Key, str], subject: Key, sentence: str | None) -> None:
+    """Write down what holds now; None strikes it out."""
+    if sentence is None:
+        book.pop(subject, None)
+    else:
+        book[subject] = sentence
+
+
+def sensor_name(pad: HelloPad, sensor: int) -> str:
+    """People count from one."""
+    return f"sensor {sensor + 1} (mux 0x{pad.mux_address:02x}, channel {pad.sensors[sensor].channel})"
+
+
+def sensor_fault(pad: HelloPad, sensor: int, state: int) -> str | None:
+    """The sentence for a sensor's state code, None when it is well."""
+    if state == SensorState.OK:
+        return None
+    if state == SensorState.WRONG_IDENTIFICATION:
+        what = hmc5983.why_not_identity(pad.sensors[sensor].identification) or "did not identify itself when started"
+    else:
+        what = _STATE_SENTENCES.get(state, f"reports state {state}, unknown to this version: update the daemon")
+    return f"{sensor_name(pad, sensor)} {what}"
+
+
+def no_measurement(pad: HelloPad, sensor: int, state: int) -> str | None:
+    """Why a self-test has no counts; None where it has, even bad ones."""
+    return None if state == SensorState.SELFTEST_FAILED else sensor_fault(pad, sensor, state)
+
+
+def identity(hello: Hello) -> dict[str, object]:
+    """The board's own facts, for `status` and `probe`."""
+    return {
+        "uid": hello.uid.hex(),
+        "firmware": ".".join(map(str, hello.firmware_version)),
+        "wire_version": VERSION,
+        "reset_cause": _named(_RESET_CAUSES, hello.reset_cause),
+        "clock": _named(_CLOCKS, hello.clock),
+        "rate_hz": hello.rate_hz,
+        "range_gauss": hmc5983.RANGE_GAUSS[hello.gain_code],
+        "trigger": "simultaneous" if hello.trigger else "free",
+        "pads": [
+            {
+                "i2c_port": pad.i2c_port,
+                "mux_address": pad.mux_address,
+                "channels": [sensor.channel for sensor in pad.sensors],
+                "identification": [sensor.identification.hex(" ") for sensor in pad.sensors],
+            }
+            for pad in hello.pads
+        ],
+    }
+
+
+def bad_clock(hello: Hello) -> str | None:
+    if _named(_CLOCKS, hello.clock) != "RC oscillator":
+        return None
+    return "the board runs on its RC oscillator, its times are ±1 % before correction: check the crystal"
+
+
+def pad_mismatch(pad: PadConfig, pad_index: int, hello: Hello) -> str | None:
+    """Why the board cannot serve a pad of the config at all, None when it can."""
+    if pad_index >= len(hello.pads):
+        wants = f"pad {pad.name!r} wants pad_index = {pad_index} (they count from 0)"
+        return f"the board has {_some(len(hello.pads), 'pad')}, {wants}: correct the config"
+    sensors = len(hello.pads[pad_index].sensors)
+    return None if sensors == len(pad.geometry.sensors_mm) else wrong_sensor_count(pad, sensors)
+
+
+def wrong_sensor_count(pad: PadConfig, sensors: int) -> str:
+    expected = len(pad.geometry.sensors_mm)
+    return f"pad {pad.name!r}: the source has {sensors} sensors, geometry.sensors_mm has {expected}: correct the config"
+
+
+def contradiction(hello: Hello, pad_index: int, sensors: int) -> str | None:
+    """What a packet claims about a pad that the board's own hello denies; None where they agree."""
+    if pad_index >= len(hello.pads):
+        return f"it is of pad {pad_index}, and the hello has {_some(len(hello.pads), 'pad')}"
+    expected = len(hello.pads[pad_index].sensors)
+    return None if sensors == expected else f"it has {_some(sensors, 'sensor')}, and the hello has {expected}"
+
+
+def misfits(count: int, what: str, why: str) -> str:
+    """Packets whose check sum is right and whose content cannot be."""
+    return f"{_some(count, 'packet')} left out, the last a {what}: {why}; if this goes on, flash the firmware again"
+
+
+def _some(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def foreign_version(version: int) -> str:
+    mend = "update the daemon" if version > VERSION else "flash the firmware that came with this daemon"
+    return f"the board speaks wire version {version}, this daemon {VERSION}: {mend}"
+
+
+def refusal(request: Request, reply: Reply) -> str:
+    reason = _named(tuple(result.name.lower().replace("_", " ") for result in Result), reply.result)
+    asked = f"{Verb(request.verb).name.lower()} {request.argument} (pad index {request.pad_index})"
+    return f"the board refused the request {asked}: {reason}"
+
+
+def _named(names: tuple[str, ...], code: int) -> str:
+    return names[code] if code < len(names) else f"code {code}"

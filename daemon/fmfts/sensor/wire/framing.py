@@ -1,0 +1,117 @@
+"""Packets on a line of bytes: CRC, COBS, and finding the packets again in whatever arrives (docs/wire.md, Framing)."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from collections.abc import Sequence
+
+from fmfts.sensor.frame import Packed
+from fmfts.sensor.wire.codec import VERSION, MalformedError, pack, unpack
+from fmfts.sensor.wire.packets import Packet
+
+try:
+    from fmfts.sensor.wire import _wire
+except ImportError:  # no compiler was there when the package was built
+    _wire = None  # type: ignore[assignment]
+
+MAX_LINE_BYTES = 255  # 254 of the packet and the one that COBS adds; the closing zero not counted
+_CRC_INITIAL = 0xFFFF
+
+
+def encode(packet: Packet) -> bytes:
+    """All bytes that go on the line for `packet`, the closing zero included."""
+    body = pack(packet)
+    return _stuff(body + crc_hqx(body, _CRC_INITIAL).to_bytes(2, "little")) + b"\0"
+
+
+def _stuff(packet: bytes) -> bytes:
+    """COBS. A packet of at most 254 bytes has no block long enough to need COBS's code 0xFF in its middle."""
+    return b"".join(bytes((len(block) + 1,)) + block for block in packet.split(b"\0"))
+
+
+def _unstuff(line: bytes) -> bytes:
+    packet = bytearray(line)
+    zero = 0
+    while zero < len(line):
+        step = line[zero]
+        packet[zero] = 0
+        zero += step
+    if zero != len(line) or len(line) > MAX_LINE_BYTES:
+        raise MalformedError("no COBS packet")
+    return bytes(packet[1:])
+
+
+# pad_index, sequence, time_us, temperature_raw, and the reading.
+PackedSample = tuple[int, int, int, int, Packed]
+
+
+class Decoder:
+    """Cuts a stream of bytes into packets, whatever else is in it; the counters only grow.
+
+    What comes before the first zero or the first good packet is not counted: a host joins in the middle of one.
+    """
+
+    def __init__(self) -> None:
+        self.crc_errors = 0
+        self.garbage_packets = 0
+        self.garbage_bytes = 0
+        self.foreign_version: int | None = None  # of the last packet of another wire version
+        self._pending = b""
+        self._joined = False
+
+    def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample], bytes]:
+        """The samples that the stream goes on with, unpacked in C, and what of `data` is left for `feed`."""
+        if _wire is None:
+            return (), data
+        data = self._pending + data
+        samples, end = _wire.samples(data)
+        self._pending = b""
+        self._joined |= end > 0
+        return samples, data[end:]
+
+    @property
+    def has_joined(self) -> bool:
+        """What comes next is a packet's beginning, or goes on with one."""
+        return self._joined
+
+    def give_back(self) -> bytes:
+        """The beginning of a packet, the rest of which has not come: for `feed` again, or for somebody else."""
+        pending, self._pending = self._pending, b""
+        return pending
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """The packets that `data` completes; never raises, whatever the bytes are."""
+        *lines, pending = (self._pending + data).split(b"\0")
+        packets = []
+        for line in lines:
+            if line:
+                packet = self._decode(line)
+                if packet is not None:
+                    packets.append(packet)
+            self._joined = True
+        # One byte too many keeps an endless line recognisable as garbage without keeping all of it.
+        self._pending = pending[: MAX_LINE_BYTES + 1]
+        self._count_garbage(0, len(pending) - len(self._pending))
+        return packets
+
+    def _decode(self, line: bytes) -> Packet | None:
+        try:
+            packet = _unstuff(line)
+            if len(packet) < 3:
+                raise MalformedError("too short for a header and a CRC")
+            body = packet[:-2]
+            if crc_hqx(body, _CRC_INITIAL) != packet[-2] | packet[-1] << 8:
+                self.crc_errors += self._joined
+                return None
+            if body[0] >> 4 != VERSION:
+                self.foreign_version = body[0] >> 4
+                return None
+            return unpack(body)
+        except MalformedError:
+            self._count_garbage(1, len(line))
+            return None
+
+    def _count_garbage(self, packets: int, size: int) -> None:
+        if self._joined:
+            self.garbage_packets += packets
+            self.garbage_bytes += size

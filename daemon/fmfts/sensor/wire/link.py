@@ -1,0 +1,268 @@
+"""The host's end of the wire, whatever carries it: bytes become frames and facts, wishes become requests."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+from fmfts.config import PadConfig
+from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
+from fmfts.sensor.source import SourceState
+from fmfts.sensor.wire import faults
+from fmfts.sensor.wire.board import SETTING, Board
+from fmfts.sensor.wire.clock import DeviceClock, HostClock
+from fmfts.sensor.wire.framing import Decoder, PackedSample
+from fmfts.sensor.wire.packets import (
+    TEMPERATURE_UNKNOWN,
+    Hello,
+    Load,
+    Packet,
+    Reply,
+    Request,
+    Result,
+    Sample,
+    Selftest,
+    Status,
+    Verb,
+)
+from fmfts.sensor.wire.requests import REPEAT_NS, Requests
+from fmfts.sensor.wire.selftests import Selftests
+
+LOADS_KEPT = 240  # three seconds of a load cell that nobody asks for
+CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
+
+
+class Link:
+    """Keeps `state` true to what arrives; `hello` is the board's last, None until it has spoken since `restart`."""
+
+    def __init__(
+        self,
+        pads: Mapping[int, PadConfig],
+        state: SourceState,
+        clock: DeviceClock | HostClock,
+        uid: bytes | None = None,
+    ) -> None:
+        self.heard_ns = 0
+        self.requests = Requests()
+        self.loads: deque[tuple[int, int]] = deque(maxlen=LOADS_KEPT)  # host time in ns, counts
+        self._pads = pads
+        self._state = state
+        self._clock = clock
+        self._board = Board(pads, state, uid)
+        self._decoder = Decoder()
+        self._hello_due_ns: int | None = None
+        self._misfits = 0
+        self._selftests = Selftests()
+        self._welcome: set[tuple[int, int]] = set()  # pad index and bytes of readings that the last hello allows
+
+    @property
+    def hello(self) -> Hello | None:
+        return self._board.hello
+
+    @property
+    def is_right_board(self) -> bool:
+        """False while a binding is configured and not yet confirmed."""
+        return self._board.is_right
+
+    @property
+    def is_quiet(self) -> bool:
+        """`outgoing` has nothing to say, now or later."""
+        return self._hello_due_ns is None and self.requests.due_ns is None and self._selftests.due_ns is None
+
+    def welcomes(self, pad_index: int) -> bool:
+        """Samples of this pad are of the right board, and as its hello told."""
+        return self._decoder.has_joined and any(pad_index == welcome for welcome, _ in self._welcome)
+
+    def give_back(self) -> bytes:
+        """The beginning of a packet, the rest of which has not come: for `feed` again, or for somebody else."""
+        return self._decoder.give_back()
+
+    @property
+    def due_ns(self) -> int | None:
+        """When `outgoing` has something to say."""
+        times = [self.requests.due_ns, self._hello_due_ns, self._selftests.due_ns]
+        return min((time for time in times if time is not None), default=None)
+
+    def restart(self) -> None:
+        """A newly opened line: nothing of the old one holds."""
+        self._board.forget()
+        self._hello_due_ns = None
+        self._welcome.clear()
+        self.heard_ns = self._misfits = 0
+        self._decoder = Decoder()
+        self._clock.restart()
+        self.requests.clear()
+
+    def lost(self, reason: str) -> None:
+        """The line is gone: so is what was asked over it."""
+        self.requests.clear()
+        self._selftests.fail_all(reason)
+
+    def outgoing(self, now_ns: int) -> bytes:
+        """Bytes to send now."""
+        self._selftests.give_up(now_ns)
+        if self._hello_due_ns is not None and now_ns >= self._hello_due_ns:
+            self._hello_due_ns = None
+            self.requests.ask(Verb.HELLO)
+        data = self.requests.outgoing(now_ns)
+        if self.requests.unheard and self.heard_ns:
+            self._state.warnings["requests"] = faults.DEAF
+        return data
+
+    def feed(self, data: bytes, now_ns: int) -> list[Frame]:
+        """Take in what arrived; the frames in it, for the pads of the config and only from the right board.
+
+        Never raises: a packet that contradicts the board's hello is left out, counted, and named in `warnings`.
+        """
+        samples, data = self._decoder.leading_samples(data)
+        frames = [frame for sample in samples if (frame := self._wire_frame(sample, now_ns)) is not None]
+        if not data:
+            return frames
+        before = (self._decoder.crc_errors, self._decoder.garbage_bytes)
+        for packet in self._decoder.feed(data):
+            self.heard_ns = now_ns
+            if type(packet) is Sample:
+                frame = self._frame(packet, now_ns)
+                if frame is not None:
+                    frames.append(frame)
+            else:
+                self._take(packet, now_ns)
+        self._state.crc_errors += self._decoder.crc_errors - before[0]
+        self._state.garbage_bytes += self._decoder.garbage_bytes - before[1]
+        if self._decoder.foreign_version is not None:
+            self._state.warnings["wire version"] = faults.foreign_version(self._decoder.foreign_version)
+        return frames
+
+    def request_selftest(self, pad_index: int, now_ns: int) -> None:
+        self._selftests.begin(pad_index, self._pads[pad_index].name, now_ns)
+        self.requests.ask(Verb.SELFTEST, pad_index)
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return self._selftests.result(pad_index)
+
+    def _wire_frame(self, sample: PackedSample, now_ns: int) -> Frame | None:
+        pad_index, sequence, time_us, temperature_raw, packed = sample
+        self.heard_ns = now_ns
+        key = pad_index, len(packed[3])
+        if key in self._welcome:
+            host_time_ns: int | None = self._host_time_ns(time_us, now_ns)
+        else:
+            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns)
+            if host_time_ns is not None and self.hello is not None:
+                self._welcome.add(key)
+        if host_time_ns is None:
+            return None
+        temperature_c, run = _temperature_c(temperature_raw), self._clock.restarts
+        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, run)
+
+    def _host_time_ns(self, time_us: int, now_ns: int) -> int:
+        restarts = self._clock.restarts
+        host_time_ns = self._clock.to_host_ns(time_us, now_ns)
+        if self._clock.restarts != restarts:
+            self.requests.ask(Verb.HELLO)  # after a reset it has its own settings again, and its hello may be lost
+        return host_time_ns
+
+    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int) -> int | None:
+        """When a sample was taken, None where it is not for a pad of the config as that describes it."""
+        if not self._fits("sample", pad_index, sensors):
+            return None
+        host_time_ns = self._host_time_ns(time_us, now_ns)
+        pad = self._pads.get(pad_index)
+        if pad is None or not self.is_right_board:
+            return None
+        wrong = sensors != len(pad.geometry.sensors_mm)
+        faults.note(self._state.pad_faults, pad_index, faults.wrong_sensor_count(pad, sensors) if wrong else None)
+        return None if wrong else host_time_ns
+
+    def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
+        sensors = len(sample.counts)
+        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns)
+        if host_time_ns is None:
+            return None
+        return Frame(
+            sample.pad_index,
+            sample.sequence,
+            sample.time_us,
+            host_time_ns,
+            sample.gain_code,
+            sample.counts,
+            sample.age_us,
+            bits(sample.fresh, sensors),
+            bits(sample.valid, sensors),
+            _temperature_c(sample.temperature_raw),
+            self._clock.restarts,
+        )
+
+    def _fits(self, what: str, pad_index: int, sensors: int) -> bool:
+        why = self._board.contradiction(pad_index, sensors)
+        if why is not None:
+            self._leave_out(what, why)
+        return why is None
+
+    def _leave_out(self, what: str, why: str) -> None:
+        self._misfits += 1
+        self._state.warnings["packets"] = faults.misfits(self._misfits, what, why)
+
+    def _take(self, packet: Packet, now_ns: int) -> None:
+        match packet:
+            case Hello():
+                self._take_hello(packet)
+            case Status():
+                self._take_status(packet)
+            case Reply():
+                self._take_reply(packet, now_ns)
+            case Selftest():
+                self._take_selftest(packet)
+            case Load():
+                self.loads.append((self._clock.to_host_ns(packet.time_us, now_ns), packet.counts))
+            case Request():
+                self._leave_out("request", "only a host sends these: are the board's TX and RX joined?")
+
+    def _take_hello(self, hello: Hello) -> None:
+        self._board.hello, self._hello_due_ns = hello, None
+        self._welcome.clear()
+        if not self.is_right_board:
+            return
+        if isinstance(self._clock, DeviceClock):
+            self._clock.tolerance = CLOCK_TOLERANCE.get(hello.clock, 0.02)
+        self._board.describe()
+        for verb, argument in self._board.wishes():
+            self.requests.ask(verb, argument=argument)
+
+    def _take_status(self, status: Status) -> None:
+        self._board.count(status)
+        for pad_index, pad in enumerate(status.pads):
+            if self._fits("status", pad_index, len(pad.states)):
+                self._board.count_of_pad(pad_index, pad)
+
+    def _take_selftest(self, selftest: Selftest) -> None:
+        if self.hello is None or not self._selftests.awaits(selftest.pad_index):
+            return  # the result of somebody else's request, or one too late
+        why = self._board.contradiction(selftest.pad_index, len(selftest.sensors))
+        if selftest.gain_code >= len(hmc5983.LSB_PER_GAUSS):
+            why = f"there is no gain code {selftest.gain_code}"
+        if why is None:
+            self._selftests.finish(selftest, self.hello.pads[selftest.pad_index])
+        else:
+            self._leave_out("self-test", why)
+            self._selftests.fail(selftest.pad_index, f"the board's result cannot be: {why}")
+
+    def _take_reply(self, reply: Reply, now_ns: int) -> None:
+        request = self.requests.answered(reply)
+        if request is None:
+            return
+        self._state.warnings.pop("requests", None)
+        subject = f"request {Verb(request.verb).name.lower()}"
+        refused = reply.result != Result.DONE
+        if request.verb == Verb.HELLO or (reply.result == Result.BUSY and request.verb in SETTING):
+            self._hello_due_ns = now_ns + REPEAT_NS  # for one lost on its way; after it, settings are asked for again
+        if not refused and request.verb in SETTING:
+            self._board.granted(Verb(request.verb), request.argument)
+        faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
+        if refused and request.verb == Verb.SELFTEST:
+            self._selftests.fail(request.pad_index, faults.refusal(request, reply))
+
+
+def _temperature_c(raw: int) -> float | None:
+    return None if raw == TEMPERATURE_UNKNOWN else hmc5983.temperature_c(raw)

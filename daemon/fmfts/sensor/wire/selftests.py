@@ -1,0 +1,59 @@
+"""Self-tests under way and their results, per pad of a device."""
+
+from __future__ import annotations
+
+from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.source import SourceError
+from fmfts.sensor.wire import faults
+from fmfts.sensor.wire.packets import HelloPad, Selftest
+
+TIME_LIMIT_NS = 3_000_000_000
+
+
+class Selftests:
+    """Each pad's last result; None while one runs, or before the first."""
+
+    def __init__(self) -> None:
+        self._results: dict[int, dict[str, object]] = {}
+        self._deadlines_ns: dict[int, int] = {}
+
+    @property
+    def due_ns(self) -> int | None:
+        return min(self._deadlines_ns.values(), default=None)
+
+    def begin(self, pad_index: int, name: str, now_ns: int) -> None:
+        if pad_index in self._deadlines_ns:
+            raise SourceError(f"pad {name!r}: a self-test is running already: wait for its result")
+        self._results.pop(pad_index, None)
+        self._deadlines_ns[pad_index] = now_ns + TIME_LIMIT_NS
+
+    def awaits(self, pad_index: int) -> bool:
+        return pad_index in self._deadlines_ns
+
+    def finish(self, selftest: Selftest, pad: HelloPad) -> None:
+        """Judge a measurement of all sensors of `pad`."""
+        sensors = selftest.sensors
+        reasons = [faults.no_measurement(pad, index, one.state) for index, one in enumerate(sensors)]
+        facts = hmc5983.selftest_facts(
+            selftest.gain_code, [one.positive for one in sensors], [one.negative for one in sensors], reasons
+        )
+        self._end(selftest.pad_index, facts)
+
+    def fail(self, pad_index: int, error: str) -> None:
+        self._end(pad_index, {"passed": False, "error": error})
+
+    def fail_all(self, error: str) -> None:
+        for pad_index in list(self._deadlines_ns):
+            self.fail(pad_index, error)
+
+    def give_up(self, now_ns: int) -> None:
+        """End those whose time is over."""
+        for pad_index in [index for index, deadline_ns in self._deadlines_ns.items() if now_ns >= deadline_ns]:
+            self.fail(pad_index, f"no result within {TIME_LIMIT_NS / 1e9:.0f} s: is the device still connected?")
+
+    def result(self, pad_index: int) -> dict[str, object] | None:
+        return self._results.get(pad_index)
+
+    def _end(self, pad_index: int, facts: dict[str, object]) -> None:
+        self._results[pad_index] = facts
+        self._deadlines_ns.pop(pad_index, None)

@@ -1,0 +1,39 @@
+"""The baseline of a simulated pad: bare and at rest, in its own fast time, before anything touches it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fmfts.baseline import Baseline
+from fmfts.baseline.request import DURATION_S, BaselineRequest
+from fmfts.config import PadConfig
+from fmfts.sensor.frame import Frame
+from fmfts.simulation.finger import no_finger
+from fmfts.simulation.source import Simulated
+
+
+def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> Baseline:
+    """Of the very pad that `config` simulates: the same seed builds the same pad. `beside`: pads that it feels."""
+    bare = BaselineRequest(config.pad(), config.tolerance.si(), bare=True, replaced=False)
+    rest = BaselineRequest(config.pad(), config.tolerance.si(), bare=False, replaced=False)
+    before, _ = bare.make(_frames(config, beside, mounted=False), None)
+    return rest.make(_frames(config, beside, mounted=True), before)[0]
+
+
+def hold_still(source: Simulated, mounted: bool) -> None:
+    """As a person would for a baseline: nothing touches, the robot stands, and the pad is there or is not."""
+    source.finger = no_finger
+    for neighbour in source.neighbours:
+        neighbour.finger = no_finger
+    source.turning_rad_per_s = 0.0
+    source.mounted = mounted
+
+
+def _frames(config: PadConfig, beside: Sequence[PadConfig], mounted: bool) -> list[Frame]:
+    source = Simulated(config, beside)
+    hold_still(source, mounted)
+    period_ns = round(1e9 / config.source.rate_hz)
+    frames: list[Frame] = []
+    for step in range(round(DURATION_S * config.source.rate_hz)):
+        frames.extend(source.poll(step * period_ns))
+    return frames

@@ -1,0 +1,80 @@
+"""A pad as it was really built: near its drawing, and not on it. What a baseline has to find out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from fmfts.pad import Array, Magnet, Pad, rotation_from_vector
+from fmfts.simulation.cylinder import cylinder_field
+from fmfts.simulation.mechanics import Mechanics
+from fmfts.simulation.solved_table import standard_mechanics
+
+SENSOR_PLACE_M = 0.1e-3  # one standard deviation of each error, as in the config's [pad.tolerance]
+MAGNET_PLACE_M = 0.1e-3
+MAGNET_TILT_RAD = np.deg2rad(1.0)
+REMANENCE = 0.01
+GAIN = 0.005
+EARTH_T = 0.5e-4
+
+
+@dataclass(frozen=True, slots=True)
+class MountedPad:
+    """A built pad. `rest_axis_from_z` (3, 3): pad axes ← axes in which the unloaded magnet points along +z."""
+
+    pad: Pad
+    gain: Array
+    ambient_t: Array
+    rest_axis_from_z: Array
+    mechanics: Mechanics = field(default_factory=standard_mechanics)
+
+    @classmethod
+    def built(cls, drawing: Pad, random: np.random.Generator, mechanics: Mechanics | None = None) -> Self:
+        """One of the pads that a workshop makes after `drawing`, in the Earth's field."""
+        tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
+        turn = _rotation_from_z(drawing.rest_axis) @ rotation_from_vector(tilt)
+        sensors = drawing.sensors
+        pad = Pad(
+            name=drawing.name,
+            sensors=type(sensors)(
+                sensors.position_m + random.normal(0.0, SENSOR_PLACE_M, sensors.position_m.shape), sensors.rotation
+            ),
+            magnet=drawing.magnet.with_remanence(drawing.magnet.remanence_t * random.normal(1.0, REMANENCE)),
+            rest_position_m=drawing.rest_position_m + random.normal(0.0, MAGNET_PLACE_M, 3),
+            rest_axis=turn[:, 2],
+        )
+        ambient = random.standard_normal(3)
+        ambient_t = EARTH_T * ambient / np.linalg.norm(ambient)
+        gain = random.normal(1.0, GAIN, sensors.position_m.shape)
+        return cls(pad, gain, ambient_t, turn, mechanics or standard_mechanics())
+
+    @classmethod
+    def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> Self:
+        """The drawing itself, far from any other field."""
+        gain, turn = np.ones((len(drawing.sensors), 3)), _rotation_from_z(drawing.rest_axis)
+        return cls(drawing, gain, np.zeros(3), turn, mechanics or standard_mechanics())
+
+    def pose(self, *press: Array) -> tuple[Array, Array]:
+        """Position in m (K, 3) and unit axis (K, 3) of the magnet under presses (K,): x, y in m, force, shear x, y."""
+        displacement, axis = self.mechanics.displacement(*press)
+        return self.pad.rest_position_m + displacement, axis @ self.rest_axis_from_z.T
+
+    def magnet_field(self, *press: Array, magnet: Magnet | None = None) -> Array:
+        """Field (N, 3) in tesla at the sensors in pad axes, sensor i under the i-th of N presses; no ambient."""
+        position_m, axis = self.pose(*press)
+        return cylinder_field(self.pad.sensors.position_m, position_m, axis, magnet or self.pad.magnet)
+
+    def sensed(self, field_t: Array) -> Array:
+        """What the sensors make of a field (N, 3) in pad axes: in their own axes, with their own gains."""
+        return self.gain * self.pad.sensors.to_sensor(field_t)
+
+
+def _rotation_from_z(axis: Array) -> Array:
+    """The shortest rotation that takes +z to unit `axis`."""
+    across = np.array([-axis[1], axis[0], 0.0])
+    sine = float(np.linalg.norm(across))
+    if sine == 0.0:
+        return np.diag([1.0, np.sign(axis[2]), np.sign(axis[2])])
+    return rotation_from_vector(across / sine * np.arctan2(sine, axis[2]))

@@ -1,0 +1,69 @@
+"""A simulated pad's table as a file: what `pad-model` writes, and a simulated source reads with NumPy alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.simulation.mechanics import Mechanics
+from fmfts.simulation.slab import Slab
+from fmfts.simulation.solved_table import standard_mechanics
+
+FORMAT = "fmfts pad model 1"
+REMEDY = "`fmfts-daemon pad-model -o FILE.npz` makes one"
+
+
+def write_pad_file(path: Path, mechanics: Mechanics, slab: Slab) -> None:
+    """OSError where it cannot be written."""
+    with path.open("wb") as file:
+        np.savez_compressed(
+            file,
+            format=np.array(FORMAT),
+            slab=np.array(json.dumps(asdict(slab))),
+            first_m=np.array(mechanics.first_m),
+            spacing_m=np.array(mechanics.spacing_m),
+            count=np.array(mechanics.count),
+            largest_force_n=np.array(mechanics.largest_force_n),
+            exponents=mechanics.exponents,
+            coefficient=mechanics.coefficient,
+        )
+
+
+def read_pad_file(path: Path) -> tuple[Mechanics, Slab]:
+    """OSError where there is none, ValueError where the file is not one."""
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            if str(file["format"]) != FORMAT:
+                raise ValueError(f"its format is {str(file['format'])!r}, not {FORMAT!r}")
+            count, exponents, coefficient = int(file["count"]), file["exponents"], file["coefficient"]
+            if count < 5 or coefficient.shape != (count + 2, count + 2, len(exponents), 5):
+                raise ValueError("its table is not as large as it says")
+            if not np.all(np.isfinite(coefficient)):
+                raise ValueError("its table holds what is no number")
+            first_m, spacing_m = float(file["first_m"]), float(file["spacing_m"])
+            mechanics = Mechanics(first_m, spacing_m, count, float(file["largest_force_n"]), exponents, coefficient)
+            return mechanics, Slab(**json.loads(str(file["slab"])))
+    except (KeyError, TypeError, ValueError, IndexError, EOFError, BadZipFile) as error:
+        raise ValueError(f"{path}: is no pad model ({error}): {REMEDY}") from error
+
+
+def mechanics_of(pad: PadConfig, source: SimulatedSource) -> Mechanics:
+    """The table that the config names for `pad`. ValueError says why it cannot be used."""
+    if source.mechanics == "standard":
+        return standard_mechanics()
+    try:
+        mechanics, slab = read_pad_file(Path(source.mechanics))
+    except OSError as error:
+        raise ValueError(f"pad {pad.name!r}: {source.mechanics}: cannot be read: {error.strerror}") from error
+    made_for = np.array([slab.magnet_diameter_m, slab.magnet_length_m]) * 1e3
+    if not np.allclose(made_for, [pad.magnet.diameter_mm, pad.magnet.length_mm], rtol=1e-6):
+        raise ValueError(
+            f"pad {pad.name!r}: {source.mechanics}: was made for a magnet of {made_for[0]:g} × {made_for[1]:g} mm, not "
+            f"of {pad.magnet.diameter_mm:g} × {pad.magnet.length_mm:g} mm as in [pad.magnet]: make it again"
+        )
+    return mechanics

@@ -1,0 +1,200 @@
+"""A pad that exists only in numbers, read as a real one is: raw counts of chips that run on their own clocks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from math import exp
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.pad import Array, rotation_from_vector
+from fmfts.sensor.chips.hmc5983 import (
+    OVERFLOW_COUNT,
+    SELFTEST_GAIN_CODE,
+    STRAP_GAUSS,
+    Axes,
+    gain_code_for_range,
+    selftest_facts,
+)
+from fmfts.sensor.frame import AGE_UNKNOWN_US, TESLA_PER_GAUSS, Frame
+from fmfts.sensor.source import SourceError, SourceState
+from fmfts.simulation.chip import NOISE_T, ChipArray
+from fmfts.simulation.finger import Finger, columns, finger_of
+from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.neighbour import NeighbourMagnet, seeded
+from fmfts.simulation.pad_file import mechanics_of
+
+CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
+SECOND_NS = 1_000_000_000
+TURNING_AXIS = np.array([0.48, 0.6, 0.64])
+ACROSS_TURNING_AXIS, TUMBLE_S = np.array([0.8, 0.0, -0.6]), 20.0
+ROOM_C = 25.0
+WARMEST_K = 15.0  # a warming board comes to rest somewhere
+
+
+class Simulated:
+    """A Source of one simulated pad, the same frames for the same seed and start.
+
+    `mounted = False` takes the magnet away (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `tumbling`
+    turns it through all directions in twenty seconds, `finger` may be replaced at any time. The clock is whatever
+    `poll` is given: a test or a baseline may run it faster than real time. It starts at the first poll.
+    """
+
+    def __init__(
+        self, config: PadConfig, beside: Sequence[PadConfig] = (), *, noise_t: float = NOISE_T, perfect: bool = False
+    ) -> None:
+        """`beside`: pads whose magnets are felt, if they are simulated too. `perfect`: exactly as drawn, far from the
+        Earth's field. ValueError unless the source is a simulated one; SourceError: its pad model cannot be used."""
+        source = config.source
+        if not isinstance(source, SimulatedSource):
+            raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
+        drawing = config.pad()
+        self.state = SourceState(description=f"simulated pad, seed {source.seed}")
+        self.finger: Finger = finger_of(source)
+        self.mounted = True
+        self.tumbling = False
+        self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
+        random = seeded(source, "pad")
+        try:
+            mechanics = mechanics_of(config, source)
+            self._built = (
+                MountedPad.exact(drawing, mechanics) if perfect else MountedPad.built(drawing, random, mechanics)
+            )
+            self.neighbours = [
+                NeighbourMagnet.beside(config, other, other.source)
+                for other in beside
+                if isinstance(other.source, SimulatedSource)
+            ]
+        except ValueError as error:
+            raise SourceError(str(error)) from error
+        self._chips = ChipArray(
+            len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, seeded(source, "chips")
+        )
+        self._gain_code = gain_code_for_range(source.range_gauss)
+        self._rate_hz = source.rate_hz
+        self._warming_k_per_s = source.warming_k_per_minute / 60.0
+        self._magnet_per_k = config.magnet.temperature_coefficient_per_k
+        self._has_thermometer = source.chip == "hmc5983"
+        self._start_ns: int | None = None
+        self._sequence = 0
+        self._delivered = np.full(len(drawing.sensors), np.iinfo(np.int64).min)
+        self._counts = np.zeros((len(drawing.sensors), 3), dtype=np.int16)
+        self._selftest: dict[str, object] | None = None
+
+    @property
+    def built(self) -> MountedPad:
+        """The pad as it really is, which a test knows and a daemon does not."""
+        return self._built
+
+    def fileno(self) -> None:
+        return None
+
+    def deadline_ns(self) -> int:
+        return 0 if self._start_ns is None else self._due_ns(self._sequence)
+
+    def poll(self, now_ns: int) -> Sequence[Frame]:
+        """The frames that fell due; after a stall the newest few, and a gap in the sequence for the others."""
+        if self._start_ns is None:
+            self._start_ns = now_ns
+            self.state.connected, self.state.reason, self.state.since_ns = True, "", now_ns
+        frames: list[Frame] = []
+        due = (now_ns - self._start_ns) * self._rate_hz // SECOND_NS
+        self._sequence = max(self._sequence, due + 1 - CATCH_UP_FRAMES)
+        while self._due_ns(self._sequence) <= now_ns:
+            frames.append(self._frame())
+            self._sequence += 1
+        return frames
+
+    def truth(self, host_time_ns: int) -> tuple[float, float, float]:
+        """Where the finger is (m, m) and how hard it presses (N) at a time of this source's clock."""
+        return self.finger(self._seconds(host_time_ns))[:3]
+
+    def request_selftest(self, pad_index: int) -> None:
+        """Strap currents both ways at gain code 5, the unbiased field subtracted (data sheet, self-test operation)."""
+        now_s = self._sequence / self._rate_hz
+        warming_k = self._warming_k(now_s)
+        strap_t = np.array(STRAP_GAUSS) * TESLA_PER_GAUSS * self._built.gain
+        resting_t = self._field(np.full(len(strap_t), now_s), warming_k)
+
+        def counts(bias_t: Array | float) -> NDArray[np.int16]:
+            return self._chips.counts(resting_t + bias_t, SELFTEST_GAIN_CODE, warming_k)
+
+        unbiased = counts(0.0)
+        positive, negative = (_less(counts(bias_t), unbiased) for bias_t in (strap_t, -strap_t))
+        self._selftest = selftest_facts(SELFTEST_GAIN_CODE, positive, negative)
+
+    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
+        return self._selftest
+
+    def close(self) -> None:
+        self.state.connected, self.state.reason, self.state.since_ns = False, "closed", time.monotonic_ns()
+
+    def _frame(self) -> Frame:
+        assert self._start_ns is not None
+        now_s = self._sequence / self._rate_hz
+        warming_k = self._warming_k(now_s)
+        conversion = self._chips.newest_conversion(now_s)
+        sampled_s = self._chips.time_of(conversion)
+        fresh = conversion != self._delivered
+        counts = self._chips.counts(self._field(sampled_s, warming_k), self._gain_code, warming_k)
+        self._counts = np.where(fresh[:, None], counts, self._counts)
+        self._delivered = conversion
+        newest_s = float(sampled_s.max())
+        age_us = np.minimum(np.rint((newest_s - sampled_s) * 1e6), AGE_UNKNOWN_US).astype(np.uint16)
+        return Frame(
+            pad_index=0,
+            sequence=self._sequence,
+            device_time_us=max(round(newest_s * 1e6), 0),
+            host_time_ns=self._start_ns + round(newest_s * 1e9),
+            gain_code=self._gain_code,
+            counts=self._counts,
+            age_us=age_us,
+            fresh=fresh,
+            valid=np.ones(len(fresh), dtype=bool),
+            temperature_c=ROOM_C + round(warming_k * 128) / 128 if self._has_thermometer else None,
+        )
+
+    def _field(self, sampled_s: Array, warming_k: float) -> Array:
+        """(N, 3) what each sensor's own axes and gain make of the field at its own time."""
+        ambient = self._ambient(sampled_s)
+        for other in self.neighbours:
+            ambient = ambient + other.field(self._built.pad.sensors.position_m, sampled_s, warming_k)
+        if not self.mounted:
+            return self._built.sensed(ambient)
+        press = columns([self.finger(moment) for moment in sampled_s.tolist()])
+        magnet = self._built.pad.magnet
+        warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
+        return self._built.sensed(ambient + self._built.magnet_field(*press, magnet=warm))
+
+    def _ambient(self, sampled_s: Array) -> Array:
+        """(N, 3) the Earth's field as the pad sees it while the robot turns about an axis askew to everything."""
+        if self.tumbling:
+            return np.array([_tumbled(moment) @ self._built.ambient_t for moment in sampled_s])
+        angles = self.turning_rad_per_s * sampled_s
+        return np.array([rotation_from_vector(TURNING_AXIS * angle) @ self._built.ambient_t for angle in angles])
+
+    def _warming_k(self, now_s: float) -> float:
+        return WARMEST_K * (1.0 - exp(-self._warming_k_per_s * now_s / WARMEST_K))
+
+    def _seconds(self, host_time_ns: int) -> float:
+        return (host_time_ns - (self._start_ns or 0)) * 1e-9
+
+    def _due_ns(self, sequence: int) -> int:
+        # Rounded up, so that a caller who wakes at the deadline finds the frame due.
+        return (self._start_ns or 0) - (-sequence * SECOND_NS // self._rate_hz)
+
+
+def _tumbled(moment_s: float) -> Array:
+    """About one axis, while that one is tilted about another: the Earth's field points everywhere."""
+    angle = 2.0 * np.pi * moment_s / TUMBLE_S
+    tilt = 1.2 * np.sin(2.0 * angle) * ACROSS_TURNING_AXIS
+    return rotation_from_vector(tilt) @ rotation_from_vector(TURNING_AXIS * 2.0 * angle)
+
+
+def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16]) -> list[Axes]:
+    """Counts less the field's own; a saturated axis stays marked as one."""
+    saturated = (counts == OVERFLOW_COUNT) | (unbiased == OVERFLOW_COUNT)
+    return [(x, y, z) for x, y, z in np.where(saturated, OVERFLOW_COUNT, counts - unbiased).tolist()]

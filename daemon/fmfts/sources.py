@@ -1,0 +1,102 @@
+"""From the pads of a config to the devices that feed them. A driver is imported only where a pad needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.sensor.source import Source, SourceError
+
+# What pads of one device may differ in; all else is the device's and has to be equal.
+_OF_THE_PAD = {
+    BridgeSource: {"pad_index"},
+    I2cSource: {"mux_address", "channels"},
+    ReplaySource: {"pad", "rate_hz", "range_gauss", "trigger", "chip"},
+}
+
+
+def open_sources(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[tuple[Source, dict[int, str]]]:
+    """Each device once, with the names of its pads by their index on it.
+
+    Pads with one serial port share a Bridge, pads with one bus number share an I2C source, pads of one recording a
+    Replayed, a simulated pad has its own, which feels its neighbours among them and `around`. No device is opened yet,
+    which could fail or wait: that is `poll`'s. SourceError names the pads that cannot share, or a recording's fault.
+    """
+    _require_one_port_a_board(pads)
+    devices: dict[tuple[str, object], list[PadConfig]] = {}
+    for pad in pads:
+        devices.setdefault(_device(pad), []).append(pad)
+    return [_open(members, around or pads) for members in devices.values()]
+
+
+def _device(pad: PadConfig) -> tuple[str, object]:
+    match pad.source:
+        case BridgeSource(port=port):
+            return ("bridge", port)
+        case I2cSource(bus=bus):
+            return ("i2c", bus)
+        case ReplaySource(file=file):
+            return ("replay", file)
+        case SimulatedSource():
+            return ("simulated", pad.name)
+
+
+def _open(members: list[PadConfig], pads: Sequence[PadConfig]) -> tuple[Source, dict[int, str]]:
+    _require_equal_settings(members)
+    by_index = _by_index(members)
+    names = {index: pad.name for index, pad in by_index.items()}
+    return _driver(by_index, pads), names
+
+
+def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Source:
+    first = next(iter(by_index.values()))
+    match first.source:
+        case BridgeSource():
+            from fmfts.sensor.bridge.bridge import Bridge
+
+            return Bridge(by_index)
+        case I2cSource():
+            from fmfts.sensor.i2c.source import I2c
+
+            return I2c(by_index)
+        case ReplaySource():
+            from fmfts.recording.source import Replayed
+
+            return Replayed(by_index)
+        case _:
+            from fmfts.simulation.source import Simulated
+
+            return Simulated(first, neighbours_of(first, pads))
+
+
+def _by_index(members: list[PadConfig]) -> dict[int, PadConfig]:
+    by_index: dict[int, PadConfig] = {}
+    for place, pad in enumerate(members):
+        index = pad.source.pad_index if isinstance(pad.source, BridgeSource) else place
+        if index in by_index:
+            raise SourceError(
+                f"pads {by_index[index].name!r} and {pad.name!r} are both pad_index = {index} of one board"
+            )
+        by_index[index] = pad
+    return by_index
+
+
+def _require_equal_settings(members: list[PadConfig]) -> None:
+    first = members[0]
+    own = _OF_THE_PAD.get(type(first.source), set())
+    for other in members[1:]:
+        for name in first.source.__struct_fields__:
+            ours, theirs = getattr(first.source, name), getattr(other.source, name)
+            if name not in own and ours != theirs:
+                names = f"pads {first.name!r} and {other.name!r}"
+                raise SourceError(f"{names} share a device but differ in {name}: {ours!r} and {theirs!r}")
+
+
+def _require_one_port_a_board(pads: Sequence[PadConfig]) -> None:
+    seen: dict[str, tuple[str, str]] = {}  # uid → name of a pad, port
+    for pad in pads:
+        if isinstance(pad.source, BridgeSource) and pad.source.uid is not None:
+            name, port = seen.setdefault(pad.source.uid.lower(), (pad.name, pad.source.port))
+            if port != pad.source.port:
+                names = f"pads {name!r} and {pad.name!r}"
+                raise SourceError(f"{names} are bound to one board but name two ports: {port} and {pad.source.port}")

@@ -1,0 +1,98 @@
+"""python -m fmfts_lab.bench VERB: what solver, tracker, baselines and contact model cost, and how good they are."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fmfts.pose import SOLVER
+from fmfts_lab.bench import (
+    accuracy,
+    baselines,
+    contact,
+    convergence,
+    faults,
+    frame_cost,
+    latency,
+    moment,
+    neighbours,
+    resident,
+    speed,
+    turning,
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m fmfts_lab.bench", description="measure the pose solver")
+    parser.add_argument("--seed", type=int, default=1)
+    verbs = parser.add_subparsers(
+        required=True,
+        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact | "
+        "latency | frame | resident",
+    )
+    verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
+    verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
+    verb.add_argument("--beside", type=Path, metavar="FILE", help="another build's _kernel….so: only the ratio of both")
+    verb.set_defaults(run=speed.run)
+    verb = verbs.add_parser("accuracy", help="errors over the Cramér–Rao bound, and whether the covariance is honest")
+    verb.add_argument("--draws", type=int, default=20000)
+    verb.set_defaults(run=accuracy.run)
+    verb = verbs.add_parser("convergence", help="cold starts, and how many go wrong unnoticed")
+    verb.add_argument("--draws", type=int, default=20000, help="for each model and number of sensors")
+    verb.add_argument("--sensors", type=int, nargs="+", choices=(4, 3), default=(4, 3))
+    verb.add_argument("--unknowns", type=int, nargs="+", choices=(6, 8), default=(6, 8))
+    verb.set_defaults(run=convergence.run)
+    verb = verbs.add_parser("faults", help="broken sensors and foreign fields: seen when, named right, wrong how often")
+    verb.add_argument("--quick", action="store_true", help="a few sensors and axes, half a minute")
+    verb.add_argument("--only", nargs="+", metavar="KIND", help='faults that begin so: "offset 100" turning')
+    verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS, default=faults.AMBIENTS)
+    verb.add_argument("--drilled", type=int, default=3, help="on how many pads each fault is tried; 0: none")
+    verb.add_argument("--pads", type=int, default=8, help="how many healthy pads are tapped")
+    verb.add_argument("--seconds", type=float, default=1350.0, help="for how long each of them is; 0: none")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=faults.run)
+    verb = verbs.add_parser("turning", help="a pressed pad on a robot that turns, against the bound; and warming")
+    verb.add_argument("--seconds", type=float, default=30.0, help="of turning, for each pad")
+    verb.add_argument("--draws", type=int, default=8, help="pads of each row whose gains are off")
+    verb.add_argument("--warm-minutes", type=float, default=10.0, help="in which a pad warms by 20 K; 0: none")
+    verb.add_argument("--warm-pads", type=int, default=1, help="how many pads are warmed")
+    verb.set_defaults(run=turning.run)
+    verb = verbs.add_parser("moment", help="what following the moment at rest would bring, and what it would hide")
+    verb.set_defaults(run=moment.run)
+    verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
+    verb.add_argument("--pads", type=int, default=20, help="how many pads are built, for each row")
+    verb.set_defaults(run=baselines.run)
+    verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
+    verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
+    verb.set_defaults(run=neighbours.run)
+    verb = verbs.add_parser(
+        "contact", help="the contact model beside maximum likelihood: errors, honesty, touch, motion"
+    )
+    verb.add_argument("--frames", type=int, default=3000)
+    verb.add_argument("--model", default="default", help="an ONNX file; default: the one that ships")
+    verb.add_argument("--hours", type=float, default=1.0, help="of unloaded frames, for false contacts")
+    verb.add_argument("--part", choices=contact.PARTS, help="only this part")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=contact.run)
+    verb = verbs.add_parser("latency", help="from a frame's bytes to its message, beside an echo; processor and memory")
+    verb.add_argument("--pads", type=int, nargs="+", default=[1, 4, 16, 64], help="how many, one after another")
+    verb.add_argument("--seconds", type=float, default=10.0, help="for each row, after a second of warming up")
+    verb.add_argument("--rounds", type=int, default=2, help="echo and daemon in turns")
+    verb.add_argument("--size", type=int, default=860, help="bytes of the echo's message: a contact's")
+    verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth with pads (needs matplotlib)")
+    verb.set_defaults(run=latency.run)
+    verb = verbs.add_parser("frame", help="what a frame costs by stage, on hot and on cold caches")
+    verb.set_defaults(run=frame_cost.run)
+    verb = verbs.add_parser("resident", help="whether the daemon's memory grows, a row each minute")
+    verb.add_argument("--pads", type=int, default=4)
+    verb.add_argument("--seconds", type=float, default=3600.0)
+    verb.add_argument("--every", type=float, default=60.0, metavar="SECONDS", help="a row")
+    verb.set_defaults(run=resident.run)
+    options = parser.parse_args()
+    if SOLVER != "c":
+        parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""What each baseline is worth at the contact: pads within their tolerances, exact fields, no noise in the press."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+
+import numpy as np
+
+from fmfts.baseline import Mounting
+from fmfts.contact import ContactEstimate, ContactModel
+from fmfts.pad import Pad, Tolerance
+from fmfts.pose import FREE_FIELD, as_drawn, solve
+from fmfts.simulation.mounted import MountedPad
+from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field
+from fmfts_lab.bench.workspace import standard_pad
+
+GRID_MM, FORCES_N = np.linspace(-12.0, 12.0, 7), (0.5, 1.0, 1.7)
+# Where shear can be told: it is asked for a quarter of the force, in four directions.
+SHEARED_MM, SHEARED_N, SHEARS_N = np.linspace(-6.0, 6.0, 5), 1.7, ((0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4))
+
+
+def run(options: Namespace) -> None:
+    drawing = standard_pad()
+    contact = ContactModel.load("default", drawing)
+    sheared = ContactModel.load("shear", drawing)
+    print(
+        f"{options.pads} pads, contact MAE over the pad at {FORCES_N} N, x and y (mm) / force (N) / shear (N, ±6 mm)\n"
+    )
+    print("gains ±   " + " ".join(f"{name:>22}" for name in KINDS))
+    for gain in (0.005, 0.05):
+        errors = np.array(
+            [_errors(drawing, contact, sheared, gain, [options.seed, pad]) for pad in range(options.pads)]
+        )
+        cells = [f"{place * 1e3:8.3f} /{force:6.4f} /{shear:5.2f}" for place, force, shear in errors.mean(axis=0)]
+        print(f"{gain:7.1%}   " + " ".join(f"{cell:>22}" for cell in cells))
+    perfect = MountedPad.exact(drawing)
+    _, own = bare_and_rest(perfect, drawing, Tolerance(1e-9, 1e-9, 1e-9, 0.0, 1e-9), np.random.default_rng(0))
+    place, force = _contact_error(perfect, drawing, own, contact)
+    print(f"\nof which the model's own, on a perfect pad: {place * 1e3:.3f} mm / {force:.4f} N")
+
+
+def _errors(
+    drawing: Pad, contact: ContactModel, sheared: ContactModel, gain: float, seed: list[int]
+) -> list[tuple[float, float, float]]:
+    random = np.random.default_rng(seed)
+    built = MountedPad.built(drawing, random)
+    built = replace(built, gain=random.normal(1.0, gain, built.gain.shape))
+    tolerance = Tolerance(1e-4, 1e-4, np.deg2rad(1.0), gain, 0.05)
+    found = mountings(built, drawing, tolerance, random)
+    return [
+        (*_contact_error(built, drawing, found[kind], contact), _shear_error(built, drawing, found[kind], sheared))
+        for kind in KINDS
+    ]
+
+
+def _contact_error(built: MountedPad, drawing: Pad, mounting: Mounting, contact: ContactModel) -> tuple[float, float]:
+    """Mean absolute error of x and y (m) and of the force (N), over the pad."""
+    place, force = [], []
+    for x_mm, y_mm, force_n in ((x, y, f) for x in GRID_MM for y in GRID_MM for f in FORCES_N):
+        found = _answer(built, drawing, mounting, contact, x_mm * 1e-3, y_mm * 1e-3, force_n)
+        place += [abs(found.x_m - x_mm * 1e-3), abs(found.y_m - y_mm * 1e-3)]
+        force.append(abs(found.force_n - force_n))
+    return float(np.mean(place)), float(np.mean(force))
+
+
+def _shear_error(built: MountedPad, drawing: Pad, mounting: Mounting, contact: ContactModel) -> float:
+    """Mean absolute error of both components (N)."""
+    errors = []
+    for x_mm, y_mm, shear_n in ((x, y, s) for x in SHEARED_MM for y in SHEARED_MM for s in SHEARS_N):
+        found = _answer(built, drawing, mounting, contact, x_mm * 1e-3, y_mm * 1e-3, SHEARED_N, *shear_n)
+        assert found.shear_n is not None
+        errors.append(np.abs(found.shear_n - shear_n))
+    return float(np.mean(errors))
+
+
+def _answer(
+    built: MountedPad, drawing: Pad, mounting: Mounting, contact: ContactModel, *press: float
+) -> ContactEstimate:
+    field = mounting.magnet_field(pressed_field(built, *press))
+    estimate = solve(field, mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
+    return contact.estimate(*as_drawn(estimate, mounting.rest, drawing))

@@ -1,0 +1,193 @@
+"""What the whole chain below the bus says of broken sensors and foreign fields, and how often it is wrong."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import msgspec
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.contact import ContactModel
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.snapshot import restore, snapshot
+from fmfts.sensor import Frame
+from fmfts_lab.bench.drills import (
+    FINGERS,
+    RATE_HZ,
+    Ambient,
+    DrillSource,
+    Fault,
+    field_faults,
+    pad_config,
+    record,
+    sensor_faults,
+    spoiled,
+)
+from fmfts_lab.bench.tapped import Well, pipeline_of, tapped, without_baseline
+from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+
+# After it: mean residuals forget in half a second, and a field that has moved is told of for a second more.
+WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 2.0
+GRACE_S = 0.5
+AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
+
+
+@dataclass(slots=True)
+class Outcome:
+    """One kind of fault in one situation, over all sensors and axes. Times in ms; shares of frames from 0 to 1."""
+
+    kind: str
+    ambient: str
+    touch: str
+    drills: int = 0
+    frames: int = 0
+    detected_ms: list[float] = field(default_factory=list)
+    named: int = 0
+    alarmed: int = 0
+    wrong_early: int = 0
+    wrong_late: int = 0
+    worst: float = 0.0
+    back_ms: list[float] = field(default_factory=list)
+    health: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def line(self) -> str:
+        seen = f"{len(self.detected_ms):3d}/{self.drills:<3d}"
+        named = f"{100 * self.named / self.alarmed:5.0f}" if self.alarmed else "    -"
+        shares = " ".join(f"{100 * self.health[name] / self.frames:5.0f}" for name in HEALTHS)
+        wrong = f"{self.wrong_early:6d} {self.wrong_late:6d} {self.worst:7.1f}"
+        return (
+            f"{self.kind:24} {self.ambient:8} {self.touch:7} {seen} {_spread(self.detected_ms)} {named} {wrong}"
+            f"  {shares}  {len(self.back_ms):3d}/{self.drills:<3d} {_spread(self.back_ms)}"
+        )
+
+
+HEALTHS = ("ok", "degraded", "disturbed", "lost")
+HEADER = (
+    "                                          seen     detected ms named  wrong frames  worst   "
+    "% of frames in the fault\n"
+    "fault                    scene    pad     drills     p50    max     %  <.5 s  after     sd     "
+    "ok  degr  dist  lost   ok again, ms p50 max"
+)
+
+
+def _spread(times: Sequence[float]) -> str:
+    """Median and largest."""
+    return f"{sorted(times)[len(times) // 2]:5.0f} {max(times):6.0f}" if times else "    -      -"
+
+
+class Healthy:
+    """A mounted pad that is well, with a pipeline that has followed it until the fault begins."""
+
+    def __init__(self, ambient: Ambient, touch: str, seed: int, model: ContactModel) -> None:
+        self.ambient, self.touch = ambient, touch
+        self.config = pad_config(ambient, seed)
+        self.finger = FINGERS[touch]
+        self.model = model
+        before = pipeline_of(self.config, model)
+        source = DrillSource(self.config)
+        self.truth = Truth(source.built, self.finger)
+        self.frames = record(source, self.finger, WARM_S + FAULT_S + AFTER_S)
+        self.begin = round(WARM_S * RATE_HZ)
+        self.end = round((WARM_S + FAULT_S) * RATE_HZ)
+        for frame in self.frames[: self.begin]:
+            before.process(frame)
+        self._baseline, self._mounting, self._memory = before.baseline, before.mounting, snapshot(before)
+
+    def pipeline(self) -> PadPipeline:
+        """As it is when the fault begins."""
+        pipeline = without_baseline(self.config, self.model)
+        assert self._baseline is not None
+        pipeline.use(self._baseline, self._mounting)
+        restore(pipeline, self._memory)
+        return pipeline
+
+    def frames_with(self, fault: Fault) -> list[Frame]:
+        if fault.field is None:
+            return spoiled(self.frames, fault, self.begin, self.end)
+        source = DrillSource(self.config, fault.field, WARM_S, WARM_S + FAULT_S)
+        return record(source, self.finger, WARM_S + FAULT_S + AFTER_S)
+
+    def drill(self, fault: Fault, outcome: Outcome) -> None:
+        frames, pipeline = self.frames_with(fault), self.pipeline()
+        detected = False
+        outcome.drills += 1
+        for number in range(self.begin, self.end):
+            message = pipeline.process(frames[number])
+            since_s = (number - self.begin) / RATE_HZ
+            outcome.frames += 1
+            outcome.health[message.health] += 1
+            off = self.truth.deviations(message)
+            outcome.worst = max(outcome.worst, off)
+            outcome.wrong_early += off > WRONG_DEVIATIONS and since_s <= GRACE_S
+            outcome.wrong_late += off > WRONG_DEVIATIONS and since_s > GRACE_S
+            if message.health != "ok":
+                outcome.alarmed += 1
+                outcome.named += named_right(message, fault)
+                if not detected:
+                    outcome.detected_ms.append(since_s * 1e3)
+                detected = True
+        for later, frame in enumerate(frames[self.end :]):
+            if pipeline.process(frame).health == "ok":
+                outcome.back_ms.append(later / RATE_HZ * 1e3)
+                break
+
+
+def named_right(message: ContactMessage, fault: Fault) -> bool:
+    if fault.sensor is None:
+        return message.health in ("disturbed", "lost")
+    return message.health == "degraded" and message.reason.startswith(f"sensor {fault.sensor + 1} ")
+
+
+def drilled(
+    faults: Sequence[Fault],
+    seeds: Iterable[int],
+    ambients: Sequence[Ambient] = AMBIENTS,
+    touches: Sequence[str] = tuple(FINGERS),
+) -> list[Outcome]:
+    """Every fault in every situation."""
+    outcomes: dict[tuple[str, str, str], Outcome] = {}
+    for seed in seeds if faults else ():
+        model = model_of(pad_config("constant", seed))
+        for ambient in ambients:
+            for touch in touches:
+                healthy = Healthy(ambient, touch, seed, model)
+                for fault in faults:
+                    key = (fault.kind, ambient, touch)
+                    outcome = outcomes.setdefault(key, Outcome(*key))
+                    healthy.drill(fault, outcome)
+    return list(outcomes.values())
+
+
+def run(options: Namespace) -> None:
+    """Print the table; with `options.out`, the same facts as JSON."""
+    quick = options.quick
+    faults = sensor_faults((0,), (0, 2)) if quick else sensor_faults(range(4), range(3))
+    foreign = field_faults()
+    faults, foreign = _only(options.only, faults), _only(options.only, foreign)
+    drilled_pads = range(options.seed, options.seed + (1 if quick else options.drilled))
+    outcomes = drilled(faults, drilled_pads, options.scenes)
+    outcomes += drilled(foreign, drilled_pads, options.scenes, ("pressed",) if quick else tuple(FINGERS))
+    print(HEADER)
+    for outcome in sorted(outcomes, key=lambda one: (one.ambient, one.touch)):
+        print(outcome.line)
+    seeds, seconds = (range(1, 2), 5.0) if quick else (range(1, 1 + options.pads), options.seconds)
+    wells = [tapped(ambient, seeds, seconds) for ambient in options.scenes if seconds > 0.0]
+    for well in wells:
+        print(well.line, flush=True)
+    if options.out is not None:
+        options.out.write_bytes(as_json(outcomes, wells))
+
+
+def _only(kinds: Sequence[str], faults: list[Fault]) -> list[Fault]:
+    """Those whose name begins with one of `kinds`; all if there is none."""
+    return [fault for fault in faults if fault.kind.startswith(tuple(kinds or ("",)))]
+
+
+def as_json(outcomes: list[Outcome], wells: list[Well]) -> bytes:
+    """The facts behind the printed lines; an infinite number of deviations is null."""
+    return msgspec.json.format(msgspec.json.encode({"faults": outcomes, "healthy": wells}), indent=1) + b"\n"

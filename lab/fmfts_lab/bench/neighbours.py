@@ -1,0 +1,141 @@
+"""Two pads side by side, both pressed by fingers of their own: what each reads, told of the other and not told."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, ToleranceConfig, neighbours_of
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.scene.tracking import around, choose
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
+from fmfts.simulation.source import Simulated
+from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ, Ambient
+from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+
+DISTANCES_MM = (20, 30, 60, 100, 200)
+AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
+# The second pad is rolled against the first, as two fingertips are, and its finger comes while the first rests.
+TURN_DEG = (8.0, 0.0, 0.0)
+LATER_S = 3.7
+
+
+@dataclass(slots=True)
+class Outcome:
+    """Both pads of one pair. errors: of place and force where they are published, in their published deviations.
+    answers: of each frame the errors of x and y (mm) and force (N), NaN where none is published, and the true force."""
+
+    frames: int = 0
+    wrong: int = 0
+    false_contacts: int = 0
+    health: Counter[str] = field(default_factory=Counter)
+    errors: list[float] = field(default_factory=list)
+    answers: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+    @property
+    def line(self) -> str:
+        rms = float(np.sqrt(np.mean(np.square(self.errors)))) if self.errors else float("nan")
+        return (
+            f"{100 * self.health['ok'] / self.frames:7.2f} {rms:8.2f} {max(self.errors, default=0.0):7.1f} "
+            f"{self.wrong:6d} {self.false_contacts:6d}"
+        )
+
+
+def pair(distance_mm: float, ambient: Ambient, seed: int) -> tuple[PadConfig, PadConfig]:
+    """Two pads that name each other. At 20 mm their fields add up to more than the usual ±2.5 G."""
+
+    def pad(name: str, other: str, seed: int, placement: PlacementConfig) -> PadConfig:
+        turning = 20.0 if ambient == "drifting" else 0.0
+        return PadConfig(
+            name=name,
+            source=SimulatedSource(seed=seed, range_gauss=4.0, finger="none", turning_deg_per_s=turning),
+            tolerance=ToleranceConfig(gain=0.005),
+            scene=SceneConfig(ambient=ambient, neighbours=(other,)),
+            placement=placement,
+        )
+
+    beside = PlacementConfig(position_mm=(distance_mm, 0.0, 0.0), rotation_deg=TURN_DEG)
+    return pad("first", "second", seed, PlacementConfig()), pad("second", "first", seed + 1000, beside)
+
+
+def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) -> Outcome:
+    """Both pads in step. told: whether each counts with the other's magnet."""
+    fingers = {pads[0].name: _later(pads[0], 0.0), pads[1].name: _later(pads[1], LATER_S)}
+    sources = {pad.name: _source(pad, pads, fingers) for pad in pads}
+    pipelines = {pad.name: _pipeline(pad, pads) for pad in pads}
+    if told:
+        for pad in pads:
+            for neighbour in around(pad, pads):
+                if neighbour.is_felt:
+                    pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
+    truths = {name: Truth(source.built, fingers[name]) for name, source in sources.items()}
+    touched: dict[str, bool | None] = dict.fromkeys(fingers)
+    outcome = Outcome()
+    for message in _messages(sources, pipelines, seconds):
+        truth = truths[message.pad]
+        outcome.frames += 1
+        outcome.health[message.health] += 1
+        outcome.wrong += truth.deviations(message) > WRONG_DEVIATIONS
+        touch = fingers[message.pad](message.t_sample_ns * 1e-9)
+        fresh = message.contact is True and touched[message.pad] is not True
+        outcome.false_contacts += fresh and touch.force_n == 0.0
+        touched[message.pad] = message.contact
+        error = np.nan, np.nan, np.nan
+        if message.x_m is not None and message.y_m is not None and message.force_n is not None:
+            outcome.errors += truth.contact_errors(message)
+            away_mm = (message.x_m - touch.x_m) * 1e3, (message.y_m - touch.y_m) * 1e3
+            error = *away_mm, message.force_n - touch.force_n
+        outcome.answers.append((*error, touch.force_n))
+    return outcome
+
+
+def _messages(
+    sources: dict[str, Simulated], pipelines: dict[str, PadPipeline], seconds: float
+) -> Iterator[ContactMessage]:
+    for step in range(round(seconds * RATE_HZ)):
+        for name, source in sources.items():
+            for frame in source.poll(step * FRAME_NS):
+                yield pipelines[name].process(frame)
+
+
+def _later(pad: PadConfig, later_s: float) -> Finger:
+    finger = ScriptedFinger(pad.source.seed if isinstance(pad.source, SimulatedSource) else 0)
+
+    def touch(time_s: float) -> Touch:
+        return finger(time_s + UNLOADED_AT_START_S - 0.5 - later_s)
+
+    return touch
+
+
+def _source(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str, Finger]) -> Simulated:
+    others = neighbours_of(pad, pads)
+    source = Simulated(pad, others)
+    source.finger = fingers[pad.name]
+    for other, magnet in zip(others, source.neighbours, strict=True):
+        magnet.finger = fingers[other.name]
+    return source
+
+
+def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> PadPipeline:
+    model = model_of(pad)
+    pipeline = PadPipeline(pad.pad(), model, "bench", float(RATE_HZ), choose(pad.scene, pad.magnet).tracking)
+    pipeline.use(simulated_baseline(pad, neighbours_of(pad, pads)))
+    return pipeline
+
+
+def run(options: Namespace) -> None:
+    """Print the table."""
+    print(f"two pads, both pressed, {options.seconds:g} s each; errors of place and force in published deviations\n")
+    print("distance  scene     neighbour   ok %   rms sd   worst  wrong  false contacts")
+    for ambient in AMBIENTS:
+        for distance_mm in DISTANCES_MM:
+            for told in (False, True):
+                outcome = pressed_pair(pair(distance_mm, ambient, options.seed), told, options.seconds)
+                print(f"{distance_mm:5d} mm  {ambient:9} {'told' if told else 'not told':9} {outcome.line}", flush=True)

@@ -1,0 +1,154 @@
+"""How often a healthy pad that is tapped says that it is not: false alarms per pad-hour, and availability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import cos, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig
+from fmfts.contact import ContactModel
+from fmfts.pad import Array
+from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.scene.tracking import choose
+from fmfts.sensor.frame import READING_BYTES, WireFrame
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.cylinder import cylinder_field
+from fmfts.simulation.finger import Touch, columns
+from fmfts.simulation.source import ROOM_C, TURNING_AXIS, Simulated
+from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config
+from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+
+TAP_S = 50e-3
+BATCH_FRAMES = 5 * RATE_HZ
+
+
+def tapping(time_s: float) -> Touch:
+    """1 N taps of 50 ms, three a second."""
+    within_s = time_s % (1.0 / 3.0) - 0.1
+    return Touch(1e-3, 2e-3, 0.5 * (1.0 - cos(2 * pi * within_s / TAP_S)) if 0.0 < within_s < TAP_S else 0.0)
+
+
+@dataclass(slots=True)
+class Well:
+    """A healthy pad that is tapped. alarms: episodes, each a run of messages that are not ok."""
+
+    ambient: str
+    frames: int = 0
+    not_ok: int = 0
+    alarms: int = 0
+    wrong: int = 0
+    worst: float = 0.0
+
+    @property
+    def line(self) -> str:
+        hours = self.frames / RATE_HZ / 3600.0
+        return (
+            f"healthy, tapped, {self.ambient:8} {hours:.2f} pad-hours, {self.alarms} false alarms "
+            f"({self.alarms / hours:.2g} an hour), available {1 - self.not_ok / self.frames:.4%}, "
+            f"{self.wrong} of {self.frames} wrong, worst {self.worst:.1f} deviations"
+        )
+
+    def saw(self, messages: list[ContactMessage], deviations: Array, was_ok: bool) -> None:
+        """The next messages of a pad; was_ok: the one before them."""
+        alarmed = np.array([message.health != "ok" for message in messages])
+        self.frames += len(messages)
+        self.not_ok += int(alarmed.sum())
+        self.alarms += int((alarmed & np.append(was_ok, ~alarmed[:-1])).sum())
+        self.wrong += int((deviations > WRONG_DEVIATIONS).sum())
+        self.worst = max(self.worst, float(deviations.max()))
+
+
+def pipeline_of(config: PadConfig, model: ContactModel) -> PadPipeline:
+    pipeline = without_baseline(config, model)
+    pipeline.use(simulated_baseline(config))
+    return pipeline
+
+
+def without_baseline(config: PadConfig, model: ContactModel) -> PadPipeline:
+    tracking = choose(config.scene, config.magnet).tracking
+    return PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking)
+
+
+def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
+    """Frames as a board sends them, through the path that the daemon takes: in C while nothing is wrong."""
+    well = Well(ambient)
+    for seed in seeds:
+        config = pad_config(ambient, seed)
+        pipeline = pipeline_of(config, model_of(config))
+        source = ManyFrames(config)
+        source.finger = tapping
+        truth = Truth(source.built, tapping)
+        was_ok = True
+        for frames in source.batches(round(seconds * RATE_HZ)):
+            answers = [pipeline.answer(frame) for frame in frames]
+            messages = [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+            well.saw(messages, truth.all_deviations(messages), was_ok)
+            was_ok = messages[-1].health == "ok"
+    return well
+
+
+class ManyFrames(Simulated):
+    """The frames that as many polls would bring, at a tenth of the cost: no neighbours, and no warming."""
+
+    def batches(self, count: int) -> Iterator[list[WireFrame]]:
+        self._start_ns = 0
+        while self._sequence < count:
+            yield self._batch(min(BATCH_FRAMES, count - self._sequence))
+
+    def _batch(self, count: int) -> list[WireFrame]:
+        sequence = self._sequence + np.arange(count)
+        conversion = self._chips.newest_conversion(sequence[:, None] / self._rate_hz)
+        fresh = conversion != np.concatenate([self._delivered[None], conversion[:-1]])
+        sampled_s = self._chips.time_of(conversion)
+        counts = self._chips.counts(self._fields(sampled_s), self._gain_code, 0.0)
+        # What is not fresh stays as it was.
+        newest = np.maximum.accumulate(np.where(fresh, np.arange(count)[:, None] + 1, 0))
+        counts = np.take_along_axis(np.concatenate([self._counts[None], counts]), newest[:, :, None], axis=0)
+        self._sequence += count
+        self._delivered, self._counts = conversion[-1], counts[-1]
+        return _wire_frames(sequence, sampled_s, fresh, counts, self._gain_code)
+
+    def _fields(self, sampled_s: Array) -> Array:
+        """(K, N, 3) as each sensor of each frame senses it, at its own time (K, N)."""
+        built, shape = self._built, (*sampled_s.shape, 3)
+        press = columns([self.finger(moment) for moment in sampled_s.ravel().tolist()])
+        position_m, axis = (vectors.reshape(shape) for vectors in built.pose(*press))
+        magnet_t = cylinder_field(built.pad.sensors.position_m, position_m, axis, built.pad.magnet)
+        angle, along = (self.turning_rad_per_s * sampled_s)[:, :, None], TURNING_AXIS @ built.ambient_t
+        # Rodrigues' formula, as in `rotation_from_vector`.
+        ambient_t = (
+            np.cos(angle) * built.ambient_t
+            + np.sin(angle) * np.cross(TURNING_AXIS, built.ambient_t)
+            + (1.0 - np.cos(angle)) * along * TURNING_AXIS
+        )
+        return built.sensed(ambient_t + magnet_t)
+
+
+def _wire_frames(
+    sequence: NDArray[np.int64],
+    sampled_s: Array,
+    fresh: NDArray[np.bool_],
+    counts: NDArray[np.int16],
+    gain_code: int,
+) -> list[WireFrame]:
+    newest_s = sampled_s.max(axis=1)
+    readings = np.empty((*fresh.shape, 4), "<i2")
+    readings[:, :, :3] = counts
+    readings[:, :, 3] = np.rint((newest_s[:, None] - sampled_s) * 1e6).astype(np.uint16).view(np.int16)
+    every = (1 << fresh.shape[1]) - 1
+    masks = fresh @ (1 << np.arange(fresh.shape[1]))
+    size, data = READING_BYTES * fresh.shape[1], readings.tobytes()
+    device_us = np.maximum(np.rint(newest_s * 1e6).astype(np.int64), 0)
+    host_ns = np.rint(newest_s * 1e9).astype(np.int64)
+    rows = zip(sequence.tolist(), device_us.tolist(), host_ns.tolist(), masks.tolist(), strict=True)
+    return [
+        WireFrame(0, number, time_us, time_ns, (gain_code, every, mask, data[size * row : size * (row + 1)]), ROOM_C)
+        for row, (number, time_us, time_ns, mask) in enumerate(rows)
+    ]

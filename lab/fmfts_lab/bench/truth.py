@@ -1,0 +1,70 @@
+"""Whether what is published is true."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fmfts.bus.messages import ContactMessage, PoseMessage
+from fmfts.pad import Array
+from fmfts.simulation.finger import Finger, Touch, columns
+from fmfts.simulation.mounted import MountedPad
+
+# An error of more than this many published deviations is a wrong answer.
+WRONG_DEVIATIONS = 5.0
+PUBLISHED = ("ok", "degraded")
+
+
+class Truth:
+    """What a simulated pad really is at a moment, and how far a message is from it."""
+
+    def __init__(self, built: MountedPad, finger: Finger) -> None:
+        self._built = built
+        self._finger = finger
+
+    def deviations(self, message: ContactMessage) -> float:
+        """The largest error of a number that is published as good, in its published deviations."""
+        return float(self.all_deviations([message])[0])
+
+    def all_deviations(self, messages: Sequence[ContactMessage]) -> Array:
+        """The same of each message (K,)."""
+        worst = np.zeros(len(messages))
+        posed, poses, touches = [], [], []
+        for number, message in enumerate(messages):
+            if message.health not in PUBLISHED:
+                continue
+            touch = self._finger(message.t_sample_ns * 1e-9)
+            worst[number] = max(self._contact_errors(message, touch), default=0.0)
+            if message.force_min_n is not None and message.force_min_n > touch.force_n:
+                # A bound has three deviations in it already, and none beside it.
+                worst[number] = np.inf
+            if message.pose is not None:
+                posed.append(number)
+                poses.append(message.pose)
+                touches.append(touch)
+        if posed:
+            worst[posed] = np.maximum(worst[posed], self._pose_deviations(poses, touches))
+        return worst
+
+    def contact_errors(self, message: ContactMessage) -> list[float]:
+        """Errors of place and force in their published deviations, of those that are published."""
+        return self._contact_errors(message, self._finger(message.t_sample_ns * 1e-9))
+
+    def _contact_errors(self, message: ContactMessage, touch: Touch) -> list[float]:
+        pairs = [
+            (message.x_m, message.x_sd_m, touch.x_m),
+            (message.y_m, message.y_sd_m, touch.y_m),
+            (message.force_n, message.force_sd_n, touch.force_n),
+        ]
+        return [abs(value - truth) / sd for value, sd, truth in pairs if value is not None and sd is not None]
+
+    def _pose_deviations(self, poses: Sequence[PoseMessage], touches: Sequence[Touch]) -> Array:
+        position_m, axis = self._built.pose(*columns(touches))
+        away = np.abs(np.array([pose.position_m for pose in poses]) - position_m)
+        away /= np.array([pose.position_sd_m for pose in poses])
+        # Two directions share the deviation: a turn of both at once is √2 of it.
+        cosine = np.sum(np.array([pose.axis for pose in poses]) * axis, axis=1)
+        turned = np.arccos(np.minimum(cosine, 1.0)) / (np.sqrt(2.0) * np.array([pose.axis_sd_rad for pose in poses]))
+        worst: Array = np.maximum(away.max(axis=1), turned)
+        return worst

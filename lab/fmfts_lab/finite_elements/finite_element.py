@@ -1,0 +1,134 @@
+"""Finite elements of a pressed slab: finite strain, a rigid magnet, a dead load on the patch. Offline only.
+
+felupe (GPL-3; extra `pad-model`, never imported by the daemon) makes element and residual: hexahedra Q1P0, one mean
+pressure per element, so that nearly incompressible silicone does not lock. In mm, N, MPa; the public functions are SI.
+
+The load is a dead one: the force (Ft_x, Ft_y, −Fn) is spread evenly over the patch as it was before the press, and
+keeps its direction. Its resultant is then exactly what a load cell under the probe reads, however the patch turns and
+stretches. A dead load is conservative, so the tangent is symmetric; a factorised one serves until it is too old, and
+Anderson's acceleration (J. ACM 12 (1965) 547) makes up for its age.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import felupe
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from fmfts.pad import Array
+from fmfts.simulation.slab import ELEMENT_M, Press, Slab
+from fmfts_lab.finite_elements.slab_mesh import SlabMesh
+
+MAGNET_STIFFNESS = 1e3  # times the silicone's: the magnet bends by a thousandth of what surrounds it
+MPA = 1e-6
+RESIDUAL = 1e-5  # of the load, where an equilibrium counts as found: the pose is then right to 1e-8
+NO_LOAD = 1e-9  # N: what counts as none where nothing presses
+MEMORY, ITERATIONS = 8, 150
+PATIENCE = 25  # iterations after which a fresh tangent costs less than going on
+
+
+class MooneyRivlin:
+    """Isochoric part of W: felupe's interface of a material. `stiffness` (C,): a factor for each cell."""
+
+    def __init__(self, c10_mpa: float, c01_mpa: float, stiffness: Array) -> None:
+        self.c10, self.c01, self.stiffness = c10_mpa, c01_mpa, stiffness
+        self.x = [np.zeros((3, 3)), np.zeros(0)]
+        self._unstrained = felupe.NeoHooke(mu=2.0 * (c10_mpa + c01_mpa))
+
+    def gradient(self, x: list[Array], **_: Any) -> list[Array]:
+        """First Piola–Kirchhoff stress (3, 3, Q, C) in MPa: dW/dF of C10 (J^−2/3 I1 − 3) + C01 (J^−4/3 I2 − 3)."""
+        F, history = x[0], x[-1]
+        C = np.einsum("ki...,kj...->ij...", F, F)
+        I1 = np.einsum("ii...", C)
+        I2 = (I1**2 - np.einsum("ij...,ij...", C, C)) / 2.0
+        cofactor = felupe.AreaChange().function([F])[0]
+        J = np.einsum("ij...,ij...", F, cofactor) / 3.0
+        first = 2.0 * self.c10 * self.stiffness * J ** (-2 / 3)
+        second = 2.0 * self.c01 * self.stiffness * J ** (-4 / 3)
+        stress = (first + second * I1) * F - second * np.einsum("ik...,kj...->ij...", F, C)
+        stress -= ((first * I1 + 2.0 * second * I2) / (3.0 * J)) * cofactor
+        return [stress, history]
+
+    def hessian(self, x: list[Array], **_: Any) -> list[Array]:
+        """Neo-Hooke's of the same shear modulus: exact where nothing is strained, near enough elsewhere."""
+        return [self._unstrained.hessian(x)[0] * self.stiffness]
+
+
+class PressedSlab:
+    """A meshed slab. Each press starts from the last one's answer."""
+
+    def __init__(self, slab: Slab, element_m: float = ELEMENT_M) -> None:
+        self.slab = slab
+        self.mesh = SlabMesh.of(slab, element_m)
+        mesh = felupe.Mesh(self.mesh.points_mm, self.mesh.cells, "hexahedron")
+        stiffness = np.where(self.mesh.magnet_cells, MAGNET_STIFFNESS, 1.0)
+        self._field = felupe.FieldContainer([felupe.Field(felupe.RegionHexahedron(mesh), dim=3)])
+        material = MooneyRivlin(slab.c10_pa * MPA, slab.c01_pa * MPA, stiffness)
+        self._body = felupe.SolidBodyNearlyIncompressible(material, self._field, slab.bulk_pa * MPA * stiffness)
+        self._free = np.repeat(~self.mesh.fixed_points, 3)
+        self._rest_factor = self._factorised_tangent(np.zeros_like(self.mesh.points_mm))
+        self.rest()
+
+    def rest(self) -> None:
+        """Forget the last press."""
+        self.displacement_mm = np.zeros_like(self.mesh.points_mm)
+        self._factor = self._rest_factor
+
+    def solve(self, press: Press) -> tuple[Array, Array]:
+        """The magnet's displacement (3,) in m and unit axis (3,), +z at rest.
+
+        ArithmeticError if no equilibrium is found: the press is too hard for this slab.
+        """
+        free = self._free
+        load = self.mesh.load(self.slab, press).reshape(-1)[free]
+        u = self.displacement_mm.reshape(-1).copy()
+        mixing = Anderson()
+        for iteration in range(1, ITERATIONS + 1):
+            residual = load - self._inner_force(u.reshape(-1, 3))[free]
+            if not np.all(np.isfinite(residual)):
+                break
+            if np.linalg.norm(residual) <= RESIDUAL * np.linalg.norm(load) + NO_LOAD:
+                self.displacement_mm = u.reshape(-1, 3)
+                return self.mesh.magnet_pose(self.displacement_mm)
+            if iteration % PATIENCE == 0:
+                self._factor, mixing = self._factorised_tangent(u.reshape(-1, 3)), Anderson()
+            u[free] = mixing.next(u[free], self._factor.solve(residual))
+        self._factor = self._rest_factor
+        raise ArithmeticError(f"the finite elements found no equilibrium in {ITERATIONS} iterations: {press}")
+
+    def linear(self, load: Array) -> Array:
+        """Displacement (P, 3) in mm that nodal forces `load` (P, 3) in N would cause in a slab of small strains."""
+        u = np.zeros(load.size)
+        u[self._free] = self._rest_factor.solve(load.reshape(-1)[self._free])
+        return u.reshape(-1, 3)
+
+    def _factorised_tangent(self, displacement_mm: Array) -> Any:
+        self._inner_force(displacement_mm)
+        tangent = self._body.assemble.matrix(self._field).tocsr()[self._free][:, self._free]
+        return splu(tangent.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def _inner_force(self, displacement_mm: Array) -> Array:
+        self._field[0].values[:] = displacement_mm
+        with np.errstate(invalid="ignore"):  # an element turned inside out: the caller sees that it is not finite
+            force: Array = self._body.assemble.vector(self._field).toarray()[:, 0]
+        return force
+
+
+class Anderson:
+    """Fixed-point iteration u ← u + step(u), its last few steps combined to the smallest (Anderson 1965, type II)."""
+
+    def __init__(self) -> None:
+        self._at: list[Array] = []
+        self._steps: list[Array] = []
+
+    def next(self, u: Array, step: Array) -> Array:
+        self._at = [*self._at[-MEMORY:], u.copy()]
+        self._steps = [*self._steps[-MEMORY:], step]
+        if len(self._at) == 1:
+            return u + step
+        moved, changed = np.diff(self._at, axis=0).T, np.diff(self._steps, axis=0).T
+        share = np.linalg.lstsq(changed, step, rcond=1e-10)[0]
+        combined: Array = u + step - (moved + changed) @ share
+        return combined

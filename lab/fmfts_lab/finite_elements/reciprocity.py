@@ -1,0 +1,74 @@
+"""How the magnet answers any light load on the surface, from what loads on the magnet do to the surface.
+
+Maxwell–Betti: in a linear solid, load A works on the displacement of load B as B does on that of A. So three unit
+forces and two unit couples on the magnet, each solved once, tell the magnet's displacement and tilt under every
+distribution of force on the top face. Small strains: see docs/pad-model.md for how far that reaches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from fmfts.pad import Array
+from fmfts.simulation.mechanics import Mechanics
+from fmfts.simulation.slab import ELEMENT_M, Slab
+from fmfts_lab.finite_elements.finite_element import PressedSlab
+from fmfts_lab.finite_elements.slab_mesh import MM, SlabMesh
+
+TABLE_SPACING_M = 1e-3
+LINEAR = np.eye(3, dtype=np.intp)  # powers of (F, Ft_x, Ft_y)
+SI = np.array([1.0 / MM, 1.0 / MM, 1.0 / MM, 1.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Influence:
+    """`response` (T, 3, 5): what a newton along x, y, z at each point of the top face does to the magnet: displacement
+    in m, and the unit axis' x and y."""
+
+    slab: Slab
+    mesh: SlabMesh
+    response: Array
+
+    @classmethod
+    def of(cls, slab: Slab, element_m: float = ELEMENT_M, show: Callable[[float], None] = lambda share: None) -> Self:
+        """`show` is told the share that is done."""
+        pressed = PressedSlab(slab, element_m)
+        surface = []
+        for done, load in enumerate(magnet_loads(pressed.mesh)):
+            show((done + 1) / 6)
+            surface.append(pressed.mesh.on_top(pressed.linear(load)).reshape(-1, 3))
+        return cls(slab, pressed.mesh, np.stack(surface, axis=-1) * SI)
+
+    def of_patch(self, x_m: float, y_m: float) -> Array:
+        """(3, 5) under a newton along x, y, z spread evenly over the patch about (x, y)."""
+        share = self.mesh.top_face_shares(MM * self.slab.patch_points(x_m, y_m))
+        return np.asarray(np.tensordot(share, self.response, axes=1), dtype=np.float64)
+
+    def mechanics(self) -> Mechanics:
+        """The table of patches that lie within the rim. Its forces know no limit: it is linear."""
+        reach_m = self.slab.reach_m
+        grid_m = np.linspace(-reach_m, reach_m, 2 * max(round(reach_m / TABLE_SPACING_M), 2) + 1)
+        per_newton = np.array([[self.of_patch(x, y) for y in grid_m.tolist()] for x in grid_m.tolist()])
+        pressed = np.concatenate([-per_newton[:, :, 2:], per_newton[:, :, :2]], axis=2)
+        return Mechanics.from_terms(grid_m, np.inf, LINEAR, pressed)
+
+
+def magnet_loads(mesh: SlabMesh) -> Array:
+    """(5, P, 3) nodal forces whose work is the magnet's displacement along x, y, z, and its axis' turn towards x and y.
+
+    They are the linearised `SlabMesh.magnet_pose`: the mean, and the rotation that leaves the least squares.
+    """
+    points = np.unique(mesh.cells[mesh.magnet_cells])
+    arm = mesh.points_mm[points] - mesh.points_mm[points].mean(axis=0)
+    inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
+    loads = np.zeros((5, *mesh.points_mm.shape))
+    for i in range(3):
+        loads[i, points, i] = 1.0 / len(points)
+    towards_x, towards_y = np.linalg.solve(inertia, np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]).T).T
+    loads[3, points] = np.cross(towards_x, arm)
+    loads[4, points] = np.cross(towards_y, arm)
+    return loads

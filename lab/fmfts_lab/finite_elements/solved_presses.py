@@ -1,0 +1,196 @@
+"""Presses of the standard pad solved by finite elements, kept as CSV: the grids of the table, and sets to test it with.
+
+python -m fmfts_lab.finite_elements.solved_presses SET OUT.csv
+
+SET: normal, centre, shear, test-normal or test-shear. Rows that OUT.csv has already are not solved again, so an
+interrupted run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from fmfts.pad import Array
+from fmfts.simulation.slab import ELEMENT_M, Press, Slab
+from fmfts.simulation.solved_table import COLUMNS
+from fmfts.view.progress import progress_bar
+from fmfts_lab.finite_elements.finite_element import PressedSlab
+
+GRID_MM = range(0, 16, 2)
+FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
+CENTRE_MM = 4
+SHEARED_MM = 10  # shear can be told within 8 mm: one ring more for the splines
+SHEARED_FORCE_N = (1.0, 2.0)
+SHEAR_ALONE_N = 0.1  # without normal force, where the response is all but linear
+SHEAR_SHARE = 0.4  # of the normal force: within what skin and silicone transmit, large enough to show its curvature
+SHEAR_DIRECTIONS = 5  # as many as a quadratic form without constant has terms
+RAMP_N = 1.0  # a longer step than this is walked in two
+HALVINGS = 4
+SEED = 20260719
+
+
+def octant(largest_mm: int = GRID_MM[-1]) -> Iterator[tuple[float, float]]:
+    """Places (mm) 0 ≤ y ≤ x ≤ `largest_mm`: mirrors and quarter turns make the whole grid of them."""
+    return ((float(x), float(y)) for x in GRID_MM for y in GRID_MM if y <= x <= largest_mm)
+
+
+def normal_grid(reach_m: float = GRID_MM[-1] * 1e-3) -> list[Press]:
+    """On as many places of a smaller or larger pad."""
+    unit_m = reach_m / GRID_MM[-1]
+    return [Press(x * unit_m, y * unit_m, force_n) for x, y in octant() for force_n in FORCE_N]
+
+
+def centre_grid() -> list[Press]:
+    """About the magnet, where its tilt turns over: places of a 1 mm grid that `normal_grid` leaves out."""
+    places = [(x, y) for x in range(CENTRE_MM + 1) for y in range(x + 1) if x % 2 or y % 2]
+    return [Press(x * 1e-3, y * 1e-3, force_n) for x, y in places for force_n in FORCE_N]
+
+
+def shear_grid() -> list[Press]:
+    """Fewest presses that tell, with the normal ones, what is linear and what is quadratic in the shear."""
+    presses = []
+    for x, y in octant(SHEARED_MM):
+        directions = shear_directions(x, y)
+        # What is linear has two terms, and a direction askew to a mirror plane tells both.
+        alone = directions[:2] if len(directions) == SHEAR_DIRECTIONS else directions[-2:][:1]
+        loads = [(0.0, SHEAR_ALONE_N * direction) for direction in alone]
+        loads += [
+            (force_n, SHEAR_SHARE * force_n * direction) for force_n in SHEARED_FORCE_N for direction in directions
+        ]
+        presses += [Press(x * 1e-3, y * 1e-3, force_n, *np.round(shear_n, 4).tolist()) for force_n, shear_n in loads]
+    return presses
+
+
+def shear_directions(x_mm: float, y_mm: float) -> Array:
+    """Unit vectors (D, 2) evenly about the place, without mirror images in the planes that the place lies on."""
+    on_axis, on_diagonal = y_mm == 0.0, y_mm == x_mm
+    count = 1 if on_axis and on_diagonal else SHEAR_DIRECTIONS // 2 + 1 if on_axis or on_diagonal else SHEAR_DIRECTIONS
+    angle = 2.0 * np.pi / SHEAR_DIRECTIONS * np.arange(count) + (np.pi / 4.0 if on_diagonal and not on_axis else 0.0)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def normal_test(count: int = 90) -> list[Press]:
+    """Off the grid: places even in ±14 mm, forces in 0.28–1.98 N."""
+    random = np.random.default_rng(SEED)
+    place_m, force_n = (
+        np.round(random.uniform(-14e-3, 14e-3, (count, 2)), 6),
+        np.round(random.uniform(0.28, 1.98, count), 4),
+    )
+    return [Press(float(x), float(y), float(f)) for (x, y), f in zip(place_m, force_n, strict=True)]
+
+
+def shear_test(count: int = 60) -> list[Press]:
+    """Off the grid, where shear can be told: places in ±8 mm, shear in any direction up to half the normal force."""
+    random = np.random.default_rng(SEED + 1)
+    place_m, force_n = (
+        np.round(random.uniform(-8e-3, 8e-3, (count, 2)), 6),
+        np.round(random.uniform(0.28, 1.98, count), 4),
+    )
+    shear_n = force_n * random.uniform(0.0, 0.5, count)
+    angle = random.uniform(0.0, 2.0 * np.pi, count)
+    return [
+        Press(float(x), float(y), float(f), round(float(s * np.cos(a)), 4), round(float(s * np.sin(a)), 4))
+        for (x, y), f, s, a in zip(place_m, force_n, shear_n, angle, strict=True)
+    ]
+
+
+SETS = {
+    "normal": normal_grid,
+    "centre": centre_grid,
+    "shear": shear_grid,
+    "test-normal": normal_test,
+    "test-shear": shear_test,
+}
+
+
+def solve_into(
+    path: Path, presses: Sequence[Press], slab: Slab, element_m: float, show: Callable[[float], None]
+) -> None:
+    """Append to the CSV at `path` the rows of `presses` that it lacks; `show` is told the share that is done.
+
+    Slab and element size stand beside it, as .json. ValueError where they are others, or not told.
+    """
+    _require_same(path, json.dumps({"slab": asdict(slab), "element_m": element_m}, indent=1) + "\n")
+    _drop_incomplete_line(path)
+    solved = PressedSlab(slab, element_m)
+    known = {tuple(row[:5]) for row in csv.reader(path.read_text().splitlines())} if path.exists() else set()
+    with path.open("a", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if not known:
+            writer.writerow(COLUMNS)
+        before = Press(np.nan, np.nan, 0.0)
+        for done, press in enumerate(presses):
+            show(done / len(presses))
+            key = press_columns(press)
+            if tuple(key) in known:
+                continue
+            if (press.x_m, press.y_m) != (before.x_m, before.y_m):
+                solved.rest()
+                before = Press(press.x_m, press.y_m, 0.0)
+            displacement_m, axis = _stepped(solved, before, press)
+            before = press
+            writer.writerow([*key, *pose_columns(displacement_m, axis)])
+            file.flush()
+
+
+def _require_same(path: Path, made_of: str) -> None:
+    beside = path.with_suffix(".json")
+    if beside == path:
+        raise ValueError(f"{path}: a table of presses ends in .csv")
+    has_rows = path.exists() and path.stat().st_size > 0
+    if has_rows and (not beside.exists() or beside.read_text() != made_of):
+        found = "tells of another slab or element size" if beside.exists() else "is not there to tell its slab"
+        raise ValueError(f"{path}: holds presses already, and {beside} {found}: solve into another file")
+    beside.write_text(made_of)
+
+
+def _drop_incomplete_line(path: Path) -> None:
+    """What was being written when a run was ended."""
+    if path.exists():
+        content = path.read_bytes()
+        path.write_bytes(content[: content.rfind(b"\n") + 1])
+
+
+def _stepped(solved: PressedSlab, before: Press, press: Press, halvings: int = HALVINGS) -> tuple[Array, Array]:
+    """From the press `before`, where `solved` is; by the middle where a step is long, or leads nowhere."""
+    if abs(press.force_n - before.force_n) <= RAMP_N:
+        try:
+            return solved.solve(press)
+        except ArithmeticError:
+            if halvings <= 0:
+                raise
+    loads = [(a + b) / 2.0 for a, b in zip(before[2:], press[2:], strict=True)]
+    middle = Press(press.x_m, press.y_m, *loads)
+    _stepped(solved, before, middle, halvings - 1)
+    return _stepped(solved, middle, press, halvings - 1)
+
+
+def press_columns(press: Press) -> list[str]:
+    return [f"{press.x_m * 1e3:.6g}", f"{press.y_m * 1e3:.6g}", *(f"{force:.6g}" for force in press[2:])]
+
+
+def pose_columns(displacement_m: Array, axis: Array) -> list[str]:
+    return [
+        *(f"{round(d * 1e6, 4) + 0.0:.4f}" for d in displacement_m),
+        *(f"{round(a, 7) + 0.0:.7f}" for a in axis[:2]),
+    ]
+
+
+def main(arguments: list[str]) -> int:
+    if len(arguments) != 2 or arguments[0] not in SETS:
+        print(__doc__, file=sys.stderr)
+        return 2
+    with progress_bar("solving") as show:
+        solve_into(Path(arguments[1]), SETS[arguments[0]](), Slab(), ELEMENT_M, show)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

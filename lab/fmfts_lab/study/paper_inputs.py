@@ -1,0 +1,88 @@
+"""What the paper's networks are trained and tested on: its 675 presses, and others that were solved one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fmfts import simulation as simulate
+from fmfts.calibrate.dataset import rest_field
+from fmfts.calibrate.field_table import DataError
+from fmfts.calibrate.simulated import magnet_fields, rest_field_of
+from fmfts.calibrate.standard_set import standard_set
+from fmfts.calibrate.tracked import FrameSolver, Tracked
+from fmfts.pad import Array, Pad
+
+# The presses solved to test the shipped model with.
+SOLVED_TEST = Path(simulate.__path__[0]) / "test_normal.csv"
+PAPER_REMANENCE_T = 1.23  # Eq. 5: its moment vector has the length that a magnet of 1.23 T has as one
+NOISE_T = 2e-7  # only weighs the measurements, which have none
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Presses (K, 3: mm, N) of one pad, its fields (K, N, 3), and what two sets of unknowns make of each.
+
+    remanence_t: as the unloaded pad's field has it.
+    """
+
+    press: Array
+    field_t: Array
+    remanence_t: float
+    paper: Tracked
+    daemon: Tracked
+
+    @classmethod
+    def of(cls, pad: Pad, press: Array, field_t: Array, rest_field_t: Array) -> Readings:
+        paper = FrameSolver(pad, rest_field_t, "constant", NOISE_T)
+        daemon = FrameSolver(pad, rest_field_t, "drifting", NOISE_T)
+        return cls(press, field_t, daemon.remanence_t, paper.solved(field_t), daemon.solved(field_t))
+
+    @classmethod
+    def calibration(cls) -> Readings:
+        """The paper's grid and forces at 1.23 T."""
+        known = standard_set()
+        return cls.of(known.pad, known.press, known.field_t, rest_field(known))
+
+    @classmethod
+    def solved_test(cls, pad: Pad, path: Path | None = None) -> Readings:
+        """Off the grid, each press solved by finite elements, with the magnet of `pad`."""
+        path = path or SOLVED_TEST
+        _required(path, f"`python -m fmfts_lab.finite_elements.solved_presses test-normal {path}` solves them")
+        table = np.genfromtxt(path, delimiter=",", names=True)
+        press = np.stack([table[name] for name in ("x_mm", "y_mm", "force_n")], axis=1)
+        displacement_m = np.stack([table[name] for name in ("dx_um", "dy_um", "dz_um")], axis=1) * 1e-6
+        tilt = np.stack([table["axis_x"], table["axis_y"]], axis=1)
+        axis = np.column_stack([tilt, np.sqrt(1.0 - np.sum(tilt**2, axis=1))])
+        return cls.of(pad, press, magnet_fields(pad, displacement_m, axis), rest_field_of(pad))
+
+
+def _field(readings: Readings) -> Array:
+    return readings.field_t.reshape(len(readings.press), -1) * 1e4
+
+
+def _paper_pose(readings: Readings) -> Array:
+    pose = readings.paper.pose.copy()
+    pose[:, 3:] *= readings.paper.remanence_t[:, None] / PAPER_REMANENCE_T
+    return pose
+
+
+def _unit_pose(readings: Readings) -> Array:
+    return readings.paper.pose[:, :5]
+
+
+# Name → what a regressor gets.
+INPUTS: dict[str, Callable[[Readings], Array]] = {
+    "field": _field,
+    "pose": _paper_pose,
+    "pose, unit axis": _unit_pose,
+}
+
+
+def _required(path: Path, remedy: str) -> Path:
+    if not path.is_file():
+        raise DataError(f"there is no {path}: {remedy}")
+    return path

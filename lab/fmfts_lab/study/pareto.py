@@ -1,0 +1,101 @@
+"""Speed against accuracy as a picture: every method a point, the front drawn, the daemon's own choice marked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
+
+from fmfts_lab.study.harness import Row
+
+COLOURS = ("tab:blue", "tab:green", "tab:orange", "tab:red", "tab:purple", "tab:brown")
+LINE_INCH = 0.17  # of the list of methods
+
+
+def front(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
+    """The rows that no other is both faster and better than, the fastest first."""
+    best: list[Row] = []
+    for row in sorted(rows, key=lambda one: (number(one, cost), number(one, error))):
+        if not best or number(row, error) < number(best[-1], error):
+            best.append(row)
+    return best
+
+
+def number(row: Row, name: str) -> float:
+    value = row[name]
+    assert isinstance(value, int | float)
+    return float(value)
+
+
+def draw(axes: Axes, rows: Sequence[Row], error: str, default: str) -> list[Row]:
+    """Median time with a whisker to the 99th percentile; numbers name the methods, hollow ones left frames
+    unanswered. What it returns is the front."""
+    families = list(dict.fromkeys(str(row["family"]) for row in rows))
+    best = front(rows, "median_us", error)
+    for row in rows:
+        x, y = number(row, "median_us"), number(row, error)
+        colour = COLOURS[families.index(str(row["family"]))]
+        axes.plot([x, number(row, "p99_us")], [y, y], color=colour, linewidth=0.8, alpha=0.6)
+        whole = number(row, "answered") > 0.999
+        is_default = row["method"] == default
+        axes.plot(
+            x, y, "*" if is_default else "o", color=colour, markersize=13 if is_default else 5,
+            markerfacecolor=colour if whole else "white", markeredgecolor="black" if is_default else colour, zorder=3,
+        )  # fmt: skip
+    axes.step([number(row, "median_us") for row in best], [number(row, error) for row in best], where="post",
+              color="black", linewidth=0.8, linestyle="--", zorder=1)  # fmt: skip
+    axes.set(xscale="log", yscale="log")
+    axes.grid(alpha=0.2)
+    name_ticks(axes.yaxis)
+    axes.xaxis.set_tick_params(labelsize=8)
+    for places, at in _hiding_each_other(axes, [(number(row, "median_us"), number(row, error)) for row in rows]):
+        text = ", ".join(str(place) for place in places)
+        white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.5, "pad": 0.3}
+        axes.annotate(text, at, (5, 4), textcoords="offset points", fontsize=7, zorder=4, bbox=white)
+    return best
+
+
+def name_ticks(axis: Axis) -> None:
+    """Plain numbers at 1, 2 and 5: an axis may hold less than a decade."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axis.set_minor_formatter("{x:g}")
+    axis.set_tick_params(which="both", labelsize=8)
+
+
+def _figure(axes: Axes) -> Figure:
+    figure = axes.figure  # get_figure(root=True) came with Matplotlib 3.10
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def _hiding_each_other(
+    axes: Axes, points: Sequence[tuple[float, float]]
+) -> Iterator[tuple[list[int], tuple[float, float]]]:
+    """Numbers, from one, of the points whose numbers would be written over each other, and the place of the first."""
+    inches = axes.transData.transform(points) / _figure(axes).dpi
+    left = list(range(len(points)))
+    while left:
+        away = abs(inches[left] - inches[left[0]])
+        near = [place for place, (right, up) in zip(left, away, strict=True) if right < 0.3 and up < 0.1]
+        yield [place + 1 for place in near], points[left[0]]
+        left = [place for place in left if place not in near]
+
+
+def name_methods(axes: Axes, rows: Sequence[Row], default: str) -> None:
+    """The numbers' meanings, in the families' colours."""
+    families = list(dict.fromkeys(str(row["family"]) for row in rows))
+    axes.axis("off")
+    step = min(1.0 / max(len(rows) + len(families), 1), LINE_INCH / _figure(axes).get_figheight())
+    height = 1.0
+    for family in families:
+        height -= step
+        axes.text(0.0, height, family, fontsize=8, weight="bold", color=COLOURS[families.index(family)])
+        for place, row in enumerate(rows, 1):
+            if row["family"] == family:
+                height -= step
+                star = "  ★ the daemon's" if row["method"] == default else ""
+                axes.text(0.04, height, f"{place}  {row['method']}{star}", fontsize=7)

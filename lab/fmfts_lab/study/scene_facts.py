@@ -1,0 +1,123 @@
+"""What limits a scene besides its model, and what would have to change for a larger model to pay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import msgspec
+import numpy as np
+
+from fmfts.calibrate.simulated import magnet_fields
+from fmfts.config import I2cSource, PadConfig
+from fmfts.pad import Array, Pad
+from fmfts.pose import dipole_field
+from fmfts.scene import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
+from fmfts.sensor.chips.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
+from fmfts.sensor.chips.rates import i2c_rate_hz, source_rate_hz
+from fmfts.sensor.frame import TESLA_PER_GAUSS
+
+
+def limits(around: Surroundings) -> list[str]:
+    return [_range(around), _rate(around)]
+
+
+def would_pay(around: Surroundings, best: Cost) -> list[str]:
+    """For each model that is one step larger: how much more of what it describes there would have to be."""
+    lines = []
+    for cause, larger, words in _steps(around, best.model):
+        strong = around
+        if cause == "ambient":
+            strong = replace(around, config=_drifting(around))
+        found = {cost.model: cost for cost in costs(strong)}
+        left, taken = found[best.model], found[larger]
+        # error² of the smaller: what it has anyway, and k² of this cause's; sought is k where it is `worth` too large.
+        worth = WORTH_OF_TERM if larger.unknown == best.model.unknown else WORTH
+        anyway = max(left.error**2 - left.bias_of[cause] ** 2, 0.0)
+        room = ((1.0 + worth) * taken.error) ** 2 - anyway
+        if left.bias_of[cause] < 1e-9:
+            lines.append(f"{larger} would never pay here")
+        else:
+            lines.append(f"{larger} would pay with {words(np.sqrt(max(room, 0.0)) / left.bias_of[cause])}")
+    return lines
+
+
+def _steps(around: Surroundings, model: Model) -> Iterator[tuple[str, Model, Callable[[float], str]]]:
+    if model.unknowns == 6:
+        ambient = AMBIENT_CHANGE_T * 1e7
+        yield "ambient", replace(model, unknowns=8), lambda k: f"an ambient field that changes by {k * ambient:.2g} mG"
+    if not model.cylinder:
+        yield (
+            "cylinder",
+            replace(model, cylinder=True),
+            lambda k: f"a magnet {k:.2g} times as strong, or as much less noise (frames averaged: {k * k:.2g})",
+        )
+    for other in around.others[len(model.neighbours) : len(model.neighbours) + 1]:
+        away_mm = float(np.linalg.norm(other.placement.si().seen_from(around.config.placement.si()).position_m)) * 1e3
+        beside = tuple(each.name for each in around.others[: len(model.neighbours) + 1])
+        yield f"pad '{other.name}'", replace(model, neighbours=beside), partial(_nearer, other.name, away_mm)
+
+
+def _nearer(name: str, away_mm: float, factor: float) -> str:
+    """A dipole's field goes with 1/r³, what a step of its magnet changes of it with 1/r⁴."""
+    return f"pad '{name}' at about {away_mm * factor**-0.25:.0f} mm"
+
+
+def _drifting(around: Surroundings) -> PadConfig:
+    scene = msgspec.structs.replace(around.config.scene, ambient="drifting")
+    return msgspec.structs.replace(around.config, scene=scene)
+
+
+def recommended_range_gauss(around: Surroundings) -> float | None:
+    """The finest that the hardest press and the Earth's field do not saturate, however the gains are off; None: there
+    is none."""
+    needed = largest_field_gauss(around) * (1.0 + around.config.tolerance.gain)
+    return next((each for each in sorted(RANGE_GAUSS) if saturation_gauss(each) > needed), None)
+
+
+def saturation_gauss(range_gauss: float) -> float:
+    """The converter's last count."""
+    return LARGEST_COUNT / LSB_PER_GAUSS[gain_code_for_range(range_gauss)]
+
+
+def largest_field_gauss(around: Surroundings) -> float:
+    """On one axis of a sensor, under presses all over the pad, with the Earth's and that of pads beside it."""
+    pad, scale_n = around.config.pad(), around.response.scale_n
+    places = np.linspace(around.response.first_mm, around.response.last_mm, 9)
+    press = np.array([[x, y, f] for x in places[:, 0] for y in places[:, 1] for f in (0.0, scale_n)])
+    change = around.response.change(press)
+    axis = np.column_stack([change[:, 3:], np.sqrt(1.0 - np.sum(change[:, 3:] ** 2, axis=1))])
+    field = magnet_fields(pad, change[:, :3] * 1e-3, axis) + _beside_t(around, pad)
+    return float(np.abs(field).max() / TESLA_PER_GAUSS) + AMBIENT_CHANGE_T / TESLA_PER_GAUSS
+
+
+def _beside_t(around: Surroundings, pad: Pad) -> Array:
+    """(N, 3) in sensor axes, of the neighbours' magnets at rest."""
+    field = np.zeros_like(pad.sensors.position_m)
+    for other in around.others:
+        there, their = other.placement.si().seen_from(around.config.placement.si()), other.pad()
+        place, axis = there.point(their.rest_position_m), there.rotation @ their.rest_axis
+        field += dipole_field(pad.sensors.position_m, place, axis, their.magnet.strength_t_m3)
+    return pad.sensors.to_sensor(field)
+
+
+def _range(around: Surroundings) -> str:
+    has, largest, best = around.config.source.range_gauss, largest_field_gauss(around), recommended_range_gauss(around)
+    said = (
+        f"largest field on an axis: {largest:.2f} G; set to ±{has:g} G, chips saturate at {saturation_gauss(has):.2f} G"
+    )
+    if best is None:
+        weaker = around.config.magnet.remanence_t * saturation_gauss(max(RANGE_GAUSS)) / largest
+        return f"{said}: no range holds it; a remanence of at most {weaker:.2g} T, or a magnet farther away, would do"
+    return said if best == has else f"{said}: recommended is ±{best:g} G"
+
+
+def _rate(around: Surroundings) -> str:
+    source = around.config.source
+    most = source_rate_hz(source)
+    if isinstance(source, I2cSource):
+        most = min(most, i2c_rate_hz(source.chip, source.trigger, source.clock_hz, len(source.channels), 1))
+    if most < 220:
+        return f"rate: {source.rate_hz} Hz, at most {most} for these chips, this trigger and this bus's clock; not 220"
+    return f"rate: {source.rate_hz} Hz of {most}"

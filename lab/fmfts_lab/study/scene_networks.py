@@ -1,0 +1,71 @@
+"""Bias and noise of contact networks of every size, on the presses of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmfts.calibrate.network import error_in_bounds, train_network
+from fmfts.calibrate.samples import Samples, presses_within
+from fmfts.calibrate.selection import Candidate, smallest_within_noise
+from fmfts.calibrate.simulated import rest_field_of
+from fmfts.calibrate.tracked import FrameSolver
+from fmfts.pad import Array
+from fmfts.scene import Surroundings
+from fmfts_lab.study.harness import Row
+
+SIZES = (4, 6, 8, 12, 16, 24)
+JUDGED = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Networks:
+    """What they are trained on, and judged by: single frames of the scene."""
+
+    solver: FrameSolver
+    training: Samples
+    judged: Samples
+    steps: int
+
+    @classmethod
+    def of(cls, around: Surroundings, quick: bool) -> Networks:
+        pad, response = around.config.pad(), around.response
+        solver = FrameSolver(pad, rest_field_of(pad), "drifting" if around.drifts else "constant", around.noise_t)
+        random = np.random.default_rng(1)
+        clean = Samples.expected(response, solver, presses_within(response, 800 if quick else 4000, random))
+        judged = Samples.expected(response, solver, presses_within(response, JUDGED, random, beyond=1.0))
+        return cls(solver, clean.noisy(1, random), judged, 12 if quick else 40)
+
+    def rows(self, hidden: int) -> Iterator[Row]:
+        """Errors, each over what a frame allows or what is worth telling: without noise, and with it."""
+        network = train_network(self.training, self.solver.rest_pose, hidden, self.steps)
+        noisy = self.judged.noisy(1, np.random.default_rng(2))
+        bias = _rms(error_in_bounds(network(self.judged.pose) - self.judged.press, self.judged.bound))
+        score = _rms(error_in_bounds(network(noisy.pose) - noisy.press, noisy.bound))
+        yield {
+            "kind": "network",
+            "hidden": hidden,
+            "parameters": network.layers.parameters,
+            "bias_in_bounds": bias,
+            "noise_in_bounds": float(np.sqrt(max(score**2 - bias**2, 0.0))),
+            "score": score,
+        }
+
+
+def smallest_network(rows: Sequence[Row]) -> str:
+    """The smallest that is within 2 % of the best, and what the next larger would gain."""
+    candidates = [
+        Candidate(str(row["hidden"]), int(row["hidden"]), int(row["parameters"]), np.array([row["score"]], dtype=float))  # type: ignore[arg-type]
+        for row in rows
+        if row["kind"] == "network"
+    ]
+    best = smallest_within_noise(candidates)
+    larger = [one for one in candidates if one.parameters > best.parameters]
+    gain = f"; two layers of {larger[0].name} would gain {1.0 - larger[0].mean / best.mean:.1%}" if larger else ""
+    return f"recommended network: two layers of {best.name}, {best.parameters} parameters{gain}"
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

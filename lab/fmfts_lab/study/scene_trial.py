@@ -1,0 +1,115 @@
+"""A model on its scene, not to first order: exact fields with noise, solved, and the most likely press taken; pads side
+by side run whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from fmfts.calibrate.likelihood import invert
+from fmfts.calibrate.samples import presses_within
+from fmfts.calibrate.simulated import magnet_fields
+from fmfts.calibrate.tracked import FrameSolver, Tracked, UnsolvedError, upright
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.contact.response import CHANGE
+from fmfts.pad import Array, Pad
+from fmfts.pose import STOP_CONVERGED, dipole_field, solve
+from fmfts.scene import AMBIENT_CHANGE_T, Model, Surroundings
+from fmfts_lab.bench.neighbours import Outcome, pressed_pair
+
+TURNING_DEG_PER_S = 20.0  # of a robot whose ambient field drifts
+LIGHTEST_SHARE = 0.15  # of full scale: below it a place is a guess
+
+
+def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
+    """(K, 3) errors of x, y in mm and force in N, of up to `frames` presses within 8 mm, from light to full scale.
+
+    The magnet has aged since the baseline, where a running model could tell; a field that drifts has turned. Neighbours
+    rest: what they do to a running pad, `tried_beside` shows.
+    """
+    random, pad = np.random.default_rng(seed), around.config.pad()
+    modelled = replace(pad, magnet=replace(pad.magnet, as_cylinder=model.cylinder))
+    rest_field = magnet_fields(pad, np.zeros((1, 3)), pad.rest_axis[None])[0]
+    solver = FrameSolver(modelled, rest_field, "constant" if model.unknowns == 6 else "drifting", around.noise_t)
+    press = presses_within(around.response, frames, random, beyond=1.0)
+    press = press[press[:, 2] >= LIGHTEST_SHARE * around.response.scale_n]
+    press = press[np.abs(press[:, :2]).max(axis=1) <= 8.0]
+    field = _fields(pad, solver, around, press)
+    if around.drifts:
+        ambient = np.repeat(random.normal(0.0, AMBIENT_CHANGE_T, (len(press), 1, 3)), len(pad.sensors), axis=1)
+        field += pad.sensors.to_sensor(ambient)
+    # The baseline took away what the model does not explain of the unloaded field.
+    unexplained = rest_field - _modelled_rest_field(modelled, rest_field)
+    field += random.normal(0.0, around.noise_t, field.shape) - unexplained
+    press, tracked = _solved(solver, press, field)
+    found = invert(around.response, tracked.pose[:, :CHANGE] - solver.rest_pose[:CHANGE], tracked.covariance, across=3)
+    errors: Array = found[:, :3] - press[:, :3]
+    return errors
+
+
+class Beside(NamedTuple):
+    """errors (K, 3): of x, y in mm and force in N, of the presses that are answered both told and not. answered: the
+    share of all presses."""
+
+    outcome: Outcome
+    errors: Array
+    answered: float
+
+
+def tried_beside(around: Surroundings, seconds: float, seed: int) -> tuple[Beside, Beside]:
+    """The whole daemon on two simulated pads, this and the nearest other, both pressed by fingers of their own: with
+    each told of the other's magnet, and not.
+
+    ModelError where a config's model is not its pad's, BaselineError where the pads are too near for one.
+    """
+    here, there = around.config, around.others[0]
+    pads = _simulated(here, there, seed), _simulated(there, here, seed + 1000)
+    outcomes = [pressed_pair(pads, told, seconds) for told in (True, False)]
+    answers = np.array([outcome.answers for outcome in outcomes])
+    pressing = answers[0, :, 3] >= LIGHTEST_SHARE * around.response.scale_n
+    answers = answers[:, pressing, :3]
+    answered = np.isfinite(answers).all(axis=2)
+    told, untold = (
+        Beside(outcome, each[answered.all(axis=0)], float(mine.mean()))
+        for outcome, each, mine in zip(outcomes, answers, answered, strict=True)
+    )
+    return told, untold
+
+
+def _simulated(config: PadConfig, beside: PadConfig, seed: int) -> PadConfig:
+    turning = TURNING_DEG_PER_S if config.scene.ambient == "drifting" else 0.0
+    source = SimulatedSource(seed=seed, range_gauss=config.source.range_gauss, finger="none", turning_deg_per_s=turning)
+    scene = msgspec.structs.replace(config.scene, neighbours=(beside.name,))
+    return msgspec.structs.replace(config, source=source, scene=scene)
+
+
+def _solved(solver: FrameSolver, press: Array, field: Array) -> tuple[Array, Tracked]:
+    """Those that the solver finds a pose for, which is not every frame of a model that does not suit the scene."""
+    while True:
+        try:
+            return press, solver.solved(field)
+        except UnsolvedError as error:
+            press, field = np.delete(press, error.row, axis=0), np.delete(field, error.row, axis=0)
+
+
+def _modelled_rest_field(pad: Pad, rest_field: Array) -> Array:
+    rest, magnet = solve(rest_field, pad, stop_chi2=STOP_CONVERGED), pad.magnet
+    field = dipole_field(
+        pad.sensors.position_m,
+        rest.position_m,
+        rest.axis,
+        magnet.with_remanence(rest.remanence_t).strength_t_m3,
+        magnet.modelled_octupole_m2,
+    )
+    return pad.sensors.to_sensor(field)
+
+
+def _fields(pad: Pad, solver: FrameSolver, around: Surroundings, press: Array) -> Array:
+    change = around.response.change(press)
+    pose = upright(np.column_stack([solver.rest_pose[:CHANGE] + change, np.zeros(len(press))]))
+    aged = 1.0 if around.drifts else 1.0 + around.moment_deviation
+    magnet = pad.magnet.with_remanence(pad.magnet.remanence_t * aged)
+    return magnet_fields(pad, pose[:, :3] * 1e-3 - pad.rest_position_m, pose[:, 3:], magnet)

@@ -1,0 +1,56 @@
+"""The verb `study`: its options, and what it prints."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from importlib import import_module
+from pathlib import Path
+
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads, lacking
+from fmfts.common import exit_codes
+
+# Each is a module with `run(request: Request) -> Facts`, and `printed(facts: Facts) -> str`.
+STUDIES: dict[str, str] = {
+    "speed-accuracy": "fmfts_lab.study.speed_accuracy",
+    "stability": "fmfts_lab.study.stability",
+    "scene": "fmfts_lab.study.scene_study",
+    "paper-table3": "fmfts_lab.study.paper_table3",
+    "paper-table4": "fmfts_lab.study.experiment",
+}
+
+
+def add_to(verb: AddVerb) -> None:
+    """`verb` makes a parser from a name, a handler and a line of help."""
+    study = verb("study", _study, "compare methods on this pad: CSV, JSON, PNG and SVG")
+    study.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=" | ".join(STUDIES))
+    study.add_argument("--out", type=Path, default=Path("studies"), metavar="DIR", help="for its files (studies)")
+    study.add_argument("--quick", action="store_true", help="under a minute, and rougher")
+    study.add_argument("--seed", type=int, default=1, help="of all random numbers (1)")
+    study.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
+    study.add_argument("--json", action="store_true", help="print facts as JSON")
+
+
+def _study(options: argparse.Namespace) -> int:
+    from fmfts.calibrate.field_table import DataError
+
+    pad = configured_pad(options)
+    if options.seed < 0:
+        raise VerbError(exit_codes.USAGE, f"--seed is {options.seed}: zero or more")
+    try:
+        study = import_module(STUDIES[options.study])
+    except ImportError as error:
+        raise lacking(error, "study") from error
+    from fmfts_lab.study.harness import Request, say
+
+    try:
+        facts = study.run(Request(pad, options.out, options.quick, options.seed, configured_pads(options)))
+    except KeyboardInterrupt:
+        say(f"stopped; what is done is in {options.out}, and the same command goes on from there")
+        raise
+    except DataError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    except OSError as error:
+        raise VerbError(exit_codes.DATA, f"{error.filename or options.out}: {error.strerror}") from error
+    print(json.dumps(facts, indent=1) if options.json else study.printed(facts))
+    return 0
