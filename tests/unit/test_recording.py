@@ -14,6 +14,7 @@ import jsonschema
 import msgspec
 import pytest
 from bus_messages import contact_message, frame_message
+from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
 
 from fmfts.bus.messages import ContactMessage
@@ -233,3 +234,27 @@ def test_recorded_contact_in_the_middle_that_no_frame_gives_again_is_found() -> 
             comparison.replayed(contact_message(seq=seq, t_sample_ns=seq))
     assert (comparison.identical, comparison.alone, comparison.unreplayed) == (7, 3, 1)
     assert not comparison.is_the_same
+
+
+def test_a_recording_that_grows_while_it_is_read_is_as_long_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recorder's write comes amid the reading of its chunk: the part that was there is no damaged chunk."""
+    content = TAPS.read_bytes()
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content[: len(content) // 2])
+    whole_read = ReadDataStream.read
+    grown = False
+
+    def read_and_grow(stream: ReadDataStream, length: int) -> bytes:
+        nonlocal grown
+        data = whole_read(stream, length)
+        if len(data) < length:
+            grown = True
+            path.write_bytes(content)
+        return data
+
+    monkeypatch.setattr(ReadDataStream, "read", read_and_grow)
+    before = list(read(path))
+    assert grown
+    assert 0 < len(before) < len(list(read(path)))

@@ -133,16 +133,34 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
     try:
         with path.open("rb") as file:
             try:
-                for record in StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
+                until = cast(IO[bytes], _UpToItsEnd(file))
+                for record in StreamReader(until, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
                     end = file.tell()
                     yield record, end
             except (EndOfFile, struct.error):
-                if file.read(1) or file.tell() < HEADER_BYTES:  # else it is cut off, and what came before is good
+                if until.read(1) or file.tell() < HEADER_BYTES:  # else it is cut off, and what came before is good
                     raise
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
         raise RecordingError(f"{path} is no recording, or damaged after byte {end}: {_told(error)}") from error
+
+
+class _UpToItsEnd:
+    """A file as long as it was when reading began.
+
+    A recorder may be at work on it. The MCAP reader takes what it gets of a chunk for all of it, if the rest comes a
+    moment later: a chunk that is only not whole yet would be called damaged.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._left = os.fstat(file.fileno()).st_size
+
+    def read(self, size: int) -> bytes:
+        data = self._file.read(min(size, self._left))
+        self._left -= len(data)
+        return data
 
 
 def _told(error: Exception) -> str:
