@@ -19,7 +19,7 @@ from fmfts.config import (
     collect,
 )
 from fmfts.sensor.chips.hmc5983 import gain_code_for_range
-from fmfts.sensor.chips.rates import i2c_rate_hz, source_rate_hz
+from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
@@ -70,10 +70,11 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
         gain_code_for_range(source.range_gauss)
     except ValueError as error:
         yield ("source", "range_gauss"), str(error)
-    if source.rate_hz > source_rate_hz(source):
+    most_hz = highest_rate_hz(source.chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
+    if source.rate_hz > most_hz:
         simultaneous = f'trigger = "simultaneous"{" over a bridge" if isinstance(source, BridgeSource) else ""}'
         mode = simultaneous if source.trigger == "simultaneous" else f'chip = "{source.chip}" running free'
-        yield ("source", "rate_hz"), f"at most {source_rate_hz(source)} with {mode}"
+        yield ("source", "rate_hz"), f"at most {most_hz} with {mode}"
     if isinstance(source, ReplaySource) and not Path(source.file).is_file():
         yield ("source", "file"), "there is no such recording: `fmfts-daemon record FILE.mcap` makes one"
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and not Path(source.mechanics).is_file():

@@ -7,7 +7,7 @@ from typing import Self
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig
 from fmfts.sensor.chips import hmc5983
-from fmfts.sensor.chips.rates import source_rate_hz
+from fmfts.sensor.chips.rates import highest_rate_hz
 from fmfts.sensor.source import SourceError
 
 
@@ -24,7 +24,7 @@ class Settings:
         """SourceError where no chip can do what the config asks."""
         source = pad.source
         assert isinstance(source, BridgeSource | I2cSource)
-        most_hz = source_rate_hz(source)
+        most_hz = highest_rate_hz(source.chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
         if source.rate_hz > most_hz:
             asked = f"rate_hz = {source.rate_hz}, chip = {source.chip!r}, trigger = {source.trigger!r}"
             raise SourceError(f"pad {pad.name!r}: {asked}: at most {most_hz} Hz are possible; lower rate_hz")

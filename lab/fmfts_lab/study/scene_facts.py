@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 
 from fmfts.calibrate.simulated import magnet_fields
-from fmfts.config import I2cSource, PadConfig
+from fmfts.config import BridgeSource, I2cSource, PadConfig
 from fmfts.pad import Array, Pad
 from fmfts.pose import dipole_field
 from fmfts.scene import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
 from fmfts.sensor.chips.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
-from fmfts.sensor.chips.rates import i2c_rate_hz, source_rate_hz
+from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
 from fmfts.sensor.frame import TESLA_PER_GAUSS
 
 
@@ -115,7 +115,7 @@ def _range(around: Surroundings) -> str:
 
 def _rate(around: Surroundings) -> str:
     source = around.config.source
-    most = source_rate_hz(source)
+    most = highest_rate_hz(source.chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, I2cSource):
         most = min(most, i2c_rate_hz(source.chip, source.trigger, source.clock_hz, len(source.channels), 1))
     if most < 220:

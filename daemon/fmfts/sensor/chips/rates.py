@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fmfts.config import BridgeSource, SourceConfig
 from fmfts.sensor.chips import hmc5983
 
 BRIDGE_SIMULTANEOUS_HZ = 152  # docs/wire.md, host → board: what the firmware accepts
@@ -12,12 +11,10 @@ BITS_PER_PAD = 20  # the mux's control byte read back
 BITS_PER_TRIGGER = 20 + 29  # of a pad: several channels selected, the mode register written
 
 
-def source_rate_hz(source: SourceConfig) -> int:
+def highest_rate_hz(chip: str, trigger: str, *, over_bridge: bool) -> int:
     """What the chips allow, and the board that reads them; an I2C bus has a limit of its own, `i2c_rate_hz`."""
-    chip_hz = hmc5983.highest_rate_hz(source.chip, source.trigger)
-    if isinstance(source, BridgeSource) and source.trigger == "simultaneous":
-        return min(chip_hz, BRIDGE_SIMULTANEOUS_HZ)
-    return chip_hz
+    chip_hz = hmc5983.highest_rate_hz(chip, trigger)
+    return min(chip_hz, BRIDGE_SIMULTANEOUS_HZ) if over_bridge and trigger == "simultaneous" else chip_hz
 
 
 def i2c_cycle_s(clock_hz: int, sensors: int, pads: int, trigger: str) -> float:

@@ -1,0 +1,85 @@
+"""Which room of the house may import which: no arrow up, no circle. docs/architecture.md draws the same."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import fmfts
+
+PACKAGE = Path(fmfts.__file__).parent
+# The lowest first: each may import those that stand before it, and of its own floor none.
+FLOORS = [
+    {"arithmetic", "service", "sensor/chips"},
+    {"common", "pad"},
+    {"pose", "config", "view"},
+    {"sensor", "contact"},
+    {"sensor/wire", "bus", "baseline"},
+    {"sensor/bridge", "sensor/i2c", "pipeline/fast", "scene", "simulation", "recording"},
+    {"sources", "pipeline", "calibrate"},
+    {"runtime", "offline"},
+    {"collect"},
+    {"cli"},
+]
+# The stages are a library: none of them knows the others' rooms above, nor who runs them.
+FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+# What still reads the configuration, and shall be given plain values instead.
+KNOW_THE_FILE = {"sensor", "sensor/bridge", "sensor/i2c", "sensor/wire", "contact"}
+LOOSE = {"__init__", "__main__", "pad", "sources"}
+
+
+def room_of(module: str) -> str:
+    """fmfts.pose.solver → pose: the folder that a module stands in; a loose module is a room of its own."""
+    parts = module.split(".")[1:]
+    folders = [name for depth, name in enumerate(parts, 1) if PACKAGE.joinpath(*parts[:depth]).is_dir()]
+    return "/".join(folders) or (parts[0] if parts else "")
+
+
+def imported(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = PACKAGE.parent.joinpath(*node.module.split("."), alias.name)
+                yield (
+                    f"{node.module}.{alias.name}"
+                    if inner.is_dir() or inner.with_suffix(".py").exists()
+                    else node.module
+                )
+
+
+def modules() -> list[Path]:
+    return sorted(
+        path for path in PACKAGE.rglob("*.py") if path.stem not in ("__main__", "__init__") or path.parent != PACKAGE
+    )
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
+    own = room_of("fmfts." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"))
+    others = {room_of(name) for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")} - {own, ""}
+    wrong = {other for other in others if FLOOR_OF[other] >= FLOOR_OF[own]}
+    assert not wrong, f"{own} imports from {', '.join(sorted(wrong))}, which stands no lower: turn the arrow, or move"
+    if (
+        own in FLOOR_OF
+        and FLOOR_OF[own] > FLOOR_OF["config"]
+        and own.partition("/")[0] in ("sensor", "contact", "baseline")
+    ):
+        assert "config" not in others or own in KNOW_THE_FILE, f"{own} is a stage: give it plain values, not the file"
+
+
+def test_robot_knows_nothing_of_the_laboratory() -> None:
+    assert not [path for path in PACKAGE.rglob("*.py") if any(name.startswith("fmfts_lab") for name in imported(path))]
+
+
+def test_few_modules_stand_in_no_room() -> None:
+    assert {path.stem for path in PACKAGE.glob("*.py")} == LOOSE
+
+
+def test_every_room_is_on_the_plan() -> None:
+    rooms = {str(path.relative_to(PACKAGE)) for path in PACKAGE.rglob("*") if path.is_dir() and any(path.glob("*.py"))}
+    assert rooms | {"pad", "sources"} == set(FLOOR_OF)
