@@ -24,9 +24,9 @@ FLOORS = [
     {"collect"},
     {"cli"},
 ]
-# The stages are a library: none of them knows the others' rooms above, nor who runs them.
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
-# What still reads the configuration, and shall be given plain values instead.
+# A library that knows no configuration file; what still reads it shall be given plain values instead.
+STAGES = {"sensor", "baseline", "pose", "contact"}
 KNOW_THE_FILE = {"sensor", "sensor/bridge", "sensor/i2c", "sensor/wire", "contact"}
 LOOSE = {"__init__", "__main__", "pad", "sources"}
 
@@ -64,12 +64,8 @@ def test_a_room_imports_only_from_the_floors_below(path: Path) -> None:
     others = {room_of(name) for name in imported(path) if name == "fmfts" or name.startswith("fmfts.")} - {own, ""}
     wrong = {other for other in others if FLOOR_OF[other] >= FLOOR_OF[own]}
     assert not wrong, f"{own} imports from {', '.join(sorted(wrong))}, which stands no lower: turn the arrow, or move"
-    if (
-        own in FLOOR_OF
-        and FLOOR_OF[own] > FLOOR_OF["config"]
-        and own.partition("/")[0] in ("sensor", "contact", "baseline")
-    ):
-        assert "config" not in others or own in KNOW_THE_FILE, f"{own} is a stage: give it plain values, not the file"
+    if own.partition("/")[0] in STAGES and own not in KNOW_THE_FILE:
+        assert "config" not in others, f"{own} is part of a stage: give it plain values, not the configuration"
 
 
 def test_robot_knows_nothing_of_the_laboratory() -> None:
