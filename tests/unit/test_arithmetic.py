@@ -25,8 +25,6 @@ IN_THE_LAST_PLACE = 0.54
 # The value rounded once, where no argument of the thousand lies a billionth from a tie.
 ROUNDED = 0.5 + 1e-9
 
-NUMBERS = st.floats(-1e3, 1e3, allow_subnormal=False)
-
 
 def matrices(*shape: int) -> st.SearchStrategy[Array]:
     return arrays(np.float64, shape, elements=st.floats(-10.0, 10.0, width=32))
