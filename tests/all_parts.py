@@ -40,6 +40,7 @@ class Part:
 
     name: str
     seconds: float = 0.0
+    favoured: str = ""
     failed: list[str] = field(default_factory=list)
     repeated: list[str] = field(default_factory=list)
     skipped: dict[str, list[str]] = field(default_factory=dict)  # tests by reason
@@ -60,12 +61,13 @@ def run(part: Part, commands: list[list[str]]) -> None:
     start = time.monotonic()
     with part.log.open("wb") as log:
         for words in commands:
-            tests = "pytest" in words
+            tests, failed_before = "pytest" in words, len(part.failed)
             command = [sys.executable, *words, *([f"--junit-xml={part.report}"] if tests else [])]
             with subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
             ) as process:
-                favour(process.pid, FAVOURED.get(part.name, 0))
+                if part.name in FAVOURED:
+                    part.favoured = favour(process.pid, FAVOURED[part.name])
                 assert process.stdout is not None
                 try:
                     while data := os.read(process.stdout.fileno(), 65536):
@@ -79,20 +81,23 @@ def run(part: Part, commands: list[list[str]]) -> None:
                 read(part)
             elif tests:
                 part.failed.append(f"{' '.join(words)}: ended without a report")
-            if process.returncode != 0 and not part.failed:
+            if process.returncode != 0 and len(part.failed) == failed_before:
                 part.failed.append(f"{' '.join(words)}: ended with {process.returncode}")
     part.seconds = time.monotonic() - start
 
 
-def favour(session: int, niceness: int) -> None:
+def favour(session: int, niceness: int) -> str:
     """Of all that this process will start. The kernel weighs sessions, then what is in each (sched(7), autogroup).
 
-    An ordinary user may not: what then came too late is repeated.
+    Returns what the summary says of it. An ordinary user may not: what then came too late is repeated.
     """
-    with suppress(PermissionError):
+    try:
         os.setpriority(os.PRIO_PROCESS, session, niceness)
         with suppress(FileNotFoundError):
             Path(f"/proc/{session}/autogroup").write_text(str(niceness))
+    except PermissionError:
+        return "without priority over other programs, which only root may give"
+    return f"other programs had to wait for it (niceness {niceness})"
 
 
 def read(part: Part) -> None:
@@ -125,7 +130,9 @@ def summary(parts: list[Part]) -> str:
     for part in parts:
         tests = f"{part.tests} tests" if part.tests else ""
         verdict = "FAILED" if part.failed else "passed"
-        lines.append(f"{part.name:<10}{verdict:<8}{part.seconds:5.0f} s  {tests:<12}{part.log}")
+        lines.append(
+            f"{part.name:<10}{verdict:<8}{part.seconds:5.0f} s  {tests:<12}{part.log}  {part.favoured}".rstrip()
+        )
     for title, listed in (
         ("failed", [line for part in parts for line in part.failed]),
         ("repeated once, for the computer was busy", [line for part in parts for line in part.repeated]),

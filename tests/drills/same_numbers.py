@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from aarch64 import debian, emulated, install, wheel
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "tests/data/recordings").glob("*.mcap"))
+STARTED_WITHIN_S = 60.0
 CORES = ("Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX")
 PLAIN_GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX"}
 PLAIN_NUMPY = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"}
@@ -52,9 +54,13 @@ def made_on_the_spot(path: Path, seconds: float) -> Path:
     with subprocess.Popen([*daemon, "run", "--config", config], env=environment, stderr=subprocess.PIPE) as serving:
         try:
             record = [*daemon, "record", path, "--seconds", str(seconds)]
-            while subprocess.run(record, env=environment, check=False, capture_output=True).returncode:
-                if serving.poll() is not None:  # else it only has not begun yet
+            until = time.monotonic() + STARTED_WITHIN_S
+            while (ended := subprocess.run(record, env=environment, check=False, capture_output=True)).returncode:
+                if serving.poll() is not None:
                     raise SystemExit(f"the daemon ended with {serving.returncode}: {serving.communicate()[1].decode()}")
+                if time.monotonic() > until:
+                    raise SystemExit(f"nothing could be recorded: {ended.stderr.decode()}")
+                path.unlink(missing_ok=True)
         finally:
             serving.terminate()
     return path

@@ -223,3 +223,34 @@ def test_lengths_are_those_of_numpy() -> None:
     assert matrix.length(vectors[0]) == pytest.approx(float(np.linalg.norm(vectors[0])), rel=CLOSE)
     assert matrix.lengths(vectors) == pytest.approx(np.linalg.norm(vectors, axis=1), rel=CLOSE)
     assert matrix.root_of_squares(3.0, 4.0) == 5.0
+
+
+@pytest.mark.parametrize(
+    "shape", [(2, 3), (2, 5), (3, 4), (9, 8), (6, 6), (20, 20)], ids=lambda shape: f"{shape[0]} × {shape[1]}"
+)
+@pytest.mark.parametrize("rank", [1, 2])
+@pytest.mark.parametrize("alone", [False, True], ids=["compiled", "reference"])
+def test_singular_values_are_found_of_any_shape_and_rank(shape: tuple[int, int], rank: int, alone: bool) -> None:
+    """Columns that are nothing but rounding are not turned for ever."""
+    random = np.random.default_rng(3)
+    for _ in range(10 if alone else 100):
+        a = random.normal(size=(shape[0], rank)) @ random.normal(size=(rank, shape[1]))
+        turned, right = a.copy(), np.empty((shape[1], shape[1]))
+        if alone:
+            assert matrix_reference.rotate_columns(turned, right)
+        else:
+            assert matrix.singular_values(a)[1][:rank] == pytest.approx(np.linalg.svd(a)[1][:rank], rel=1e-9)
+
+
+def test_eigenvalues_that_differ_in_their_sign_alone_are_refused() -> None:
+    with pytest.raises(ValueError, match="differ in their sign alone"):
+        matrix.eigen(np.array([[0.0, 1.0], [1.0, 0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("lower", "right"), [((3, 3), (2, 3)), ((3, 3), (2, 3, 2)), ((4, 3, 3), (3, 2)), ((3, 3), (2,))]
+)
+def test_equations_that_do_not_fit_are_refused(lower: tuple[int, ...], right: tuple[int, ...]) -> None:
+    triangle = np.broadcast_to(np.eye(lower[-1]), lower)
+    with pytest.raises(ValueError, match="equations of"):
+        matrix.solve(triangle, np.ones(right))

@@ -153,3 +153,25 @@ def test_simulated_pad_tumbles_for_its_turn() -> None:
 def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:
     with pytest.raises(BaselineError, match="one of bare, turn and refine"):
         BaselineRequest(pad, UNTESTED, bare=False, replaced=False, turn=True, refine=True)
+
+
+@pytest.mark.parametrize("nonsense", ["a magnet passes", "noise alone", "half of it lost"])
+def test_turn_that_is_none_is_refused_or_solved_and_never_an_internal_error(nonsense: str, pad: Pad) -> None:
+    """Fields that are far from any pad's leave equations without a solution: that is said of the turn."""
+    random = np.random.default_rng(5)
+    refused = 0
+    for seed in range(6):
+        world = _world(pad, seed)
+        fields = turned(world)
+        if nonsense == "a magnet passes":
+            fields.field_t[random.integers(0, len(fields.field_t), 5)] *= 1e3
+        elif nonsense == "noise alone":
+            fields.field_t[:] = random.normal(0.0, 1e-4, fields.field_t.shape)
+        else:
+            fields.field_t[: len(fields.field_t) // 2] = 0.0
+        try:
+            make_turn(pad, fields, world.baseline(UNTESTED))
+        except BaselineError as error:
+            refused += 1
+            assert str(error)
+    assert refused or nonsense == "half of it lost"

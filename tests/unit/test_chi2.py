@@ -12,3 +12,14 @@ def test_quantile_is_scipys(degrees_of_freedom: int, probability: float) -> None
     value = quantile(probability, degrees_of_freedom)
     assert value == pytest.approx(chi2.isf(probability, degrees_of_freedom), rel=1e-7)
     assert survival(value, degrees_of_freedom) == pytest.approx(probability, rel=1e-6)
+
+
+@pytest.mark.parametrize(("probability", "freedom"), [(1e-9, 0), (0.0, 3), (1.5, 3), (float("nan"), 3)])
+def test_what_is_no_chi2_is_refused(probability: float, freedom: int) -> None:
+    with pytest.raises(ValueError, match="degrees of freedom"):
+        quantile(probability, freedom)
+
+
+@pytest.mark.parametrize(("probability", "freedom"), [(1e-200, 200), (1e-306, 5), (1e-300, 2)])
+def test_tails_beyond_the_least_double_still_end(probability: float, freedom: int) -> None:
+    assert survival(quantile(probability, freedom), freedom) == pytest.approx(probability, rel=1e-6)

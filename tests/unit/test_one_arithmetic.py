@@ -21,18 +21,26 @@ RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.
 ROOMS = ["baseline", "common", "config", "contact", "pipeline", "pose", "runtime", "scene", "sensor"]
 FILES = ["pad.py"]
 ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
-# BLAS, LAPACK, wide vectors, the C library: each rounds as the processor lets it. So does ** but for small constants.
-OF_THE_C_LIBRARY = {
-    *("exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "pow", "cbrt", "hypot"),
-    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
-    *("erf", "erfc", "lgamma", "tgamma", "fma", "sincos"),
-}
-BANNED = OF_THE_C_LIBRARY | {
-    *("linalg", "dot", "vdot", "inner", "matmul", "einsum", "tensordot", "interp", "polyfit", "convolve", "fft"),
-    *("power", "float_power", "arcsin", "arccos", "arctan", "arctan2", "gamma"),
-}
+# What NumPy and math offer that moves numbers, compares them, or rounds as IEEE 754 says: + − × ÷ √ in a fixed order.
+# Not BLAS, LAPACK, what has wide vectors, nor the C library's functions: each rounds as the processor lets it.
+EXACT = set(
+    """abs all any append arange argmax argmin argsort array array_equal array_split asarray
+    ascontiguousarray block bool_ broadcast_to ceil clip column_stack concatenate copysign deg2rad
+    degrees delete diag diagonal diff dist dtype empty empty_like errstate eye finfo flatnonzero
+    float32 float64 frombuffer full full_like generic hstack inf int16 int32 int64 intp isfinite
+    isin isnan ix_ linspace max maximum mean median meshgrid min minimum moveaxis nan nan_to_num
+    nanmean nanmedian ndarray ones ones_like outer packbits pi prod ptp r_ radians random ravel
+    repeat round searchsorted sqrt stack sum tile trace uint16 uint8 unique unravel_index where
+    zeros""".split()
+)
 # Degrees in a sentence, and one bit of a float: no message's number comes of them.
 ALLOWED = {("baseline/diagnosis.py", "arccos"), ("baseline/turn.py", "arcsin"), ("contact/comparison.py", "**")}
+OF_THE_C_LIBRARY = {
+    name + suffix
+    for name in """exp exp2 expm1 log log2 log10 log1p pow cbrt hypot sin cos tan asin acos atan atan2 sinh cosh tanh
+    asinh acosh atanh erf erfc lgamma tgamma fma sincos""".split()
+    for suffix in ("", "f", "l")
+}
 
 
 def sources(*suffixes: str) -> list[Path]:
@@ -41,7 +49,7 @@ def sources(*suffixes: str) -> list[Path]:
 
 
 def used(tree: ast.AST) -> Iterator[str]:
-    """The names of BANNED that a module takes from NumPy or math, and operators that go the same way."""
+    """What a module takes of NumPy, math and SciPy, and operators and functions that go the same way."""
     for node in ast.walk(tree):
         if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult | ast.Pow):
             constant = isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant) and node.left.value == 2
@@ -49,14 +57,25 @@ def used(tree: ast.AST) -> Iterator[str]:
                 yield "@" if isinstance(node.op, ast.MatMult) else "**"
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in ("np", "math"):
             yield node.attr
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in ("math", "numpy", "scipy"):
-            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.Attribute) and node.attr in ("dot", "linalg"):
+            yield node.attr
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "pow":
+            yield "pow"
+        elif isinstance(node, ast.ImportFrom) and node.module != "numpy.typing" and of_numbers(node.module or ""):
+            yield from (alias.name if node.module == "math" else f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            plain = {("numpy", "np"), ("math", None)}
+            yield from (one.name for one in node.names if of_numbers(one.name) and (one.name, one.asname) not in plain)
+
+
+def of_numbers(module: str) -> bool:
+    return module.partition(".")[0] in ("math", "cmath", "numpy", "scipy", "statistics")
 
 
 @pytest.mark.parametrize("path", sources(".py"), ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_no_number_of_a_message_depends_on_the_processor(path: Path) -> None:
     name = str(path.relative_to(PACKAGE))
-    found = {one for one in used(ast.parse(path.read_text())) if one in BANNED | {"@", "**"}}
+    found = set(used(ast.parse(path.read_text()))) - EXACT
     found -= {one for file, one in ALLOWED if file == name}
     assert not found, f"{name} uses {', '.join(sorted(found))}: fmfts.arithmetic has the same for every processor"
 
@@ -67,9 +86,17 @@ def test_no_number_of_c_depends_on_the_processor(path: Path) -> None:
     assert not found, f"{path.name} calls {', '.join(sorted(found))}: elementary.h has the same for every processor"
 
 
-def test_every_banned_name_would_be_found() -> None:
-    code = "import numpy as np\nfrom math import erf\nnp.linalg.norm(a) + (a @ b) ** 3 + np.exp(erf(x))\na @= b\n"
-    assert set(used(ast.parse(code))) & (BANNED | {"@", "**"}) == {"linalg", "erf", "@", "**", "exp"}
+@pytest.mark.parametrize(
+    "code",
+    """a @ b; a @= b; x ** 3; x **= 2; pow(x, 1.5); a.dot(b)
+    np.linalg.norm(a); np.exp(x); np.einsum('i,i', a, b); np.logaddexp(a, b); np.cov(a); math.exp(x)
+    from math import erf; import math as m; import numpy as n; import numpy.linalg as la; import scipy; import cmath
+    from numpy.linalg import norm; from numpy import exp; from scipy.linalg import cholesky; import statistics""".replace(
+        "\n", ";"
+    ).split(";"),
+)
+def test_whatever_rounds_as_the_processor_lets_it_is_found(code: str) -> None:
+    assert set(used(ast.parse(code.strip()))) - EXACT
 
 
 # As OpenBLAS, NumPy and glibc choose on older and newer processors; what this one lacks they leave alone.
@@ -90,7 +117,7 @@ def test_a_recording_replays_identically_on_another_processor(processor: str) ->
         env=os.environ | OF_ANOTHER[processor],
         capture_output=True,
         text=True,
-        check=True,
+        check=False,
     )
     assert said.stdout.splitlines() == [f"True {digest}" for digest in digests()], said.stderr
 

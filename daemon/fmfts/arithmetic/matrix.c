@@ -3,7 +3,7 @@
 #include <math.h>
 
 enum { MOST_SWEEPS = 60 };
-static const double ORTHOGONAL = 1e-15;
+static const double ORTHOGONAL = 1e-15, ROUNDING = 0x1p-52;
 
 void fmfts_product(size_t m, size_t k, size_t n, const double *a, const double *b, double *out)
 {
@@ -95,13 +95,16 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
     for (size_t i = 0; i < n * n; i++) {
         v[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
     }
+    /* A column below it is nothing but the rounding of others, and would be turned for ever. */
+    double least = ROUNDING * (double)(m > n ? m : n), floor = least * least * along(m * n, 1, a, a);
     for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
         bool rotated = false;
         for (size_t p = 0; p + 1 < n; p++) {
             for (size_t q = p + 1; q < n; q++) {
                 double common = along(m, n, a + p, a + q);
                 double first = along(m, n, a + p, a + p), second = along(m, n, a + q, a + q);
-                if (!(fabs(common) > ORTHOGONAL * sqrt(first) * sqrt(second))) {
+                bool rounding = first <= floor || second <= floor;
+                if (rounding || !(fabs(common) > ORTHOGONAL * sqrt(first) * sqrt(second))) {
                     continue;
                 }
                 double zeta = (second - first) / (2.0 * common);

@@ -21,9 +21,10 @@ Array = NDArray[np.float64]
 
 # A singular value below this share of the largest is rounding (times the larger dimension): as LAPACK's users have it.
 ROUNDING = 2.0**-52
+UNRESOLVED = 1e-9
 
 
-class SingularError(ArithmeticError):
+class SingularError(ValueError):
     """A matrix is not positive definite, or not finite."""
 
 
@@ -69,12 +70,13 @@ def cholesky(matrix: Array) -> Array:
     else:
         good = all(reference.cholesky(one) for one in _each(lower))
     if not good:
-        raise SingularError("a matrix is not positive definite")
+        kind = "positive definite" if np.isfinite(matrix).all() else "finite"
+        raise SingularError(f"a matrix of {size} × {size} is not {kind}")
     return lower
 
 
 def solve_lower(lower: Array, right: Array) -> Array:
-    """L⁻¹ · `right`: lower (…, n, n), a triangle; right (…, n) if there is one matrix, or (…, n, columns)."""
+    """L⁻¹ · `right`. lower (n, n): a triangle, and right (n,) or (n, columns); or (…, n, n) and (…, n, columns)."""
     x: Array = np.array(right, dtype=np.float64, order="C")
     if not x.size:
         return x
@@ -102,6 +104,8 @@ def solve_lower_transposed(lower: Array, right: Array) -> Array:
 def _sizes(lower: Array, x: Array) -> tuple[int, int, int]:
     """How many triangles, their size, and the columns of each one's right-hand side."""
     size = lower.shape[-1]
+    if x.shape[: lower.ndim - 1] != lower.shape[:-1] or not lower.ndim - 1 <= x.ndim <= lower.ndim:
+        raise ValueError(f"equations of {lower.shape} with a right-hand side of {x.shape}")
     return lower.size // (size * size), size, x.size * size // lower.size
 
 
@@ -150,8 +154,10 @@ def singular_values(matrix: Array) -> tuple[Array, Array, Array]:
         if AVAILABLE
         else reference.rotate_columns(turned, right)
     )
-    if not (ended and np.isfinite(turned).all()):
-        raise SingularError("a matrix has no singular values")
+    if not np.isfinite(turned).all():
+        raise SingularError(f"a matrix of {len(turned)} × {columns} is not finite")
+    if not ended:
+        raise SingularError(f"the singular values of a matrix of {len(turned)} × {columns} were not found")
     values = lengths(turned.T)
     order = np.argsort(-values, kind="stable")
     values = values[order]
@@ -159,22 +165,32 @@ def singular_values(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 def eigen(matrix: Array) -> tuple[Array, Array]:
-    """Eigenvalues (n,), the smallest first, and eigenvectors (n, n) in columns, of a symmetric `matrix` without two
-    eigenvalues that differ in their sign alone, such as a covariance's."""
+    """Eigenvalues (n,), the smallest first, and eigenvectors (n, n) in columns, of a symmetric `matrix`.
+
+    ValueError where two eigenvalues differ in their sign alone, which those of a covariance never do.
+    """
     left, values, right = singular_values(matrix)
     signed = np.copysign(values, np.diagonal(product(left.T, right)))
+    if np.abs(product(matrix, right) - right * signed).max(initial=0.0) > UNRESOLVED * values.max(initial=0.0):
+        raise ValueError("a matrix with two eigenvalues that differ in their sign alone")
     order = np.argsort(signed, kind="stable")
     return signed[order], right[:, order]
 
 
 def least_squares(matrix: Array, right: Array) -> Array:
     """The shortest x that makes |matrix·x − right| least: matrix (m, n), right (m,) or (m, columns)."""
+    answer: Array = product(pseudo_inverse(matrix)[1], right)
+    return answer
+
+
+def pseudo_inverse(matrix: Array) -> tuple[Array, Array]:
+    """An orthonormal basis (m, n) of the columns of `matrix` (m, n), with zeros for what the others have already, and
+    the matrix (n, m) that makes the shortest least-squares answer of a right-hand side."""
     left, values, turned = singular_values(matrix)
     known = values > ROUNDING * max(matrix.shape) * values.max(initial=0.0)
-    scaled = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
-    shape = (-1,) + (1,) * (right.ndim - 1)
-    answer: Array = product(turned, scaled.reshape(shape) * product(left.T, right))
-    return answer
+    left = np.where(known, left, 0.0)
+    inverse: Array = product(turned / np.where(known, values, 1.0), left.T)
+    return left, inverse
 
 
 def complement(matrix: Array) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MOST_SWEEPS = 60
-ORTHOGONAL = 1e-15
+ORTHOGONAL, ROUNDING = 1e-15, 2.0**-52
 
 
 def product(a: Array, b: Array) -> Array:
@@ -53,13 +53,17 @@ def rotate_columns(a: Array, v: Array) -> bool:
     """a (m, n) becomes U·S, v (n, n) V."""
     size = a.shape[1]
     v[:] = np.eye(size)
+    # A column below it is nothing but the rounding of others, and would be turned for ever.
+    least = ROUNDING * max(a.shape)
+    floor = least * least * _along(a.ravel(), a.ravel())
     for _ in range(MOST_SWEEPS):
         rotated = False
         for p in range(size - 1):
             for q in range(p + 1, size):
                 common = _along(a[:, p], a[:, q])
                 first, second = _along(a[:, p], a[:, p]), _along(a[:, q], a[:, q])
-                if not abs(common) > ORTHOGONAL * math.sqrt(first) * math.sqrt(second):
+                rounding = first <= floor or second <= floor
+                if rounding or not abs(common) > ORTHOGONAL * math.sqrt(first) * math.sqrt(second):
                     continue
                 zeta = (second - first) / (2.0 * common)
                 tangent = (1.0 if zeta >= 0.0 else -1.0) / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))

@@ -15,7 +15,7 @@ from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
 from fmfts.baseline.file_format import StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.gains import Gains
 from fmfts.baseline.mounting import Mounting, nominal_mounting
-from fmfts.baseline.recording import BaselineError, Recording
+from fmfts.baseline.recording import BaselineError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.turn import Turn, gains_from_turn
 from fmfts.baseline.window_means import Means
@@ -57,6 +57,10 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
         BaselineError where they do not fit `pad`.
         """
+        with solvable(f"pad '{self.pad}': no pad explains what the baseline holds: record it again, --bare and --rest"):
+            return self._mounting(pad)
+
+    def _mounting(self, pad: Pad) -> Mounting:
         tolerance = Tolerance(**self.tolerance)
         bare = None if self.bare is None else self.bare.recording()
         if self.rest is not None:
@@ -120,7 +124,8 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
     assert before is not None
     stored = StoredTurn.of(Turn.of(means))
     baseline = msgspec.structs.replace(before, turn=stored).sealed()
-    return baseline, baseline.mounting(pad)
+    with solvable("the sensors do not see one field turn: leave the pad untouched, keep steel away, and turn again"):
+        return baseline, baseline._mounting(pad)
 
 
 def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
@@ -128,9 +133,10 @@ def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Basel
     rest = _require_rest(before, "--refine")
     assert before is not None
     plain = msgspec.structs.replace(before, refine=None)
-    fields = pick(plain._at_rest(pad, rest), plain.mounting(pad), means)
-    baseline = msgspec.structs.replace(before, refine=StoredPresses.of(fields)).sealed()
-    return baseline, baseline.mounting(pad)
+    with solvable("the presses fit no pad: keep steel and other magnets away, and press again"):
+        fields = pick(plain._at_rest(pad, rest), plain.mounting(pad), means)
+        baseline = msgspec.structs.replace(before, refine=StoredPresses.of(fields)).sealed()
+        return baseline, baseline._mounting(pad)
 
 
 def _require_rest(before: Baseline | None, option: str) -> StoredRecording:

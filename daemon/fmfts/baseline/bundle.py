@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import cholesky, product, solve_lower, solve_lower_transposed
+from fmfts.arithmetic.matrix import product, pseudo_inverse
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,7 @@ class Reduced:
     normal: Array
     gradient: Array
     block_chi2: Array
-    _basis: Array
-    _triangle: Array
+    _own_answer: Array
     _shared: Array
     _residual: Array
 
@@ -33,18 +32,15 @@ class Reduced:
     def of(cls, own: Array, shared: Array, residual: Array) -> Self:
         """own (K, R, P), shared (K, R, M), residual (K, R), all in standard deviations; R > P."""
         # What is perpendicular to a block's own columns is all that it can say of the shared unknowns.
-        across = own.transpose(0, 2, 1)
-        triangle = cholesky(product(across, own))
-        across = solve_lower(triangle, across)
-        basis = across.transpose(0, 2, 1)
+        basis, own_answer = (np.stack(parts) for parts in zip(*map(pseudo_inverse, own), strict=True))
+        across = basis.transpose(0, 2, 1)
         left = (shared - product(basis, product(across, shared))).reshape(-1, shared.shape[2])
-        misfit = residual - (product(basis, product(across, residual[:, :, None])))[:, :, 0]
+        misfit = residual - product(basis, product(across, residual[:, :, None]))[:, :, 0]
         return cls(
             product(left.T, left),
             product(left.T, misfit.ravel()),
             square(misfit).sum(axis=1),
-            basis,
-            triangle,
+            own_answer,
             shared,
             residual,
         )
@@ -52,6 +48,5 @@ class Reduced:
     def own_steps(self, shared_step: Array) -> Array:
         """(K, P) the blocks' own unknowns that go with a step (M,) of the shared ones."""
         left = self._residual - product(self._shared, shared_step)
-        return solve_lower_transposed(self._triangle, product(self._basis.transpose(0, 2, 1), left[:, :, None]))[
-            :, :, 0
-        ]
+        steps: Array = product(self._own_answer, left[:, :, None])[:, :, 0]
+        return steps

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import SingularError
 from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS
 from fmfts.sensor.frame import TESLA_PER_GAUSS, Frame
 
@@ -24,6 +26,18 @@ STEADY_FIELD_T = 5e-8
 
 class BaselineError(Exception):
     """A baseline cannot be recorded, stored or used; the text says why, with the figure, and what to do."""
+
+
+@contextmanager
+def solvable(otherwise: str) -> Iterator[None]:
+    """While equations are solved: numbers that are far from any pad's can leave them without a solution.
+
+    BaselineError then; otherwise: what was wrong, and what to do.
+    """
+    try:
+        yield
+    except SingularError as error:
+        raise BaselineError(f"{otherwise} ({error})") from error
 
 
 @dataclass(frozen=True, slots=True)

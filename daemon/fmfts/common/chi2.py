@@ -31,7 +31,12 @@ def _survival_and_density(value: float, degrees_of_freedom: int) -> tuple[float,
 
 @lru_cache(maxsize=256)
 def quantile(probability: float, degrees_of_freedom: int) -> float:
-    """The value that χ² exceeds with `probability`: Newton's method, within a bracket that is halved where it fails."""
+    """The value that χ² exceeds with `probability`: Newton's method, within a bracket that is halved where it fails.
+
+    ValueError for fewer than one degree of freedom, or a probability that is none.
+    """
+    if degrees_of_freedom < 1 or not 0.0 < probability <= 1.0:
+        raise ValueError(f"the χ² of {degrees_of_freedom} degrees of freedom that is exceeded with {probability}")
     low, high = 0.0, float(degrees_of_freedom)
     while survival(high, degrees_of_freedom) > probability:
         low, high = high, 2.0 * high
@@ -39,10 +44,10 @@ def quantile(probability: float, degrees_of_freedom: int) -> float:
     for _ in range(100):
         beyond, density = _survival_and_density(value, degrees_of_freedom)
         low, high = (value, high) if beyond > probability else (low, value)
-        # On the logarithm, which is nearly straight: of 1e-9 the plain tail is not.
-        step = (beyond / density) * log(beyond / probability)
-        nearer = value + step
-        if abs(step) <= SETTLED * value:
-            return nearer
+        # On the logarithm, which is nearly straight: of 1e-9 the plain tail is not. Both may be below the least double.
+        known = beyond > 0.0 and density > 0.0
+        nearer = value + (beyond / density) * log(beyond / probability) if known else low
+        if abs(nearer - value) <= SETTLED * value or high - low <= SETTLED * value:
+            return nearer if known else value
         value = nearer if low < nearer < high else 0.5 * (low + high)
     return value
