@@ -23,24 +23,22 @@ FILES = ["pad.py"]
 ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
 # What NumPy and math offer that moves numbers, compares them, or rounds as IEEE 754 says: + − × ÷ √ in a fixed order.
 # Not BLAS, LAPACK, what has wide vectors, nor the C library's functions: each rounds as the processor lets it.
-EXACT = set(
-    """abs all any append arange argmax argmin argsort array array_equal array_split asarray
-    ascontiguousarray block bool_ broadcast_to ceil clip column_stack concatenate copysign deg2rad
-    degrees delete diag diagonal diff dist dtype empty empty_like errstate eye finfo flatnonzero
-    float32 float64 frombuffer full full_like generic hstack inf int16 int32 int64 intp isfinite
-    isin isnan ix_ linspace max maximum mean median meshgrid min minimum moveaxis nan nan_to_num
-    nanmean nanmedian ndarray ones ones_like outer packbits pi prod ptp r_ radians random ravel
-    repeat round searchsorted sqrt stack sum tile trace uint16 uint8 unique unravel_index where
-    zeros""".split()
-)
+EXACT_NAMES = """
+abs all any append arange argmax argmin argsort array array_equal array_split asarray ascontiguousarray block bool_
+broadcast_to ceil clip column_stack concatenate copysign deg2rad degrees delete diag diagonal diff dist dtype empty
+empty_like errstate eye finfo flatnonzero float32 float64 frombuffer full full_like generic hstack inf int16 int32
+int64 intp isfinite isin isnan ix_ linspace max maximum mean median meshgrid min minimum moveaxis nan nan_to_num
+nanmean nanmedian ndarray ones ones_like outer packbits pi prod ptp r_ radians random ravel repeat round searchsorted
+sqrt stack sum tile trace uint16 uint8 unique unravel_index where zeros
+"""
+EXACT = set(EXACT_NAMES.split())
 # Degrees in a sentence, and one bit of a float: no message's number comes of them.
 ALLOWED = {("baseline/diagnosis.py", "arccos"), ("baseline/turn.py", "arcsin"), ("contact/comparison.py", "**")}
-OF_THE_C_LIBRARY = {
-    name + suffix
-    for name in """exp exp2 expm1 log log2 log10 log1p pow cbrt hypot sin cos tan asin acos atan atan2 sinh cosh tanh
-    asinh acosh atanh erf erfc lgamma tgamma fma sincos""".split()
-    for suffix in ("", "f", "l")
-}
+C_NAMES = """
+exp exp2 expm1 log log2 log10 log1p pow cbrt hypot sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh
+erf erfc lgamma tgamma fma sincos
+"""
+OF_THE_C_LIBRARY = {name + suffix for name in C_NAMES.split() for suffix in ("", "f", "l")}
 
 
 def sources(*suffixes: str) -> list[Path]:
@@ -55,10 +53,9 @@ def used(tree: ast.AST) -> Iterator[str]:
             constant = isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant) and node.left.value == 2
             if not (constant and isinstance(node.op, ast.Pow)):
                 yield "@" if isinstance(node.op, ast.MatMult) else "**"
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in ("np", "math"):
-            yield node.attr
-        elif isinstance(node, ast.Attribute) and node.attr in ("dot", "linalg"):
-            yield node.attr
+        elif isinstance(node, ast.Attribute):
+            of_module = isinstance(node.value, ast.Name) and node.value.id in ("np", "math")
+            yield from [node.attr] if of_module or node.attr in ("dot", "linalg") else []
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "pow":
             yield "pow"
         elif isinstance(node, ast.ImportFrom) and node.module != "numpy.typing" and of_numbers(node.module or ""):
@@ -91,9 +88,8 @@ def test_no_number_of_c_depends_on_the_processor(path: Path) -> None:
     """a @ b; a @= b; x ** 3; x **= 2; pow(x, 1.5); a.dot(b)
     np.linalg.norm(a); np.exp(x); np.einsum('i,i', a, b); np.logaddexp(a, b); np.cov(a); math.exp(x)
     from math import erf; import math as m; import numpy as n; import numpy.linalg as la; import scipy; import cmath
-    from numpy.linalg import norm; from numpy import exp; from scipy.linalg import cholesky; import statistics""".replace(
-        "\n", ";"
-    ).split(";"),
+    from numpy.linalg import norm; from numpy import exp; from scipy.linalg import cholesky
+    import statistics""".replace("\n", ";").split(";"),
 )
 def test_whatever_rounds_as_the_processor_lets_it_is_found(code: str) -> None:
     assert set(used(ast.parse(code.strip()))) - EXACT
