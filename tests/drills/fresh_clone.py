@@ -26,6 +26,7 @@ PACKAGES = [*NAMED_IN_THE_README, "ca-certificates", "sudo"]
 USER, PROJECT = "newcomer", "project"
 LOGS = ROOT / "build/test-fresh-logs"
 DEMO = "make demo SECONDS=5"
+QUICK_TEST = 'make test PARTS="lint unit"'
 SEEN = re.compile(r"pad demo: \d+ messages; .* ok ")
 # The arithmetic that an older processor would choose: OpenBLAS's kernels, NumPy's vectors, glibc's fused multiply-add.
 NO_VECTORS = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"}
@@ -89,16 +90,28 @@ def require(condition: object, what: str) -> None:
         raise SystemExit(f"test-fresh: {what}")
 
 
-def as_an_ordinary_user(tree: Path, environment: dict[str, str]) -> None:
+def line_to_run(said: str) -> str:
+    """What a user whose system lacks packages was told."""
+    line = re.search(r"sudo apt-get install .*", said)
+    require(line, "a user whose system lacks packages was not told how to install them")
+    assert line is not None
+    return line[0]
+
+
+def as_an_ordinary_user(tree: Path, environment: dict[str, str], test: str | None) -> None:
+    """test: None to see only that its packages are named."""
     with FreshClone(tree, USER, environment) as clone:
         code, said = clone.does(DEMO)
-        line = re.search(r"sudo apt-get install .*", said)
-        require(code != 0 and line, "a user whose system lacks packages was not told how to install them")
-        assert line is not None
-        code, _ = clone.does(line[0])
-        require(code == 0, f"the line that was printed does not install them: {line[0]}")
+        line = line_to_run(said)
+        require(code != 0, f"`{DEMO}` says what it lacks, and ends as if all were well")
+        code, _ = clone.does(line)
+        require(code == 0, f"the line that was printed does not install them: {line}")
         code, said = clone.does(DEMO)
         require(code == 0 and SEEN.search(said), f"after the line that was printed, `{DEMO}` does not work")
+        line = line_to_run(clone.does("make test-packages")[1])
+        if test is not None:
+            require(clone.does(line)[0] == 0, f"the line that was printed does not install them: {line}")
+            require(clone.does(test)[0] == 0, f"after the line that was printed, `{test}` fails for a user")
 
 
 def as_root(tree: Path, environment: dict[str, str], test: str) -> None:
@@ -122,8 +135,8 @@ def main() -> None:
     start = time.monotonic()
     tree = plain_debian(arguments.cache)
     environment = PROCESSORS[arguments.cpu]
-    as_an_ordinary_user(tree, environment)
-    as_root(tree, environment, 'make test PARTS="lint unit"' if arguments.quick else "make test")
+    as_an_ordinary_user(tree, environment, None if arguments.quick else QUICK_TEST)
+    as_root(tree, environment, QUICK_TEST if arguments.quick else "make test")
     print(f"all as it should be in a fresh clone, after {(time.monotonic() - start) / 60:.0f} minutes")
 
 
