@@ -119,7 +119,7 @@ def _add_laboratory(verb: AddVerb) -> None:
         if name in found:
             found.pop(name).load()(verb)
         else:
-            verb(name, _without_laboratory, f"{text} (not installed)").add_argument("rest", nargs="*")
+            verb(name, _without_laboratory, f"{text} (not installed)").add_argument("rest", nargs=argparse.REMAINDER)
     for point in found.values():
         point.load()(verb)
 
