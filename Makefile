@@ -2,6 +2,7 @@
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
 # make test    set up what the tests need, then run all parts, and sum up    (PARTS="lint unit": those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
+# make long    tests that take ten seconds and more: the laboratory's studies, pads' lives (three minutes)
 # make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
 # make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
 # make install-c-client      the client for controllers in C and C++, into PREFIX
@@ -24,7 +25,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # The kernel's I2C interface, emulated, is served by the system's own Python.
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
 
-.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
 # answer it with a traceback while it starts.
@@ -43,7 +44,7 @@ PARTS ?=
 test: test-packages $(VENV)/.installed-test firmware-for-tests
 	@$(BIN)/python tests/all_parts.py $(PARTS)
 
-lint unit processes clock: $(VENV)/.installed-test
+lint unit processes clock long: $(VENV)/.installed-test
 	@$(BIN)/python tests/all_parts.py $@
 
 processes clock: firmware-for-tests

@@ -1,4 +1,6 @@
-"""All parts of `make test`, one after the other, even if one fails; then one summary, with what to report.
+"""Parts of the tests, one after the other, even if one fails; then one summary, with what to report.
+
+Without a name: all that `make test` consists of, which leaves the part `long` to `make long`.
 
 Each part's output is shown and kept in build/test-logs/, with pytest's report as XML.
 """
@@ -27,10 +29,12 @@ WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "daemon", "lab", "clients/python"]],
-    "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit"]],
+    "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
     "processes": [[*PYTEST, "-n", "3", *WHOLE, "-m", "not real_time"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time"]],
+    "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],
 }  # fmt: skip
+BY_ITSELF = {"long"}
 FAVOURED = {"clock": -15}  # niceness
 
 
@@ -153,8 +157,8 @@ def skipped(reason: str, names: list[str]) -> str:
 
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all where none is named")
-    names = options.parse_args().parts or list(PARTS)
+    options.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
+    names = options.parse_args().parts or [name for name in PARTS if name not in BY_ITSELF]
     if unknown := [name for name in names if name not in PARTS]:
         options.error(f"there is no part {unknown[0]}: {', '.join(PARTS)}")
     os.chdir(ROOT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +39,18 @@ def missing(what: str) -> None:
     if os.environ.get("CI"):
         pytest.fail(f"{what} is missing, and CI installs everything", pytrace=False)
     pytest.skip(f"{what} is missing")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name != "test_stream_for_a_minute.py")  # lest all wait for it at the end
+
+
+@pytest.hookimpl(tryfirst=True)  # before fixtures that call them
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    for mark in item.iter_markers("needs"):
+        for program in mark.args:
+            if not shutil.which(program):
+                missing(f"{program} (make test-packages)")
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -17,9 +16,7 @@ from fmfts_client import Status
 
 pytestmark = [
     pytest.mark.real_time,  # the emulated board keeps time while it gets a good part of a core
-    pytest.mark.skipif(
-        not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed (make test-packages)"
-    ),
+    pytest.mark.needs("arm-none-eabi-gcc"),
 ]
 
 

@@ -6,7 +6,6 @@ may take, and most drills leave the fault for some tenths of a second only.
 
 from __future__ import annotations
 
-import shutil
 from itertools import pairwise
 
 import numpy as np
@@ -23,9 +22,7 @@ SOFTWARE, WATCHDOG = 3, 4
 HSI = 2
 FIELD_T = np.array([[10, -20, 100], [11, -21, 101], [12, -22, 102], [13, -23, 103]]) * 1e-6
 
-pytestmark = pytest.mark.skipif(
-    not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed (make test-packages)"
-)
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,7 @@ RESULT = 0x2000_0000
 COMPILER = "arm-none-eabi-gcc"
 SECTIONS = (".vectors=0x08000000", ".text=0x08000100", ".result=0x20000000")
 
-pytestmark = pytest.mark.skipif(not shutil.which(COMPILER), reason=f"{COMPILER} is not installed (make test-packages)")
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 
 
 class Ran:

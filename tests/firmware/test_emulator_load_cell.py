@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from itertools import pairwise
 
 import pytest
@@ -12,9 +11,7 @@ from fmfts.sensor.wire.packets import Load, Sample
 
 SECONDS = 1.0
 
-pytestmark = pytest.mark.skipif(
-    not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed (make test-packages)"
-)
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 
 
 def frames_and_loads(counts: int | None) -> tuple[list[Sample], list[Load], EmulatedStream]:

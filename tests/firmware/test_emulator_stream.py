@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from itertools import pairwise
 
 import numpy as np
@@ -21,9 +20,7 @@ AGE_TOLERANCE_S = 0.5e-3  # the issue's; a conversion takes 4.5 ms
 HSE, HSI = 1, 2
 POWER_ON = 1
 
-pytestmark = pytest.mark.skipif(
-    not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed (make test-packages)"
-)
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 
 
 def started(**options: object) -> EmulatedStream:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import struct
 import subprocess
 from collections.abc import Iterator
@@ -18,9 +17,7 @@ NMI, SYSTICK, USART1, LAST = 2, 15, 16 + 37, 16 + 42
 # Exception entry pushes eight words, and one more to align them (ARMv7-M B1.5.6).
 EXCEPTION_FRAME = 36
 
-pytestmark = pytest.mark.skipif(
-    not shutil.which("arm-none-eabi-gcc"), reason="apt-get install --no-install-recommends gcc-arm-none-eabi"
-)
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 
 
 def make(*words: object) -> str:
@@ -29,13 +26,11 @@ def make(*words: object) -> str:
     return run.stdout
 
 
-@pytest.fixture(scope="module", params=["gcc", "clang"])
+@pytest.fixture(scope="module", params=["gcc", pytest.param("clang", marks=pytest.mark.needs("clang", "ld.lld"))])
 def elf(request: pytest.FixtureRequest) -> Path:
     if request.param == "gcc":
         make("stm32")
         return FIRMWARE / "build/fmfts.elf"
-    if not shutil.which("clang") or not shutil.which("ld.lld"):
-        pytest.skip("apt-get install --no-install-recommends clang lld")
     make("stm32-clang")
     return FIRMWARE / "build/fmfts-clang.elf"
 

@@ -12,6 +12,7 @@ from fmfts_lab.bench.contact_sizes import sizes
 from fmfts_lab.bench.workspace import standard_pad
 
 
+@pytest.mark.long
 def test_shipped_model_is_near_the_best_and_honest() -> None:
     """400 frames: pairwise ratios of mean errors to 2 %, rms in deviations to 4 % (1 σ)."""
     facts = accuracy("default", 400, np.random.default_rng(3))
@@ -27,6 +28,7 @@ def test_shipped_model_is_near_the_best_and_honest() -> None:
     np.testing.assert_allclose(facts["remanences"]["1.28 T"], 1.0, atol=0.05)
 
 
+@pytest.mark.long
 def test_sizes_stand_beside_what_they_cost() -> None:
     """Parameters are most of what a larger network adds: 4 bytes each, and as much again for their transposes."""
     facts = sizes((4, 8), presses=300)

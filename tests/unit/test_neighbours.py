@@ -91,6 +91,7 @@ def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says(pad: Pad)
     assert abs(np.mean(nees) - 5.0) < 4.0 * np.sqrt(10.0 / 300.0)
 
 
+@pytest.mark.long
 def test_two_pressed_pads_30_mm_apart_stay_right_when_told_of_each_other() -> None:
     """The worst of 4,000 errors of healthy pads is below four deviations; five is wrong."""
     pads = pair(30.0, "drifting", seed=1)

@@ -47,6 +47,7 @@ def row_of(facts: Facts, case: str, remanence_t: float) -> Row:
     return row
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("network", ["BP", "RBF"])
 def test_another_remanence_breaks_what_learnt_from_fields_and_spares_the_unit_axis(table3: Facts, network: str) -> None:
     for name in ("mae_x_mm", "mae_y_mm", "mae_force_n"):
@@ -59,6 +60,7 @@ def test_another_remanence_breaks_what_learnt_from_fields_and_spares_the_unit_ax
     assert scaled[1] == pytest.approx(scaled[0], rel=0.03)
 
 
+@pytest.mark.long
 def test_table_and_shipped_model_serve_both_magnets(table3: Facts) -> None:
     for remanence_t in (1.23, 1.28):
         inverted = row_of(table3, "table inversion", remanence_t)
@@ -68,6 +70,7 @@ def test_table_and_shipped_model_serve_both_magnets(table3: Facts) -> None:
         assert float(shipped["mae_x_mm"]) < 0.1  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_the_papers_own_figures_stand_beside_its_four_cases(table3: Facts) -> None:
     assert row_of(table3, "BP, pose", 1.28)["paper_mae_x_mm"] == 0.5675
     assert row_of(table3, "RBF, field", 1.28)["paper_rmse_force_n"] == 86.767
@@ -89,6 +92,7 @@ def test_errors_are_those_of_the_rows() -> None:
     assert first["rmse_force_n"] == pytest.approx(np.sqrt(0.05))
 
 
+@pytest.mark.long
 def test_paper_poses_carry_the_remanence_in_the_length_of_the_axis(presses: Path) -> None:
     strong = Readings.solved_test(standard_pad(1.28), presses)
     length = np.linalg.norm(paper_inputs.INPUTS["pose"](strong)[:, 3:], axis=1)
@@ -107,6 +111,7 @@ def test_missing_presses_are_named_with_the_command_that_solves_them(
     assert "python -m fmfts_lab.finite_elements.solved_presses test-normal" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_experiment_blames_what_was_not_estimated(tmp_path: Path) -> None:
     """Three of twenty pads: a baseline that is only subtracted leaves the mounting's errors in the contact."""
     facts = experiment.run(Request(PAD, tmp_path, quick=True))

@@ -95,6 +95,7 @@ def test_ageing_moment_is_followed_on_a_robot_that_turns_all_the_time() -> None:
     assert followed.sizes_m[-1] > 12e-6
 
 
+@pytest.mark.long
 def test_creep_of_the_silicone_is_followed() -> None:
     """It looks like a press of 10 mN that comes in six minutes, and stays."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import repeating
+from standing_still import StandingStill
 
 pytest_plugins = ["pytester"]
 
@@ -110,3 +113,32 @@ def wait_for(process: int, seconds: float) -> None:
     while processor_s(process) < end_s:
         assert time.monotonic() < until
         time.sleep(0.1)
+
+
+def test_a_processor_that_stands_still_is_told_of_with_when() -> None:
+    with StandingStill() as computer:
+        time.sleep(0.1)
+        start = time.monotonic()
+        hold_the_interpreter(0.2)  # so that no thread of this process goes on, as when all of it is stopped
+        end = time.monotonic()
+        time.sleep(0.1)
+    assert computer.within(start, end)
+    assert any(began < end and ended - began >= 0.19 for began, ended in computer.times)
+    assert not computer.within(0.0, min(began for began, _ in computer.times))
+
+
+def hold_the_interpreter(seconds: float) -> None:
+    usleep = ctypes.PyDLL(None).usleep  # unlike CDLL, it keeps the interpreter's lock
+    usleep(round(seconds * 1e6))
+
+
+def test_the_second_attempt_waits_until_strangers_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(repeating, "QUIET_WITHIN_S", 10.0)
+    monkeypatch.setattr(repeating, "BUSY_SHARE", 0.8)  # of whatever else runs here, little; of a busy process, all
+    with busy_process() as stranger, busy_process() as own:
+        ended = threading.Timer(3.0, stranger.kill)
+        ended.start()
+        start = time.monotonic()
+        repeating.wait_for_quiet(own.pid)
+        assert time.monotonic() - start > 3.0
+        assert stranger.wait(0.0) is not None

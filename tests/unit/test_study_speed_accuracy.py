@@ -38,6 +38,7 @@ def pose_error(find: Find, scene: str, method: str) -> float:
     return float(row["error_over_bound"])
 
 
+@pytest.mark.long
 def test_only_those_who_free_the_ambient_field_stay_near_the_bound_while_the_robot_turns(find: Find) -> None:
     # 220 frames of five components: the ratio's own deviation is 2 %; the octupole that the dipole lacks adds to z.
     assert 0.9 < pose_error(find, "drifting", "kernel, 8, cylinder") < 1.1
@@ -46,11 +47,13 @@ def test_only_those_who_free_the_ambient_field_stay_near_the_bound_while_the_rob
         assert pose_error(find, "drifting", held) > 10.0
 
 
+@pytest.mark.long
 def test_carrying_the_ambient_field_on_is_better_than_each_frame_alone(find: Find) -> None:
     default = pose_error(find, "drifting", "kernel, the daemon's model")
     assert default < pose_error(find, "drifting", "kernel, 8 unknowns")
 
 
+@pytest.mark.long
 def test_kernel_and_every_least_squares_solver_find_the_same_minimum(find: Find) -> None:
     kernel = pose_error(find, "constant", "kernel, 6 unknowns")
     rivals = [row["method"] for row in find(chart="pose", scene="constant", family="SciPy")]
@@ -60,6 +63,7 @@ def test_kernel_and_every_least_squares_solver_find_the_same_minimum(find: Find)
         assert pose_error(find, "constant", rival) == pytest.approx(kernel, rel=0.01)
 
 
+@pytest.mark.long
 def test_daemon_tells_place_and_force_better_than_whatever_goes_straight_from_the_field(find: Find) -> None:
     for pad in ("as drawn", "as built"):
         (daemon,) = find(chart="contact", scene=pad, method="the daemon, frame → message")
@@ -70,12 +74,14 @@ def test_daemon_tells_place_and_force_better_than_whatever_goes_straight_from_th
             assert float(daemon[error]) < float(row[error]), (pad, row["method"])
 
 
+@pytest.mark.long
 def test_slower_samples_cost_more_than_their_averaging_brings(find: Find) -> None:
     errors = {(row["rate_hz"], row["averaging"]): float(row["position_um"]) for row in find(chart="rate")}
     assert len(errors) == 12
     assert errors["220", "1"] < errors["110", "8"] < errors["55", "8"]
 
 
+@pytest.mark.long
 def test_charts_are_small_and_the_summary_says_whether_the_default_is_on_the_front(out: Path) -> None:
     for chart in ("pose", "contact"):
         assert 10_000 < (out / f"speed-accuracy-{chart}.svg").stat().st_size < SVG_LIMIT_BYTES

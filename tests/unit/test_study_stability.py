@@ -30,20 +30,24 @@ def methods(out: Path) -> dict[str, dict[str, float]]:
     return found
 
 
+@pytest.mark.long
 def test_daemon_answers_wherever_nothing_is_wrong(methods: dict[str, dict[str, float]]) -> None:
     assert methods[DAEMON]["available_when_healthy"] >= 0.999
 
 
+@pytest.mark.long
 def test_daemon_is_never_wrong_unflagged_and_every_other_method_is(methods: dict[str, dict[str, float]]) -> None:
     assert methods[DAEMON]["wrong"] == 0
     assert all(other["wrong"] > 0 for name, other in methods.items() if name != DAEMON)
 
 
+@pytest.mark.long
 def test_flagging_everything_does_not_win(methods: dict[str, dict[str, float]]) -> None:
     daemon = methods[DAEMON]
     assert daemon["frames"] - daemon["flagged"] - daemon["wrong"] > 0.7 * daemon["frames"]
 
 
+@pytest.mark.long
 def test_every_frame_of_every_cell_is_right_or_wrong_or_flagged(out: Path) -> None:
     with (out / "stability.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -22,7 +22,7 @@ from fmfts.sensor.chips.hmc5983 import (
 from fmfts.sensor.frame import AGE_UNKNOWN_US, TESLA_PER_GAUSS, Frame
 from fmfts.sensor.source import SourceError, SourceState
 from fmfts.simulation.chip import NOISE_T, ChipArray
-from fmfts.simulation.finger import Finger, columns, finger_of
+from fmfts.simulation.finger import Finger, Touch, columns, finger_of
 from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.neighbour import NeighbourMagnet, seeded
 from fmfts.simulation.pad_file import mechanics_of
@@ -78,6 +78,7 @@ class Simulated:
         self._warming_k_per_s = source.warming_k_per_minute / 60.0
         self._magnet_per_k = config.magnet.temperature_coefficient_per_k
         self._has_thermometer = source.chip == "hmc5983"
+        self._pressed: tuple[tuple[MountedPad, list[Touch], float] | None, Array] = None, np.empty(0)
         self._start_ns: int | None = None
         self._sequence = 0
         self._delivered = np.full(len(drawing.sensors), np.iinfo(np.int64).min)
@@ -164,15 +165,25 @@ class Simulated:
             ambient = ambient + other.field(self._built.pad.sensors.position_m, sampled_s, warming_k)
         if not self.mounted:
             return self._built.sensed(ambient)
-        press = columns([self.finger(moment) for moment in sampled_s.tolist()])
-        magnet = self._built.pad.magnet
-        warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
-        return self._built.sensed(ambient + self._built.magnet_field(*press, magnet=warm))
+        return self._built.sensed(ambient + self._magnet_field(sampled_s, warming_k))
+
+    def _magnet_field(self, sampled_s: Array, warming_k: float) -> Array:
+        """(N, 3) of the magnet, computed again only when the finger, the pad or its warmth is another."""
+        touches = [self.finger(moment) for moment in sampled_s.tolist()]
+        pressed, field_t = self._pressed
+        if pressed is None or pressed[0] is not self._built or pressed[1:] != (touches, warming_k):
+            magnet = self._built.pad.magnet
+            warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
+            field_t = self._built.magnet_field(*columns(touches), magnet=warm)
+            self._pressed = (self._built, touches, warming_k), field_t
+        return field_t
 
     def _ambient(self, sampled_s: Array) -> Array:
         """(N, 3) the Earth's field as the pad sees it while the robot turns about an axis askew to everything."""
         if self.tumbling:
             return np.array([_tumbled(moment) @ self._built.ambient_t for moment in sampled_s])
+        if self.turning_rad_per_s == 0.0:
+            return np.tile(self._built.ambient_t, (len(sampled_s), 1))
         angles = self.turning_rad_per_s * sampled_s
         return np.array([rotation_from_vector(TURNING_AXIS * angle) @ self._built.ambient_t for angle in angles])
 
