@@ -26,6 +26,11 @@ class StandingStill:
             for processor in os.sched_getaffinity(0)
         ]
 
+    @property
+    def total_s(self) -> float:
+        """Of all processors together: 0 where none stood still."""
+        return sum(end - start for start, end in self.times)
+
     def within(self, start_s: float, end_s: float) -> bool:
         return any(start < end_s and start_s < end for start, end in self.times)
 

@@ -12,7 +12,7 @@ from fmfts.runtime.channel import SHORTEST_SILENCE_NS
 from fmfts_client import Contact, Status
 from standing_still import StandingStill
 
-SECONDS = 60.0
+SECONDS, RATE_HZ = 60.0, 220.0
 SILENT_S = SHORTEST_SILENCE_NS * 1e-9 + 0.05  # the daemon looks twenty times a second
 
 
@@ -49,7 +49,7 @@ def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad:
                 assert message is not None
                 if message.kind == "status":
                     statuses.append(Status.from_message(message.body))
-                    counted.append((len(sequence), message.body["utc_ns"]))
+                    counted.append((len(sequence), message.body["t_publish_ns"]))
                 else:
                     contact = Contact.from_message(message.body)
                     sequence.append(contact.seq)
@@ -59,18 +59,24 @@ def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad:
             elapsed = time.monotonic() - start
             share = (_cpu_s(pid) - cpu_before) / elapsed
             grown_kb = _resident_kb(pid) - resident_before
-    rate_hz = len(sequence) / elapsed
-    print(f"{rate_hz:.2f} Hz, {share:.1%} of a core, grown by {grown_kb} kB to {resident_before + grown_kb} kB")
+    print(f"{len(sequence) / elapsed:.2f} Hz, {share:.1%} of a core, {grown_kb} kB more than {resident_before}")
     assert sequence == list(range(sequence[0], sequence[0] + len(sequence)))
-    # Where a processor stood still, the board's process or the daemon's did, and silence is what there was.
+    # While a processor stood still, the board's process or the daemon's did: then silence is what there was, and what
+    # came later than it may was left out. Otherwise there was none of either.
+    said = f"processors stood still at {computer.times}"
     unfounded = [told_s for told_s in silences_s if not computer.within(told_s - SILENT_S, told_s)]
-    assert not unfounded, f"silent at {unfounded}, while processors stood still at {computer.times}"
+    assert not unfounded, f"silent at {unfounded}; {said}"
     assert healths == {"ok": len(sequence) - len(silences_s)} | ({"stale": len(silences_s)} if silences_s else {})
-    assert statuses[-1].gaps == statuses[-1].dropped == statuses[-1].crc_errors == statuses[-1].reconnects == 0
+    excused = 2.0 * RATE_HZ * computer.total_s
+    lost = statuses[-1].gaps + statuses[-1].dropped
+    assert lost <= excused, f"{lost} frames; {said}"
+    assert statuses[-1].crc_errors == statuses[-1].reconnects == 0
     # What each status says of its second is what came in it, to two frames at its ends, however the second went.
     for status, (before, since_ns), (count, now_ns) in zip(statuses[1:], counted, counted[1:], strict=False):
-        assert abs(status.rate_hz - (count - before) / ((now_ns - since_ns) * 1e-9)) < 0.01 * 220.0
-    assert abs(rate_hz / 220.0 - 1.0) < 0.01
+        came_hz = (count - before) / ((now_ns - since_ns) * 1e-9)
+        if not computer.within(since_ns * 1e-9 - SILENT_S, now_ns * 1e-9):
+            assert abs(status.rate_hz - came_hz) < 0.01 * RATE_HZ, said
+    assert abs(len(sequence) - RATE_HZ * elapsed) < 0.01 * RATE_HZ * elapsed + excused, said
     # 13,200 messages: 1 MB would be 80 bytes kept of each.
     assert grown_kb < 1024
     assert share < 0.25
