@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.source import Source, SourceError
+from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
 # What pads of one device may differ in; all else is the device's and has to be equal.
 _OF_THE_PAD = {
@@ -54,11 +55,11 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
         case BridgeSource():
             from fmfts.sensor.bridge.bridge import Bridge
 
-            return Bridge(by_index)
+            return Bridge({index: on_board(pad) for index, pad in by_index.items()})
         case I2cSource():
             from fmfts.sensor.i2c.source import I2c
 
-            return I2c(by_index)
+            return I2c({index: on_i2c(pad) for index, pad in by_index.items()})
         case ReplaySource():
             from fmfts.recording.source import Replayed
 
@@ -67,6 +68,41 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.simulation.source import Simulated
 
             return Simulated(first, neighbours_of(first, pads))
+
+
+def on_board(pad: PadConfig) -> PadOnBoard:
+    """What a bridge's driver needs of the configuration."""
+    source = pad.source
+    assert isinstance(source, BridgeSource)
+    return PadOnBoard(
+        name=pad.name,
+        sensors=len(pad.geometry.sensors_mm),
+        chip=source.chip,
+        rate_hz=source.rate_hz,
+        range_gauss=source.range_gauss,
+        trigger=source.trigger,
+        port=source.port,
+        baud=source.baud,
+        uid=source.uid,
+    )
+
+
+def on_i2c(pad: PadConfig) -> PadOnI2c:
+    """What an I2C bus's driver needs of the configuration."""
+    source = pad.source
+    assert isinstance(source, I2cSource)
+    return PadOnI2c(
+        name=pad.name,
+        sensors=len(pad.geometry.sensors_mm),
+        chip=source.chip,
+        rate_hz=source.rate_hz,
+        range_gauss=source.range_gauss,
+        trigger=source.trigger,
+        bus=source.bus,
+        clock_hz=source.clock_hz,
+        mux_address=source.mux_address,
+        channels=source.channels,
+    )
 
 
 def _by_index(members: list[PadConfig]) -> dict[int, PadConfig]:

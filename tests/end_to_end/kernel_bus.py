@@ -18,6 +18,7 @@ from emulator.chips import LSB_PER_GAUSS
 from fmfts.config import GeometryConfig, I2cSource, PadConfig
 from fmfts.sensor import Frame
 from fmfts.sensor.i2c.source import I2c
+from fmfts.sources import on_i2c
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 SERVER = Path(__file__).parents[1] / "emulator" / "i2c_kernel_bus.py"
@@ -60,7 +61,7 @@ class KernelBus:
 
     def open(self, *pads: PadConfig) -> I2c:
         """A source that is closed with the bus."""
-        self._sources.append(I2c(dict(enumerate(pads))))
+        self._sources.append(I2c({index: on_i2c(pad) for index, pad in enumerate(pads)}))
         return self._sources[-1]
 
     def stop(self) -> None:

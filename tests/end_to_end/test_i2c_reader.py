@@ -11,6 +11,7 @@ import pytest
 from end_to_end.kernel_bus import PATIENCE_S, KernelBus, all_valid, kernel_bus, pad, run
 from fmfts.sensor import Frame, SourceError
 from fmfts.sensor.i2c.source import I2c
+from fmfts.sources import on_i2c
 
 
 @pytest.fixture
@@ -114,9 +115,9 @@ def test_closing_ends_the_reader(kernel: KernelBus) -> None:
 )
 def test_what_cannot_work_is_refused_before_anything_is_opened(pads: list[dict], words: str) -> None:
     with pytest.raises(SourceError, match="pad") as refusal:
-        I2c({index: pad(f"pad{index}", **options) for index, options in enumerate(pads)})
+        I2c({index: on_i2c(pad(f"pad{index}", **options)) for index, options in enumerate(pads)})
     assert words in str(refusal.value)
 
 
 def test_three_pads_fit_on_one_bus_at_220_hz() -> None:
-    I2c({index: pad(f"pad{index}", rate_hz=220, mux_address=0x70 + index) for index in range(3)}).close()
+    I2c({index: on_i2c(pad(f"pad{index}", rate_hz=220, mux_address=0x70 + index)) for index in range(3)}).close()

@@ -21,6 +21,7 @@ from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
 from fmfts.sensor.wire.framing import Decoder
 from fmfts.sensor.wire.packets import Sample
+from fmfts.sources import on_i2c
 
 PRIORITY = 3
 FIRST = (os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, PRIORITY)
@@ -81,7 +82,7 @@ def test_reader_of_an_ordinary_daemon_is_ordinary(kernel: KernelBus, tmp_path: P
 
 @pytest.mark.skipif(not CAN_GIVE_IT_UP, reason="needs root and setpriv, to give the right up")
 def test_reader_that_may_not_come_first_says_so_and_reads(kernel: KernelBus) -> None:
-    config = msgspec.structs.replace(reader_config({0: pad()}), realtime_priority=PRIORITY)
+    config = msgspec.structs.replace(reader_config({0: on_i2c(pad())}), realtime_priority=PRIORITY)
     record = CallRecord()
     reader = subprocess.Popen(
         [*WITHOUT_THE_RIGHT, sys.executable, "-m", "fmfts.sensor.i2c.reader", str(record.descriptor), _json(config)],

@@ -20,6 +20,7 @@ from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, Sample
+from fmfts.sources import on_board
 
 TOPIC = b"contact/demo"
 
@@ -49,7 +50,7 @@ class Told:
 
 def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
     on_bridge = msgspec.structs.replace(config, source=BridgeSource(port="/dev/null"))
-    link = Link({0: on_bridge}, SourceState("a board"), clock := DeviceClock())
+    link = Link({0: on_board(on_bridge)}, SourceState("a board"), clock := DeviceClock())
     link.restart()
     return link, clock
 

@@ -18,6 +18,8 @@ from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import SensorState, Verb
+from fmfts.sensor.wired_pad import PadOnBoard
+from fmfts.sources import on_board
 
 PATIENCE_S = 10.0  # bounds liveness on a busy machine; nothing here takes a second but what says so
 
@@ -36,13 +38,14 @@ def plugged(port: Path, **options: object) -> Iterator[Board]:
         board.unplug()
 
 
-def pad(port: Path, name: str = "left", sensors: int = 4, **source: object) -> PadConfig:
+def pad(port: Path, name: str = "left", sensors: int = 4, **source: object) -> PadOnBoard:
     positions = tuple((float(i), 0.0, 0.0) for i in range(sensors))
-    return PadConfig(
+    config = PadConfig(
         name=name,
         source=BridgeSource(port=str(port), **source),  # type: ignore[arg-type]
         geometry=GeometryConfig(sensors_mm=positions),
     )
+    return on_board(config)
 
 
 def run(bridge: Bridge, *boards: Board, until: Callable[[], object], frames: list | None = None) -> list:

@@ -26,7 +26,7 @@ from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import Response
-from fmfts.contact.verified import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulation.chip import NOISE_T
 

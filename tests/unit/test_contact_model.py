@@ -17,7 +17,7 @@ from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.contract import parse_response
 from fmfts.contact.response import bound_of
-from fmfts.contact.verified import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulation.chip import NOISE_T
 from fmfts.simulation.solved_table import standard_mechanics

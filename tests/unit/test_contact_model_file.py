@@ -16,7 +16,7 @@ from test_contact_model import CALIBRATION
 
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES
-from fmfts.contact.verified import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 
 

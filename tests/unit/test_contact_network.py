@@ -21,7 +21,7 @@ from fmfts.contact.comparison import NotComparedError, answers, answers_of_onnxr
 from fmfts.contact.inference import _network
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
-from fmfts.contact.verified import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.pipeline.fast import Kind
 

@@ -34,16 +34,18 @@ from fmfts.sensor.wire.packets import (
     StatusPad,
     Verb,
 )
+from fmfts.sensor.wired_pad import PadOnBoard
+from fmfts.sources import on_board
 
 UID = bytes(range(12))
 SECOND_NS = 1_000_000_000
 GOOD = SelftestSensor(0, (452, 452, 421), (-452, -452, -421))
 
 
-def pad(name: str = "left", sensors: int = 4, **source: object) -> PadConfig:
+def pad(name: str = "left", sensors: int = 4, **source: object) -> PadOnBoard:
     positions = tuple((float(i), 0.0, 0.0) for i in range(sensors))
     settings = BridgeSource(port="/dev/null", **source)  # type: ignore[arg-type]
-    return PadConfig(name=name, source=settings, geometry=GeometryConfig(sensors_mm=positions))
+    return on_board(PadConfig(name=name, source=settings, geometry=GeometryConfig(sensors_mm=positions)))
 
 
 def hello(*sensors: int, **changes: object) -> Hello:

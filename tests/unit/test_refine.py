@@ -20,7 +20,7 @@ from fmfts.contact.contract import RESPONSE_KEY, parse_response
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import Response, most_likely
-from fmfts.contact.verified import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.simulation.chip import NOISE_T
 

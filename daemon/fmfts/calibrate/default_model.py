@@ -15,7 +15,7 @@ from pathlib import Path
 
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.training import Options, calibrate
-from fmfts.contact.verified import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH
 
 HIDDEN, SHEAR_HIDDEN = 24, 24
 

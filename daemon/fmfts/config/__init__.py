@@ -131,10 +131,6 @@ class PlacementConfig(_Section, frozen=True):
         return Placement(np.array(self.position_mm, dtype=float) * 1e-3, turn, self.tolerance_mm * 1e-3)
 
 
-# Names of the contact models that ship, for the standard pad; anything else is a path.
-SHIPPED_MODELS = ("default", "shear")
-
-
 class ContactConfig(_Section, frozen=True):
     model: str = "default"
     refine: bool = False

@@ -8,7 +8,6 @@ from itertools import combinations
 from pathlib import Path
 
 from fmfts.config import (
-    SHIPPED_MODELS,
     BridgeSource,
     Config,
     I2cSource,
@@ -18,6 +17,7 @@ from fmfts.config import (
     SourceConfig,
     collect,
 )
+from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips.hmc5983 import gain_code_for_range
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
 from fmfts_client.endpoints import EndpointError, Endpoints
@@ -136,14 +136,14 @@ def _rest(pad: PadConfig) -> Iterator[Problem]:
 
 
 def _model(pad: PadConfig) -> Iterator[Problem]:
-    if pad.contact.model not in SHIPPED_MODELS and not Path(pad.contact.model).is_file():
+    if pad.contact.model not in SHIPPED_PATHS and not Path(pad.contact.model).is_file():
         yield ("contact", "model"), f'neither "default" nor "shear" nor a file: there is no {pad.contact.model}'
 
 
 def other_silicone(pad: PadConfig) -> str | None:
     """What is to be said of a simulated slab that the model was not made for; nothing in a model tells its own."""
     source = pad.source
-    if isinstance(source, SimulatedSource) and source.mechanics != "standard" and pad.contact.model in SHIPPED_MODELS:
+    if isinstance(source, SimulatedSource) and source.mechanics != "standard" and pad.contact.model in SHIPPED_PATHS:
         return (
             f"[pad.source] mechanics is {source.mechanics}, but [pad.contact] model {pad.contact.model!r} was made for "
             "the standard slab: places and forces will be wrong; calibrate this one (docs/calibration.md) and set model"

@@ -16,8 +16,8 @@ from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
-from fmfts.contact.verified import DEFAULT_PATH as DEFAULT_PATH
-from fmfts.contact.verified import check_versions, compared, inference_of, path_of, read
+from fmfts.contact.shipped import path_of
+from fmfts.contact.verified import check_versions, compared, inference_of, read
 from fmfts.pad import Array, Pad
 
 REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
@@ -144,7 +144,7 @@ class ContactModel:
     def load(
         cls, path: str, pad: Pad, *, refine: bool = False, friction: float = 0.0, smoothing_s: float = 0.0
     ) -> Self:
-        """The model at `path`, or of SHIPPED_MODELS, for `pad`; ModelError names what is wrong with it."""
+        """The model at `path`, or one of contact/shipped.py, for `pad`; ModelError names what is wrong with it."""
         file = path_of(path)
         try:
             content = read(file)

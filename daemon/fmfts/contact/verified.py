@@ -5,24 +5,15 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from fmfts.config import SHIPPED_MODELS
 from fmfts.contact.comparison import NotComparedError, difference
 from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
 from fmfts.contact.inference import LARGEST_HIDDEN, CompiledInference, Inference
 from fmfts.contact.onnx_file import Graph, OnnxFile
 from fmfts.contact.recognition import network_of
 
-SHIPPED_PATHS = {name: Path(__file__).with_name(f"{name}.onnx") for name in SHIPPED_MODELS}
-DEFAULT_PATH = SHIPPED_PATHS["default"]
-
 log = logging.getLogger(__name__)
 
 _differences: dict[bytes, str | None] = {}  # by network: pads of one structure are asked about once
-
-
-def path_of(model: str) -> Path:
-    """Of `[pad.contact] model`; one that ships, or a path."""
-    return SHIPPED_PATHS.get(model, Path(model))
 
 
 def read(file: Path) -> bytes:

@@ -13,8 +13,9 @@ import msgspec
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
-from fmfts.config import SHIPPED_MODELS, PadConfig
+from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError
+from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.pipeline.configured import model_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore
@@ -96,7 +97,7 @@ class Replay:
     def __init__(self, path: Path, model_paths: Sequence[str] = ()) -> None:
         self.path = path
         self.comparison = Comparison()
-        self._model_paths = (*SHIPPED_MODELS, *model_paths)
+        self._model_paths = (*SHIPPED_PATHS, *model_paths)
         self._pipelines: dict[str, PadPipeline] = {}
         self._boot = ""
         self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → its first state

@@ -16,7 +16,7 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
-from fmfts.contact.verified import path_of
+from fmfts.contact.shipped import path_of
 from fmfts.pad import Pad
 from fmfts_lab.bench import contact_live, contact_shear, contact_sizes
 from fmfts_lab.bench.contact_answers import answers

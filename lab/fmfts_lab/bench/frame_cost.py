@@ -18,7 +18,8 @@ from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.contact import ContactModel
 from fmfts.contact.session import SessionInference
-from fmfts.contact.verified import DEFAULT_PATH, read
+from fmfts.contact.shipped import DEFAULT_PATH
+from fmfts.contact.verified import read
 from fmfts.pipeline.configured import model_of
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Lane
@@ -31,6 +32,7 @@ from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.link import Link
 from fmfts.simulation.baseline import simulated_baseline
+from fmfts.sources import on_board
 from fmfts_client.endpoints import for_daemon
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import pad_of
@@ -62,7 +64,7 @@ def costs(
 ) -> dict[str, list[int]]:
     """Nanoseconds of each frame after the first SETTLED; `before` is called before each stage."""
     found: dict[str, list[int]] = {}
-    link, topic = Link({0: config}, SourceState("bench"), DeviceClock()), contact_topic(config.name)
+    link, topic = Link({0: on_board(config)}, SourceState("bench"), DeviceClock()), contact_topic(config.name)
     compiled, in_python, whole = pipeline_of(config), pipeline_of(config), Whole(config, publisher)
     model = ContactModel.load("default", config.pad())
     session = SessionInference(read(DEFAULT_PATH))
@@ -95,7 +97,7 @@ class Whole:
 
     def __init__(self, config: PadConfig, publisher: Publisher) -> None:
         self._clock, self._topic = DeviceClock(), contact_topic(config.name)
-        self._link = Link({0: config}, SourceState("bench"), self._clock)
+        self._link = Link({0: on_board(config)}, SourceState("bench"), self._clock)
         self._pipeline = pipeline_of(config)
         send = send_function()
         assert send is not None

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from fmfts.contact.session import session_of
-from fmfts.contact.verified import path_of, read
+from fmfts.contact.shipped import path_of
+from fmfts.contact.verified import read
 from fmfts.pose import STOP_CHI2
 from fmfts.pose.problem import MAX_ITERATIONS
 from fmfts_lab.bench.speed import MOVED_M, MOVED_RAD

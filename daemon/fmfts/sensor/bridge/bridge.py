@@ -9,7 +9,6 @@ from pathlib import Path
 
 import serial
 
-from fmfts.config import BridgeSource, PadConfig
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import SourceError, SourceState
@@ -18,6 +17,7 @@ from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import UID_BYTES, Verb
+from fmfts.sensor.wired_pad import PadOnBoard
 
 READ_BYTES = 4096  # all that Linux holds back of a line
 FIRST_BACKOFF_NS = 50_000_000
@@ -30,18 +30,17 @@ FRAME_BYTES = (21, 8)  # on the line: of any sample packet, and for each sensor
 
 
 class Bridge:
-    """A Source: one board on one port, feeding the pads of `pads` (pad index → config)."""
+    """A Source: one board on one port, feeding the pads of `pads` by their index on it."""
 
     clock_ns = staticmethod(time.monotonic_ns)  # the one that frames bear; a bench has its own
 
-    def __init__(self, pads: Mapping[int, PadConfig], by_id: Path = Path("/dev/serial/by-id")) -> None:
-        source = next(iter(pads.values())).source
-        assert isinstance(source, BridgeSource)
-        self.state = SourceState(description=f"bridge on {source.port}")
+    def __init__(self, pads: Mapping[int, PadOnBoard], by_id: Path = Path("/dev/serial/by-id")) -> None:
+        any_pad = next(iter(pads.values()))
+        self.state = SourceState(description=f"bridge on {any_pad.port}")
         self._pads = pads
-        self._configured_port = source.port
-        self._baud = source.baud
-        self._uid = None if source.uid is None else _uid_bytes(source.uid, next(iter(pads.values())).name)
+        self._configured_port = any_pad.port
+        self._baud = any_pad.baud
+        self._uid = None if any_pad.uid is None else _uid_bytes(any_pad.uid, any_pad.name)
         self._clock = DeviceClock()
         self._link = Link(pads, self.state, self._clock, self._uid)
         self._by_id = by_id
@@ -49,7 +48,7 @@ class Bridge:
         self._found: dict[str, str] = {}  # port → what is there, of the present round
         self._serial: serial.Serial | None = None
         self._descriptor: int | None = None  # of the open port: asking pyserial takes longer than reading
-        self._port = source.port
+        self._port = any_pad.port
         self._opened_ns = 0
         self._attempt_ns = 0
         self._backoff_ns = FIRST_BACKOFF_NS
@@ -160,7 +159,7 @@ class Bridge:
         self._descriptor = self._serial.fileno()
         self._opened_ns = now_ns
         self._outbox = b""
-        sensors = max(len(pad.geometry.sensors_mm) for pad in self._pads.values())
+        sensors = max(pad.sensors for pad in self._pads.values())
         frame_bytes = FRAME_BYTES[0] + FRAME_BYTES[1] * sensors
         self._clock.fixed_delay_ns = serial_port.transfer_ns(self._port, self._baud, frame_bytes)
         self._link.restart()

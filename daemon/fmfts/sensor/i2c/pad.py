@@ -15,8 +15,8 @@ from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.i2c.bus import I2cBus
 from fmfts.sensor.i2c.reader_config import PadWiring
 from fmfts.sensor.i2c.sensor import Sensor, now_us
-from fmfts.sensor.settings import Settings
 from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, HelloPad, HelloSensor, Sample, SensorState, StatusPad
+from fmfts.sensor.wired_pad import Settings
 
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
 TRIGGER_TRIES = 3

@@ -23,10 +23,10 @@ from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.i2c.bus import CallRecord, I2cBus
 from fmfts.sensor.i2c.pad import I2cPad
 from fmfts.sensor.i2c.reader_config import ReaderConfig
-from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.packets import ALL_PADS, UID_BYTES, Hello, Packet, Reply, Request, Result, Status, Verb
+from fmfts.sensor.wired_pad import Settings
 from fmfts.service.realtime import RealtimeError, take_thread_priority
 
 STATUS_NS = 1_000_000_000

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
-from fmfts.config import I2cSource, PadConfig
 from fmfts.sensor.chips.rates import i2c_cycle_s, i2c_rate_hz
-from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.packets import MAX_PADS, MAX_SENSORS
+from fmfts.sensor.wired_pad import PadOnI2c, Settings
 
 
 class PadWiring(Struct, frozen=True):
@@ -49,38 +48,33 @@ class ReaderConfig(Struct, frozen=True):
         return i2c_rate_hz(self.chip, self.trigger_name, self.clock_hz, self.sensors, len(self.pads))
 
 
-def reader_config(pads: Mapping[int, PadConfig]) -> ReaderConfig:
-    """One bus's pads (pad index → config) as its reader wants them; SourceError where they cannot work together."""
-    configs = [pads[index] for index in sorted(pads)]
-    source = _source(configs[0])
-    settings = Settings.of(configs[0])
-    wirings = tuple(PadWiring(pad.name, _source(pad).mux_address, _source(pad).channels) for pad in configs)
-    for pad in configs:
+def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
+    """One bus's pads by their index as its reader wants them; SourceError where they cannot work together."""
+    in_order = [pads[index] for index in sorted(pads)]
+    first = in_order[0]
+    settings = Settings.of(first)
+    wirings = tuple(PadWiring(pad.name, pad.mux_address, pad.channels) for pad in in_order)
+    for pad in in_order:
         _check_channels(pad)
     _check_sharing(wirings)
     config = ReaderConfig(
-        source.bus, source.clock_hz, source.chip, source.rate_hz, settings.gain_code, settings.trigger, wirings
+        first.bus, first.clock_hz, first.chip, first.rate_hz, settings.gain_code, settings.trigger, wirings
     )
     if config.rate_hz > config.highest_rate_hz:
-        names = " and ".join(repr(pad.name) for pad in configs)
+        names = " and ".join(repr(pad.name) for pad in in_order)
         raise SourceError(
             f"pad {names}: {config.sensors} sensors at {config.rate_hz} Hz are more "
-            f"than I2C bus {source.bus} carries at {source.clock_hz} Hz: at most {config.highest_rate_hz} Hz; "
+            f"than I2C bus {first.bus} carries at {first.clock_hz} Hz: at most {config.highest_rate_hz} Hz; "
             "lower rate_hz, raise clock_hz (400000 is the mux's limit), or use another bus"
         )
     return config
 
 
-def _source(pad: PadConfig) -> I2cSource:
-    assert isinstance(pad.source, I2cSource)
-    return pad.source
-
-
-def _check_channels(pad: PadConfig) -> None:
-    channels, sensors = _source(pad).channels, len(pad.geometry.sensors_mm)
-    if len(channels) != sensors or not 1 <= sensors <= MAX_SENSORS:
+def _check_channels(pad: PadOnI2c) -> None:
+    channels = pad.channels
+    if len(channels) != pad.sensors or not 1 <= pad.sensors <= MAX_SENSORS:
         raise SourceError(
-            f"pad {pad.name!r}: {len(channels)} channels, but {sensors} places in geometry.sensors_mm: "
+            f"pad {pad.name!r}: {len(channels)} channels, but {pad.sensors} places in geometry.sensors_mm: "
             f"one channel a sensor, 1 to {MAX_SENSORS} of them"
         )
     if len(set(channels)) != len(channels):

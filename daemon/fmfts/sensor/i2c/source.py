@@ -11,7 +11,6 @@ from contextlib import suppress
 
 import msgspec
 
-from fmfts.config import PadConfig
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
@@ -19,6 +18,7 @@ from fmfts.sensor.source import SourceError, SourceState
 from fmfts.sensor.wire.clock import HostClock
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import Verb
+from fmfts.sensor.wired_pad import PadOnI2c
 from fmfts.service.realtime import thread_priority
 
 READ_BYTES = 65536
@@ -34,9 +34,9 @@ CLOSE_S = 1.0
 
 
 class I2c:
-    """A Source: one bus, feeding the pads of `pads` (pad index → config); SourceError when it cannot carry them."""
+    """A Source: one bus, feeding the pads of `pads` by their index on it; SourceError when it cannot carry them."""
 
-    def __init__(self, pads: Mapping[int, PadConfig]) -> None:
+    def __init__(self, pads: Mapping[int, PadOnI2c]) -> None:
         self._config = reader_config(pads)
         self._pads = pads
         self._path = f"/dev/i2c-{self._config.bus}"

@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
-from fmfts.config import PadConfig
-from fmfts.sensor.settings import Settings
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.packets import Hello, Status, StatusPad, Verb
+from fmfts.sensor.wired_pad import Settings, WiredPad
 
 # What of hello a request changes.
 SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}
@@ -19,7 +18,7 @@ SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger
 class Board:
     """`hello`: its last, None until it has spoken. uid: of the only board that is the right one, None for any."""
 
-    def __init__(self, pads: Mapping[int, PadConfig], state: SourceState, uid: bytes | None) -> None:
+    def __init__(self, pads: Mapping[int, WiredPad], state: SourceState, uid: bytes | None) -> None:
         self.hello: Hello | None = None
         self._pads = pads
         self._settings = Settings.of(next(iter(pads.values())))

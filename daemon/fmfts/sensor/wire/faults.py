@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from fmfts.config import PadConfig
 from fmfts.sensor.chips import hmc5983
 from fmfts.sensor.wire.codec import VERSION
 from fmfts.sensor.wire.packets import Hello, HelloPad, Reply, Request, Result, SensorState, Verb
+from fmfts.sensor.wired_pad import WiredPad
 
 Key = TypeVar("Key")
 
@@ -84,18 +84,18 @@ def bad_clock(hello: Hello) -> str | None:
     return "the board runs on its RC oscillator, its times are ±1 % before correction: check the crystal"
 
 
-def pad_mismatch(pad: PadConfig, pad_index: int, hello: Hello) -> str | None:
+def pad_mismatch(pad: WiredPad, pad_index: int, hello: Hello) -> str | None:
     """Why the board cannot serve a pad of the config at all, None when it can."""
     if pad_index >= len(hello.pads):
         wants = f"pad {pad.name!r} wants pad_index = {pad_index} (they count from 0)"
         return f"the board has {_some(len(hello.pads), 'pad')}, {wants}: correct the config"
     sensors = len(hello.pads[pad_index].sensors)
-    return None if sensors == len(pad.geometry.sensors_mm) else wrong_sensor_count(pad, sensors)
+    return None if sensors == pad.sensors else wrong_sensor_count(pad, sensors)
 
 
-def wrong_sensor_count(pad: PadConfig, sensors: int) -> str:
-    expected = len(pad.geometry.sensors_mm)
-    return f"pad {pad.name!r}: the source has {sensors} sensors, geometry.sensors_mm has {expected}: correct the config"
+def wrong_sensor_count(pad: WiredPad, sensors: int) -> str:
+    wanted = f"geometry.sensors_mm has {pad.sensors}"
+    return f"pad {pad.name!r}: the source has {sensors} sensors, {wanted}: correct the config"
 
 
 def contradiction(hello: Hello, pad_index: int, sensors: int) -> str | None:

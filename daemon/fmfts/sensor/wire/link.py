@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from fmfts.config import PadConfig
 from fmfts.sensor.chips import hmc5983
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
 from fmfts.sensor.source import SourceState
@@ -28,6 +27,7 @@ from fmfts.sensor.wire.packets import (
 )
 from fmfts.sensor.wire.requests import REPEAT_NS, Requests
 from fmfts.sensor.wire.selftests import Selftests
+from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of a load cell that nobody asks for
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
@@ -38,7 +38,7 @@ class Link:
 
     def __init__(
         self,
-        pads: Mapping[int, PadConfig],
+        pads: Mapping[int, WiredPad],
         state: SourceState,
         clock: DeviceClock | HostClock,
         uid: bytes | None = None,
@@ -171,7 +171,7 @@ class Link:
         pad = self._pads.get(pad_index)
         if pad is None or not self.is_right_board:
             return None
-        wrong = sensors != len(pad.geometry.sensors_mm)
+        wrong = sensors != pad.sensors
         faults.note(self._state.pad_faults, pad_index, faults.wrong_sensor_count(pad, sensors) if wrong else None)
         return None if wrong else host_time_ns
 

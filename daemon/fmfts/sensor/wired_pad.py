@@ -1,0 +1,63 @@
+"""A pad as its driver needs it, and what that asks of the chips. `sources.py` makes it from the configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips.rates import highest_rate_hz
+from fmfts.sensor.source import SourceError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WiredPad:
+    """`name` is for people, who wrote it in the configuration; `trigger` is "free" or "simultaneous"."""
+
+    name: str
+    sensors: int
+    chip: str
+    rate_hz: int
+    range_gauss: float
+    trigger: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PadOnBoard(WiredPad):
+    """`uid`: 24 hex digits of the only board that is the right one; None: any board on `port`."""
+
+    port: str
+    baud: int
+    uid: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PadOnI2c(WiredPad):
+    """`channels` of the switch at `mux_address`, one a sensor."""
+
+    bus: int
+    clock_hz: int
+    mux_address: int
+    channels: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """As the wire has them: `trigger` 0 free, 1 simultaneous."""
+
+    gain_code: int
+    rate_hz: int
+    trigger: int
+
+    @classmethod
+    def of(cls, pad: WiredPad) -> Self:
+        """SourceError where no chip can do what is asked."""
+        most_hz = highest_rate_hz(pad.chip, pad.trigger, over_bridge=isinstance(pad, PadOnBoard))
+        if pad.rate_hz > most_hz:
+            asked = f"rate_hz = {pad.rate_hz}, chip = {pad.chip!r}, trigger = {pad.trigger!r}"
+            raise SourceError(f"pad {pad.name!r}: {asked}: at most {most_hz} Hz are possible; lower rate_hz")
+        try:
+            gain_code = hmc5983.gain_code_for_range(pad.range_gauss)
+        except ValueError as error:
+            raise SourceError(f"pad {pad.name!r}: range_gauss: {error}") from None
+        return cls(gain_code, pad.rate_hz, int(pad.trigger == "simultaneous"))
