@@ -17,6 +17,7 @@ from test_pipeline import PERIOD_NS, config_of, pipeline_of
 from examples import examples
 from fmfts.bus.messages import ContactMessage
 from fmfts.common.double_table import Named
+from fmfts.common.memory import hand_over
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pipeline.contact_message import PackedMessage
@@ -266,13 +267,9 @@ def test_the_memory_comes_back_whole() -> None:
     memories = []
     for pipeline in (compiled, oracle):
         assert pipeline._estimator is not None
-        memory = Named(_fast.MEMORY)
-        pipeline._alignment.write(memory)
-        assert pipeline._estimator._tracker.write(memory)
-        pipeline._estimator._touch.write(memory)
-        assert pipeline._estimator._last_us is not None
-        memory.put("last_us", pipeline._estimator._last_us)
-        memories.append(memory.values)
+        table = Named(_fast.MEMORY)
+        hand_over(pipeline.memory, table)
+        memories.append(table.values)
     # A mean residual is a small difference of fields: its rounding is that of a field.
     np.testing.assert_allclose(*memories, rtol=1e-8, atol=1e-15)
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import PadConfig, SceneConfig, SimulatedSource
+from fmfts.config import GeometryConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.contact import ContactModel
 from fmfts.offline.replay import essence
+from fmfts.pipeline.fast.compiled import _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
+from fmfts.pose import State
 from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
@@ -135,6 +140,74 @@ def test_memory_tells_where_the_pipeline_stands() -> None:
 def test_damaged_memory_is_refused(damage: bytes) -> None:
     with pytest.raises(BadMemoryError):
         restore(pipeline(DRIFTING), damage)
+
+
+def test_memory_of_format_1_is_read() -> None:
+    """What the version before wrote: 1.5 s into a lying sensor, and one second into a session of a turning robot."""
+    given = msgspec.msgpack.decode((Path(__file__).parents[1] / "data/memories_v1.msgpack").read_bytes())
+    lying, turning = pipeline(DRIFTING), pipeline(CONSTANT)
+    lying.use(simulated_baseline(DRIFTING))
+    turning.use(simulated_baseline(CONSTANT))
+    restore(lying, given["a sensor that lies"])
+    restore(turning, given["a turned robot"])
+    memory = lying.memory
+    assert memory.number == 330
+    assert memory.estimator is not None
+    assert memory.estimator.tracker.watch is not None
+    finding = memory.estimator.tracker.watch.finding
+    assert finding is not None
+    assert finding.sensor == 1
+    assert memory.estimator.tracker.watch.residuals.pushed == 55
+    next_frame = frames(DRIFTING, sensor_that_lies)[330]
+    assert lying.process(next_frame).health == "degraded"
+    memory = turning.memory
+    assert memory.estimator is not None
+    assert memory.estimator.constancy is not None
+    assert memory.estimator.constancy.frames_seen == 230
+    assert 0 < len(memory.estimator.constancy.explained) <= 12
+    assert memory.estimator.tracker.disturbed_frames > 0
+
+
+def test_memory_of_a_later_format_is_refused_with_what_to_do() -> None:
+    later = msgspec.msgpack.encode({"format": 3, "memory": {}})
+    with pytest.raises(BadMemoryError, match=r"format 3, .*update fmfts"):
+        restore(pipeline(DRIFTING), later)
+
+
+def test_every_memory_of_the_compiled_path_is_declared_once() -> None:
+    """`passed` and `was_sound` count since the hand-over, and are of C alone."""
+    first = pipeline(CONSTANT)
+    first.use(simulated_baseline(CONSTANT))
+    declared = list(names(first.memory))
+    for name in set(_fast.MEMORY) - {"passed", "was_sound"}:
+        assert declared.count(name) == 1, name
+
+
+def names(memory: object) -> Iterator[str]:
+    for each in dataclasses.fields(memory):  # type: ignore[arg-type]
+        value = getattr(memory, each.name)
+        yield each.name
+        if dataclasses.is_dataclass(value) and not isinstance(value, State):
+            yield from names(value)
+
+
+def test_memory_of_another_number_of_sensors_is_refused_and_changes_nothing() -> None:
+    three = msgspec.structs.replace(DRIFTING, geometry=GeometryConfig(sensors_mm=((8, 8, 0), (8, -8, 0), (-8, 8, 0))))
+    before, other = (
+        pipeline(DRIFTING),
+        PadPipeline(
+            three.pad(),
+            ContactModel.load("default", DRIFTING.pad()),
+            "boot",
+            220.0,
+            choose(DRIFTING.scene, DRIFTING.magnet).tracking,
+        ),
+    )
+    content = snapshot(other)
+    was = snapshot(before)
+    with pytest.raises(BadMemoryError, match=r"alignment.field_t has the shape \(3, 3, 3\), not \(3, 4, 3\)"):
+        restore(before, content)
+    assert snapshot(before) == was
 
 
 def test_memory_of_a_pad_with_a_baseline_is_refused_by_one_without() -> None:

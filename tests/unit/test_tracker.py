@@ -96,7 +96,7 @@ def test_a_pose_from_which_nothing_is_found_is_left_for_rest(pad: Pad, tracker: 
         position_m=np.array([1.14964e-3, 1.80606e-3, 8.66247e-3]),
         axis=np.array([0.65950428, -0.08882453, -0.7464344]) / np.linalg.norm([0.65950428, -0.08882453, -0.7464344]),
     )
-    tracker._last = fallen
+    tracker.memory.state = fallen
     assert tracker.update(field_at(pad, fallen), DEVIATION).health == "ok"
     steel = np.random.default_rng(5).normal(0.0, 1e-4, (4, 3))
     assert tracker.update(field_at(pad, fallen) + steel, DEVIATION).estimate is None

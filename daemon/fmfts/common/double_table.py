@@ -23,6 +23,9 @@ class Named:
             self._part[name] = self.values[first : first + count]
             first += count
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._part
+
     def __getitem__(self, name: str) -> Array:
         return self._part[name]
 

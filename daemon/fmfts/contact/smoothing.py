@@ -10,6 +10,8 @@ small.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fmfts.arithmetic.elementary import exp, power, square
@@ -21,34 +23,41 @@ COMPONENTS = 5  # position, and the axis but for what follows from it
 JUMP_PROBABILITY = 1e-3
 
 
+@dataclass(slots=True)
+class SmootherMemory:
+    """pose (6,) position and axis, None before the first; speed and acceleration (6,) per s and s²."""
+
+    pose: Array | None
+    speed: Array
+    acceleration: Array
+
+
 class Smoother:
     """One pad's. memory_s: in which a frame's weight falls to 1/e; zero passes every pose on as it is."""
 
     def __init__(self, memory_s: float) -> None:
         self._memory_s = memory_s
         self._jump_chi2 = quantile(JUMP_PROBABILITY, COMPONENTS)
-        self._pose: Array | None = None
-        self._speed = np.zeros(6)
-        self._acceleration = np.zeros(6)
+        self.memory = SmootherMemory(None, np.zeros(6), np.zeros(6))
 
     def update(self, position_m: Array, axis: Array, covariance: Array, elapsed_s: float) -> tuple[Array, Array, Array]:
         """A pose and its covariance (6, 6), `elapsed_s` after the one before, as smoothed."""
         if self._memory_s == 0.0:
             return position_m, axis, covariance
-        pose = np.concatenate([position_m, axis])
+        memory, pose = self.memory, np.concatenate([position_m, axis])
         fading = exp(-elapsed_s / self._memory_s)
         predicted = None
-        if self._pose is not None:
-            predicted = self._pose + (self._speed + self._acceleration * elapsed_s / 2.0) * elapsed_s
+        if memory.pose is not None:
+            predicted = memory.pose + (memory.speed + memory.acceleration * elapsed_s / 2.0) * elapsed_s
         if predicted is None or elapsed_s <= 0.0 or self._jumped(pose - predicted, covariance):
-            self._pose, self._speed, self._acceleration = pose, np.zeros(6), np.zeros(6)
+            memory.pose, memory.speed, memory.acceleration = pose, np.zeros(6), np.zeros(6)
             return position_m, axis, covariance
         innovation, fresh = pose - predicted, 1.0 - fading
         smoothed = predicted + (1.0 - power(fading, 3)) * innovation
-        self._speed += self._acceleration * elapsed_s + 1.5 * square(fresh) * (1.0 + fading) / elapsed_s * innovation
-        self._acceleration += power(fresh, 3) / square(elapsed_s) * innovation
-        self._pose = np.concatenate([smoothed[:3], smoothed[3:] / length(smoothed[3:])])
-        return self._pose[:3], self._pose[3:], covariance
+        memory.speed += memory.acceleration * elapsed_s + 1.5 * square(fresh) * (1.0 + fading) / elapsed_s * innovation
+        memory.acceleration += power(fresh, 3) / square(elapsed_s) * innovation
+        memory.pose = np.concatenate([smoothed[:3], smoothed[3:] / length(smoothed[3:])])
+        return memory.pose[:3], memory.pose[3:], covariance
 
     def _jumped(self, innovation: Array, covariance: Array) -> bool:
         """Noise of the prediction and of the pose: less than twice the pose's in variance."""

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import isfinite
 
 from fmfts.arithmetic.matrix import SingularError, cholesky, product, solve_lower
 from fmfts.common.chi2 import quantile
-from fmfts.common.double_table import Named
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents
 # A contact ends when several frames in a row are as close to rest as 99 % of unloaded ones are.
 RELEASE_PROBABILITY = 0.01
 RELEASE_FRAMES = 5
+
+
+@dataclass(slots=True)
+class TouchMemory:
+    """quiet_frames: in a row, as close to rest as unloaded ones are."""
+
+    touched: bool = False
+    quiet_frames: int = 0
 
 
 class TouchDetector:
@@ -28,17 +36,7 @@ class TouchDetector:
         self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
         # After a longer one, who touched before it may be gone: half a period is for jitter.
         self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
-        self._touched = False
-        self._quiet_frames = 0
-
-    def write(self, memory: Named) -> None:
-        """For the compiled path."""
-        memory.put("touched", self._touched)
-        memory.put("quiet_frames", self._quiet_frames)
-
-    def read(self, memory: Named) -> None:
-        """What `write` wrote, and the compiled path went on with."""
-        self._touched, self._quiet_frames = bool(memory.number("touched")), int(memory.number("quiet_frames"))
+        self.memory = TouchMemory()
 
     def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
         """Contact after this frame; None where it has no usable pose. The state before a gap holds after it.
@@ -49,25 +47,27 @@ class TouchDetector:
         chi2 = _chi2(displacement, covariance)
         if chi2 is None:
             return None
-        self._quiet_frames = self._quiet_frames + 1 if chi2 < self.release_chi2 else 0
+        memory = self.memory
+        memory.quiet_frames = memory.quiet_frames + 1 if chi2 < self.release_chi2 else 0
         if chi2 > self.onset_chi2:
-            self._touched = True
-        elif self._quiet_frames >= RELEASE_FRAMES:
-            self._touched = False
-        return self._touched
+            memory.touched = True
+        elif memory.quiet_frames >= RELEASE_FRAMES:
+            memory.touched = False
+        return memory.touched
 
     def unseen(self) -> None:
-        """A frame that told no pose. Who touched may be gone since: after as many as end a contact, an onset is asked.
+        """A frame without a pose. After RELEASE_FRAMES of them the contact is released, and a new one needs an onset.
 
-        Else each gap would be followed by a false contact as often as RELEASE_PROBABILITY says.
+        Otherwise a false contact would follow each gap as often as RELEASE_PROBABILITY says.
         """
-        self._quiet_frames = min(self._quiet_frames + 1, RELEASE_FRAMES)
-        if self._quiet_frames == RELEASE_FRAMES:
-            self._touched = False
+        memory = self.memory
+        memory.quiet_frames = min(memory.quiet_frames + 1, RELEASE_FRAMES)
+        if memory.quiet_frames == RELEASE_FRAMES:
+            memory.touched = False
 
     def forget(self) -> None:
         """As if nothing had touched yet."""
-        self._touched, self._quiet_frames = False, 0
+        self.memory.touched, self.memory.quiet_frames = False, 0
 
 
 def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:

@@ -58,7 +58,7 @@ class Sender:
         self._boot = boot
         self._model = model
         self.number = 0
-        self._sampled_ns = 0
+        self.sampled_ns = 0
         self._templates: tuple[Template, ...] = ()  # of each kind
         self._templates_of: tuple[bool, str] | None = None  # without a thermometer, baseline
         self._last_kind: Kind | None = None  # of the last message, where that was a packed one
@@ -71,11 +71,11 @@ class Sender:
             self._templates = tuple(self._template(kind, frame, mounting, baseline) for kind in Kind)
             self._templates_of = frame.temperature_c is None, baseline.id
         self._last_kind = judged.kind
-        self._sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
+        self.sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
         self.number += 1
         publish_ns = time.monotonic_ns()
-        payload = path.message(self._templates[judged.kind], self.number, self._sampled_ns, publish_ns, time.time_ns())
-        return PackedMessage(payload, judged.kind, self._sampled_ns, publish_ns)
+        payload = path.message(self._templates[judged.kind], self.number, self.sampled_ns, publish_ns, time.time_ns())
+        return PackedMessage(payload, judged.kind, self.sampled_ns, publish_ns)
 
     def begin(self, lane: Lane) -> bool:
         """Let `lane` send the next messages; False where the last one was no packed one."""
@@ -85,7 +85,7 @@ class Sender:
 
     def passed(self, passed: Passed) -> PackedMessage:
         """The last message of a lane that had begun."""
-        self.number, self._sampled_ns, self._last_kind = passed.number, passed.t_sample_ns, passed.kind
+        self.number, self.sampled_ns, self._last_kind = passed.number, passed.t_sample_ns, passed.kind
         return PackedMessage(passed.payload, passed.kind, passed.t_sample_ns, passed.t_publish_ns)
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
@@ -97,9 +97,9 @@ class Sender:
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
         )
         reading = Reading("ok", "", np.ones((len(frame.valid), 3), np.bool_), estimate, contact, kind != Kind.QUIET)
-        number, sampled_ns = self.number, self._sampled_ns
+        number, sampled_ns = self.number, self.sampled_ns
         message = self.message(reading, 0, frame.temperature_c, mounting, baseline)
-        self.number, self._sampled_ns = number, sampled_ns
+        self.number, self.sampled_ns = number, sampled_ns
         return Template.of(message)
 
     def message(
@@ -111,7 +111,7 @@ class Sender:
         baseline: Baseline | None,
     ) -> ContactMessage:
         """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
-        self._sampled_ns = self._sampled_ns if sampled_ns is None else sampled_ns
+        self.sampled_ns = self.sampled_ns if sampled_ns is None else sampled_ns
         self._last_kind = None
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
@@ -123,7 +123,7 @@ class Sender:
             pad=self._pad,
             boot=self._boot,
             seq=self.number,
-            t_sample_ns=self._sampled_ns,
+            t_sample_ns=self.sampled_ns,
             t_publish_ns=time.monotonic_ns(),
             utc_ns=time.time_ns(),
             temperature_c=temperature_c,

@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.baseline import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
-from fmfts.contact import ContactModel, Smoother, TouchDetector
-from fmfts.pad import Pad, Placement
+from fmfts.common.memory import require_alike
+from fmfts.contact import ContactModel
+from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.baselined_pad import ZeroedPad
 from fmfts.pipeline.contact_message import PackedMessage, Reading, Sender
+from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import HealthyPath, Lane, Passed
-from fmfts.pose import Aligned, Alignment, State, TrackingModel, displacement
-from fmfts.pose.neighbour import NeighbourView, Seen, Sighting, placement_deviation, with_rest
+from fmfts.pose import Alignment, State, TrackingModel
+from fmfts.pose.alignment import AlignmentMemory
+from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.sensor import Frame
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
-BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
-# A finger never lifts the magnet. One that stays lifted for this long was pressed when its baseline was recorded.
-LIFTED_S = 0.2
+
+
+@dataclass(slots=True)
+class PipelineMemory:
+    """All that the next message depends on besides its frame, the configuration and the baseline. number, sampled_ns:
+    of the last message. sighting: (state, covariance (6, 6), time_ns) of the magnet when it was last seen."""
+
+    alignment: AlignmentMemory
+    estimator: EstimatorMemory | None
+    number: int
+    sampled_ns: int
+    sighting: tuple[State, Array, int | None]
+    why_no_estimator: str
 
 
 class PadPipeline:
@@ -127,6 +138,32 @@ class PadPipeline:
                 self._compiled = self._estimator.hand_over(self._alignment)
         return self._sender.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
 
+    @property
+    def memory(self) -> PipelineMemory:
+        """As it is between two frames; the next frame is judged in Python then."""
+        self.hand_back()
+        estimator, sighting = self._estimator, self._sighting
+        return PipelineMemory(
+            self._alignment.memory,
+            None if estimator is None else estimator.memory,
+            *(self._sender.number, self._sender.sampled_ns),
+            (sighting.last, sighting.covariance, sighting.time_ns),
+            self._why_none,
+        )
+
+    def recall(self, memory: PipelineMemory) -> None:
+        """From the next frame on, go on from the memory of another pipeline of the same configuration and baseline.
+
+        ValueError where it cannot be that of such a pipeline; nothing has changed then.
+        """
+        require_alike(memory, self.memory)
+        self._alignment.memory = memory.alignment
+        if self._estimator is not None and memory.estimator is not None:
+            self._estimator.recall(memory.estimator)
+        self._sender.number, self._sender.sampled_ns = memory.number, memory.sampled_ns
+        self._sighting.last, self._sighting.covariance, self._sighting.time_ns = memory.sighting
+        self._why_none = memory.why_no_estimator
+
     def hand_back(self) -> None:
         """All memory of the frames before is in Python then, until the next healthy frame."""
         if self._compiled is not None and self._estimator is not None:
@@ -140,75 +177,3 @@ class PadPipeline:
             self._estimator.forget_touch()
         reading = Reading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
         return self._sender.message(reading, None, None, self.mounting, self.baseline)
-
-
-class Estimator:
-    """Field → pose → contact of a pad that has a baseline."""
-
-    def __init__(self, zeroed: ZeroedPad, model: ContactModel, rate_hz: float, stopped_us: float) -> None:
-        self.zeroed = zeroed
-        self.baseline = zeroed.baseline
-        self.mounting = zeroed.mounting
-        self._model = model
-        self._tracker = zeroed.tracker()
-        self._constancy = zeroed.constancy()
-        self._touch = TouchDetector(rate_hz)
-        self._smoother = Smoother(model.smoothing_s)
-        self._last_us: int | None = None
-        self._lifted_s = 0.0
-        resting = zeroed.resting_covariance()
-        self.unfelt_n = 0.0 if resting is None else model.unfelt_n(resting, self._touch.onset_chi2)
-        self._path: HealthyPath | None = None
-        if zeroed.at_rest:
-            self._path = HealthyPath.of(
-                *(zeroed.drawing, zeroed.mounting, zeroed.tracking, zeroed.temperature_c, model, self._touch),
-                *(zeroed.change_error, zeroed.repeats_allowed, stopped_us, self.unfelt_n),
-            )
-
-    def hand_over(self, alignment: Alignment) -> HealthyPath | None:
-        """The compiled path, with what the next frame needs to know; None where only Python can judge it."""
-        if self._path is None or self._last_us is None or self._lifted_s > 0.0:
-            return None
-        if self._constancy is not None and self._constancy.is_moving:
-            return None
-        return self._path if self._path.take(alignment, self._tracker, self._touch, self._last_us) else None
-
-    def take_back(self, path: HealthyPath, alignment: Alignment) -> None:
-        self._last_us = path.give(alignment, self._tracker, self._touch)
-        if self._constancy is not None:
-            self._constancy.passed(path.passed)
-
-    def forget_touch(self) -> None:
-        self._touch.forget()
-
-    def read(self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[Seen] = ()) -> Reading:
-        """Field → pose → contact, as far as each can be believed."""
-        elapsed_s = 0.0 if self._last_us is None else max(aligned.time_us - self._last_us, 0) * 1e-6
-        self._last_us = aligned.time_us
-        lively = aligned.repeats <= self.zeroed.repeats_allowed
-        field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
-        lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
-        if neighbours:
-            field = with_rest(field, self.zeroed.pad.sensors, neighbours)
-            elsewhere = root_of_squares(elsewhere, placement_deviation(self.zeroed.pad.sensors, neighbours))
-        noise = self.mounting.noise_t * aligned.noise_share
-        deviation = np.sqrt(square(lasting) + square(elsewhere) + square(noise))
-        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours)
-        if self._constancy is not None:
-            track = self._constancy.judge(track, field, deviation)
-        if not self.zeroed.at_rest:
-            return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
-        if track.estimate is None or track.health == "disturbed":
-            self._touch.unseen()
-            return Reading(track.health, track.reason, track.used)
-        if elapsed_s > self._touch.longest_gap_s:
-            self._touch.forget()
-        estimate = self.zeroed.honest(track.estimate)
-        touching = self._touch.update(*displacement(estimate, self.mounting.rest))
-        # The model knows the drawing's pad.
-        contact = self._model.estimate(*self._smoother.update(*self.zeroed.as_drawn(estimate), elapsed_s))
-        if self._lifted_s < LIFTED_S:
-            self._lifted_s = self._lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
-        if self._lifted_s >= LIFTED_S:
-            return Reading("no_baseline", self.zeroed.refuted, track.used, track.estimate)
-        return Reading(track.health, track.reason, track.used, track.estimate, contact, touching, self.unfelt_n)

@@ -25,14 +25,14 @@ static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
         before = fmax(before, memory->time_us[i]);
         double *sample[3], *time = memory->time_us + i;
         for (int k = 0; k < 3; k++) {
-            sample[k] = memory->field_t + k * FMFTS_AXES + 3 * i;
+            sample[k] = memory->field_t + 3 * (k * sensors + i);
         }
         bool fresh = frame->fresh >> i & 1;
         if (fresh) {
             memcpy(sample[2], sample[1], 3 * sizeof(double));
             memcpy(sample[1], sample[0], 3 * sizeof(double));
-            time[2 * FMFTS_SENSORS] = time[FMFTS_SENSORS];
-            time[FMFTS_SENSORS] = time[0];
+            time[2 * sensors] = time[sensors];
+            time[sensors] = time[0];
             time[0] = sampled;
         }
         for (int axis = 0; axis < 3; axis++) {
@@ -58,11 +58,12 @@ static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
 static void interpolate(const fmfts_facts *facts, const fmfts_memory *memory, int axis, double instant,
                         fmfts_field *field)
 {
+    int sensors = (int)facts->sensors[0], axes = 3 * sensors;
     const double *time = memory->time_us + axis / 3;
-    double newest = memory->field_t[axis], previous = memory->field_t[FMFTS_AXES + axis],
-           oldest = memory->field_t[2 * FMFTS_AXES + axis];
-    double behind = time[0] - instant, gap = fmax(time[0] - time[FMFTS_SENSORS], 1.0),
-           gap_before = fmax(time[FMFTS_SENSORS] - time[2 * FMFTS_SENSORS], 1.0);
+    double newest = memory->field_t[axis], previous = memory->field_t[axes + axis],
+           oldest = memory->field_t[2 * axes + axis];
+    double behind = time[0] - instant, gap = fmax(time[0] - time[sensors], 1.0),
+           gap_before = fmax(time[sensors] - time[2 * sensors], 1.0);
     double share = fmin(fmax(behind / gap, 0.0), 1.0);
     double aligned = (1.0 - share) * newest + share * previous;
     double slopes = (newest - previous) / gap - (previous - oldest) / gap_before;
@@ -93,7 +94,7 @@ bool fmfts_align(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
     for (int i = 0; i < sensors; i++) {
         latest = fmax(latest, memory->time_us[i]);
         instant = fmin(instant, memory->time_us[i]);
-        if (!(memory->time_us[FMFTS_SENSORS + i] > 0.0)) {
+        if (!(memory->time_us[sensors + i] > 0.0)) {
             return false;
         }
     }

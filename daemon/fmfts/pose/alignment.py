@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import log, square
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.arithmetic.series import erf
-from fmfts.common.double_table import Named
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -44,51 +43,47 @@ class Aligned:
     repeats: NDArray[np.int64]
 
 
+@dataclass(slots=True)
+class AlignmentMemory:
+    """field_t (3, N, 3) and time_us (3, N): the three newest samples of each sensor, newest first; repeats (N, 3)."""
+
+    field_t: Array
+    time_us: Times
+    repeats: NDArray[np.int64]
+
+
 class Alignment:
     """The last three samples of each of `count` sensors."""
 
     def __init__(self, count: int, period_us: float) -> None:
-        self._field = np.full((3, count, 3), np.nan)  # newest first
-        self._time = np.zeros((3, count), dtype=np.int64)
-        self._repeats = np.zeros((count, 3), dtype=np.int64)
+        self.memory = AlignmentMemory(
+            np.full((3, count, 3), np.nan), np.zeros((3, count), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
+        )
         self.stopped_us = STOPPED_PERIODS * period_us
-
-    def write(self, memory: Named) -> None:
-        """For the compiled path, which has room for more sensors."""
-        count = self._time.shape[1]
-        memory["field_t"].reshape(3, -1)[:, : 3 * count] = self._field.reshape(3, -1)
-        memory["time_us"].reshape(3, -1)[:, :count] = self._time
-        memory.put("repeats", self._repeats)
-
-    def read(self, memory: Named) -> None:
-        """What `write` wrote, and the compiled path went on with."""
-        count = self._time.shape[1]
-        self._field[:] = memory["field_t"].reshape(3, -1)[:, : 3 * count].reshape(3, count, 3)
-        self._time[:] = memory["time_us"].reshape(3, -1)[:, :count]
-        self._repeats = memory["repeats"][: 3 * count].reshape(count, 3).astype(np.int64)
 
     def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
         """Take the newest field (N, 3) with the time of each sensor's sample (N,); only `fresh` ones are new."""
-        if time_us.max() < self._time[0].max() - self.stopped_us:
+        memory = self.memory
+        if time_us.max() < memory.time_us[0].max() - self.stopped_us:
             # The board was reset, and its time with it.
-            self._field[:], self._time[:] = np.nan, 0
+            memory.field_t[:], memory.time_us[:] = np.nan, 0
         if fresh.all():
-            self._field[2], self._field[1], self._field[0] = self._field[1], self._field[0], field_t
-            self._time[2], self._time[1], self._time[0] = self._time[1], self._time[0], time_us
-            self._repeats = np.where(self._field[0] == self._field[1], self._repeats + 1, 0)
+            memory.field_t[2], memory.field_t[1], memory.field_t[0] = memory.field_t[1], memory.field_t[0], field_t
+            memory.time_us[2], memory.time_us[1], memory.time_us[0] = memory.time_us[1], memory.time_us[0], time_us
+            memory.repeats = np.where(memory.field_t[0] == memory.field_t[1], memory.repeats + 1, 0)
         elif fresh.any():
-            self._field[1:, fresh] = self._field[:-1, fresh]
-            self._time[1:, fresh] = self._time[:-1, fresh]
-            self._field[0, fresh] = field_t[fresh]
-            same = self._field[0, fresh] == self._field[1, fresh]
-            self._repeats[fresh] = np.where(same, self._repeats[fresh] + 1, 0)
-            self._time[0, fresh] = time_us[fresh]
-        newest, previous, oldest = self._field
-        time, before = self._time[0], self._time[1]
+            memory.field_t[1:, fresh] = memory.field_t[:-1, fresh]
+            memory.time_us[1:, fresh] = memory.time_us[:-1, fresh]
+            memory.field_t[0, fresh] = field_t[fresh]
+            same = memory.field_t[0, fresh] == memory.field_t[1, fresh]
+            memory.repeats[fresh] = np.where(same, memory.repeats[fresh] + 1, 0)
+            memory.time_us[0, fresh] = time_us[fresh]
+        newest, previous, oldest = memory.field_t
+        time, before, oldest_time = memory.time_us
         running = (time.max() - time <= self.stopped_us) & np.isfinite(field_t).any(axis=1)
         if not running.any():
             nothing = np.full_like(newest, np.nan)
-            return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), self._repeats.copy())
+            return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), memory.repeats.copy())
         instant = int(time[running].min())
         # Share of the previous sample: 0 for the chip whose newest sample is the instant, never an extrapolation.
         share = np.clip((time - instant) / np.maximum(time - before, 1), 0.0, 1.0)[:, None]
@@ -98,7 +93,11 @@ class Alignment:
         # Error of linear interpolation: half the second derivative times the distances to both ends. Twice that, for
         # where a tap begins or ends, the divided difference has seen only half of the acceleration yet. A chip that is
         # faster than the frames now and then leaves a gap of two periods, over which four times as much may bend.
-        behind, gap, gap_before = time - instant, np.maximum(time - before, 1), np.maximum(before - self._time[2], 1)
+        behind, gap, gap_before = (
+            time - instant,
+            np.maximum(time - before, 1),
+            np.maximum(before - oldest_time, 1),
+        )
         slopes = (newest - previous) / gap[:, None] - (previous - oldest) / gap_before[:, None]
         reach = 2.0 * behind * np.maximum(gap - behind, 0) / (gap + gap_before)
         bend = np.abs(reach[:, None] * slopes)
@@ -108,7 +107,7 @@ class Alignment:
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
-        return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, self._repeats.copy())
+        return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, memory.repeats.copy())
 
 
 def repeats_allowed(noise_t: Array, step_t: float) -> Array:

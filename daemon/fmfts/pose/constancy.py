@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections import deque
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,53 +28,64 @@ MOVED_DEVIATIONS, MOVED_T = 6.0, 5e-7
 WELL_FRAMES = 220
 
 
+@dataclass(slots=True)
+class ConstancyMemory:
+    """lowest_t, highest_t (3,): of the ambient field over the last LOOKS looks, of which `explained` says whether a
+    changed ambient field explained them. moved_t: by how much it was found to move, 0 while it was not."""
+
+    lowest_t: Array
+    highest_t: Array
+    explained: list[bool] = field(default_factory=list)
+    moved_t: float = 0.0
+    frames_seen: int = 0
+    well_frames: int = 0
+    logged: bool = False
+
+
 class Constancy:
     """Of one pad whose model holds the ambient field fixed."""
 
     def __init__(self, pad: Pad, rest: State) -> None:
         self._pad = pad
         self._rest = rest
-        self._frames = 0
-        self._well_frames = 0
-        self._logged = False
-        self._forget()
+        self.memory = ConstancyMemory(np.full(3, np.inf), np.full(3, -np.inf))
 
     def _forget(self) -> None:
-        self._explained: deque[bool] = deque(maxlen=LOOKS)
-        self._lowest_t, self._highest_t = np.full(3, np.inf), np.full(3, -np.inf)
-        self._moved_t = 0.0
+        memory = self.memory
+        memory.explained, memory.moved_t = [], 0.0
+        memory.lowest_t, memory.highest_t = np.full(3, np.inf), np.full(3, -np.inf)
 
     @property
     def is_moving(self) -> bool:
         """Whether the field was found to be no constant one, and a frame's verdict does not stand."""
-        return self._moved_t > 0.0
+        return self.memory.moved_t > 0.0
 
     def passed(self, frames: int) -> None:
         """So many frames were well, and judged by the compiled path."""
-        self._frames += frames
-        self._well_frames += frames
-        if self._well_frames >= WELL_FRAMES:
+        self.memory.frames_seen += frames
+        self.memory.well_frames += frames
+        if self.memory.well_frames >= WELL_FRAMES:
             self._forget()
 
     def judge(self, track: Track, field_t: Array, deviation_t: Array) -> Track:
         """The frame's track, or what it says of the field; field_t, deviation_t (N, 3): what the tracker was given."""
-        self._frames += 1
+        self.memory.frames_seen += 1
         if track.health == "ok":
-            self._well_frames += 1
-            if self._well_frames >= WELL_FRAMES:
+            self.memory.well_frames += 1
+            if self.memory.well_frames >= WELL_FRAMES:
                 self._forget()
         else:
-            self._well_frames = 0
-            if self._frames % EVERY == 0:
+            self.memory.well_frames = 0
+            if self.memory.frames_seen % EVERY == 0:
                 self._look(field_t, deviation_t)
-        if self._moved_t == 0.0:
+        if not self.is_moving:
             return track
         used: NDArray[np.bool_] = np.isfinite(field_t)
         return Track(None, used, "disturbed", self._reason())
 
     def _reason(self) -> str:
         return (
-            f'the ambient field moves, by {self._moved_t * 1e7:.0f} mG, and scene.ambient = "constant" says that '
+            f'the ambient field moves, by {self.memory.moved_t * 1e7:.0f} mG, and scene.ambient = "constant" says that '
             'it does not: where the pad turns, or a magnet moves far off, set ambient = "drifting" in [pad.scene]'
         )
 
@@ -83,15 +94,16 @@ class Constancy:
             return
         estimate = solve(field_t, self._pad, self._rest, deviation_t=deviation_t, free=FREE_FIELD)
         fits = estimate.status is Status.CONVERGED and estimate.chi2 < quantile(MISFIT, estimate.degrees_of_freedom)
-        self._explained.append(fits)
+        memory = self.memory
+        memory.explained = [*memory.explained, fits][-LOOKS:]
         if not fits:
             return
         ambient = estimate.state.ambient_t
-        self._lowest_t, self._highest_t = np.minimum(self._lowest_t, ambient), np.maximum(self._highest_t, ambient)
-        moved = length(self._highest_t - self._lowest_t)
+        memory.lowest_t, memory.highest_t = np.minimum(memory.lowest_t, ambient), np.maximum(memory.highest_t, ambient)
+        moved = length(memory.highest_t - memory.lowest_t)
         deviation = float(np.sqrt(np.trace(estimate.covariance[AMBIENT, AMBIENT])))
-        if sum(self._explained) >= LOOKS - 1 and moved > max(MOVED_T, MOVED_DEVIATIONS * deviation):
-            self._moved_t = max(self._moved_t, moved)
-            if not self._logged:
-                self._logged = True
+        if sum(memory.explained) >= LOOKS - 1 and moved > max(MOVED_T, MOVED_DEVIATIONS * deviation):
+            memory.moved_t = max(memory.moved_t, moved)
+            if not memory.logged:
+                memory.logged = True
                 log.warning("pad '%s': %s", self._pad.name, self._reason())

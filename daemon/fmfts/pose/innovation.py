@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import exp, square
 from fmfts.arithmetic.matrix import cholesky, complement, lengths, log_determinant, product, solve, solve_lower
 from fmfts.common.chi2 import quantile
-from fmfts.common.double_table import Named
 
 Array = NDArray[np.float64]
 
@@ -43,58 +42,48 @@ class Finding:
     suspects: tuple[int, ...] = ()
 
 
+@dataclass(slots=True)
+class ResidualMemory:
+    """By axis (3N,): mean_t of the residuals, lasting_t2 (variance that no averaging takes away), frames seen of it up
+    to MEMORY_FRAMES. change (8,): the mean of what errors are proportional to. sound: the last judgement.
+    lasting_misfit: χ² then over what a sound mean stays under, at least 1; of a mean that is no alarm."""
+
+    mean_t: Array
+    lasting_t2: Array
+    frames: Array
+    change: Array
+    pushed: int = 0
+    since: int = 0
+    sound: bool = True
+    lasting_misfit: float = 1.0
+
+
 class Innovations:
     """The mean residual of each axis, and what it says. noise_t (N, 3): white noise of one sample."""
 
     def __init__(self, noise_t: Array) -> None:
         self._noise = noise_t.ravel()
-        self._mean = np.zeros(self._noise.shape)
-        self._lasting = np.zeros(self._noise.shape)  # variance that no averaging takes away
-        self._frames = np.zeros(self._noise.shape)  # seen of each axis, up to the memory
-        self.change = np.zeros(8)  # the mean
-        self._pushed = 0
-        self._since = 0
-        self.sound = True  # at the last judgement
-        self.misfit = 1.0  # then: χ² over what a sound mean stays under, at least 1; of a mean that is no alarm
-
-    def write(self, memory: Named) -> None:
-        """For the compiled path."""
-        memory.put("mean_t", self._mean)
-        memory.put("lasting_t2", self._lasting)
-        memory.put("frames", self._frames)
-        memory.put("change", self.change)
-        memory.put("pushed", self._pushed)
-        memory.put("since", self._since)
-        memory.put("sound", self.sound)
-        memory.put("lasting_misfit", self.misfit)
-        memory.put("was_sound", False)
-
-    def read(self, memory: Named) -> None:
-        """What `write` wrote, and the compiled path went on with."""
-        count = len(self._noise)
-        self._mean[:], self._lasting[:] = memory["mean_t"][:count], memory["lasting_t2"][:count]
-        self._frames = memory["frames"][:count].copy()
-        self.change[:], self._pushed = memory["change"], int(memory.number("pushed"))
-        self._since, self.sound = int(memory.number("since")), bool(memory.number("sound"))
-        self.misfit = memory.number("lasting_misfit")
+        axes = self._noise.shape
+        self.memory = ResidualMemory(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros(8))
 
     def forget(self) -> None:
-        self._mean[:], self._frames[:], self._pushed = 0.0, 0.0, 0
+        memory = self.memory
+        memory.mean_t[:], memory.frames[:], memory.pushed = 0.0, 0.0, 0
 
     def push(self, residual_t: Array, lasting_t: Array, change: Array) -> bool:
         """One frame's residual (N, 3), NaN where an axis is silent; lasting_t (N, 3): deviation of the part of its
         error that stays from frame to frame, whatever the cause; change (8,): what errors are proportional to.
         True when it is time to judge."""
-        residual, lasting = residual_t.ravel(), square(lasting_t.ravel())
-        self._pushed = min(self._pushed + 1, MEMORY_FRAMES)
-        self.change += (change - self.change) / self._pushed
+        memory, residual, lasting = self.memory, residual_t.ravel(), square(lasting_t.ravel())
+        memory.pushed = min(memory.pushed + 1, MEMORY_FRAMES)
+        memory.change += (change - memory.change) / memory.pushed
         seen = np.isfinite(residual)
-        self._frames = np.where(seen, np.minimum(self._frames + 1.0, MEMORY_FRAMES), 0.0)
-        share = 1.0 / np.maximum(self._frames, 1.0)
-        self._mean += np.where(seen, share * (residual - self._mean), -self._mean)
-        self._lasting += np.where(seen, share * (lasting - self._lasting), -self._lasting)
-        self._since += 1
-        return self._since % JUDGED_EVERY == 0
+        memory.frames = np.where(seen, np.minimum(memory.frames + 1.0, MEMORY_FRAMES), 0.0)
+        share = 1.0 / np.maximum(memory.frames, 1.0)
+        memory.mean_t += np.where(seen, share * (residual - memory.mean_t), -memory.mean_t)
+        memory.lasting_t2 += np.where(seen, share * (lasting - memory.lasting_t2), -memory.lasting_t2)
+        memory.since += 1
+        return memory.since % JUDGED_EVERY == 0
 
     def judge(self, jacobian: Array, tolerated: Array, foreign: Array, forgiving: bool) -> Finding | None:
         """None while the mean is that of healthy sensors. jacobian (3N, unknowns).
@@ -102,24 +91,25 @@ class Innovations:
         tolerated, foreign (3N, K): patterns in tesla, of one deviation each, that nothing is wrong with (an error that
         is considered), and that a field from elsewhere makes. forgiving: something was found, and may be over.
         """
-        ready = self._frames >= 2 * JUDGED_EVERY
+        memory = self.memory
+        ready = memory.frames >= 2 * JUDGED_EVERY
         unknowns = jacobian.shape[1]
         freedom = int(ready.sum()) - unknowns
-        self.misfit = 1.0
+        memory.lasting_misfit = 1.0
         if freedom < 1:
             return None
         # The running mean of n frames, and once the memory is full the exponential one, which holds 2·memory − 1.
-        effective = np.where(self._frames < MEMORY_FRAMES, self._frames, 2 * MEMORY_FRAMES - 1.0)
-        weight = 1.0 / np.sqrt(square(self._noise[ready]) / effective[ready] + self._lasting[ready])
+        effective = np.where(memory.frames < MEMORY_FRAMES, memory.frames, 2 * MEMORY_FRAMES - 1.0)
+        weight = 1.0 / np.sqrt(square(self._noise[ready]) / effective[ready] + memory.lasting_t2[ready])
         scaled = weight[:, None] * jacobian[ready]
         parity = complement(scaled / lengths(scaled.T)).T * weight
         spread = product(parity, tolerated[ready])
         parity = solve_lower(cholesky(np.eye(freedom) + product(spread, spread.T)), parity)
-        seen = product(parity, self._mean[ready])
+        seen = product(parity, memory.mean_t[ready])
         chi2 = product(seen, seen)
-        self.sound = chi2 < quantile(SOUND, freedom)
+        memory.sound = bool(chi2 < quantile(SOUND, freedom))
         if chi2 < quantile(SOUND if forgiving else FALSE_ALARM, freedom):
-            self.misfit = max(chi2 / quantile(SOUND, freedom), 1.0)
+            memory.lasting_misfit = max(chi2 / quantile(SOUND, freedom), 1.0)
             return None
         return _explained(seen, parity, foreign[ready], np.flatnonzero(ready) // 3, chi2)
 

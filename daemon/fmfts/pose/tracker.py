@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import log, square
 from fmfts.arithmetic.matrix import length, product
 from fmfts.common.chi2 import quantile, survival
-from fmfts.common.double_table import Named
 from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.foreign_field import with_foreign_field
@@ -20,7 +19,7 @@ from fmfts.pose.problem import Part, Prior, Status
 from fmfts.pose.solver import PoseEstimate, solve
 from fmfts.pose.state import LOG_MOMENT, POSITION, SIZE, State
 from fmfts.pose.tracking_model import TrackingModel
-from fmfts.pose.watch import FEWEST_SENSORS, TrackHealth, Watch, without
+from fmfts.pose.watch import FEWEST_SENSORS, TrackHealth, Watch, WatchMemory, without
 
 Array = NDArray[np.float64]
 
@@ -54,6 +53,23 @@ class Track:
     reason: str
 
 
+@dataclass(slots=True)
+class TrackerMemory:
+    """state, covariance (SIZE, SIZE): of the last good frame, `since_good_s` ago. unread_variance: of the log moment,
+    while the pad's temperature has not been read. misfit: χ² over its degrees of freedom, of late. verdict: of the
+    last search for what is wrong, which is repeated while `disturbed_frames` goes on."""
+
+    state: State
+    covariance: Array
+    unread_variance: float
+    watch: WatchMemory | None
+    since_good_s: float = 0.0
+    warmth_variance: float = 0.0
+    disturbed_frames: int = 0
+    misfit: float = 1.0
+    verdict: tuple[TrackHealth, str] = ("lost", "")
+
+
 class Tracker:
     """Levenberg–Marquardt started from the last good frame, gated by χ²; one bad sensor is found and left out.
 
@@ -76,47 +92,40 @@ class Tracker:
         self._model = model
         self._has_prior = model.has_prior
         self._rest_temperature_c = rest_temperature_c
-        self._last = rest
-        self._covariance = np.diag(model.initial)
-        self._unread_variance = square(model.moment_per_k * model.unread_warming_k)
-        self._covariance[LOG_MOMENT, LOG_MOMENT] += self._unread_variance
-        self._since_good_s = 0.0
-        self._warmth_variance = 0.0
-        self._disturbed_frames = 0
-        self._misfit = 1.0  # χ² over its degrees of freedom, of late
-        self._verdict: tuple[TrackHealth, str] = ("lost", "")
+        covariance, unread_variance = np.diag(model.initial), square(model.moment_per_k * model.unread_warming_k)
+        covariance[LOG_MOMENT, LOG_MOMENT] += unread_variance
+        watch = None if self._watch is None else self._watch.memory
+        self.memory = TrackerMemory(rest, covariance, unread_variance, watch)
         self._neighbours: Sequence[Seen] = ()
 
     @property
     def _moment_deviation(self) -> float:
-        return float(np.sqrt(self._covariance[LOG_MOMENT, LOG_MOMENT]))
+        return float(np.sqrt(self.memory.covariance[LOG_MOMENT, LOG_MOMENT]))
 
     @property
     def ambient_t(self) -> Array:
         """(N, 3) in sensor axes, of the last good frame: what of the field is not the magnet's."""
-        ambient_t: Array = product(self._last.ambient_t, self._pad.sensors.rotation)
+        ambient_t: Array = product(self.memory.state.ambient_t, self._pad.sensors.rotation)
         return ambient_t
 
-    def write(self, memory: Named) -> bool:
-        """For the compiled path; False where the last frame was not good, something is found, or the pad's temperature
-        has yet to be read."""
-        memory.put("state", self._last.vector())
-        memory.put("covariance", self._covariance)
-        memory.put("warmth_variance", self._warmth_variance)
-        memory.put("misfit", self._misfit)
-        if self._unread_variance > 0.0 and self._rest_temperature_c is not None:
+    @property
+    def can_be_handed_over(self) -> bool:
+        """To the compiled path: the last frame was good, nothing is found, and the temperature has been read."""
+        if self.memory.unread_variance > 0.0 and self._rest_temperature_c is not None:
             return False
-        return self._since_good_s == 0.0 and self._watch is not None and self._watch.write(memory)
+        return self.memory.since_good_s == 0.0 and self._watch is not None and self._watch.memory.finding is None
 
-    def read(self, memory: Named) -> None:
-        """What `write` wrote, and the compiled path went on with."""
-        self._last = State.from_vector(memory["state"].copy())
-        self._covariance = memory["covariance"].reshape(SIZE, SIZE).copy()
-        self._warmth_variance = memory.number("warmth_variance")
-        self._misfit = memory.number("misfit")
-        self._since_good_s = 0.0
+    def resumed(self, was_sound: bool) -> None:
+        """The compiled path went on with the memory: all its frames were good."""
+        self.memory.since_good_s = 0.0
         if self._watch is not None:
-            self._watch.read(memory)
+            self._watch.resumed(was_sound)
+
+    def recall(self, memory: TrackerMemory) -> None:
+        """Go on from another tracker's memory of the same pad, baseline and scene."""
+        self.memory = memory
+        if self._watch is not None and memory.watch is not None:
+            self._watch.recall(memory.watch)
 
     def update(
         self,
@@ -131,7 +140,7 @@ class Tracker:
         lasting_t is what no averaging takes away and `errors` do not say; elapsed_s since the last frame;
         temperature_c of the pad, None where unknown: then as it was. neighbours: other magnets in the field."""
         self._neighbours = neighbours
-        self._since_good_s += max(elapsed_s, 0.0)
+        self.memory.since_good_s += max(elapsed_s, 0.0)
         self._nearest = None
         if self._watch is None or lasting_t is None:
             return self._follow(field_t, deviation_t, temperature_c)
@@ -162,25 +171,26 @@ class Tracker:
 
     def _predicted(self, temperature_c: float | None) -> Prior:
         """The last good state, as warm as last known, as uncertain as time and warmth have made it since."""
-        moment, self._new_warmth = self._last.log_moment, self._warmth_variance
+        moment, self._new_warmth = self.memory.state.log_moment, self.memory.warmth_variance
         if temperature_c is not None and self._rest_temperature_c is not None:
             warmer_k = temperature_c - self._rest_temperature_c
             self._count_with(warmer_k)
-            self._new_warmth = max(square(self._model.moment_per_k_deviation * warmer_k), self._warmth_variance)
+            self._new_warmth = max(square(self._model.moment_per_k_deviation * warmer_k), self.memory.warmth_variance)
             if self._model.parts[LOG_MOMENT] == Part.CONSIDERED:
                 moment = self._rest.log_moment + self._model.moment_per_k * warmer_k
-        covariance = self._covariance + np.diag(self._model.walk_per_s * self._since_good_s)
-        covariance[LOG_MOMENT, LOG_MOMENT] += self._new_warmth - self._warmth_variance
-        return Prior(replace(self._last, log_moment=moment), covariance)
+        covariance = self.memory.covariance + np.diag(self._model.walk_per_s * self.memory.since_good_s)
+        covariance[LOG_MOMENT, LOG_MOMENT] += self._new_warmth - self.memory.warmth_variance
+        return Prior(replace(self.memory.state, log_moment=moment), covariance)
 
     def _count_with(self, warmer_k: float) -> None:
         """The first temperature that is read takes its share of the moment's error away, and of all that went with it:
         a Kalman update by a part of the error that is then known exactly."""
-        if self._unread_variance > 0.0:
-            by_moment = self._covariance[:, LOG_MOMENT] / self._covariance[LOG_MOMENT, LOG_MOMENT]
-            self._last = self._last.stepped(by_moment * (self._model.moment_per_k * warmer_k))
-            self._covariance = self._covariance - self._unread_variance * np.outer(by_moment, by_moment)
-            self._unread_variance = 0.0
+        if self.memory.unread_variance > 0.0:
+            memory = self.memory
+            by_moment = memory.covariance[:, LOG_MOMENT] / memory.covariance[LOG_MOMENT, LOG_MOMENT]
+            memory.state = memory.state.stepped(by_moment * (self._model.moment_per_k * warmer_k))
+            memory.covariance = memory.covariance - memory.unread_variance * np.outer(by_moment, by_moment)
+            memory.unread_variance = 0.0
 
     def _accept(self, estimate: PoseEstimate) -> PoseEstimate:
         """Go on from this estimate, and publish it as uncertain as frames of late misfit, or their mean does.
@@ -189,19 +199,19 @@ class Tracker:
         larger by as much. R. T. Birge, "The calculation of errors by the method of least squares", Phys. Rev. 40
         (1932) 207.
         """
-        self._misfit += (estimate.chi2 / estimate.degrees_of_freedom - self._misfit) / MISFIT_FRAMES
-        self._last, self._nearest = replace(estimate.state, neighbours=()), estimate
-        self._covariance = estimate.covariance[:SIZE, :SIZE]
-        self._warmth_variance = self._new_warmth
-        self._since_good_s = 0.0
-        self._disturbed_frames = 0
+        self.memory.misfit += (estimate.chi2 / estimate.degrees_of_freedom - self.memory.misfit) / MISFIT_FRAMES
+        self.memory.state, self._nearest = replace(estimate.state, neighbours=()), estimate
+        self.memory.covariance = estimate.covariance[:SIZE, :SIZE]
+        self.memory.warmth_variance = self._new_warmth
+        self.memory.since_good_s = 0.0
+        self.memory.disturbed_frames = 0
         lasting = 1.0 if self._watch is None else self._watch.misfit
-        return replace(estimate, covariance=max(self._misfit, lasting) * estimate.covariance)
+        return replace(estimate, covariance=max(self.memory.misfit, lasting) * estimate.covariance)
 
     def _solve(self, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool = False) -> PoseEstimate:
         """From the last pose; if that does not fit, from rest as well: at first, and then at every search."""
         estimate = self._solve_from(prior.mean, field_t, deviation_t, prior, gradient)
-        if self._fits(estimate) or self._disturbed_frames % SEARCH_EVERY:
+        if self._fits(estimate) or self.memory.disturbed_frames % SEARCH_EVERY:
             return estimate
         start = replace(prior.mean, position_m=self._rest.position_m, axis=self._rest.axis)
         again = self._solve_from(start, field_t, deviation_t, prior, gradient)
@@ -231,7 +241,7 @@ class Tracker:
         """A frame that the model does not fit: without the one sensor that is to blame, else `disturbed` or `lost`."""
         used = np.isfinite(field_t)
         self._nearest = whole if self._plausible(whole) else None
-        if self._disturbed_frames % SEARCH_EVERY == 0:
+        if self.memory.disturbed_frames % SEARCH_EVERY == 0:
             fitting = self._fitting_without(field_t, deviation_t, prior)
             steel = self._solve(field_t, deviation_t, prior, gradient=True)
             outside = self._probability(steel)
@@ -243,9 +253,9 @@ class Tracker:
                 used[sensor] = False
                 reason = f"sensor {sensor + 1} contradicts the others (χ² {whole.chi2:.0f} with it): left out"
                 return Track(self._accept(estimate), used, "degraded", reason)
-            self._verdict = self._judge(whole, list(fitting), outside > FALSE_ALARM)
-        self._disturbed_frames += 1
-        health, reason = self._verdict
+            self.memory.verdict = self._judge(whole, list(fitting), outside > FALSE_ALARM)
+        self.memory.disturbed_frames += 1
+        health, reason = self.memory.verdict
         return Track(None, used, health, reason)
 
     def _fitting_without(self, field_t: Array, deviation_t: Array, prior: Prior) -> dict[int, PoseEstimate]:

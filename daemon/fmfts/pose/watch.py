@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp
-from fmfts.common.double_table import Named
 from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.field_errors import SensorErrors, change_since
 from fmfts.pose.foreign_field import FOREIGN_DEVIATION
-from fmfts.pose.innovation import Finding, Innovations
+from fmfts.pose.innovation import Finding, Innovations, ResidualMemory
 from fmfts.pose.model import predict
 from fmfts.pose.problem import Part, Parts, magnet_rows, measurement_rows
 from fmfts.pose.solver import PoseEstimate
@@ -25,6 +24,15 @@ TrackHealth = Literal["ok", "degraded", "disturbed", "lost"]
 
 # Fewer whole sensors than this leave poses that fit as well as the true one.
 FEWEST_SENSORS = 3
+
+
+@dataclass(slots=True)
+class WatchMemory:
+    """finding: what is wrong, None while nothing is. heard: sensors that single frames blamed since."""
+
+    residuals: ResidualMemory
+    finding: Finding | None = None
+    heard: set[int] = field(default_factory=set)
 
 
 class Watch:
@@ -41,33 +49,29 @@ class Watch:
         # The parts that no unknown of the scene follows, and a field from elsewhere has.
         self._foreign = np.flatnonzero((parts == Part.FIXED) & (FOREIGN_DEVIATION > 0.0))
         self._innovations = Innovations(errors.noise_t)
-        self._finding: Finding | None = None
-        self._heard: set[int] = set()
+        self.memory = WatchMemory(self._innovations.memory)
         self._ambient_is_known = bool(parts[AMBIENT.start] == Part.FIXED)
 
     @property
     def blamed(self) -> int | None:
-        return None if self._finding is None else self._finding.sensor
+        return None if self.memory.finding is None else self.memory.finding.sensor
 
     @property
     def misfit(self) -> float:
         """By how much variances are larger than they seem, as far as what lasts tells; 1 where nothing does."""
-        return self._innovations.misfit
+        return self.memory.residuals.lasting_misfit
 
     @property
     def _clearly_heard(self) -> bool:
-        return len(self._heard) == 1
+        return len(self.memory.heard) == 1
 
-    def write(self, memory: Named) -> bool:
-        """For the compiled path; False while something is found."""
-        self._innovations.write(memory)
-        return self._finding is None
+    def recall(self, memory: WatchMemory) -> None:
+        self.memory, self._innovations.memory = memory, memory.residuals
 
-    def read(self, memory: Named) -> None:
-        """What `write` wrote, and the compiled path went on with."""
-        self._innovations.read(memory)
-        if memory.number("was_sound"):
-            self._heard.clear()
+    def resumed(self, was_sound: bool) -> None:
+        """The compiled path went on, and a mean was sound meanwhile or was not."""
+        if was_sound:
+            self.memory.heard.clear()
 
     def confirms(self, sensor: int) -> bool:
         """Whether a frame that by itself blames this sensor is to be believed.
@@ -76,9 +80,9 @@ class Watch:
         the z axes of all, look alike: the frame names one by the ambient field before it. That is worth something at
         the start of a fault, and nothing once the field has been learnt from the faulty sensor.
         """
-        if self._ambient_is_known or self._innovations.sound:
-            self._heard.add(sensor)
-        return sensor in self._heard
+        if self._ambient_is_known or self.memory.residuals.sound:
+            self.memory.heard.add(sensor)
+        return sensor in self.memory.heard
 
     def look(self, field_t: Array, lasting_t: Array, nearest: PoseEstimate | None, moment_deviation: float) -> None:
         """Add the frame's residuals to the mean, and see now and then what it says.
@@ -95,25 +99,24 @@ class Watch:
         _, jacobian = predict(self._rows, self._magnets, nearest.state)
         tolerated = jacobian[:, [LOG_MOMENT]] * moment_deviation
         if self._errors is not None:
-            mean = self._innovations.change
+            mean = self.memory.residuals.change
             tolerated = np.hstack([tolerated, self._errors.at(mean[:5], mean[5:])])
         found = self._innovations.judge(
             jacobian[:, self._unknown],
             tolerated,
             jacobian[:, self._foreign] * FOREIGN_DEVIATION[self._foreign],
-            forgiving=self._finding is not None,
+            forgiving=self.memory.finding is not None,
         )
-        if self._innovations.sound:
-            self._heard.clear()
-        elif (
-            found is not None and found.sensor is None and len(self._heard) == 1 and self._heard <= set(found.suspects)
-        ):
-            found = replace(found, sensor=min(self._heard))
-        self._finding = found
+        heard = self.memory.heard
+        if self.memory.residuals.sound:
+            heard.clear()
+        elif found is not None and found.sensor is None and len(heard) == 1 and heard <= set(found.suspects):
+            found = replace(found, sensor=min(heard))
+        self.memory.finding = found
 
     def told(self, health: TrackHealth, reason: str) -> tuple[TrackHealth, str] | None:
         """What is to be said instead of the frame's own verdict; None where that stands."""
-        found = self._finding
+        found = self.memory.finding
         if found is None or health not in ("ok", "degraded"):
             return None
         if found.sensor is not None:

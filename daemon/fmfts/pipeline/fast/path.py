@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from fmfts.baseline import Mounting
 from fmfts.common.double_table import Named
+from fmfts.common.memory import hand_over, resume
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.pipeline.fast.facts import put_contact, put_message, put_sensors, put_tracking
 from fmfts.pipeline.fast.template import Template
-from fmfts.pose import Alignment, Tracker
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.frame import Packed
 
@@ -157,24 +157,24 @@ class HealthyPath:
             self._lane = Lane(_fast.Lane((*self._pad, self._network), clock, topic, pad_index))
         return self._lane
 
-    def take(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector, last_us: int) -> bool:
-        """Take the memory over, if nothing is pending in it that only Python can judge."""
-        if not tracker.write(self._memory):
-            return False
-        alignment.write(self._memory)
-        touch.write(self._memory)
-        self._memory.put("last_us", last_us)
+    def take(self, *memories: object) -> None:
+        """Take over what the frames before have left: nothing that only Python can judge is pending in it."""
+        for memory in memories:
+            hand_over(memory, self._memory)
+        self._memory.put("was_sound", 0)
         self._memory.put("passed", 0)
-        return True
 
     @property
     def passed(self) -> int:
         """Frames judged here since the memory was taken over."""
         return int(self._memory.number("passed"))
 
-    def give(self, alignment: Alignment, tracker: Tracker, touch: TouchDetector) -> int:
-        """Give it back; the time of the last frame."""
-        alignment.read(self._memory)
-        tracker.read(self._memory)
-        touch.read(self._memory)
-        return int(self._memory.number("last_us"))
+    @property
+    def was_sound(self) -> bool:
+        """The mean of the residuals, at any judgement since then."""
+        return bool(self._memory.number("was_sound"))
+
+    def give(self, *memories: object) -> None:
+        """Give it back, into those that it was taken from."""
+        for memory in memories:
+            resume(memory, self._memory)

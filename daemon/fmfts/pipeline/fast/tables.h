@@ -104,7 +104,7 @@ enum {
 
 /* What one frame leaves to the next. */
 #define FMFTS_MEMORY(X)                                                                                                \
-    X(field_t, 3 * FMFTS_AXES)  /* three newest samples, newest first */                                               \
+    X(field_t, 3 * FMFTS_AXES)  /* three newest samples [3][sensors][3] */                                              \
     X(time_us, 3 * FMFTS_SENSORS)                                                                                      \
     X(repeats, FMFTS_AXES)                                                                                             \
     X(last_us, 1)                                                                                                      \

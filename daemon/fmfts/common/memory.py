@@ -1,0 +1,100 @@
+"""What one frame leaves to the next: a filter's memory, declared once as a dataclass of numbers, flags and arrays.
+
+The same declaration serves the hand-over to C, by the names of its fields, and recordings, as msgpack.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any, Protocol, Self, TypeVar, runtime_checkable
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.common.double_table import Named
+
+Memory = TypeVar("Memory")
+
+
+@runtime_checkable
+class AsVector(Protocol):
+    """What the C table holds as one vector."""
+
+    def vector(self) -> NDArray[np.float64]: ...
+
+    @classmethod
+    def from_vector(cls, values: NDArray[np.float64]) -> Self: ...
+
+
+def hand_over(memory: Any, table: Named) -> None:
+    """Write every field that the table has, and those of the memories within."""
+    for each in fields(memory):
+        value = getattr(memory, each.name)
+        if each.name in table:
+            table.put(each.name, value.vector() if isinstance(value, AsVector) else value)
+        elif is_dataclass(value):
+            hand_over(value, table)
+
+
+def resume(memory: Any, table: Named) -> None:
+    """Take back what `hand_over` wrote and C went on with, each field in the type that it had."""
+    for each in fields(memory):
+        value = getattr(memory, each.name)
+        if each.name in table:
+            setattr(memory, each.name, _like(value, table[each.name]))
+        elif is_dataclass(value) and not isinstance(value, AsVector):
+            resume(value, table)
+
+
+def _like(value: Any, numbers: NDArray[np.float64]) -> Any:
+    if isinstance(value, np.ndarray):
+        return numbers[: value.size].reshape(value.shape).astype(value.dtype)
+    if isinstance(value, AsVector):
+        return type(value).from_vector(numbers.copy())
+    return type(value)(numbers[0])
+
+
+def encode(memory: object) -> bytes:
+    return msgspec.msgpack.encode(memory, enc_hook=_encoded)
+
+
+def decode(content: bytes, kind: type[Memory]) -> Memory:
+    """ValueError where it is no memory of that kind."""
+    return msgspec.msgpack.decode(content, type=kind, dec_hook=_decoded)
+
+
+def convert(values: object, kind: type[Memory]) -> Memory:
+    """From the maps and lists of a memory. ValueError where they are none of that kind."""
+    return msgspec.convert(values, kind, dec_hook=_decoded)
+
+
+def require_alike(memory: object, other: object, where: str = "") -> None:
+    """ValueError where arrays have other shapes, or one of them lacks a part that the other has."""
+    if type(memory) is not type(other) and (_is_memory(memory) or _is_memory(other)):
+        raise ValueError(f"{where} is {type(memory).__name__}, not {type(other).__name__}")
+    if isinstance(memory, np.ndarray) and isinstance(other, np.ndarray) and memory.shape != other.shape:
+        raise ValueError(f"{where} has the shape {memory.shape}, not {other.shape}")
+    if _is_memory(memory):
+        for each in fields(memory):  # type: ignore[arg-type]
+            name = f"{where}.{each.name}".lstrip(".")
+            require_alike(getattr(memory, each.name), getattr(other, each.name), name)
+
+
+def _is_memory(value: object) -> bool:
+    """A frozen dataclass is a value, which may be there or not."""
+    return is_dataclass(value) and not value.__dataclass_params__.frozen  # type: ignore[attr-defined]
+
+
+def _encoded(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return {"array": value.tobytes(), "type": value.dtype.str, "shape": value.shape}
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a {type(value).__name__} is no part of a memory")
+
+
+def _decoded(kind: Any, value: Any) -> Any:
+    if not isinstance(value, dict) or getattr(kind, "__origin__", kind) is not np.ndarray:
+        raise ValueError(f"there is no {kind} in a memory")
+    return np.frombuffer(value["array"], np.dtype(value["type"])).reshape(value["shape"]).copy()
