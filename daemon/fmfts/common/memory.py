@@ -69,21 +69,21 @@ def convert(values: object, kind: type[Memory]) -> Memory:
     return msgspec.convert(values, kind, dec_hook=_decoded)
 
 
-def require_alike(memory: object, other: object, where: str = "") -> None:
+def require_alike(memory: Any, other: Any, where: str = "") -> None:
     """ValueError where arrays have other shapes, or one of them lacks a part that the other has."""
     if type(memory) is not type(other) and (_is_memory(memory) or _is_memory(other)):
         raise ValueError(f"{where} is {type(memory).__name__}, not {type(other).__name__}")
     if isinstance(memory, np.ndarray) and isinstance(other, np.ndarray) and memory.shape != other.shape:
         raise ValueError(f"{where} has the shape {memory.shape}, not {other.shape}")
     if _is_memory(memory):
-        for each in fields(memory):  # type: ignore[arg-type]
+        for each in fields(memory):
             name = f"{where}.{each.name}".lstrip(".")
             require_alike(getattr(memory, each.name), getattr(other, each.name), name)
 
 
-def _is_memory(value: object) -> bool:
+def _is_memory(value: Any) -> bool:
     """A frozen dataclass is a value, which may be there or not."""
-    return is_dataclass(value) and not value.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    return is_dataclass(value) and not value.__dataclass_params__.frozen  # type: ignore[union-attr]
 
 
 def _encoded(value: Any) -> Any:
