@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader
 
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
-from fmfts.recording.file import is_whole, read
+from fmfts.recording.file import HEADER_BYTES, is_whole, read
 
 TAPPED = """
 [[pad]]
@@ -58,7 +58,7 @@ def recorder(daemon: RunningDaemon, output: Path, *options: str) -> subprocess.P
     words = [sys.executable, "-m", "fmfts", "record", output, "--json", *options]
     process = subprocess.Popen(words, env=daemon.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + PATIENCE_S
-    while not (output.exists() and sum(1 for _ in read(output)) > 100):
+    while not (output.exists() and output.stat().st_size > HEADER_BYTES and sum(1 for _ in read(output)) > 100):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
         time.sleep(0.1)

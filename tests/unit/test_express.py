@@ -169,7 +169,7 @@ def test_a_loop_refuses_what_it_was_not_made_for(bus: Bus) -> None:
     with pytest.raises(ValueError, match="not begun"):
         bus.loop.begin(Host.LINE, b"", (host.pipeline._compiled.lane(host.clock.line, TOPIC, 0).compiled,))
     with pytest.raises(ValueError, match="clock: 8 bytes"):
-        _fast.Lane((*host.pipeline._compiled._pad, host.pipeline._compiled._network), bytearray(8), TOPIC, 0)
+        _fast.Lane(host.pipeline._compiled._pad, bytearray(8), TOPIC, 0)
 
 
 def test_a_board_is_lent_only_while_all_is_well(board: Board) -> None:  # noqa: F811

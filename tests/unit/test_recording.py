@@ -97,6 +97,12 @@ def test_what_is_no_recording_is_refused_or_empty(tmp_path: Path, content: bytes
         Replay(tmp_path / "x.mcap")
 
 
+def test_file_of_another_kind_is_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("[bus]\nendpoint = 'ipc:///tmp/a'\n")
+    with pytest.raises(RecordingError, match=r"a\.toml is no recording: it does not begin as an MCAP file does$"):
+        list(read(tmp_path / "a.toml"))
+
+
 def test_damage_is_named_with_its_place(tmp_path: Path) -> None:
     written(tmp_path / "a.mcap")
     content = bytearray((tmp_path / "a.mcap").read_bytes())
@@ -107,7 +113,7 @@ def test_damage_is_named_with_its_place(tmp_path: Path) -> None:
     end = int(str(damage.value).split("byte ")[1].split(":")[0])
     assert len(content) // 2 < end < 0.7 * len(content)
     (tmp_path / "empty.mcap").touch()
-    with pytest.raises(RecordingError, match=r"damaged after byte 0: EndOfFile$"):
+    with pytest.raises(RecordingError, match=r"is empty: its recorder has only just begun"):
         list(read(tmp_path / "empty.mcap"))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.contact.contract import Facts
-from fmfts.contact.inference import POSE, CompiledInference
+from fmfts.contact.inference import POSE, NetworkInference
 
 Poses = NDArray[np.float32]
 
@@ -42,7 +42,7 @@ def poses_of(facts: Facts) -> Poses:
     return np.concatenate([rest[None], *between]).astype(np.float32)
 
 
-def difference(compiled: CompiledInference, content: bytes, facts: Facts) -> str | None:
+def difference(compiled: NetworkInference, content: bytes, facts: Facts) -> str | None:
     """What is different, None where nothing is but rounding. NotComparedError where nobody knows."""
     poses = poses_of(facts)
     wanted = answers_of_onnxruntime(content, poses, len(compiled.contact))
@@ -58,7 +58,7 @@ def difference(compiled: CompiledInference, content: bytes, facts: Facts) -> str
     return None
 
 
-def answers(inference: CompiledInference, poses: Poses) -> NDArray[np.float64]:
+def answers(inference: NetworkInference, poses: Poses) -> NDArray[np.float64]:
     """(K, outputs, 1 + 6): contact and Jacobian beside each other."""
     found = np.empty((len(poses), len(inference.contact), 1 + POSE))
     for pose, answer in zip(poses, found, strict=True):

@@ -1,9 +1,14 @@
-/* The contact model's answer with its covariance, and what is said of it: ContactModel._contact, contact_message.py. */
+/* The contact model's answer with its covariance, and what follows from it: ContactModel._contact. */
 #include <math.h>
 
-#include "../pipeline/fast/tables.h"
+#include "step.h"
 
-enum { CONTACT = 3, POSE = 6 };
+enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE };
+typedef struct {
+    double contact[CONTACT];
+    double variance[CONTACT];
+} found;
+
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
 
 static double root_of_squares(double a, double b)
@@ -21,21 +26,27 @@ static int bin_of(double count, const double *upper, double value)
     return bin;
 }
 
-static int radius_bin(const fmfts_facts *facts, const double *contact)
+static int radius_bin(const fmfts_contact_parameters *parameters, const double *contact)
 {
-    return bin_of(facts->radius_bins[0], facts->radius_bin_m, root_of_squares(contact[0], contact[1]));
+    return bin_of(parameters->radius_bins[0], parameters->radius_bin_m, root_of_squares(contact[0], contact[1]));
 }
 
 /* ContactModel._too_hard */
-static bool too_hard(const fmfts_facts *facts, const double *contact, double variance)
+static bool too_hard(const fmfts_contact_parameters *parameters, const double *contact, double variance)
 {
-    double beyond = contact[2] - facts->force_max_n[0], slipping = facts->slipping_n[radius_bin(facts, contact)];
-    double outside = facts->outside_deviations[0];
+    double beyond = contact[2] - parameters->force_max_n[0], slipping = parameters->slipping_n[radius_bin(parameters, contact)];
+    double outside = parameters->outside_deviations[0];
     return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
 }
 
-void fmfts_take_answer(const fmfts_question *question, const float *contact, const float *jacobian, fmfts_found *found)
+/* The network's answer in its units, mm and N, and the variance that the pose's own makes of it. */
+static void answer_of(const fmfts_network *network, const fmfts_question *question, found *found)
 {
+    float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
+    for (int i = 0; i < POSE; i++) {
+        pose[i] = (float)question->pose[i];
+    }
+    fmfts_infer(network, pose, contact, jacobian);
     for (int i = 0; i < CONTACT; i++) {
         const float *row = jacobian + POSE * i;
         found->contact[i] = contact[i];
@@ -48,21 +59,22 @@ void fmfts_take_answer(const fmfts_question *question, const float *contact, con
     }
 }
 
-bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_response *response,
-                         fmfts_found *found)
+/* The most likely press instead, by the pad's response; false where there is none. */
+static bool refine(const fmfts_contact_parameters *parameters, const fmfts_question *question,
+                   const fmfts_response *response, found *found)
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT];
     if (response->loads != CONTACT - 2) {
         return false;
     }
     for (int i = 0; i < FMFTS_MOVED; i++) {
-        moved[i] = question->pose[i] - facts->model_rest[i];
+        moved[i] = question->pose[i] - parameters->model_rest[i];
         for (int j = 0; j < FMFTS_MOVED; j++) {
             covariance[FMFTS_MOVED * i + j] =
-                question->covariance[POSE * i + j] + (i == j ? facts->least_variance[0] : 0.0);
+                question->covariance[POSE * i + j] + (i == j ? parameters->least_variance[0] : 0.0);
         }
     }
-    if (!fmfts_refine(response, moved, covariance, (int)facts->refine_steps[0], found->contact, spread)) {
+    if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps[0], found->contact, spread)) {
         return false;
     }
     for (int i = 0; i < CONTACT; i++) {
@@ -71,10 +83,38 @@ bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *questio
     return true;
 }
 
-/* Fieller's theorem: model.py. */
-static double doubt(const fmfts_facts *facts, double force_n, double variance)
+bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question)
 {
-    double least = facts->certain_force_deviations[0] * facts->certain_force_deviations[0] * variance;
+    double slack[6];
+    question->share = 1.0;
+    for (int i = 0; i < 6; i++) {
+        slack[i] = parameters->outside_deviations[0] * sqrt(fmax(question->covariance[7 * i], 0.0));
+        double moved = question->pose[i] - parameters->model_rest[i];
+        double edge = moved > 0.0 ? parameters->highest[i] + slack[i] : parameters->lowest[i] - slack[i];
+        if (fabs(moved) > 1e-9) {
+            question->share = fmin(question->share, (edge - parameters->model_rest[i]) / moved);
+        }
+    }
+    double certain = parameters->lifted_deviations[0] * slack[2] / parameters->outside_deviations[0];
+    if (!(question->pose[2] - parameters->lifted_above_mm[0] - certain <= 0.0)) {
+        return false;
+    }
+    question->pose[2] = fmin(question->pose[2], parameters->trained_top_mm[0]);
+    if (question->share < 1.0) {
+        for (int i = 0; i < 6; i++) {
+            question->pose[i] = parameters->model_rest[i] + question->share * (question->pose[i] - parameters->model_rest[i]);
+        }
+        for (int i = 0; i < 36; i++) {
+            question->covariance[i] *= question->share * question->share;
+        }
+    }
+    return true;
+}
+
+/* Fieller's theorem: model.py. */
+static double doubt(const fmfts_contact_parameters *parameters, double force_n, double variance)
+{
+    double least = parameters->certain_force_deviations[0] * parameters->certain_force_deviations[0] * variance;
     return force_n > 0.0 && least < force_n * force_n ? least / (force_n * force_n) : 1.0;
 }
 
@@ -84,78 +124,59 @@ static double astray_share(double doubt)
     return doubt * doubt * sqrt(doubt);
 }
 
-static int bin_in_tables(const fmfts_facts *facts, const double *contact, int radius_bin)
+static int bin_in_tables(const fmfts_contact_parameters *parameters, const double *contact, int radius_bin)
 {
-    int force_bin = bin_of(facts->force_bins[0], facts->force_bin_n, contact[2]);
-    return force_bin * (int)facts->radius_bins[0] + radius_bin;
+    int force_bin = bin_of(parameters->force_bins[0], parameters->force_bin_n, contact[2]);
+    return force_bin * (int)parameters->radius_bins[0] + radius_bin;
 }
 
 /* ContactEstimate.central_force_sd_n */
-static double central_force_sd_n(const fmfts_facts *facts, const double *contact, const double *found)
+static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const double *found)
 {
-    return root_of_squares(sqrt(found[2]), facts->own_deviation[CONTACT * bin_in_tables(facts, contact, 0) + 2]);
+    return root_of_squares(sqrt(found[2]), parameters->own_deviation[CONTACT * bin_in_tables(parameters, contact, 0) + 2]);
 }
 
 /* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
-static void spread_of(const fmfts_facts *facts, const double *contact, const double *found, double variance[CONTACT])
+static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const double *found, double variance[CONTACT])
 {
-    int bin = bin_in_tables(facts, contact, radius_bin(facts, contact));
-    const double *own = facts->own_deviation + CONTACT * bin;
+    int bin = bin_in_tables(parameters, contact, radius_bin(parameters, contact));
+    const double *own = parameters->own_deviation + CONTACT * bin;
     for (int i = 0; i < CONTACT; i++) {
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
     }
-    double certain = 1.0 - doubt(facts, contact[2], found[2]);
-    double trained = found[2] + facts->trained_force_n[bin] * facts->trained_force_n[bin];
-    double astray = certain * astray_share(doubt(facts, contact[2], trained));
+    double certain = 1.0 - doubt(parameters, contact[2], found[2]);
+    double trained = found[2] + parameters->trained_force_n[bin] * parameters->trained_force_n[bin];
+    double astray = certain * astray_share(doubt(parameters, contact[2], trained));
     for (int i = 0; i < 2; i++) {
-        double even = facts->spread_m[i] * facts->spread_m[i];
-        bool beyond = contact[i] < facts->edges_m[2 * i] || contact[i] > facts->edges_m[2 * i + 1];
+        double even = parameters->spread_m[i] * parameters->spread_m[i];
+        bool beyond = contact[i] < parameters->edges_m[2 * i] || contact[i] > parameters->edges_m[2 * i + 1];
         double ratio = variance[i] + astray * even;
         variance[i] = beyond ? even : ratio * even / fmax(ratio, certain * even);
     }
 }
 
-/* contact_message.py */
-static double quiet_force_sd_n(double force_sd_n, double unfelt_n)
+bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *question,
+                            const fmfts_network *network, const void *response, size_t response_bytes,
+                            fmfts_estimate *estimate)
 {
-    return root_of_squares(force_sd_n, unfelt_n / sqrt(3.0));
-}
-
-static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)
-{
-    double sum = with_temperature ? numbers->temperature_c[0] : 0.0;
-    const double *first = numbers->x_m, *ambient = numbers->ambient_t, *last = (const double *)(numbers + 1);
-    for (const double *number = first; number < last; number++) {
-        sum += with_ambient || number < ambient || number >= numbers->residual_t ? *number : 0.0;
+    found found;
+    fmfts_response table;
+    double variance[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n[0];
+    answer_of(network, question, &found);
+    if (response && !(fmfts_view_response(response, response_bytes, &table) &&
+                      refine(parameters, question, &table, &found))) {
+        return false;
     }
-    return isfinite(sum);
-}
-
-fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_found *found,
-                           fmfts_numbers *numbers)
-{
-    double place[CONTACT], variance[CONTACT], limit = facts->force_max_n[0];
-    for (int i = 0; i < CONTACT; i++) {
-        place[i] = found->contact[i] * UNIT[i];
+    for (int i = 0; i < FMFTS_CONTACT; i++) {
+        place[i] = found.contact[i] * UNIT[i];
     }
-    spread_of(facts, place, found->variance, variance);
-    double force_sd = sqrt(variance[2]);
-    bool over_range = question->share < 1.0 || too_hard(facts, place, variance[2]);
-    numbers->x_m[0] = place[0];
-    numbers->x_sd_m[0] = sqrt(variance[0]);
-    numbers->y_m[0] = place[1];
-    numbers->y_sd_m[0] = sqrt(variance[1]);
-    numbers->force_n[0] = fmax(place[2], 0.0);
-    numbers->force_sd_n[0] = force_sd;
-    numbers->force_min_n[0] = fmax(fmin(place[2], limit) - facts->certain_deviations[0] * force_sd, 0.0);
-    if (!isfinite(place[2]) || !all_numbers(numbers, !isnan(numbers->temperature_c[0]), !isnan(facts->ambient_t[0]))) {
-        return FMFTS_NO_NUMBER;
+    spread_of(parameters, place, found.variance, variance);
+    for (int i = 0; i < FMFTS_CONTACT; i++) {
+        estimate->deviation[i] = sqrt(variance[i]);
     }
-    double unfelt_n = facts->unfelt_n[0];
-    if (question->touching == 0.0) {
-        numbers->force_sd_n[0] = quiet_force_sd_n(central_force_sd_n(facts, place, found->variance), unfelt_n);
-        return FMFTS_QUIET;
-    }
-    numbers->force_sd_n[0] = quiet_force_sd_n(force_sd, doubt(facts, place[2], variance[2]) * unfelt_n);
-    return over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
+    estimate->over_range = question->share < 1.0 || too_hard(parameters, place, variance[2]);
+    estimate->force_min_n = fmax(fmin(place[2], limit) - parameters->certain_deviations[0] * estimate->deviation[2], 0.0);
+    estimate->central_force_sd_n = central_force_sd_n(parameters, place, found.variance);
+    estimate->doubt = doubt(parameters, place[2], variance[2]);
+    return isfinite(place[2]);
 }

@@ -15,13 +15,14 @@ except ImportError:  # no compiler was there when the package was built
 
 POSE = 6
 # FMFTS_SOLVER=numpy leaves everything compiled aside, for comparisons.
-LARGEST_HIDDEN = 0 if _network is None or os.environ.get("FMFTS_SOLVER") == "numpy" else _network.MAX_HIDDEN
+AVAILABLE = _network is not None and os.environ.get("FMFTS_SOLVER") != "numpy"
+LARGEST_HIDDEN = 256  # network.h; onnxruntime evaluates larger ones
 
 
 class Inference(ABC):
     """Write `pose` (6,), `run`, read `contact` (m,) and `jacobian` (m, 6): float32, in the model's units.
 
-    by: what evaluates it, "compiled" or "onnxruntime".
+    by: what evaluates it, "compiled", "numpy" (its reference) or "onnxruntime".
 
     One pose at a time: onnxruntime rounds differently in a batch, by the row's place in it, and what a pad publishes
     would depend on when other pads' frames happened to arrive. A recording could not be replayed bit by bit.
@@ -38,14 +39,21 @@ class Inference(ABC):
     def run(self) -> None: ...
 
 
-class CompiledInference(Inference):
-    """network.c. network: see recognition.py; ValueError where it is none."""
-
-    by = "compiled"
+class NetworkInference(Inference):
+    """Of a graph that `calibrate` writes. network: its weights, see recognition.py; ValueError where it is none."""
 
     def __init__(self, network: NDArray[np.float32]) -> None:
         super().__init__(outputs=int(network[1]))
         self.network = network.tobytes()
+
+
+class CompiledInference(NetworkInference):
+    """network.c."""
+
+    by = "compiled"
+
+    def __init__(self, network: NDArray[np.float32]) -> None:
+        super().__init__(network)
         self._buffers = self.pose.data, self.contact.data, self.jacobian.ravel().data
         self.run()
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from fmfts.contact.comparison import NotComparedError, difference
 from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
-from fmfts.contact.inference import LARGEST_HIDDEN, CompiledInference, Inference
+from fmfts.contact.inference import AVAILABLE, LARGEST_HIDDEN, CompiledInference, Inference, NetworkInference
+from fmfts.contact.network import ReferenceInference
 from fmfts.contact.onnx_file import Graph, OnnxFile
 from fmfts.contact.recognition import network_of
 
@@ -33,16 +34,16 @@ def check_versions(model: OnnxFile) -> None:
 
 
 def inference_of(content: bytes, graph: Graph) -> Inference:
-    """By the compiled network where it knows the graph. ValueError where nothing can evaluate it."""
+    """Our own network's, compiled or its reference, where the graph is known. ValueError: nothing can evaluate it."""
     network = network_of(graph)
     if network is not None and network[0] <= LARGEST_HIDDEN:
-        return CompiledInference(network)
+        return CompiledInference(network) if AVAILABLE else ReferenceInference(network)
     return _by_onnxruntime(content)
 
 
 def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
-    """`inference`, or onnxruntime's where the compiled network was held against it and is not the same."""
-    if not isinstance(inference, CompiledInference):
+    """`inference`, or onnxruntime's where our network was held against it and is not the same."""
+    if not isinstance(inference, NetworkInference):
         return inference
     if inference.network not in _differences:
         _differences[inference.network] = _difference(inference, content, facts)
@@ -53,7 +54,7 @@ def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
     return _by_onnxruntime(content)
 
 
-def _difference(inference: CompiledInference, content: bytes, facts: Facts) -> str | None:
+def _difference(inference: NetworkInference, content: bytes, facts: Facts) -> str | None:
     try:
         return difference(inference, content, facts)
     except NotComparedError as error:

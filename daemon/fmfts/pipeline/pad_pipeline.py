@@ -115,8 +115,10 @@ class PadPipeline:
 
         clock: `DeviceClock.line`. Until `end`, nothing else is to be asked of this pipeline.
         """
-        lane = None if self._compiled is None else self._compiled.lane(clock, topic, pad_index)
-        return lane if lane is not None and self._sender.begin(lane) else None
+        if self._compiled is None:
+            return None
+        lane = self._compiled.lane(clock, topic, pad_index)
+        return lane if self._sender.begin(lane) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
         """What has passed, and its last message; None where nothing has."""

@@ -2,7 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "../pipeline/fast/tables.h"
+#include "../sensor/reading.h"
+#include "step.h"
 
 enum { OVERFLOW_COUNT = -4096, AMBIENT_VALUE = 7 };
 
@@ -12,9 +13,9 @@ static int little_endian(const uint8_t *bytes)
 }
 
 /* Takes the fresh samples into the memory. False where one is missing, saturated, or the board began anew. */
-static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_frame *frame)
+static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
-    int sensors = (int)facts->sensors[0];
+    int sensors = (int)parameters->sensors[0];
     double newest = 0.0, before = 0.0;
     if ((frame->valid & ((1u << sensors) - 1)) != (1u << sensors) - 1 || frame->gain_code > 7) {
         return false;
@@ -42,23 +43,23 @@ static bool push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
             }
             if (fresh) {
                 double *repeats = memory->repeats + 3 * i + axis;
-                sample[0][axis] = count * facts->step_t[frame->gain_code];
+                sample[0][axis] = count * parameters->step_t[frame->gain_code];
                 *repeats = sample[0][axis] == sample[1][axis] ? *repeats + 1.0 : 0.0;
             }
             if (!isfinite(sample[2][axis]) || !isfinite(sample[1][axis]) ||
-                !(memory->repeats[3 * i + axis] <= facts->repeats_allowed[3 * i + axis])) {
+                !(memory->repeats[3 * i + axis] <= parameters->repeats_allowed[3 * i + axis])) {
                 return false;
             }
         }
     }
-    return newest >= before - facts->stopped_us[0];
+    return newest >= before - parameters->stopped_us[0];
 }
 
 /* One axis, interpolated; `share` of the sample before, and what the curvature of the field may add. */
-static void interpolate(const fmfts_facts *facts, const fmfts_memory *memory, int axis, double instant,
+static void interpolate(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis, double instant,
                         fmfts_field *field)
 {
-    int sensors = (int)facts->sensors[0], axes = 3 * sensors;
+    int sensors = (int)parameters->sensors[0], axes = 3 * sensors;
     const double *time = memory->time_us + axis / 3;
     double newest = memory->field_t[axis], previous = memory->field_t[axes + axis],
            oldest = memory->field_t[2 * axes + axis];
@@ -68,26 +69,26 @@ static void interpolate(const fmfts_facts *facts, const fmfts_memory *memory, in
     double aligned = (1.0 - share) * newest + share * previous;
     double slopes = (newest - previous) / gap - (previous - oldest) / gap_before;
     double bend = 2.0 * behind * fmax(gap - behind, 0.0) / (gap + gap_before) * slopes, jump = fabs(slopes) * gap;
-    if (jump > facts->jump_t[0] && share > 0.0) {
+    if (jump > parameters->jump_t[0] && share > 0.0) {
         bend = fmax(share, 1.0 - share) * jump;
     }
-    const double *direction = facts->direction + 3 * axis, *uniform = memory->state + AMBIENT_VALUE;
+    const double *direction = parameters->direction + 3 * axis, *uniform = memory->state + AMBIENT_VALUE;
     double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
-    double magnet = aligned / facts->gain[axis] - facts->offset_t[axis];
-    double change = magnet - facts->rest_field_t[axis];
-    double by_gain = facts->gain_deviation[axis] * change, by_place = facts->place_deviation[axis / 3] * (change - ambient);
-    double noise_square = facts->noise_t[axis] * facts->noise_t[axis] *
+    double magnet = aligned / parameters->gain[axis] - parameters->offset_t[axis];
+    double change = magnet - parameters->rest_field_t[axis];
+    double by_gain = parameters->gain_deviation[axis] * change, by_place = parameters->place_deviation[axis / 3] * (change - ambient);
+    double noise_square = parameters->noise_t[axis] * parameters->noise_t[axis] *
                           (share * share + (1.0 - share) * (1.0 - share));
     field->field_t[axis] = magnet;
     field->lasting_t2[axis] = bend * bend;
     field->variance_t2[axis] = by_gain * by_gain + by_place * by_place +
-                               facts->systematic_t[0] * facts->systematic_t[0] + bend * bend + noise_square;
+                               parameters->systematic_t[0] * parameters->systematic_t[0] + bend * bend + noise_square;
 }
 
-bool fmfts_align(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_frame *frame, fmfts_field *field)
+bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame, fmfts_field *field)
 {
-    int sensors = (int)facts->sensors[0];
-    if (!push(facts, memory, frame)) {
+    int sensors = (int)parameters->sensors[0];
+    if (!push(parameters, memory, frame)) {
         return false;
     }
     double latest = -INFINITY, instant = INFINITY;
@@ -98,12 +99,12 @@ bool fmfts_align(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fra
             return false;
         }
     }
-    if (!(latest - instant <= facts->stopped_us[0])) {
+    if (!(latest - instant <= parameters->stopped_us[0])) {
         return false;
     }
     field->instant_us = instant;
     for (int axis = 0; axis < 3 * sensors; axis++) {
-        interpolate(facts, memory, axis, instant, field);
+        interpolate(parameters, memory, axis, instant, field);
     }
     return true;
 }

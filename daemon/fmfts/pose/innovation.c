@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "model.h"
-#include "../pipeline/fast/tables.h"
+#include "step.h"
 
 /* The frame's mean residuals as one least-squares problem, in units of their noise: jacobian over the unknowns, with the
  * mean itself as the last column; patterns of errors that nothing is wrong with, of one deviation each. */
@@ -12,38 +12,38 @@ typedef struct {
     double pattern[FMFTS_AXES][1 + FMFTS_FIELD_ERRORS];
 } mean_problem;
 
-static void push_change(const fmfts_facts *facts, fmfts_memory *memory)
+static void push_change(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory)
 {
     double change[FMFTS_CHANGE], basis[2][3];
-    tangent_basis(facts->rest + AXIS_VALUE, basis);
+    tangent_basis(parameters->rest + AXIS_VALUE, basis);
     for (int i = 0; i < 3; i++) {
-        change[i] = memory->state[i] - facts->rest[i];
+        change[i] = memory->state[i] - parameters->rest[i];
         change[5 + i] = memory->state[AMBIENT_VALUE + i];
     }
     change[3] = dot3(basis[0], memory->state + AXIS_VALUE);
     change[4] = dot3(basis[1], memory->state + AXIS_VALUE);
-    memory->pushed[0] = fmin(memory->pushed[0] + 1.0, facts->memory_frames[0]);
+    memory->pushed[0] = fmin(memory->pushed[0] + 1.0, parameters->memory_frames[0]);
     for (int i = 0; i < FMFTS_CHANGE; i++) {
         memory->change[i] += (change[i] - memory->change[i]) / memory->pushed[0];
     }
 }
 
 /* Adds a frame; predicted values' derivatives by a step go to jacobian [axes][BASE_COLUMNS]. */
-static void push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field,
+static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
                  double jacobian[][BASE_COLUMNS])
 {
-    const double magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], facts->octupole_m2[0]};
+    const double magnet[FMFTS_MAGNET] = {parameters->strength_t_m3[0], parameters->octupole_m2[0]};
     fmfts_sources sources = {.count = 1, .log_moment = {NAN}};
     fmfts_sight sight[FMFTS_MAX_MAGNETS];
     place_sources(magnet, memory->state, &sources);
-    for (int i = 0; i < (int)facts->sensors[0]; i++) {
-        const double *place = facts->place_m + 3 * i;
+    for (int i = 0; i < (int)parameters->sensors[0]; i++) {
+        const double *place = parameters->place_m + 3 * i;
         look_all(&sources, place, sight);
         for (int axis = 3 * i; axis < 3 * i + 3; axis++) {
-            const double *direction = facts->direction + 3 * axis;
+            const double *direction = parameters->direction + 3 * axis;
             double predicted = sense_all(&sources, sight, memory->state, place, direction, false, jacobian[axis]);
             double *frames = &memory->frames[axis];
-            *frames = fmin(*frames + 1.0, facts->memory_frames[0]);
+            *frames = fmin(*frames + 1.0, parameters->memory_frames[0]);
             memory->mean_t[axis] += (field->field_t[axis] - predicted - memory->mean_t[axis]) / *frames;
             memory->lasting_t2[axis] += (field->lasting_t2[axis] - memory->lasting_t2[axis]) / *frames;
         }
@@ -51,37 +51,37 @@ static void push(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
 }
 
 /* What one deviation of a cause does to an axis: FieldErrors.at. */
-static double error_of(const fmfts_facts *facts, const fmfts_memory *memory, int axes, int axis, int cause)
+static double error_of(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axes, int axis, int cause)
 {
-    int causes = (int)facts->field_errors[0];
-    double sum = dot3(facts->direction + 3 * axis, memory->change + 5) * facts->by_field[axis * causes + cause];
+    int causes = (int)parameters->field_errors[0];
+    double sum = dot3(parameters->direction + 3 * axis, memory->change + 5) * parameters->by_field[axis * causes + cause];
     for (int by = 0; by < 5; by++) {
-        sum += memory->change[by] * facts->by_pose[(by * axes + axis) * causes + cause];
+        sum += memory->change[by] * parameters->by_pose[(by * axes + axis) * causes + cause];
     }
     return sum;
 }
 
-static void collect(const fmfts_facts *facts, const fmfts_memory *memory, double jacobian[][BASE_COLUMNS],
+static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, double jacobian[][BASE_COLUMNS],
                     mean_problem *p)
 {
     double moment_deviation = sqrt(memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN]);
-    p->axes = 3 * (int)facts->sensors[0];
+    p->axes = 3 * (int)parameters->sensors[0];
     p->unknowns = 0;
-    p->patterns = 1 + (int)facts->field_errors[0];
+    p->patterns = 1 + (int)parameters->field_errors[0];
     for (int axis = 0; axis < p->axes; axis++) {
-        double frames = memory->frames[axis], memory_frames = facts->memory_frames[0], noise = facts->noise_t[axis];
+        double frames = memory->frames[axis], memory_frames = parameters->memory_frames[0], noise = parameters->noise_t[axis];
         double effective = frames < memory_frames ? frames : 2.0 * memory_frames - 1.0;
         double weight = 1.0 / sqrt(noise * noise / effective + memory->lasting_t2[axis]);
         p->unknowns = 0;
         for (int c = 0; c < BASE_COLUMNS; c++) {
-            if (facts->part[c] == FMFTS_FREE || facts->part[c] == FMFTS_PRIOR) {
+            if (parameters->part[c] == FMFTS_FREE || parameters->part[c] == FMFTS_PRIOR) {
                 p->jacobian[axis][p->unknowns++] = weight * jacobian[axis][c];
             }
         }
         p->jacobian[axis][p->unknowns] = weight * memory->mean_t[axis];
         p->pattern[axis][0] = weight * jacobian[axis][LOG_COLUMN] * moment_deviation;
         for (int cause = 1; cause < p->patterns; cause++) {
-            p->pattern[axis][cause] = weight * error_of(facts, memory, p->axes, axis, cause - 1);
+            p->pattern[axis][cause] = weight * error_of(parameters, memory, p->axes, axis, cause - 1);
         }
     }
 }
@@ -130,19 +130,19 @@ static bool chi2_of(const mean_problem *p, double *chi2)
     return true;
 }
 
-bool fmfts_watch(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field)
+bool fmfts_watch(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field)
 {
     double jacobian[FMFTS_AXES][BASE_COLUMNS], chi2;
     mean_problem problem;
-    int ready = 0, axes = 3 * (int)facts->sensors[0];
-    push_change(facts, memory);
-    push(facts, memory, field, jacobian);
+    int ready = 0, axes = 3 * (int)parameters->sensors[0];
+    push_change(parameters, memory);
+    push(parameters, memory, field, jacobian);
     memory->since[0] += 1.0;
-    if (fmod(memory->since[0], facts->judged_every[0]) != 0.0) {
+    if (fmod(memory->since[0], parameters->judged_every[0]) != 0.0) {
         return true;
     }
     for (int axis = 0; axis < axes; axis++) {
-        ready += memory->frames[axis] >= 2.0 * facts->judged_every[0];
+        ready += memory->frames[axis] >= 2.0 * parameters->judged_every[0];
     }
     if (ready == 0) {
         return true; /* after a disturbance: nothing can be said yet */
@@ -150,12 +150,12 @@ bool fmfts_watch(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_fie
     if (ready < axes) {
         return false;
     }
-    collect(facts, memory, jacobian, &problem);
-    if (!chi2_of(&problem, &chi2) || !(chi2 < facts->alarm_chi2[0])) {
+    collect(parameters, memory, jacobian, &problem);
+    if (!chi2_of(&problem, &chi2) || !(chi2 < parameters->alarm_chi2[0])) {
         return false;
     }
-    memory->lasting_misfit[0] = fmax(chi2 / facts->sound_chi2[0], 1.0);
-    memory->sound[0] = chi2 < facts->sound_chi2[0];
+    memory->lasting_misfit[0] = fmax(chi2 / parameters->sound_chi2[0], 1.0);
+    memory->sound[0] = chi2 < parameters->sound_chi2[0];
     memory->was_sound[0] = fmax(memory->was_sound[0], memory->sound[0]);
     return true;
 }

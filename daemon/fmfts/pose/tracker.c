@@ -3,95 +3,95 @@
 #include <string.h>
 
 #include "model.h"
-#include "../pipeline/fast/tables.h"
+#include "step.h"
 
 /* What since_good_s is in tracker.py: healthy frames follow each other. */
-static double elapsed_s(const fmfts_memory *memory, const fmfts_field *field)
+static double elapsed_s(const fmfts_pose_memory *memory, const fmfts_field *field)
 {
     return fmax(field->instant_us - memory->last_us[0], 0.0) * 1e-6;
 }
 
 /* The last state, as uncertain as time and warmth have made it since; as warm as when that was last known. */
-static void predict(const fmfts_facts *facts, fmfts_memory *memory, double elapsed, double temperature_c)
+static void predict(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed, double temperature_c)
 {
     for (int c = 0; c < FMFTS_STEP; c++) {
-        memory->covariance[c * FMFTS_STEP + c] += facts->walk_per_s[c] * elapsed;
+        memory->covariance[c * FMFTS_STEP + c] += parameters->walk_per_s[c] * elapsed;
     }
-    double warmer_k = temperature_c - facts->rest_temperature_c[0];
+    double warmer_k = temperature_c - parameters->rest_temperature_c[0];
     if (!isfinite(warmer_k)) {
         return;
     }
-    double warmth = facts->moment_per_k_deviation[0] * warmer_k;
+    double warmth = parameters->moment_per_k_deviation[0] * warmer_k;
     memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN] += fmax(warmth * warmth - memory->warmth_variance[0], 0.0);
     memory->warmth_variance[0] = fmax(warmth * warmth, memory->warmth_variance[0]);
-    if (facts->part[LOG_COLUMN] == FMFTS_CONSIDERED) {
-        memory->state[LOG_VALUE] = facts->rest[LOG_VALUE] + facts->moment_per_k[0] * warmer_k;
+    if (parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED) {
+        memory->state[LOG_VALUE] = parameters->rest[LOG_VALUE] + parameters->moment_per_k[0] * warmer_k;
     }
 }
 
-static void write_measurements(const fmfts_facts *facts, const fmfts_field *field, double *rows)
+static void write_measurements(const fmfts_pose_parameters *parameters, const fmfts_field *field, double *rows)
 {
-    for (int axis = 0; axis < 3 * (int)facts->sensors[0]; axis++) {
+    for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
         double *row = rows + FMFTS_MEASUREMENT * axis;
-        memcpy(row, facts->place_m + axis / 3 * 3, 3 * sizeof(double));
-        memcpy(row + 3, facts->direction + 3 * axis, 3 * sizeof(double));
+        memcpy(row, parameters->place_m + axis / 3 * 3, 3 * sizeof(double));
+        memcpy(row + 3, parameters->direction + 3 * axis, 3 * sizeof(double));
         row[6] = field->field_t[axis];
         row[7] = sqrt(field->variance_t2[axis]);
         row[8] = row[9] = 0.0;
     }
 }
 
-static bool fits(const fmfts_facts *facts, const fmfts_summary *found, const double *state, const double *covariance)
+static bool fits(const fmfts_pose_parameters *parameters, const fmfts_summary *found, const double *state, const double *covariance)
 {
     double square = 0.0, trace = 0.0;
     for (int i = 0; i < 3; i++) {
-        square += (state[i] - facts->rest[i]) * (state[i] - facts->rest[i]);
+        square += (state[i] - parameters->rest[i]) * (state[i] - parameters->rest[i]);
         trace += covariance[(FMFTS_STEP + 1) * i];
     }
-    return found->status == FMFTS_CONVERGED && sqrt(square) < facts->reach_m[0] &&
-           trace < facts->vague_m[0] * facts->vague_m[0] &&
-           fabs(state[LOG_VALUE] - facts->rest[LOG_VALUE]) < facts->log_moment_reach[0] &&
-           found->chi2 < facts->gate_chi2[0];
+    return found->status == FMFTS_CONVERGED && sqrt(square) < parameters->reach_m[0] &&
+           trace < parameters->vague_m[0] * parameters->vague_m[0] &&
+           fabs(state[LOG_VALUE] - parameters->rest[LOG_VALUE]) < parameters->log_moment_reach[0] &&
+           found->chi2 < parameters->gate_chi2[0];
 }
 
-bool fmfts_track(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field, double temperature_c,
+bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field, double temperature_c,
                  fmfts_pose *pose)
 {
     double rows[FMFTS_AXES * FMFTS_MEASUREMENT], work[FMFTS_WORK(FMFTS_AXES)], state[FMFTS_STATE],
-        direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {facts->strength_t_m3[0], facts->octupole_m2[0]};
+        direction[FMFTS_STEP], magnet[FMFTS_MAGNET] = {parameters->strength_t_m3[0], parameters->octupole_m2[0]};
     uint8_t parts[FMFTS_STEP];
     bool has_prior = false;
     double elapsed = elapsed_s(memory, field);
-    if (elapsed > facts->longest_gap_s[0]) {
+    if (elapsed > parameters->longest_gap_s[0]) {
         return false; /* Python forgets the touch from before it */
     }
-    predict(facts, memory, elapsed, temperature_c);
-    write_measurements(facts, field, rows);
+    predict(parameters, memory, elapsed, temperature_c);
+    write_measurements(parameters, field, rows);
     for (int c = 0; c < FMFTS_STEP; c++) {
-        parts[c] = (uint8_t)facts->part[c];
+        parts[c] = (uint8_t)parameters->part[c];
         has_prior |= parts[c] == FMFTS_PRIOR || parts[c] == FMFTS_CONSIDERED;
     }
     const fmfts_problem problem = {
         .measurements = rows,
-        .rows = 3 * (size_t)facts->sensors[0],
+        .rows = 3 * (size_t)parameters->sensors[0],
         .magnets = magnet,
         .magnet_count = 1,
         .parts = parts,
         .start = memory->state,
         .prior_mean = has_prior ? memory->state : NULL,
         .prior_covariance = has_prior ? memory->covariance : NULL,
-        .stop_chi2 = facts->stop_chi2[0],
-        .max_iterations = (int)facts->max_iterations[0],
+        .stop_chi2 = parameters->stop_chi2[0],
+        .max_iterations = (int)parameters->max_iterations[0],
     };
     fmfts_summary found = fmfts_solve(&problem, work, state, pose->covariance, direction);
-    if (!fits(facts, &found, state, pose->covariance)) {
+    if (!fits(parameters, &found, state, pose->covariance)) {
         return false;
     }
     pose->chi2 = found.chi2;
     pose->residual_t = found.residual_t;
     memcpy(memory->state, state, sizeof state);
     memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
-    memory->misfit[0] += (found.chi2 / facts->freedom[0] - memory->misfit[0]) / facts->misfit_frames[0];
+    memory->misfit[0] += (found.chi2 / parameters->freedom[0] - memory->misfit[0]) / parameters->misfit_frames[0];
     double misfit = fmax(memory->misfit[0], memory->lasting_misfit[0]);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
         pose->covariance[i] *= misfit;

@@ -16,7 +16,7 @@ from typing import IO, Any, cast
 
 import msgspec
 import zstandard
-from mcap.exceptions import EndOfFile, McapError
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
@@ -132,6 +132,8 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
     end = 0
     try:
         with path.open("rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise RecordingError(f"{path} is empty: its recorder has only just begun, or was stopped at once")
             try:
                 until = cast(IO[bytes], _UpToItsEnd(file))
                 for record in StreamReader(until, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
@@ -142,6 +144,8 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
                     raise
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
+    except InvalidMagic as error:
+        raise RecordingError(f"{path} is no recording: it does not begin as an MCAP file does") from error
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
         raise RecordingError(f"{path} is no recording, or damaged after byte {end}: {_told(error)}") from error
 

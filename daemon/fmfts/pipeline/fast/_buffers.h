@@ -6,7 +6,6 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
-#include "../../contact/network.h"
 #include "frame_step.h"
 
 /* 0 and ValueError where a buffer has another size. */
@@ -23,7 +22,7 @@ static inline int has_size(const Py_buffer *buffer, size_t size, const char *wha
 static inline int view_network(const Py_buffer *vector, fmfts_network *network)
 {
     if (fmfts_view_network(vector->buf, (size_t)vector->len / sizeof(float), network) &&
-        network->outputs == FMFTS_ANSWERS) {
+        network->outputs == FMFTS_CONTACT) {
         return 1;
     }
     PyErr_SetString(PyExc_ValueError, "network: none of three outputs");

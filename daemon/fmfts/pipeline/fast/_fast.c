@@ -12,120 +12,41 @@ static void release(Py_buffer *buffers, int count)
     }
 }
 
-/* What a frame comes with. FACTS … PASSAGE and READINGS are of the pad; MODEL is the network, or the pose to ask about. */
-enum {
-    FACTS_BUFFER,
-    MEMORY_BUFFER,
-    PASSAGE_BUFFER,
-    RESPONSE_BUFFER,
-    MODEL_BUFFER,
-    READINGS_BUFFER,
-    FRAME_BUFFERS,
-};
-typedef struct {
-    Py_buffer b[FRAME_BUFFERS];
-    fmfts_frame frame;
-} fmfts_call;
+enum { PARAMETERS, MEMORY, OUTCOME, RESPONSE, NETWORK, READINGS, FRAME_BUFFERS };
 
-/* (facts, memory, passage, response, model, (gain_code, valid, fresh, readings), time_us, temperature_c); to be released anyway. */
-static int take(PyObject *args, const char *format, fmfts_call *call)
-{
-    unsigned long long time_us;
-    Py_buffer *b = call->b;
-    memset(call, 0, sizeof *call);
-    if (!PyArg_ParseTuple(args, format, &b[0], &b[1], &b[2], &b[3], &b[4], &call->frame.gain_code,
-                          &call->frame.valid, &call->frame.fresh, &b[5], &time_us, &call->frame.temperature_c)) {
-        return 0;
-    }
-    call->frame.readings = b[READINGS_BUFFER].buf;
-    call->frame.time_us = (double)time_us;
-    return has_size(&b[FACTS_BUFFER], sizeof(fmfts_facts), "facts") &&
-           has_size(&b[MEMORY_BUFFER], sizeof(fmfts_memory), "memory") &&
-           has_size(&b[PASSAGE_BUFFER], sizeof(fmfts_passage), "passage");
-}
-
-/* The frame as far as the question to the contact model; false where it is not healthy. */
-static int question_of(const fmfts_call *call)
-{
-    return fmfts_enter(call->b[FACTS_BUFFER].buf, call->b[MEMORY_BUFFER].buf, &call->frame,
-                       (size_t)call->b[READINGS_BUFFER].len, call->b[PASSAGE_BUFFER].buf);
-}
-
-/* What is said of the contact model's answer: (instant, kind), or None where it is no number. Only then does `memory`
- * stay what it was. response: of a model that refines; without content otherwise. */
-static PyObject *answer(const fmfts_facts *facts, fmfts_memory *memory, fmfts_passage *passage,
-                        const Py_buffer *response, const float *contact, const float *jacobian)
-{
-    fmfts_contact kind = fmfts_leave(facts, passage, response->buf, (size_t)response->len, contact, jacobian);
-    if (kind == FMFTS_NO_NUMBER) {
-        return Py_NewRef(Py_None);
-    }
-    *memory = passage->next;
-    return Py_BuildValue("(Li)", (long long)passage->question.instant_us, (int)kind);
-}
-
-/* judge(facts, memory, passage, response, network, packed, time_us, temperature_c) → (instant in µs, kind of contact), or None where
- * the frame is not healthy, and `memory` stays what it was. network: a vector of network.h. */
+/* judge(parameters, memory, outcome, response, network, (gain_code, valid, fresh, readings), time_us, temperature_c) →
+ * (instant in µs, kind of contact), or None where the frame is not healthy, and `memory` stays what it was. network: a
+ * vector of network.h. response: of a model that refines, else None. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
-    fmfts_call call;
+    Py_buffer b[FRAME_BUFFERS] = {{0}};
+    fmfts_frame frame;
     fmfts_network network;
+    unsigned long long time_us;
     PyObject *result = NULL;
     (void)module;
-    if (take(args, "y*w*w*z*y*(IIIy*)Kd", &call)) {
-        float pose[FMFTS_POSE], contact[FMFTS_ANSWERS], jacobian[FMFTS_ANSWERS * FMFTS_POSE];
-        if (!view_network(&call.b[MODEL_BUFFER], &network)) {
-            result = NULL;
-        } else if (!question_of(&call)) {
+    if (PyArg_ParseTuple(args, "y*w*w*z*y*(IIIy*)Kd", &b[0], &b[1], &b[2], &b[3], &b[4], &frame.gain_code, &frame.valid,
+                         &frame.fresh, &b[5], &time_us, &frame.temperature_c) &&
+        has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") &&
+        has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") &&
+        has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") && view_network(&b[NETWORK], &network)) {
+        fmfts_outcome *outcome = b[OUTCOME].buf;
+        frame.readings = b[READINGS].buf;
+        frame.time_us = (double)time_us;
+        fmfts_kind kind = fmfts_frame_step(b[PARAMETERS].buf, b[MEMORY].buf, &frame, (size_t)b[READINGS].len, &network,
+                                           b[RESPONSE].buf, (size_t)b[RESPONSE].len, outcome);
+        if (kind == FMFTS_NO_NUMBER) {
             result = Py_NewRef(Py_None);
         } else {
-            fmfts_pose_of(call.b[PASSAGE_BUFFER].buf, pose);
-            fmfts_infer(&network, pose, contact, jacobian);
-            result = answer(call.b[FACTS_BUFFER].buf, call.b[MEMORY_BUFFER].buf, call.b[PASSAGE_BUFFER].buf,
-                            &call.b[RESPONSE_BUFFER], contact, jacobian);
+            *(fmfts_memory *)b[MEMORY].buf = outcome->next;
+            result = Py_BuildValue("(Li)", (long long)outcome->instant_us, (int)kind);
         }
     }
-    release(call.b, FRAME_BUFFERS);
+    release(b, FRAME_BUFFERS);
     return result;
 }
 
-/* ask(facts, memory, passage, response, pose, packed, time_us, temperature_c) → is the frame healthy so far? pose (6,) float32: what
- * somebody else is to be asked about, for `conclude`. */
-static PyObject *ask(PyObject *module, PyObject *args)
-{
-    fmfts_call call;
-    PyObject *result = NULL;
-    (void)module;
-    if (take(args, "y*w*w*z*w*(IIIy*)Kd", &call) && has_size(&call.b[MODEL_BUFFER], FMFTS_POSE * sizeof(float), "pose")) {
-        int healthy = question_of(&call);
-        if (healthy) {
-            fmfts_pose_of(call.b[PASSAGE_BUFFER].buf, call.b[MODEL_BUFFER].buf);
-        }
-        result = PyBool_FromLong(healthy);
-    }
-    release(call.b, FRAME_BUFFERS);
-    return result;
-}
-
-/* conclude(facts, memory, passage, response, contact, jacobian) → as `judge`, with another's answer to its question. */
-static PyObject *conclude(PyObject *module, PyObject *args)
-{
-    Py_buffer b[6] = {{0}};
-    PyObject *result = NULL;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "y*w*w*z*y*y*", &b[0], &b[1], &b[2], &b[3], &b[4], &b[5])) {
-        return NULL;
-    }
-    if (has_size(&b[0], sizeof(fmfts_facts), "facts") && has_size(&b[1], sizeof(fmfts_memory), "memory") &&
-        has_size(&b[2], sizeof(fmfts_passage), "passage") && has_size(&b[4], FMFTS_ANSWERS * sizeof(float), "contact") &&
-        has_size(&b[5], FMFTS_ANSWERS * FMFTS_POSE * sizeof(float), "jacobian")) {
-        result = answer(b[0].buf, b[1].buf, b[2].buf, &b[3], b[4].buf, b[5].buf);
-    }
-    release(b, 6);
-    return result;
-}
-
-/* message(template, places, passage, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32, of the integers and
+/* message(template, places, outcome, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32, of the integers and
  * of every number in the template; −1 where it has none. */
 static PyObject *message(PyObject *module, PyObject *args)
 {
@@ -137,11 +58,11 @@ static PyObject *message(PyObject *module, PyObject *args)
         return NULL;
     }
     if (has_size(&b[1], (INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places") &&
-        has_size(&b[2], sizeof(fmfts_passage), "passage")) {
+        has_size(&b[2], sizeof(fmfts_outcome), "outcome")) {
         result = PyBytes_FromStringAndSize(b[0].buf, b[0].len);
         if (result) {
             fmfts_fill((uint8_t *)PyBytes_AsString(result), (size_t)b[0].len, b[1].buf, integer,
-                       &((const fmfts_passage *)b[2].buf)->numbers);
+                       &((const fmfts_outcome *)b[2].buf)->numbers);
         }
     }
     release(b, 3);
@@ -150,8 +71,6 @@ static PyObject *message(PyObject *module, PyObject *args)
 
 static PyMethodDef methods[] = {
     {"judge", judge, METH_VARARGS, "A frame as far as its contact; see path.py."},
-    {"ask", ask, METH_VARARGS, "A frame as far as the question to another's contact model; see path.py."},
-    {"conclude", conclude, METH_VARARGS, "Another's answer to that question; see path.py."},
     {"message", message, METH_VARARGS, "What is published of it; see template.py."},
     {NULL, NULL, 0, NULL},
 };
@@ -162,8 +81,8 @@ typedef struct {
 } fmfts_entry;
 
 #define FMFTS_ENTRY(name, count) {#name, count},
-static const fmfts_entry FACTS[] = {FMFTS_FACTS(FMFTS_ENTRY)};
-static const fmfts_entry MEMORY[] = {FMFTS_MEMORY(FMFTS_ENTRY)};
+static const fmfts_entry PARAMETER_TABLE[] = {FMFTS_PARAMETERS(FMFTS_ENTRY)};
+static const fmfts_entry MEMORY_TABLE[] = {FMFTS_MEMORY(FMFTS_ENTRY)};
 static const fmfts_entry NUMBERS[] = {FMFTS_NUMBERS(FMFTS_ENTRY)};
 
 static int add_layout(PyObject *module, const char *name, const fmfts_entry *entries, size_t count)
@@ -198,10 +117,10 @@ static int set_up(PyObject *module)
     fmfts_lane_type = add_type(module, &fmfts_lane_spec);
     PyTypeObject *loop_type = fmfts_lane_type ? add_type(module, &fmfts_loop_spec) : NULL;
     Py_XDECREF((PyObject *)loop_type);
-    return !loop_type || add_layout(module, "FACTS", FACTS, FMFTS_COUNT(FACTS)) < 0 ||
-                   add_layout(module, "MEMORY", MEMORY, FMFTS_COUNT(MEMORY)) < 0 ||
+    return !loop_type || add_layout(module, "PARAMETERS", PARAMETER_TABLE, FMFTS_COUNT(PARAMETER_TABLE)) < 0 ||
+                   add_layout(module, "MEMORY", MEMORY_TABLE, FMFTS_COUNT(MEMORY_TABLE)) < 0 ||
                    add_layout(module, "NUMBERS", NUMBERS, FMFTS_COUNT(NUMBERS)) < 0 ||
-                   PyModule_AddIntConstant(module, "PASSAGE_BYTES", sizeof(fmfts_passage)) < 0
+                   PyModule_AddIntConstant(module, "OUTCOME_BYTES", sizeof(fmfts_outcome)) < 0
                ? -1
                : 0;
 }

@@ -5,7 +5,7 @@
 
 PyTypeObject *fmfts_lane_type;
 
-enum { FACTS, MEMORY, PASSAGE, RESPONSE, NETWORK, CLOCK, TOPIC, PAD_BUFFERS };
+enum { PARAMETERS, MEMORY, OUTCOME, RESPONSE, NETWORK, CLOCK, TOPIC, PAD_BUFFERS };
 
 typedef struct {
     PyObject_HEAD
@@ -15,27 +15,27 @@ typedef struct {
     int begun;
 } lane_object;
 
-/* Lane((facts, memory, passage, response, network), clock, topic, pad_index) */
+/* Lane((parameters, memory, outcome, response, network), clock, topic, pad_index) */
 static int lane_init(PyObject *object, PyObject *args, PyObject *named)
 {
     lane_object *self = (lane_object *)object;
     fmfts_lane *lane = &self->published.lane;
     Py_buffer *b = self->pad;
     (void)named;
-    if (b[FACTS].obj) {
+    if (b[PARAMETERS].obj) {
         PyErr_SetString(PyExc_TypeError, "a Lane is made once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*I", &b[FACTS], &b[MEMORY], &b[PASSAGE], &b[RESPONSE], &b[NETWORK],
+    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*I", &b[PARAMETERS], &b[MEMORY], &b[OUTCOME], &b[RESPONSE], &b[NETWORK],
                           &b[CLOCK], &b[TOPIC], &lane->pad_index) ||
-        !has_size(&b[FACTS], sizeof(fmfts_facts), "facts") || !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
-        !has_size(&b[PASSAGE], sizeof(fmfts_passage), "passage") ||
+        !has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") || !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
+        !has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") ||
         !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock") || !view_network(&b[NETWORK], &lane->network)) {
         return -1;
     }
-    lane->facts = b[FACTS].buf;
+    lane->parameters = b[PARAMETERS].buf;
     lane->memory = b[MEMORY].buf;
-    lane->passage = b[PASSAGE].buf;
+    lane->outcome = b[OUTCOME].buf;
     lane->response = b[RESPONSE].buf;
     lane->response_bytes = (size_t)b[RESPONSE].len;
     lane->clock = b[CLOCK].buf;
@@ -89,7 +89,7 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     int kind;
     unsigned long long number;
     self->begun = 0;
-    if (!lane->facts) {
+    if (!lane->parameters) {
         PyErr_SetString(PyExc_ValueError, "this Lane could not be made");
         return NULL;
     }
@@ -112,7 +112,7 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
         PyErr_Format(PyExc_ValueError, "there is no kind %d", kind);
         return NULL;
     }
-    lane->kind = (fmfts_contact)kind;
+    lane->kind = (fmfts_kind)kind;
     lane->number = number;
     lane->passed = lane->change_bytes = 0;
     self->begun = 1;

@@ -1,43 +1,107 @@
-/* Estimator.read of a healthy frame, step by step. */
+/* Estimator.read and the numbers of contact_message.py, step by step, for a healthy frame. */
+#include <math.h>
 #include <string.h>
 
+#include "../../pose/model.h"
+#include "../../sensor/wire/sample.h"
 #include "frame_step.h"
 
-bool fmfts_enter(const fmfts_facts *facts, const fmfts_memory *memory, const fmfts_frame *frame, size_t readings_bytes,
-                 fmfts_passage *passage)
+#define MM_PER_M 1e3
+
+static bool has_all_readings(const fmfts_pose_parameters *parameters, size_t readings_bytes)
 {
+    double sensors = parameters->sensors[0];
+    return sensors >= 1 && sensors <= FMFTS_SENSORS && readings_bytes == FMFTS_READING_BYTES * (size_t)sensors;
+}
+
+/* _pose_message of contact_message.py */
+static void tell_pose(const fmfts_message_parameters *parameters, const double *state, const fmfts_pose *pose,
+                      fmfts_numbers *n)
+{
+    const double *own = pose->covariance;
+    double deviation[6];
+    for (int i = 0; i < 6; i++) {
+        deviation[i] = sqrt(own[(FMFTS_STEP + 1) * i] + parameters->rest_variance[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int c = AMBIENT_COLUMN + i;
+        n->position_m[i] = state[i];
+        n->position_sd_m[i] = deviation[i];
+        n->axis[i] = state[AXIS_VALUE + i];
+        n->ambient_t[i] = parameters->ambient_t[i] + state[AMBIENT_VALUE + i];
+        n->ambient_sd_t[i] = sqrt(parameters->ambient_variance[i] + own[(FMFTS_STEP + 1) * c]);
+    }
+    n->axis_sd_rad[0] = fmax(deviation[3], deviation[4]);
+    n->remanence_t[0] = parameters->remanence_t[0] * fmfts_exp(state[LOG_VALUE]);
+    n->remanence_sd_t[0] = deviation[5] * n->remanence_t[0];
+    n->residual_t[0] = pose->residual_t;
+    n->chi2[0] = pose->chi2;
+}
+
+/* quiet_force_sd_n of contact_message.py */
+static double quiet_force_sd_n(double force_sd_n, double unfelt_n)
+{
+    double evenly = unfelt_n / sqrt(3.0);
+    return sqrt(force_sd_n * force_sd_n + evenly * evenly);
+}
+
+static fmfts_kind tell_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching,
+                               fmfts_numbers *n)
+{
+    double unfelt_n = parameters->unfelt_n[0];
+    n->x_m[0] = estimate->place[0];
+    n->x_sd_m[0] = estimate->deviation[0];
+    n->y_m[0] = estimate->place[1];
+    n->y_sd_m[0] = estimate->deviation[1];
+    n->force_n[0] = fmax(estimate->place[2], 0.0);
+    n->force_min_n[0] = estimate->force_min_n;
+    n->force_sd_n[0] = touching ? quiet_force_sd_n(estimate->deviation[2], estimate->doubt * unfelt_n)
+                                : quiet_force_sd_n(estimate->central_force_sd_n, unfelt_n);
+    return !touching ? FMFTS_QUIET : estimate->over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
+}
+
+static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)
+{
+    double sum = with_temperature ? numbers->temperature_c[0] : 0.0;
+    const double *first = numbers->x_m, *ambient = numbers->ambient_t, *last = (const double *)(numbers + 1);
+    for (const double *number = first; number < last; number++) {
+        sum += with_ambient || number < ambient || number >= numbers->residual_t ? *number : 0.0;
+    }
+    return isfinite(sum);
+}
+
+fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memory *memory, const fmfts_frame *frame,
+                            size_t readings_bytes, const fmfts_network *network, const void *response,
+                            size_t response_bytes, fmfts_outcome *outcome)
+{
+    fmfts_memory *next = &outcome->next;
+    fmfts_numbers *numbers = &outcome->numbers;
     fmfts_field field;
     fmfts_pose pose;
-    memcpy(&passage->next, memory, sizeof passage->next);
-    if (!(facts->sensors[0] >= 1 && facts->sensors[0] <= FMFTS_SENSORS &&
-          readings_bytes == FMFTS_READING_BYTES * (size_t)facts->sensors[0] &&
-          fmfts_align(facts, &passage->next, frame, &field) &&
-          fmfts_track(facts, &passage->next, &field, frame->temperature_c, &pose) &&
-          fmfts_watch(facts, &passage->next, &field) &&
-          fmfts_ask(facts, &passage->next, &pose, &passage->question, &passage->numbers))) {
-        return false;
-    }
-    passage->numbers.temperature_c[0] = frame->temperature_c;
-    passage->question.instant_us = field.instant_us;
-    return true;
-}
-
-void fmfts_pose_of(const fmfts_passage *passage, float pose[FMFTS_POSE])
-{
-    for (int i = 0; i < FMFTS_POSE; i++) {
-        pose[i] = (float)passage->question.pose[i];
-    }
-}
-
-fmfts_contact fmfts_leave(const fmfts_facts *facts, fmfts_passage *passage, const void *response,
-                          size_t response_bytes, const float *contact, const float *jacobian)
-{
-    fmfts_found found;
-    fmfts_response table;
-    fmfts_take_answer(&passage->question, contact, jacobian, &found);
-    if (response && !(fmfts_view_response(response, response_bytes, &table) &&
-                      fmfts_refine_answer(facts, &passage->question, &table, &found))) {
+    fmfts_displacement displacement;
+    fmfts_question question;
+    fmfts_estimate estimate;
+    memcpy(next, memory, sizeof *next);
+    if (!has_all_readings(&parameters->pose, readings_bytes) ||
+        !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
+        !fmfts_track(&parameters->pose, &next->pose, &field, frame->temperature_c, &pose) ||
+        !fmfts_watch(&parameters->pose, &next->pose, &field)) {
         return FMFTS_NO_NUMBER;
     }
-    return fmfts_answer(facts, &passage->question, &found, &passage->numbers);
+    const double *state = next->pose.state;
+    fmfts_displace(&parameters->pose, state, &pose, &displacement);
+    if (!fmfts_touch(&parameters->contact, &next->contact, displacement.change, displacement.at_rest)) {
+        return FMFTS_NO_NUMBER;
+    }
+    fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
+    if (!fmfts_keep_inside(&parameters->contact, &question) ||
+        !fmfts_estimate_contact(&parameters->contact, &question, network, response, response_bytes, &estimate)) {
+        return FMFTS_NO_NUMBER;
+    }
+    outcome->instant_us = field.instant_us;
+    numbers->temperature_c[0] = frame->temperature_c;
+    tell_pose(&parameters->message, state, &pose, numbers);
+    fmfts_kind kind = tell_contact(&parameters->message, &estimate, next->contact.touched[0] != 0.0, numbers);
+    bool is_whole = all_numbers(numbers, !isnan(frame->temperature_c), !isnan(parameters->message.ambient_t[0]));
+    return is_whole ? kind : FMFTS_NO_NUMBER;
 }

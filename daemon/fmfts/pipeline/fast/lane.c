@@ -15,10 +15,9 @@ static bool is_expected(const fmfts_lane *lane, const fmfts_sample *sample)
            (lane->passed == 0 || sample->sequence > lane->sequence) && lane->passed < FMFTS_TALLIED;
 }
 
-/* The sample as far as its contact, in the pad's passage. */
-static fmfts_contact contact_of(const fmfts_lane *lane, const fmfts_sample *sample)
+/* The sample as far as its contact, in the pad's outcome. */
+static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
 {
-    float pose[FMFTS_POSE], contact[FMFTS_ANSWERS], jacobian[FMFTS_ANSWERS * FMFTS_POSE];
     const fmfts_frame frame = {
         .readings = sample->readings,
         .time_us = (double)sample->time_us,
@@ -27,15 +26,11 @@ static fmfts_contact contact_of(const fmfts_lane *lane, const fmfts_sample *samp
         .valid = sample->valid,
         .fresh = sample->fresh,
     };
-    if (!fmfts_enter(lane->facts, lane->memory, &frame, FMFTS_READING_BYTES * (size_t)sample->sensors, lane->passage)) {
-        return FMFTS_NO_NUMBER;
-    }
-    fmfts_pose_of(lane->passage, pose);
-    fmfts_infer(&lane->network, pose, contact, jacobian);
-    return fmfts_leave(lane->facts, lane->passage, lane->response, lane->response_bytes, contact, jacobian);
+    return fmfts_frame_step(lane->parameters, lane->memory, &frame, FMFTS_READING_BYTES * (size_t)sample->sensors,
+                            &lane->network, lane->response, lane->response_bytes, lane->outcome);
 }
 
-static bool can_say(const fmfts_lane *lane, fmfts_contact kind)
+static bool can_say(const fmfts_lane *lane, fmfts_kind kind)
 {
     return kind == lane->kind ||
            (kind != FMFTS_NO_NUMBER && lane->message[kind].text != NULL && lane->change_bytes == 0);
@@ -58,13 +53,13 @@ static void tally(fmfts_lane *lane, const fmfts_sample *sample, int64_t arrival_
     lane->latency_s[lane->passed++] = (double)(lane->t_publish_ns - lane->t_sample_ns) * 1e-9;
 }
 
-static void write_message(fmfts_lane *lane, fmfts_contact kind)
+static void write_message(fmfts_lane *lane, fmfts_kind kind)
 {
     const fmfts_template *message = &lane->message[kind];
     const unsigned long long integer[FMFTS_MESSAGE_INTEGERS] = {
         lane->number, (unsigned long long)lane->t_sample_ns, (unsigned long long)lane->t_publish_ns,
         (unsigned long long)fmfts_now_ns(CLOCK_REALTIME)};
-    fmfts_fill(message->text, message->size, message->place, integer, &lane->passage->numbers);
+    fmfts_fill(message->text, message->size, message->place, integer, &lane->outcome->numbers);
     if (kind != lane->kind) {
         lane->kind = kind;
         lane->change_bytes = message->size;
@@ -75,16 +70,16 @@ static void write_message(fmfts_lane *lane, fmfts_contact kind)
 bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
 {
     fmfts_sample sample;
-    fmfts_contact kind;
+    fmfts_kind kind;
     int64_t host_ns;
     if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample) ||
-        !can_say(lane, kind = contact_of(lane, &sample)) ||
+        !can_say(lane, kind = step(lane, &sample)) ||
         !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
         return false;
     }
-    *lane->memory = lane->passage->next;
+    *lane->memory = lane->outcome->next;
     lane->number++;
-    lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->passage->question.instant_us);
+    lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->outcome->instant_us);
     lane->t_publish_ns = fmfts_now_ns(CLOCK_MONOTONIC);
     write_message(lane, kind);
     tally(lane, &sample, arrival_ns);

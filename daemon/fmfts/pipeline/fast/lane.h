@@ -2,7 +2,6 @@
 #ifndef FMFTS_EXPRESS_H
 #define FMFTS_EXPRESS_H
 
-#include "../../contact/network.h"
 #include "../../sensor/wire/clock.h"
 #include "frame_step.h"
 
@@ -20,16 +19,16 @@ typedef struct {
 
 /* One pad. What is pointed to is Python's, and nobody else's while frames pass here. */
 typedef struct {
-    const fmfts_facts *facts;
+    const fmfts_parameters *parameters;
     fmfts_memory *memory;
-    fmfts_passage *passage;
+    fmfts_outcome *outcome;
     const void *response; /* of a model that refines, else NULL */
     size_t response_bytes;
     fmfts_network network;
     fmfts_clock_line *clock;
     unsigned pad_index;
     fmfts_template message[FMFTS_KINDS];
-    fmfts_contact kind; /* of the last message, which stands in its template */
+    fmfts_kind kind; /* of the last message, which stands in its template */
     uint64_t number;
     /* The first message of another kind, once there is one: Python has to tell of it. Room for the longest. */
     uint8_t *change;

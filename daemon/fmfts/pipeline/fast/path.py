@@ -16,7 +16,7 @@ from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
-from fmfts.pipeline.fast.facts import put_contact, put_message, put_sensors, put_tracking
+from fmfts.pipeline.fast.parameters import put_contact, put_message, put_sensors, put_tracking
 from fmfts.pipeline.fast.template import Template
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.frame import Packed
@@ -93,18 +93,12 @@ class HealthyPath:
     `take` it after a healthy frame in Python, `give` it back before the next frame that is judged there.
     """
 
-    def __init__(self, facts: Named, model: ContactModel) -> None:
-        self._facts_buffer = facts.buffer
-        self._model = model.inference
-        self._model_buffers = [
-            array.data.cast("B") for array in (self._model.pose, self._model.contact, self._model.jacobian.ravel())
-        ]
-        self._network = model.inference.network if isinstance(model.inference, CompiledInference) else None
-        self._response = None if model.refiner is None else model.refiner.packed
+    def __init__(self, parameters: Named, model: ContactModel) -> None:
+        assert isinstance(model.inference, CompiledInference)
+        response = None if model.refiner is None else model.refiner.packed
         self._memory = Named(_fast.MEMORY)
-        self._memory_buffer = self._memory.buffer
-        self._passage = np.zeros(_fast.PASSAGE_BYTES // 8).data
-        self._pad = self._facts_buffer, self._memory_buffer, self._passage, self._response
+        self._outcome = np.zeros(_fast.OUTCOME_BYTES // 8).data
+        self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
         self._lane: Lane | None = None
 
     @classmethod
@@ -121,40 +115,34 @@ class HealthyPath:
         stopped_us: float,
         unfelt_n: float,
     ) -> Self | None:
-        """None where nothing compiled is there, or the contact model's error tables are larger than it has room for, or
-        the model tells shear or smooths."""
-        if not (AVAILABLE and model.plain):
+        """None where nothing compiled is there, or the contact model is not of the compiled network, tells shear or
+        smooths, or has larger error tables than there is room for."""
+        if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
             return None
-        facts = Named(_fast.FACTS)
+        parameters = Named(_fast.PARAMETERS)
         try:
-            put_sensors(facts, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
-            put_tracking(facts, mounting, tracking, rest_temperature_c)
-            put_contact(facts, mounting, drawing, change_error, touch, model, unfelt_n)
-            put_message(facts, mounting, drawing.magnet.remanence_t)
+            put_sensors(parameters, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
+            put_tracking(parameters, mounting, tracking, rest_temperature_c)
+            put_contact(parameters, mounting, drawing, change_error, touch, model, unfelt_n)
+            put_message(parameters, mounting, drawing.magnet.remanence_t)
         except ValueError:
             return None
-        return cls(facts, model)
+        return cls(parameters, model)
 
     def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
         """None where the frame is not healthy in every respect: the memory then is as it was."""
-        pad = self._pad
-        frame = packed, device_time_us, np.nan if temperature_c is None else temperature_c
-        judged = None
-        if self._network is not None:
-            judged = _fast.judge(*pad, self._network, *frame)
-        elif _fast.ask(*pad, self._model_buffers[0], *frame):
-            self._model.run()
-            judged = _fast.conclude(*pad, *self._model_buffers[1:])
+        temperature_c = np.nan if temperature_c is None else temperature_c
+        judged = _fast.judge(*self._pad, packed, device_time_us, temperature_c)
         return None if judged is None else Judged(judged[0], KINDS[judged[1]])
 
     def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
         """The last judged frame's."""
-        return _fast.message(template.text, template.places, self._passage, seq, t_sample_ns, t_publish_ns, utc_ns)
+        return _fast.message(template.text, template.places, self._outcome, seq, t_sample_ns, t_publish_ns, utc_ns)
 
-    def lane(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane | None:
-        """Of this pad, whose messages are about `topic`; clock: `DeviceClock.line`. None where onnxruntime is asked."""
-        if self._lane is None and self._network is not None:
-            self._lane = Lane(_fast.Lane((*self._pad, self._network), clock, topic, pad_index))
+    def lane(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane:
+        """Of this pad, whose messages are about `topic`; clock: `DeviceClock.line`."""
+        if self._lane is None:
+            self._lane = Lane(_fast.Lane(self._pad, clock, topic, pad_index))
         return self._lane
 
     def take(self, *memories: object) -> None:

@@ -6,7 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { FMFTS_READING_BYTES = 8 /* of a sensor */, FMFTS_LONGEST_LINE = 255, FMFTS_TEMPERATURE_UNKNOWN = -32768 };
+#include "../reading.h"
+
+enum { FMFTS_LONGEST_LINE = 255, FMFTS_TEMPERATURE_UNKNOWN = -32768 };
 
 typedef struct {
     uint8_t readings[FMFTS_READING_BYTES * 8];

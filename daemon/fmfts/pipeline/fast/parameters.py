@@ -1,0 +1,134 @@
+"""All that is known of a pad before its first frame, as the compiled path reads it: PARAMETERS in tables.h."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.baseline import Mounting
+from fmfts.common.chi2 import quantile
+from fmfts.common.double_table import Named
+from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact.model import (
+    CERTAIN_DEVIATIONS,
+    CERTAIN_FORCE_DEVIATIONS,
+    HYSTERESIS_MM,
+    LIFTED_DEVIATIONS,
+    OUTSIDE_DEVIATIONS,
+    TINY,
+)
+from fmfts.contact.refinement import STEPS
+from fmfts.contact.touch import RELEASE_FRAMES
+from fmfts.pad import Pad
+from fmfts.pose import alignment, innovation, tracker
+from fmfts.pose.change import shortest_rotation
+from fmfts.pose.problem import MAX_ITERATIONS, Part
+from fmfts.pose.state import SIZE
+from fmfts.pose.tracking_model import TrackingModel
+from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS
+from fmfts.sensor.frame import step_t
+
+Array = NDArray[np.float64]
+
+
+def put_sensors(parameters: Named, mounting: Mounting, mounted: Pad, repeats_allowed: Array, stopped_us: float) -> None:
+    """mounted: the pad with its sensors where the baseline found them."""
+    parameters.put("sensors", len(mounted.sensors))
+    parameters.put("step_t", np.array([step_t(code) for code in range(len(LSB_PER_GAUSS))]))
+    parameters.put("stopped_us", stopped_us)
+    parameters.put("jump_t", alignment.JUMP_T)
+    parameters.put("repeats_allowed", repeats_allowed)
+    parameters.put("gain", mounting.gain)
+    parameters.put("offset_t", mounting.offset_t)
+    parameters.put("rest_field_t", mounting.rest_field_t)
+    parameters.put("gain_deviation", mounting.gain_deviation)
+    parameters.put("place_deviation", mounting.place_deviation)
+    parameters.put("systematic_t", mounting.systematic_t)
+    parameters.put("noise_t", mounting.noise_t)
+    parameters.put("place_m", mounted.sensors.position_m)
+    parameters.put("direction", mounted.sensors.rotation.transpose(0, 2, 1))
+    parameters.put("strength_t_m3", mounted.magnet.strength_t_m3)
+    parameters.put("octupole_m2", mounted.magnet.modelled_octupole_m2)
+
+
+def put_tracking(parameters: Named, mounting: Mounting, model: TrackingModel, rest_temperature_c: float | None) -> None:
+    free = int((model.parts == Part.FREE).sum())
+    estimated = int(np.isin(model.parts, (Part.FREE, Part.PRIOR)).sum())
+    values = mounting.gain.size
+    parameters.put("part", model.parts[:SIZE])
+    parameters.put("walk_per_s", model.walk_per_s[:SIZE])
+    parameters.put("moment_per_k", model.moment_per_k)
+    parameters.put("moment_per_k_deviation", model.moment_per_k_deviation)
+    parameters.put("rest_temperature_c", np.nan if rest_temperature_c is None else rest_temperature_c)
+    parameters.put("rest", mounting.rest.vector())
+    parameters.put("stop_chi2", tracker.STOP_TRACKING)
+    parameters.put("max_iterations", MAX_ITERATIONS)
+    parameters.put("reach_m", tracker.REACH_M)
+    parameters.put("log_moment_reach", tracker.LOG_MOMENT_REACH)
+    parameters.put("vague_m", tracker.VAGUE_M)
+    parameters.put("gate_chi2", quantile(tracker.FALSE_ALARM, values - free))
+    parameters.put("freedom", values - free)
+    parameters.put("misfit_frames", tracker.MISFIT_FRAMES)
+    parameters.put("memory_frames", innovation.MEMORY_FRAMES)
+    parameters.put("judged_every", innovation.JUDGED_EVERY)
+    parameters.put("alarm_chi2", quantile(innovation.FALSE_ALARM, values - estimated))
+    parameters.put("sound_chi2", quantile(innovation.SOUND, values - estimated))
+    errors = mounting.field_errors()
+    if errors is not None:
+        parameters.put("field_errors", errors.by_field.shape[-1])
+        parameters.put("by_pose", errors.by_pose)
+        parameters.put("by_field", errors.by_field)
+
+
+def put_contact(
+    parameters: Named,
+    mounting: Mounting,
+    drawing: Pad,
+    change_error: Array,
+    touch: TouchDetector,
+    model: ContactModel,
+    unfelt_n: float,
+) -> None:
+    """change_error (5, 5, M): see Leftover.change_error. unfelt_n: see ContactModel.unfelt_n."""
+    parameters.put("leftovers", change_error.shape[-1])
+    parameters.put("change_error", change_error)
+    parameters.put("onset_chi2", touch.onset_chi2)
+    parameters.put("release_chi2", touch.release_chi2)
+    parameters.put("release_frames", RELEASE_FRAMES)
+    parameters.put("longest_gap_s", touch.longest_gap_s)
+    parameters.put("drawn_rest_m", drawing.rest_position_m)
+    parameters.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
+    parameters.put("refine_steps", STEPS)
+    parameters.put("least_variance", TINY[0, 0])
+    parameters.put("model_rest", model.rest_pose)
+    parameters.put("lowest", model.lowest)
+    parameters.put("highest", model.highest)
+    parameters.put("outside_deviations", OUTSIDE_DEVIATIONS)
+    parameters.put("certain_deviations", CERTAIN_DEVIATIONS)
+    parameters.put("certain_force_deviations", CERTAIN_FORCE_DEVIATIONS)
+    parameters.put("trained_top_mm", model.trained_top_mm)
+    parameters.put("lifted_above_mm", model.trained_top_mm + HYSTERESIS_MM)
+    parameters.put("lifted_deviations", LIFTED_DEVIATIONS)
+    parameters.put("force_max_n", model.facts.envelope.force_max_n)
+    parameters.put("unfelt_n", unfelt_n)
+    parameters.put("edges_m", model.edges_m)
+    parameters.put("spread_m", model.spread_m)
+    parameters.put("force_bins", model.own_deviation.shape[0])
+    parameters.put("force_bin_n", model.force_bins_n)
+    parameters.put("radius_bins", model.own_deviation.shape[1])
+    parameters.put("radius_bin_m", model.radius_bins_m)
+    parameters.put("own_deviation", model.own_deviation)
+    parameters.put("trained_force_n", model.trained_force_n)
+    parameters.put("slipping_n", model.slipping_n)
+
+
+def put_message(parameters: Named, mounting: Mounting, remanence_t: float) -> None:
+    """remanence_t: of the drawing's magnet."""
+    parameters.put("rest_variance", np.diagonal(mounting.rest_covariance))
+    parameters.put("remanence_t", remanence_t)
+    measured = mounting.ambient_t is not None and mounting.ambient_deviation_t is not None
+    nothing = np.full(3, np.nan)
+    parameters.put("ambient_t", mounting.ambient_t if measured and mounting.ambient_t is not None else nothing)
+    deviation = mounting.ambient_deviation_t
+    parameters.put("ambient_variance", square(deviation) if measured and deviation is not None else nothing)

@@ -1,0 +1,105 @@
+/* The change of pose from rest, and how uncertain it is: change.py. */
+#include <string.h>
+
+#include "model.h"
+#include "step.h"
+
+/* What mounting left open makes of the change, as a covariance (5, 5) of it. */
+static void mistaken(const fmfts_pose_parameters *parameters, const double *change, double covariance[5][5])
+{
+    int leftovers = (int)parameters->leftovers[0];
+    double error[5][FMFTS_LEFTOVERS];
+    for (int i = 0; i < 5; i++) {
+        for (int m = 0; m < leftovers; m++) {
+            error[i][m] = 0.0;
+        }
+        for (int by = 0; by < 5; by++) {
+            const double *unit = parameters->change_error + (by * 5 + i) * leftovers;
+            for (int m = 0; m < leftovers; m++) {
+                error[i][m] += change[by] * unit[m];
+            }
+        }
+        for (int j = 0; j <= i; j++) {
+            double sum = 0.0;
+            for (int m = 0; m < leftovers; m++) {
+                sum += error[i][m] * error[j][m];
+            }
+            covariance[i][j] = covariance[j][i] = sum;
+        }
+    }
+}
+
+/* out = T a Tᵀ, with T (rows, 5). */
+static void carry(int rows, const double transform[][5], const double a[5][5], double *out)
+{
+    double half[6][5];
+    for (int i = 0; i < rows; i++) {
+        for (int j = 0; j < 5; j++) {
+            half[i][j] = 0.0;
+            for (int k = 0; k < 5; k++) {
+                half[i][j] += transform[i][k] * a[k][j];
+            }
+        }
+    }
+    for (int i = 0; i < rows; i++) {
+        for (int j = 0; j < rows; j++) {
+            double sum = 0.0;
+            for (int k = 0; k < 5; k++) {
+                sum += half[i][k] * transform[j][k];
+            }
+            out[rows * i + j] = sum;
+        }
+    }
+}
+
+/* change and turn: the magnet's, and from the estimate's tangents to those at rest. */
+static void measure(const fmfts_pose_parameters *parameters, const double *state, fmfts_displacement *d)
+{
+    double rest[2][3];
+    tangent_basis(parameters->rest + AXIS_VALUE, rest);
+    tangent_basis(state + AXIS_VALUE, d->basis);
+    for (int i = 0; i < 3; i++) {
+        d->change[i] = state[i] - parameters->rest[i];
+    }
+    for (int i = 0; i < 2; i++) {
+        d->change[3 + i] = dot3(rest[i], state + AXIS_VALUE);
+        for (int j = 0; j < 2; j++) {
+            d->turn[i][j] = dot3(rest[i], d->basis[j]);
+        }
+    }
+}
+
+void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose,
+                    fmfts_displacement *d)
+{
+    double added[5][5], turned[25], to_rest[5][5], back[5][5];
+    measure(parameters, state, d);
+    mistaken(parameters, d->change, added);
+    for (int i = 0; i < 5; i++) {
+        for (int j = 0; j < 5; j++) {
+            to_rest[i][j] = back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];
+        }
+    }
+    carry(5, (const double(*)[5])back, (const double(*)[5])added, turned);
+    for (int i = 0; i < 5; i++) {
+        for (int j = 0; j < 5; j++) {
+            d->covariance[i][j] = pose->covariance[FMFTS_STEP * i + j] + turned[5 * i + j];
+        }
+    }
+    carry(5, (const double(*)[5])to_rest, (const double(*)[5])d->covariance, d->at_rest);
+}
+
+void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, const fmfts_displacement *d,
+                double unit_per_m, double pose[6], double covariance[36])
+{
+    double spread[6][5] = {{0}};
+    for (int i = 0; i < 3; i++) {
+        const double *turn = parameters->drawn_turn + 3 * i;
+        pose[i] = (parameters->drawn_rest_m[i] + d->change[i]) * unit_per_m;
+        pose[3 + i] = dot3(turn, state + AXIS_VALUE);
+        spread[i][i] = unit_per_m;
+        spread[3 + i][3] = dot3(turn, d->basis[0]);
+        spread[3 + i][4] = dot3(turn, d->basis[1]);
+    }
+    carry(6, (const double(*)[5])spread, d->covariance, covariance);
+}

@@ -1,0 +1,146 @@
+/* A healthy frame, from counts to pose: alignment.c, tracker.c, innovation.c and change.c, each beside the Python file of
+ * its name, which explains every step and is the oracle of the C.
+ *
+ * Where a frame is not healthy in every respect, these functions return false, and Python judges the frame. Re-entrant:
+ * no allocation, no globals. SI units unless a name says otherwise. Arrays are row-major.
+ */
+#ifndef FMFTS_POSE_STEP_H
+#define FMFTS_POSE_STEP_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "../common/double_table.h"
+#include "solver.h"
+
+enum {
+    FMFTS_SENSORS = 8,
+    FMFTS_AXES = 3 * FMFTS_SENSORS,
+    FMFTS_STATE = FMFTS_VALUES(1),
+    FMFTS_STEP = FMFTS_COLUMNS(1),
+    FMFTS_LEFTOVERS = 9 + 6 * FMFTS_SENSORS, /* what a mounting may leave open: baseline/unknowns.py */
+    FMFTS_FIELD_ERRORS = FMFTS_LEFTOVERS + 1,
+    FMFTS_CHANGE = 8, /* of pose 5 and ambient field 3 since the baseline */
+};
+
+/* What a pad, its baseline and its scene are. */
+#define FMFTS_POSE_PARAMETERS(X)                                                                                       \
+    X(sensors, 1)                                                                                                      \
+    X(step_t, 8)                /* by gain code */                                                                     \
+    X(stopped_us, 1)            /* alignment.py */                                                                     \
+    X(jump_t, 1)                                                                                                       \
+    X(repeats_allowed, FMFTS_AXES)                                                                                     \
+    X(gain, FMFTS_AXES)         /* mounting.py */                                                                      \
+    X(offset_t, FMFTS_AXES)                                                                                            \
+    X(rest_field_t, FMFTS_AXES)                                                                                        \
+    X(gain_deviation, FMFTS_AXES)                                                                                      \
+    X(place_deviation, FMFTS_SENSORS)                                                                                  \
+    X(systematic_t, 1)                                                                                                 \
+    X(noise_t, FMFTS_AXES)                                                                                             \
+    X(place_m, FMFTS_AXES)                                                                                             \
+    X(direction, 3 * FMFTS_AXES)                                                                                       \
+    X(strength_t_m3, 1)                                                                                                \
+    X(octupole_m2, 1)                                                                                                  \
+    X(part, FMFTS_STEP)         /* tracking_model.py */                                                                \
+    X(walk_per_s, FMFTS_STEP)                                                                                          \
+    X(moment_per_k, 1)                                                                                                 \
+    X(moment_per_k_deviation, 1)                                                                                       \
+    X(rest_temperature_c, 1)    /* NaN: unknown */                                                                     \
+    X(rest, FMFTS_STATE)                                                                                               \
+    X(stop_chi2, 1)             /* tracker.py */                                                                       \
+    X(max_iterations, 1)                                                                                               \
+    X(reach_m, 1)                                                                                                      \
+    X(log_moment_reach, 1)                                                                                             \
+    X(vague_m, 1)                                                                                                      \
+    X(gate_chi2, 1)                                                                                                    \
+    X(freedom, 1)                                                                                                      \
+    X(misfit_frames, 1)                                                                                                \
+    X(memory_frames, 1)         /* innovation.py */                                                                    \
+    X(judged_every, 1)                                                                                                 \
+    X(alarm_chi2, 1)                                                                                                   \
+    X(sound_chi2, 1)                                                                                                   \
+    X(field_errors, 1)          /* field_errors.py: how many */                                                        \
+    X(by_pose, 5 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                    \
+    X(by_field, FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                       \
+    X(leftovers, 1)                                                                                                    \
+    X(change_error, 25 * FMFTS_LEFTOVERS)                                                                              \
+    X(longest_gap_s, 1)                                                                                                \
+    X(drawn_rest_m, 3)          /* change.py */                                                                        \
+    X(drawn_turn, 9)
+
+/* What one frame leaves to the next. Arrays over sensors hold those of the pad one after the other. */
+#define FMFTS_POSE_MEMORY(X)                                                                                           \
+    X(field_t, 3 * FMFTS_AXES)  /* three newest samples [3][sensors][3] */                                             \
+    X(time_us, 3 * FMFTS_SENSORS)                                                                                      \
+    X(repeats, FMFTS_AXES)                                                                                             \
+    X(last_us, 1)                                                                                                      \
+    X(state, FMFTS_STATE)                                                                                              \
+    X(covariance, FMFTS_STEP * FMFTS_STEP)                                                                             \
+    X(warmth_variance, 1)                                                                                              \
+    X(misfit, 1)                                                                                                       \
+    X(mean_t, FMFTS_AXES)       /* of the residuals */                                                                 \
+    X(lasting_t2, FMFTS_AXES)                                                                                          \
+    X(frames, FMFTS_AXES)                                                                                              \
+    X(change, FMFTS_CHANGE)                                                                                            \
+    X(pushed, 1)                                                                                                       \
+    X(since, 1)                                                                                                        \
+    X(sound, 1)                                                                                                        \
+    X(was_sound, 1)             /* at any judgement since Python handed over */                                        \
+    X(lasting_misfit, 1)                                                                                               \
+    X(passed, 1)                /* frames since then */
+
+FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
+FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)
+
+/* One reading as it came; readings: per sensor x, y, z and age in µs, little-endian, as docs/wire.md has them. */
+typedef struct {
+    const uint8_t *readings;
+    double time_us;
+    double temperature_c; /* NaN: unknown */
+    unsigned gain_code, valid, fresh;
+} fmfts_frame;
+
+/* The field (T, sensor axes) at one instant, and what is known of its errors: alignment.py, mounting.py. */
+typedef struct {
+    double instant_us;
+    double field_t[FMFTS_AXES];
+    double lasting_t2[FMFTS_AXES]; /* of the variance: what no averaging takes away, baseline aside */
+    double variance_t2[FMFTS_AXES];
+} fmfts_field;
+
+typedef struct {
+    double covariance[FMFTS_STEP * FMFTS_STEP]; /* widened by the misfit of late */
+    double chi2, residual_t;
+} fmfts_pose;
+
+/* The magnet's change of pose from rest: position, and the axis in the rest axis's tangent plane. basis: the estimate's
+ * tangents. turn: from them to those at rest. */
+typedef struct {
+    double change[5];
+    double covariance[5][5]; /* of position and the estimate's tangents, with what mounting leaves unknown */
+    double at_rest[25];      /* the same of `change` */
+    double basis[2][3];
+    double turn[2][2];
+} fmfts_displacement;
+
+/* alignment.c: the frame's field, baseline subtracted, at one instant. */
+bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame,
+                 fmfts_field *field);
+
+/* tracker.c: the magnet's state from the field and the frame before; into `memory`. */
+bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
+                 double temperature_c, fmfts_pose *pose);
+
+/* innovation.c: adds the residuals to their mean; false where the mean is not that of healthy sensors. */
+bool fmfts_watch(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
+
+/* change.c: the change of pose, and its covariance. */
+void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose,
+                    fmfts_displacement *d);
+
+/* change.c: the change put on the drawing's rest: position (in a unit of its own) and axis [6], and their covariance
+ * [6][6]. */
+void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, const fmfts_displacement *d,
+                double unit_per_m, double pose[6], double covariance[36]);
+
+#endif
