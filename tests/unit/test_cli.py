@@ -88,11 +88,6 @@ def test_every_word_of_health_comes_with_what_to_do() -> None:
     assert [word for word in get_args(Health) if word != "ok" and f"\n| `{word}` |" not in text] == []
 
 
-def test_every_page_of_the_documentation_is_named_in_the_readme() -> None:
-    readme = (ROOT / "README.md").read_text()
-    assert [page.name for page in sorted((ROOT / "docs").glob("*.md")) if f"docs/{page.name}" not in readme] == []
-
-
 def test_verb_of_the_laboratory_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
