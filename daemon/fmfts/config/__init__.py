@@ -1,6 +1,6 @@
 """The configuration file: what may stand in it, with units in the names. See config.toml for every key explained.
 
-`config_file.load` reads one, `config_checks.problem_in` knows what types cannot tell.
+`file.load` reads one, `checks.problem_in` knows what types cannot tell.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from fmfts.config.collect import CollectConfig
 from fmfts.config.section import NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
 from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
+from fmfts.sensor.chips import CHIPS, ChipName
 
 Vector = tuple[float, float, float]
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
@@ -41,7 +42,7 @@ class _HardwareSource(_Section, frozen=True):
     rate_hz: Annotated[int, Meta(ge=1, le=220)] = 220
     range_gauss: float = 2.5
     trigger: Literal["free", "simultaneous"] = "free"
-    chip: Literal["hmc5983", "hmc5883l"] = "hmc5983"
+    chip: ChipName = "hmc5983"
 
 
 class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type", kw_only=True):
@@ -180,6 +181,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
             magnet=magnet.seen_from(float(lengths(positions - rest).min())),
             rest_position_m=rest,
             rest_axis=axis / length(axis),
+            chip=CHIPS[self.source.chip],
         )
 
 

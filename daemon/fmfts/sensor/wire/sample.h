@@ -6,10 +6,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { FMFTS_READING_BYTES = 8 /* of a sensor */, FMFTS_LONGEST_LINE = 255, FMFTS_TEMPERATURE_UNKNOWN = -32768 };
+enum {
+    FMFTS_WIRE_SENSORS = 8, /* of a pad, at most */
+    FMFTS_WIRE_PADS = 3,    /* of a board, at most */
+    FMFTS_GAIN_CODES = 8,   /* what three bits can name */
+    FMFTS_READING_BYTES = 8 /* of a sensor */,
+    FMFTS_LONGEST_LINE = 255,
+    FMFTS_TEMPERATURE_UNKNOWN = -32768
+};
 
 typedef struct {
-    uint8_t readings[FMFTS_READING_BYTES * 8];
+    uint8_t readings[FMFTS_READING_BYTES * FMFTS_WIRE_SENSORS];
     uint64_t time_us;
     uint32_t sequence;
     int16_t temperature_raw;
@@ -19,7 +26,7 @@ typedef struct {
 /* Whether the bytes [0, size) of a line, its closing zero left out, are a sample of this wire version. */
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
 
-/* hmc5983.py; NaN where no thermometer told. */
-double fmfts_temperature_c(const fmfts_sample *sample);
+/* The chip's thermometer: Chip.temperature_c. NaN where none told, and where a chip without one has both numbers NaN. */
+double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count);
 
 #endif
