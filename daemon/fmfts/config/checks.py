@@ -20,13 +20,14 @@ from fmfts.config import (
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
+from fmfts.sensor.wire.packets import MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
 Key = str | int
 Problem = tuple[tuple[Key, ...], str]  # keys that lead to the value, and what is wrong with it
 
-FEWEST_SENSORS, MOST_SENSORS = 3, 8
+FEWEST_SENSORS = 3
 CLOSEST_MM = 2.0  # a magnet this near has touched the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
 SENSOR_SPACING_MM = 1.0
@@ -99,8 +100,8 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
             f"at least {FEWEST_SENSORS} sensors are needed: with two, a diagonal pair is singular at rest "
             "and an adjacent pair is ten times less certain along one axis",
         )
-    if len(places) > MOST_SENSORS:
-        yield ("geometry", "sensors_mm"), f"at most {MOST_SENSORS} sensors: a mux has eight channels"
+    if len(places) > MAX_SENSORS:
+        yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors: a mux has eight channels"
     for (first, one), (second, other) in combinations(enumerate(places), 2):
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (

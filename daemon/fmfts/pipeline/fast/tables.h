@@ -1,4 +1,4 @@
-/* A healthy frame, from counts to contact: the equations of pipeline.py and its stages, without Python.
+/* A healthy frame, from counts to contact: the equations of pad_pipeline.py and its stages, without Python.
  *
  * The Python stages explain every step and are the oracle of these files. Where a frame is not healthy in every respect,
  * the functions here return false and the pad's memory stays what it was: the stages in Python judge such a frame.
@@ -200,29 +200,29 @@ typedef struct {
 /* What a touched, or an untouched, pad publishes. */
 typedef enum { FMFTS_QUIET, FMFTS_TOUCHED, FMFTS_OVER_RANGE, FMFTS_NO_NUMBER } fmfts_contact;
 
-/* align.c: the frame's field, baseline subtracted, at one instant. */
+/* alignment.c: the frame's field, baseline subtracted, at one instant. */
 bool fmfts_align(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_frame *frame, fmfts_field *field);
 
-/* track.c: the magnet's state from the field and the frame before; into `memory`. */
+/* tracker.c: the magnet's state from the field and the frame before; into `memory`. */
 bool fmfts_track(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field, double temperature_c,
                  fmfts_pose *pose);
 
-/* watch.c: adds the residuals to their mean; false where the mean is not that of healthy sensors. */
+/* innovation.c: adds the residuals to their mean; false where the mean is not that of healthy sensors. */
 bool fmfts_watch(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_field *field);
 
 /* touch.c: touched or not, and what the contact model is to be asked. */
 bool fmfts_ask(const fmfts_facts *facts, fmfts_memory *memory, const fmfts_pose *pose, fmfts_question *question,
                fmfts_numbers *numbers);
 
-/* contact.c: the network's answer, contact [3] and jacobian [3][6], in the model's units. */
+/* estimate.c: the network's answer, contact [3] and jacobian [3][6], in the model's units. */
 void fmfts_take_answer(const fmfts_question *question, const float *contact, const float *jacobian,
                        fmfts_found *found);
 
-/* contact.c: the most likely press instead, by the pad's response; false where there is none. */
+/* estimate.c: the most likely press instead, by the pad's response; false where there is none. */
 bool fmfts_refine_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_response *response,
                          fmfts_found *found);
 
-/* contact.c: a contact as numbers to publish. */
+/* estimate.c: a contact as numbers to publish. */
 fmfts_contact fmfts_answer(const fmfts_facts *facts, const fmfts_question *question, const fmfts_found *found,
                            fmfts_numbers *numbers);
 

@@ -1,4 +1,4 @@
-/* One line → one sample: framing.py and wire.py. Anything else is left to them. */
+/* One line → one sample: framing.py and codec.py. Anything else is left to them. */
 #include "sample.h"
 
 #include <math.h>
