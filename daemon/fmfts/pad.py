@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import power
 from fmfts.arithmetic.matrix import length, product, root_of_squares
 from fmfts.arithmetic.series import cos, sin
+from fmfts.sensor.chips import DEFAULT_CHIP, NOISE_T, Chip
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ class SensorArray:
 # Largest field that the octupole of a cylinder may have at a sensor and be left out: a sample's noise. It is no unknown
 # and costs no time (`python -m fmfts_lab.bench speed`), so that whatever can be felt counts; on the standard pad
 # 0.5 µT, which bend a pose by a tenth of its bound (docs/studies.md).
-NEGLECTED_OCTUPOLE_T = 2e-7
+NEGLECTED_OCTUPOLE_T = NOISE_T
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +114,7 @@ class Pad:
     magnet: Magnet
     rest_position_m: Array
     rest_axis: Array
+    chip: Chip = DEFAULT_CHIP  # each of the sensors is one
 
     @property
     def geometry_hash(self) -> str:

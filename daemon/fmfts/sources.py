@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.source import Source, SourceError
 from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
@@ -77,7 +78,7 @@ def on_board(pad: PadConfig) -> PadOnBoard:
     return PadOnBoard(
         name=pad.name,
         sensors=len(pad.geometry.sensors_mm),
-        chip=source.chip,
+        chip=CHIPS[source.chip],
         rate_hz=source.rate_hz,
         range_gauss=source.range_gauss,
         trigger=source.trigger,
@@ -94,7 +95,7 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
     return PadOnI2c(
         name=pad.name,
         sensors=len(pad.geometry.sensors_mm),
-        chip=source.chip,
+        chip=CHIPS[source.chip],
         rate_hz=source.rate_hz,
         range_gauss=source.range_gauss,
         trigger=source.trigger,

@@ -1,7 +1,9 @@
 #include "conversion.h"
 
+#include "hmc5983.h"
+
 enum {
-    PERIOD_TOLERANCE_US = CONVERSION_PERIOD_US / 20, // ±5 %, beyond the ±3 % of the chips
+    PERIOD_TOLERANCE_US = HMC5983_PERIOD_US / 20, // ±5 %, beyond the ±3 % of the chips
     // Measured on the emulated chips: the smallest error of time with four and with eight sensors on a bus. Polling from
     // a smaller part of the period before the prediction on loses track of chips, a larger one loads the bus.
     PERIOD_GAIN = 16,
@@ -35,8 +37,8 @@ void conversion_seen(struct conversion *conversion, uint64_t seen_us)
     if (periods == 1) {
         int64_t correction_us = (int64_t)(conversion->ended_us - predicted_us) / PERIOD_GAIN;
         conversion->period_us = (uint16_t)clamp(period_us + (uint64_t)correction_us,
-                                                CONVERSION_PERIOD_US - PERIOD_TOLERANCE_US,
-                                                CONVERSION_PERIOD_US + PERIOD_TOLERANCE_US);
+                                                HMC5983_PERIOD_US - PERIOD_TOLERANCE_US,
+                                                HMC5983_PERIOD_US + PERIOD_TOLERANCE_US);
     }
 }
 

@@ -4,8 +4,6 @@
 
 #include <stdint.h>
 
-enum { CONVERSION_PERIOD_US = 4545 }; // rate code 7: 220 Hz
-
 struct conversion {
     uint64_t ended_us;     // end of the last conversion, estimated
     uint64_t not_ready_us; // last time that READY was seen clear

@@ -13,6 +13,11 @@ enum {
     HMC5983_OVERFLOW = -4096,
     HMC5983_GAIN_CODES = 8,
     HMC5983_SELFTEST_GAIN = 5,
+    HMC5983_RATE_HZ = 220,               // the highest that a chip reaches by its own clock
+    HMC5983_PERIOD_US = 4545,            // at that rate
+    HMC5983_SINGLE_CONVERSION_US = 6000, // data sheet: one measurement, average of one
+    HMC5983_SINGLE_WAIT_US = 6200,       // the same by the slowest chip (clock tolerance 3 %), rounded up
+    HMC5983_SINGLE_FASTEST_US = 5800,    // and by the fastest, rounded down
 };
 
 enum hmc5983_register {

@@ -17,7 +17,7 @@ void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus
     uint64_t now_us = clock_now(clock);
     *sampler = (struct sampler){
         .clock = clock,
-        .settings = {.rate_hz = RATE_MAX_HZ, .gain_code = 3, .trigger = TRIGGER_FREE},
+        .settings = {.rate_hz = HMC5983_RATE_HZ, .gain_code = 3, .trigger = TRIGGER_FREE},
         .pad_count = pad_count,
         .frame_us = now_us,
     };
@@ -50,7 +50,7 @@ void sampler_apply(struct sampler *sampler, const struct sampler_settings *setti
 
 uint16_t sampler_rate_max(enum trigger trigger)
 {
-    return trigger == TRIGGER_FREE ? RATE_MAX_HZ : SINGLE_RATE_MAX_HZ;
+    return trigger == TRIGGER_FREE ? HMC5983_RATE_HZ : SINGLE_RATE_MAX_HZ;
 }
 
 void sampler_stream(struct sampler *sampler, bool streaming)

@@ -14,7 +14,6 @@ enum {
     SAMPLER_PADS_MAX = WIRE_PADS_MAX,
     SAMPLER_BUSES_MAX = 2,
     SAMPLER_SENSORS_MAX = 4,
-    RATE_MAX_HZ = 220,
     // 6.2 ms of conversion, then one sensor asked and the trigger, 107 bits with their selects: 6.47 ms, and some for the
     // processor's own time.
     SINGLE_RATE_MAX_HZ = 152,

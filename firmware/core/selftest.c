@@ -10,7 +10,7 @@ enum {
     ROUNDS_DISCARDED = 1, // converted with the old gain
     ROUNDS = ROUNDS_DISCARDED + 4,
     // A biased measurement is two acquisitions, one without and one with the strap (data sheet, self-test operation).
-    ROUND_WAIT_US = 2 * SINGLE_CONVERSION_US + 500,
+    ROUND_WAIT_US = 2 * HMC5983_SINGLE_CONVERSION_US + 500,
     SATURATED = INT16_MIN,
 };
 

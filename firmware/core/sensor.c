@@ -7,7 +7,7 @@ enum {
     BACKOFF_FIRST_US = 50000,
     BACKOFF_DOUBLINGS = 4,
     STRIKE_PAUSE_US = 1000,
-    STALE_US = 4 * CONVERSION_PERIOD_US,
+    STALE_US = 4 * HMC5983_PERIOD_US,
 };
 
 void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us)
@@ -16,7 +16,7 @@ void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us
         .state = SENSOR_NOT_STARTED,
         .temperature_raw = WIRE_TEMPERATURE_UNKNOWN,
         .temperature_next = true,
-        .conversion.period_us = CONVERSION_PERIOD_US,
+        .conversion.period_us = HMC5983_PERIOD_US,
         .due_us = now_us,
         .chore_us = first_chore_us,
     };
@@ -64,8 +64,8 @@ void sensor_await(struct sensor *sensor, uint64_t triggered_us)
 {
     sensor->awaiting = true;
     sensor->confirmed = sensor->overtaken = sensor->fresh = false;
-    sensor->conversion.ended_us = triggered_us + SINGLE_CONVERSION_US;
-    sensor->due_us = triggered_us + SINGLE_WAIT_US;
+    sensor->conversion.ended_us = triggered_us + HMC5983_SINGLE_CONVERSION_US;
+    sensor->due_us = triggered_us + HMC5983_SINGLE_WAIT_US;
 }
 
 bool sensor_is_running(const struct sensor *sensor)

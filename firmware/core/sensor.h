@@ -10,12 +10,6 @@
 #include "hmc5983.h"
 #include "wire.h"
 
-enum {
-    SINGLE_CONVERSION_US = 6000, // data sheet: one measurement, average of one
-    SINGLE_WAIT_US = 6200,       // the same by the slowest chip (clock tolerance 3 %), rounded up
-    SINGLE_FASTEST_US = 5800,    // and by the fastest, rounded down
-};
-
 enum sensor_phase { PHASE_IDENTIFY, PHASE_CONFIGURE, PHASE_RUN, PHASE_CHORE };
 
 struct sensor {

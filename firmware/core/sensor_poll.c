@@ -7,7 +7,7 @@ enum {
     UNCHANGED_MAX = 20,
     POLL_PAUSE_US = 100,
     SILENCE_US = 50000,        // eleven conversions
-    LATE_CONVERSION_US = 3000, // beyond SINGLE_WAIT_US
+    LATE_CONVERSION_US = 3000, // beyond HMC5983_SINGLE_WAIT_US
     BURST_US = 250,            // six bytes, with some time to spare
     CHORE_INTERVAL_US = 125000,
     READY_SURVIVES = 3, // probes in a row
@@ -46,7 +46,7 @@ static void not_ready(struct sensor *sensor, const struct sensor_link *link, uin
         return;
     }
     sensor->suspect = true;
-    if (now_us > sensor->conversion.ended_us + SINGLE_WAIT_US - SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
+    if (now_us > sensor->conversion.ended_us + HMC5983_SINGLE_WAIT_US - HMC5983_SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
         sensor->awaiting = false;
         sensor_schedule(sensor, link, now_us);
         if (++sensor->missed >= MISSED_MAX)
@@ -121,7 +121,7 @@ enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *
 // way at that moment has them locked, and the new sample is lost: so then it is asked whether there is one.
 static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint64_t changes_us = sensor->overtaken_us + SINGLE_FASTEST_US;
+    uint64_t changes_us = sensor->overtaken_us + HMC5983_SINGLE_FASTEST_US;
     int16_t counts[3];
     bool in_time = clock_now(link->clock) + BURST_US < changes_us;
     enum bus_result result = in_time ? hmc5983_read(link->bus, counts) : BUS_OK;

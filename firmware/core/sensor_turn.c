@@ -44,7 +44,7 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     sensor->unchanged = 0;
     conversion_restart(&sensor->conversion, now_us);
     // Two periods until the first measurement (data sheet, mode register), and that one still has the old gain.
-    sensor->settled_us = now_us + CONVERSION_PERIOD_US * 5 / 2;
+    sensor->settled_us = now_us + HMC5983_PERIOD_US * 5 / 2;
     sensor_schedule(sensor, link, now_us);
     return BUS_OK;
 }

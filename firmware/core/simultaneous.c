@@ -87,7 +87,7 @@ static bool poll_pad(struct sampler *sampler, struct sampler_pad *pad, uint64_t 
     }
     if (!pad->trigger_due || pad->frame_due || sampler->buses[pad->wiring.bus].retry_us > now_us)
         return false;
-    if (pad->converting && now_us < pad->triggered_us + SINGLE_WAIT_US)
+    if (pad->converting && now_us < pad->triggered_us + HMC5983_SINGLE_WAIT_US)
         return false;
     int unconfirmed = pad->converting ? to_confirm(pad) : -1;
     if (unconfirmed < 0)

@@ -52,7 +52,7 @@ def make(path: Path, port_folder: Path) -> None:
     with FirmwareHost(port_folder) as host:
         config = PadConfig(name=PAD, source=BridgeSource(port=str(host.port), rate_hz=RATE_HZ))
         drawing = config.pad()
-        tracking = choose(config.scene, config.magnet, thermometer=True).tracking
+        tracking = choose(config.scene, config.magnet).tracking
         pipeline = PadPipeline(drawing, model_of(config), BOOT, float(RATE_HZ), tracking)
         bridge = Bridge({0: config})
         frames = frames_of(bridge)

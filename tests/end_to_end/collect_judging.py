@@ -19,7 +19,7 @@ from fmfts.calibrate.tracked import Tracked
 from fmfts.calibrate.training import PRESSES
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Pad
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 
 FRAMES = 20  # of each held-out press, with the noise of single frames
 BAR = 1.2  # of ideal data's error

@@ -18,7 +18,7 @@ static uint64_t delay_us(uint32_t limit)
 static double follow(struct conversion *conversion, uint64_t period_us, uint32_t busy_us)
 {
     uint64_t now_us = 1000000, ended_us = now_us + 1000, sum_us = 0, last_us = 0;
-    *conversion = (struct conversion){.period_us = CONVERSION_PERIOD_US};
+    *conversion = (struct conversion){.period_us = HMC5983_PERIOD_US};
     random_state = 1;
     conversion_restart(conversion, now_us);
     for (int i = 0; i < CONVERSIONS; i++) {

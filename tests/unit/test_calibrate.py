@@ -28,7 +28,7 @@ from fmfts.contact.contract import parse_response
 from fmfts.contact.response import Response
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 
 REST = np.array([0.0, 0.0, 12.0, 0.0, 0.0, 1.0])
 SCALE = np.array([0.2, 0.2, 0.6, 0.05, 0.05])

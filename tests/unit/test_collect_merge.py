@@ -14,10 +14,12 @@ from fmfts.collect.errors import RefusedError
 from fmfts.collect.machine_log import Log, plateaus, read_log
 from fmfts.collect.plan import read_plan
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.sensor import Frame, step_t
+from fmfts.sensor import Frame
+from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.simulation.mounted import MountedPad
 
-REST_T = np.full((4, 3), 300 * step_t(3))
+STEP_T = DEFAULT_CHIP.step_t[3]
+REST_T = np.full((4, 3), 300 * STEP_T)
 
 
 def frames_of(time_s: np.ndarray, force_n: np.ndarray) -> list[Frame]:
@@ -86,7 +88,7 @@ def test_papers_plan_is_aligned_and_its_plateaus_found_whatever_the_clock(ppm: f
     shown_n = pressed[:, 2] + 0.05 + random.normal(0.0, 0.005, len(log_s))
     log = Log(log_s * (1.0 + ppm * 1e-6), pressed[:, :2] * 1e3, shown_n)
 
-    alignment = align(log, frames_at(frame_s, seen_t / step_t(3)), fields_t[0])
+    alignment = align(log, frames_at(frame_s, seen_t / STEP_T), fields_t[0])
     for true_s in (0.0, 0.5 * frame_s[-1], frame_s[-1]):
         # half a row of the log, and half a frame; at 300 ppm the clocks differ by half a second at the end
         assert alignment.frame_time_s(true_s * (1.0 + ppm * 1e-6)) == pytest.approx(true_s, abs=0.02)

@@ -60,9 +60,8 @@ def hello(*sensors: int, **changes: object) -> Hello:
 def sample(sensors: int = 4, pad_index: int = 0, **changes: int) -> Sample:
     everyone = (1 << sensors) - 1
     fields = {"sequence": 0, "time_us": 4545, "gain_code": 3, "trigger": 0, "valid": everyone, "fresh": everyone}
-    return make_sample(
-        [(1, 2, 3)] * sensors, [0] * sensors, pad_index=pad_index, temperature_raw=0, **(fields | changes)
-    )
+    fields["temperature_raw"] = 0
+    return make_sample([(1, 2, 3)] * sensors, [0] * sensors, pad_index=pad_index, **(fields | changes))
 
 
 def run_of(numbers: Iterable[int]) -> list[Sample]:

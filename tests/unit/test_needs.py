@@ -37,7 +37,7 @@ from fmfts.scene import (
     placed_beside,
     recommended,
 )
-from fmfts.scene.tracking import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study.harness import Request
 from fmfts_lab.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
 from fmfts_lab.study.scene_networks import Networks

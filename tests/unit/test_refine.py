@@ -22,7 +22,7 @@ from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import Response, most_likely
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 
 Array = NDArray[np.float64]
 SHEARED = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0), *SHEAR_EXPONENTS], dtype=np.intp)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
-from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS
-from fmfts.sensor.frame import TESLA_PER_GAUSS, Frame
+from fmfts.sensor.frame import Frame
 
 Array = NDArray[np.float64]
 
@@ -84,7 +83,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
     fresh = np.array([frame.fresh & frame.valid for frame in frames])
     fields = np.array([frame.field_t for frame in frames])
     mean, noise, wander = np.empty(fields.shape[1:]), np.empty(fields.shape[1:]), np.empty(fields.shape[1:])
-    step_t = TESLA_PER_GAUSS / LSB_PER_GAUSS[gain_codes.pop()]
+    step_t = frames[0].chip.step_t[frames[0].gain_code]
     for sensor in range(fields.shape[1]):
         samples = fields[fresh[:, sensor], sensor]
         if len(samples) < MINIMUM_FRAMES:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.baseline.recording import MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
-from fmfts.sensor.frame import Frame, step_t
+from fmfts.sensor.frame import Frame
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ def _noise(frames: Sequence[Frame]) -> Array:
     differences = (np.diff(fields[fresh[:, sensor], sensor], 2, axis=0) for sensor in range(fields.shape[1]))
     noise = np.array([_robust_deviation(of_sensor) for of_sensor in differences]) / np.sqrt(6.0)
     # A count is never known better than its rounding.
-    floored: Array = np.maximum(noise, step_t(frames[0].gain_code) / np.sqrt(12.0))
+    floored: Array = np.maximum(noise, frames[0].chip.step_t[frames[0].gain_code] / np.sqrt(12.0))
     return floored
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmfts.bus.messages import FrameMessage
+from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 from fmfts.sensor.frame import Frame
 
 
@@ -27,8 +28,8 @@ def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = T
     )
 
 
-def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
-    """The frame as its source gave it."""
+def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHIP) -> Frame:
+    """The frame as its source gave it. chip: no message names it; it follows from the recorded configuration."""
     return Frame(
         pad_index=pad_index,
         sequence=message.sequence,
@@ -40,4 +41,5 @@ def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
         fresh=np.array(message.fresh, dtype=np.bool_),
         valid=np.array(message.valid, dtype=np.bool_),
         temperature_c=message.temperature_c,
+        chip=chip,
     )

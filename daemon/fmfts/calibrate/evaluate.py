@@ -16,7 +16,7 @@ from fmfts.calibrate.tracked import Scene, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.model import CONTACT_UNIT, POSE_UNIT
 from fmfts.pad import Array
-from fmfts.scene.tracking import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from fmfts.contact.contract import (
 )
 from fmfts.contact.response import Response
 from fmfts.pad import Array
-from fmfts.scene.tracking import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
 JUDGED_IN_A_BIN = 1500  # of force

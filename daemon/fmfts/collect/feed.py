@@ -14,6 +14,7 @@ from fmfts.collect.errors import AbsentError
 from fmfts.collect.gauge import Counts
 from fmfts.config import Config, PadConfig
 from fmfts.sensor import Frame, Source, SourceError
+from fmfts.sensor.chips import CHIPS
 from fmfts.sources import open_sources
 from fmfts_client import Subscription, request
 from fmfts_client.endpoints import for_client, named_base
@@ -39,7 +40,7 @@ def open_feed(config: Config, pad: PadConfig) -> Feed:
     """AbsentError where neither a daemon nor the device can be opened."""
     endpoints = for_client(named_base(config.bus.endpoint))
     if serving_pid(endpoints.control) is not None:
-        return DaemonFeed(pad.name, endpoints)
+        return DaemonFeed(pad, endpoints)
     return DeviceFeed(pad)
 
 
@@ -70,16 +71,17 @@ class DaemonFeed:
 
     counts: Counts | None = None
 
-    def __init__(self, pad: str, endpoints: Any) -> None:
+    def __init__(self, pad: PadConfig, endpoints: Any) -> None:
         self.description = "the running daemon"
-        self._pad = pad
+        self._pad = pad.name
+        self._chip = CHIPS[pad.source.chip]
         self._endpoints = endpoints
-        self._subscription = Subscription(("frame",), pad, endpoints)
+        self._subscription = Subscription(("frame",), pad.name, endpoints)
 
     def poll(self, now_ns: int) -> list[Frame]:
         frames = []
         while (message := self._subscription.receive(0)) is not None:
-            frames.append(frame_of(msgspec.convert(message.body, FrameMessage)))
+            frames.append(frame_of(msgspec.convert(message.body, FrameMessage), chip=self._chip))
         return frames
 
     def board_uid(self) -> str:

@@ -24,6 +24,7 @@ from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingError, RecordingWriter
 from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
+from fmfts.sensor.chips import CHIPS
 
 
 class Frames:
@@ -66,7 +67,7 @@ class Frames:
 
 def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
     """What a replay begins with; None where no contact model knows such a pad yet: then frames alone are recorded."""
-    drawing, scene = pad.pad(), choose(pad.scene, pad.magnet, thermometer=pad.source.chip == "hmc5983")
+    drawing, scene = pad.pad(), choose(pad.scene, pad.magnet, CHIPS[pad.source.chip])
     for path in (pad.contact.model, "default"):
         try:
             model = model_of(pad, path)

@@ -25,6 +25,7 @@ from fmfts.collect.work import averaging_s, unmoved_since_baseline
 from fmfts.config import Config, PadConfig
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
+from fmfts.sensor.chips import CHIPS
 
 ZERO_DRIFT_N = 0.05  # of the log from one pause to the next, its rod up; more is a press, or no zero to believe
 
@@ -48,7 +49,7 @@ def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, outpu
         raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")
     settings, drawing = config.collect, pad.pad()
     unmoved = unmoved_since_baseline(drawing, settings)
-    log, frames = read_log(log_path), _frames(recording, pad.name)
+    log, frames = read_log(log_path), _frames(recording, pad)
     mounting = unmoved.mounting
     alignment = align(log, frames, (mounting.rest_field_t + mounting.offset_t) * mounting.gain)
     found = plateaus(log, settings.settle_s, averaging_s(settings, pad))
@@ -168,15 +169,16 @@ def _first_of(refused: Sequence[str]) -> str:
     return refused[0] if refused else "does the log stand still for long enough, and were frames recorded meanwhile?"
 
 
-def _frames(recording: Path, pad: str) -> Sequence[Frame]:
+def _frames(recording: Path, pad: PadConfig) -> Sequence[Frame]:
+    chip = CHIPS[pad.source.chip]
     try:
         frames = [
-            frame_of(recorded.message)
+            frame_of(recorded.message, chip=chip)
             for recorded in read(recording)
-            if isinstance(recorded.message, FrameMessage) and recorded.pad == pad
+            if isinstance(recorded.message, FrameMessage) and recorded.pad == pad.name
         ]
     except RecordingError as error:
         raise RefusedError(str(error)) from error
     if not frames:
-        raise RefusedError(f"{recording}: holds no frame of pad '{pad}'")
+        raise RefusedError(f"{recording}: holds no frame of pad '{pad.name}'")
     return frames

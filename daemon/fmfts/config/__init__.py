@@ -1,6 +1,6 @@
 """The configuration file: what may stand in it, with units in the names. See config.toml for every key explained.
 
-`config_file.load` reads one, `config_checks.problem_in` knows what types cannot tell.
+`file.load` reads one, `checks.problem_in` knows what types cannot tell.
 """
 
 from __future__ import annotations
@@ -17,8 +17,11 @@ from fmfts.config.collect import CollectConfig
 from fmfts.config.section import NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
 from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
+from fmfts.sensor.chips import CHIPS, ChipName
+from fmfts.sensor.wire.packets import MAX_PADS
 
 Vector = tuple[float, float, float]
+FASTEST_HZ = max(chip.free_rate_hz for chip in CHIPS.values())
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
 # Thinner is not made; thicker is no fingertip. Whoever writes less means metres.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
@@ -38,16 +41,16 @@ class ServiceConfig(_Section, frozen=True):
 
 
 class _HardwareSource(_Section, frozen=True):
-    rate_hz: Annotated[int, Meta(ge=1, le=220)] = 220
+    rate_hz: Annotated[int, Meta(ge=1, le=FASTEST_HZ)] = 220
     range_gauss: float = 2.5
     trigger: Literal["free", "simultaneous"] = "free"
-    chip: Literal["hmc5983", "hmc5883l"] = "hmc5983"
+    chip: ChipName = "hmc5983"
 
 
 class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type", kw_only=True):
     port: str
     uid: BoardUid | None = None  # binds this pad to one board whatever the port is called
-    pad_index: Annotated[int, Meta(ge=0, le=2)] = 0
+    pad_index: Annotated[int, Meta(ge=0, lt=MAX_PADS)] = 0
     baud: Annotated[int, Meta(ge=9600)] = 460800
 
 
@@ -180,6 +183,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
             magnet=magnet.seen_from(float(lengths(positions - rest).min())),
             rest_position_m=rest,
             rest_axis=axis / length(axis),
+            chip=CHIPS[self.source.chip],
         )
 
 

@@ -18,15 +18,16 @@ from fmfts.config import (
     collect,
 )
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.sensor.chips.hmc5983 import gain_code_for_range
+from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
+from fmfts.sensor.wire.packets import MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
 Key = str | int
 Problem = tuple[tuple[Key, ...], str]  # keys that lead to the value, and what is wrong with it
 
-FEWEST_SENSORS, MOST_SENSORS = 3, 8
+FEWEST_SENSORS = 3
 CLOSEST_MM = 2.0  # a magnet this near has touched the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
 SENSOR_SPACING_MM = 1.0
@@ -65,12 +66,12 @@ def _problems(config: Config) -> Iterator[Problem]:
 
 
 def _source(pad: PadConfig) -> Iterator[Problem]:
-    source = pad.source
+    source, chip = pad.source, CHIPS[pad.source.chip]
     try:
-        gain_code_for_range(source.range_gauss)
+        chip.gain_code_for_range(source.range_gauss)
     except ValueError as error:
         yield ("source", "range_gauss"), str(error)
-    most_hz = highest_rate_hz(source.chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
+    most_hz = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if source.rate_hz > most_hz:
         simultaneous = f'trigger = "simultaneous"{" over a bridge" if isinstance(source, BridgeSource) else ""}'
         mode = simultaneous if source.trigger == "simultaneous" else f'chip = "{source.chip}" running free'
@@ -99,8 +100,8 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
             f"at least {FEWEST_SENSORS} sensors are needed: with two, a diagonal pair is singular at rest "
             "and an adjacent pair is ten times less certain along one axis",
         )
-    if len(places) > MOST_SENSORS:
-        yield ("geometry", "sensors_mm"), f"at most {MOST_SENSORS} sensors: a mux has eight channels"
+    if len(places) > MAX_SENSORS:
+        yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors: a mux has eight channels"
     for (first, one), (second, other) in combinations(enumerate(places), 2):
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (
@@ -209,7 +210,7 @@ def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
             yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
         sensors = sensors_on.setdefault(source.bus, [])
         sensors.append(len(source.channels))
-        most_hz = i2c_rate_hz(source.chip, source.trigger, source.clock_hz, sum(sensors), len(sensors))
+        most_hz = i2c_rate_hz(CHIPS[source.chip], source.trigger, source.clock_hz, sum(sensors), len(sensors))
         if source.rate_hz > most_hz:
             mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
             yield (

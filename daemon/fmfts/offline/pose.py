@@ -26,7 +26,7 @@ from fmfts.pose import (
 )
 from fmfts.pose.neighbour import Seen, joined, with_rest
 from fmfts.pose.state import GRADIENT
-from fmfts.scene.tracking import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 
 POSE_NAMES = ("a_mm", "b_mm", "c_mm", "m", "n", "p", "remanence_t")
 AMBIENT_NAMES = ("ambient_x_ut", "ambient_y_ut", "ambient_z_ut")

@@ -23,6 +23,7 @@ from fmfts.pose import SOLVER
 from fmfts.recording.file import RecordingError, is_whole, read
 from fmfts.recording.source import frame_of
 from fmfts.scene.tracking import around, choose
+from fmfts.sensor.chips import CHIPS
 
 Key = tuple[str, str, int]  # boot, pad, number
 # What is said while no frame can be used comes of the source's silence, which is no frame: it is taken as it was.
@@ -153,7 +154,7 @@ class Replay:
             contact = pipeline.absent(silence.health, silence.reason)
             self.comparison.replayed(contact)
             yield contact
-        contact = pipeline.process(frame_of(message))
+        contact = pipeline.process(frame_of(message, chip=pipeline.pad.chip))
         self.comparison.replayed(contact)
         yield contact
 
@@ -196,7 +197,7 @@ class Replay:
             self._put(state)
 
     def _pipeline(self, config: PadConfig, state: StateMessage) -> PadPipeline:
-        scene = choose(config.scene, config.magnet, thermometer=config.source.chip == "hmc5983")
+        scene = choose(config.scene, config.magnet, CHIPS[config.source.chip])
         return PadPipeline(config.pad(), self._model(config, state), state.boot, config.source.rate_hz, scene.tracking)
 
     def _model(self, config: PadConfig, state: StateMessage) -> ContactModel:

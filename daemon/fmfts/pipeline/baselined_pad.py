@@ -27,7 +27,6 @@ from fmfts.pose import (
     widened,
 )
 from fmfts.pose.constancy import Constancy
-from fmfts.sensor import step_t
 
 Array = NDArray[np.float64]
 
@@ -47,7 +46,7 @@ class ZeroedPad:
         self.pad = pad if self.at_rest else replace(pad, magnet=replace(pad.magnet, as_cylinder=False))
         self.temperature_c = recorded.temperature_c if self.at_rest else None
         self.tracking = scene if self.at_rest else PAPER
-        self.repeats_allowed = repeats_allowed(mounting.noise_t, step_t(recorded.gain_code))
+        self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.step_t[recorded.gain_code])
         self.change_error = mounting.change_error(self.tracking.estimated)
         self._change_error_rows = self.change_error.reshape(5, -1)
 

@@ -5,7 +5,7 @@
 #include "../sensor/reading.h"
 #include "step.h"
 
-enum { OVERFLOW_COUNT = -4096, AMBIENT_VALUE = 7 };
+enum { AMBIENT_VALUE = 7 };
 
 static int little_endian(const uint8_t *bytes)
 {
@@ -17,7 +17,7 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
 {
     int sensors = (int)parameters->sensors[0];
     double newest = 0.0, before = 0.0;
-    if ((frame->valid & ((1u << sensors) - 1)) != (1u << sensors) - 1 || frame->gain_code > 7) {
+    if ((frame->valid & ((1u << sensors) - 1)) != (1u << sensors) - 1 || frame->gain_code >= FMFTS_GAIN_CODES) {
         return false;
     }
     for (int i = 0; i < sensors; i++) {
@@ -38,12 +38,12 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
         }
         for (int axis = 0; axis < 3; axis++) {
             int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * i + 2 * axis);
-            if (count == OVERFLOW_COUNT) {
+            if (count == (int)parameters->saturated_count[0]) {
                 return false;
             }
             if (fresh) {
                 double *repeats = memory->repeats + 3 * i + axis;
-                sample[0][axis] = count * parameters->step_t[frame->gain_code];
+                sample[0][axis] = count * parameters->step_t[3 * frame->gain_code + axis];
                 *repeats = sample[0][axis] == sample[1][axis] ? *repeats + 1.0 : 0.0;
             }
             if (!isfinite(sample[2][axis]) || !isfinite(sample[1][axis]) ||

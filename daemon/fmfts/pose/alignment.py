@@ -110,13 +110,15 @@ class Alignment:
         return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, memory.repeats.copy())
 
 
-def repeats_allowed(noise_t: Array, step_t: float) -> Array:
-    """(N, 3) how often in a row an axis that lives may say the same; noise_t (N, 3), rounded to steps of step_t.
+def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:
+    """(N, 3) how often in a row an axis that lives may say the same.
 
+    noise_t: (N, 3). step_t: of a count, one number or one for each axis, which noise_t includes as rounding.
     An axis that repeats itself more often is stuck. Infinite where rounding hides the noise: a quiet axis is no fault.
     """
     before_rounding = np.sqrt(np.maximum(square(noise_t) - square(step_t) / 12.0, 0.0))
-    return np.array([[_longest_run(deviation / step_t) for deviation in axes] for axes in before_rounding.tolist()])
+    steps = before_rounding / step_t
+    return np.array([[_longest_run(deviation) for deviation in axes] for axes in steps.tolist()])
 
 
 def _longest_run(deviation_steps: float) -> float:

@@ -24,6 +24,7 @@ from fmfts.pose.problem import (
     parts_of,
 )
 from fmfts.pose.state import State, tangent_basis
+from fmfts.sensor.chips import NOISE_T
 
 __all__ = ["FREE_FIELD", "FREE_PAPER", "FREE_POSE", "PoseEstimate", "Status", "estimate_of", "solve", "solve_batch"]
 
@@ -64,7 +65,7 @@ def solve(
     pad: Pad,
     start: State | None = None,
     *,
-    deviation_t: Array | float = 2e-7,
+    deviation_t: Array | float = NOISE_T,
     proportional: float = 0.0,
     age_s: Array | float = 0.0,
     free: NDArray[np.intp] = FREE_PAPER,

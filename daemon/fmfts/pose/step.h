@@ -11,10 +11,11 @@
 #include <stdint.h>
 
 #include "../common/double_table.h"
+#include "../sensor/reading.h"
 #include "solver.h"
 
 enum {
-    FMFTS_SENSORS = 8,
+    FMFTS_SENSORS = FMFTS_WIRE_SENSORS,
     FMFTS_AXES = 3 * FMFTS_SENSORS,
     FMFTS_STATE = FMFTS_VALUES(1),
     FMFTS_STEP = FMFTS_COLUMNS(1),
@@ -26,7 +27,10 @@ enum {
 /* What a pad, its baseline and its scene are. */
 #define FMFTS_POSE_PARAMETERS(X)                                                                                       \
     X(sensors, 1)                                                                                                      \
-    X(step_t, 8)                /* by gain code */                                                                     \
+    X(saturated_count, 1)       /* chip.py */                                                                          \
+    X(step_t, 3 * FMFTS_GAIN_CODES)                                                                                    \
+    X(at_zero_c, 1)             /* NaN: no thermometer */                                                              \
+    X(c_per_count, 1)                                                                                                  \
     X(stopped_us, 1)            /* alignment.py */                                                                     \
     X(jump_t, 1)                                                                                                       \
     X(repeats_allowed, FMFTS_AXES)                                                                                     \

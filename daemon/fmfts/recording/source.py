@@ -12,6 +12,7 @@ from fmfts.bus.frame_message import frame_of as frame_of
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.config import PadConfig, ReplaySource
 from fmfts.recording.file import RecordingError, read
+from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import SourceError, SourceState
 
@@ -106,14 +107,16 @@ class Replayed:
     def _frames(self) -> Generator[_Coming, None, None]:
         """Lap by lap; in each the clocks and numbers go on from where the one before ended."""
         later_ns, numbers = 0, dict.fromkeys(self._indices, 0)
+        chips = {index: CHIPS[_config_of(state).source.chip] for index, state in self.states.items()}
         while True:
             first: dict[str, FrameMessage] = {}
             last: dict[str, FrameMessage] = {}
             for message in self._messages():
                 last[message.pad] = message
                 first.setdefault(message.pad, message)
+                index = self._indices[message.pad]
                 frame = replace(
-                    frame_of(message, self._indices[message.pad]),
+                    frame_of(message, index, chips[index]),
                     sequence=message.sequence + numbers[message.pad],
                     device_time_us=message.device_time_us + later_ns // 1000,
                 )

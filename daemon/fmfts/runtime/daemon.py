@@ -34,6 +34,7 @@ from fmfts.runtime.summary import one_line
 from fmfts.scene import advice
 from fmfts.scene.tracking import around, blind, choose
 from fmfts.sensor import Source
+from fmfts.sensor.chips import CHIPS
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
 from fmfts.simulation.baseline import simulated_baseline
@@ -200,7 +201,7 @@ class Daemon:
     def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
         pad = config.pad()
         rate_hz = float(config.source.rate_hz)
-        scene = choose(config.scene, config.magnet, thermometer=config.source.chip == "hmc5983")
+        scene = choose(config.scene, config.magnet, CHIPS[config.source.chip])
         pipeline = PadPipeline(pad, model, self._boot, rate_hz, scene.tracking)
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in blind(pad, scene.tracking):

@@ -13,8 +13,9 @@ from fmfts.pose.problem import Part
 from fmfts.pose.state import AMBIENT
 from fmfts.scene.candidate import RUNNING, Cost, Model, Surroundings
 from fmfts.scene.error_budget import costs, rms
-from fmfts.scene.tracking import NOISE_T, choose
 from fmfts.scene.tracking import around as neighbours_around
+from fmfts.scene.tracking import choose
+from fmfts.sensor.chips import CHIPS
 
 # A larger model has to lower the error by this share to be worth its unknowns; by this, to be worth a term without any.
 WORTH, WORTH_OF_TERM = 0.1, 0.01
@@ -48,7 +49,7 @@ def advice(
     pad tells. mounting: what a baseline recorded, whose noise it is then."""
     if response is None:
         return None
-    noise_t = NOISE_T if mounting is None else rms(mounting.noise_t)
+    noise_t = CHIPS[config.source.chip].noise_t if mounting is None else rms(mounting.noise_t)
     around = Surroundings(config, response, noise_t, placed_beside(config, pads))
     needed, has = recommended(costs(around, thorough=False)).model, configured(around)
     if needed.unknown == has.unknown:  # the cylinder's term is no key of the config: it is taken where it is felt

@@ -10,7 +10,8 @@ import numpy as np
 from fmfts.config import PadConfig
 from fmfts.contact.response import Response
 from fmfts.pose import FREE_FIELD, FREE_PAPER, FREE_POSE
-from fmfts.scene.tracking import HOTTER_K, MOMENT_DEVIATION, MOMENT_WALK_PER_S, NOISE_T, UNSEEN_WARMING_K
+from fmfts.scene.tracking import HOTTER_K, MOMENT_DEVIATION, MOMENT_WALK_PER_S, UNSEEN_WARMING_K
+from fmfts.sensor.chips import CHIPS, NOISE_T
 
 UNKNOWNS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD, 9: np.arange(9)}
 # What a running pad tracks with. To hold the moment in a constant field serves until it has aged; to free it in a field
@@ -76,7 +77,7 @@ class Surroundings:
     def moment_deviation(self) -> float:
         """Of a moment that is held, when the baseline is as old as it may be."""
         magnet, variance = self.config.magnet, MOMENT_DEVIATION**2 + MOMENT_WALK_PER_S * BASELINE_AGE_S
-        if self.config.source.chip != "hmc5983":
+        if CHIPS[self.config.source.chip].thermometer is None:
             variance += (magnet.temperature_coefficient_per_k * UNSEEN_WARMING_K) ** 2
         if self.config.scene.remanence == "drifting":
             variance += (magnet.temperature_coefficient_per_k * HOTTER_K) ** 2

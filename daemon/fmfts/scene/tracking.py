@@ -28,6 +28,7 @@ from fmfts.pose import (
     solve,
 )
 from fmfts.pose.neighbour import REACH_M, REACH_RAD, NeighbourView, Seen, Sighting
+from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 
 # A hand that turns at 1 rad/s in the Earth's half gauss changes the field by 2 mG from frame to frame; twice that.
 AMBIENT_WALK_T2_PER_S = square(5e-7) * 220.0
@@ -44,8 +45,6 @@ UNREAD_WARMING_K = 20.0
 HOTTER_K = 10.0
 # The temperature coefficient of a grade of magnet is known to about a fifth.
 COEFFICIENT_SHARE = 0.2
-# A chip's noise in one sample. Measured (docs/pose.md): a neighbour that can change the field by less leaves no trace.
-NOISE_T = 2e-7
 # Five deviations of height are then what 0.28 N do to the standard pad, the lightest press of the paper.
 UNCERTAIN_M = 6e-5
 
@@ -58,7 +57,7 @@ class SceneModel:
     why: str
 
 
-def choose(scene: SceneConfig, magnet: MagnetConfig, thermometer: bool = True) -> SceneModel:
+def choose(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DEFAULT_CHIP) -> SceneModel:
     """The smallest set of unknowns that the scene allows.
 
     Moment and ambient field are never both estimated: along (height, moment, vertical field) the measurements say
@@ -76,14 +75,14 @@ def choose(scene: SceneConfig, magnet: MagnetConfig, thermometer: bool = True) -
     initial[LOG_MOMENT], walk[LOG_MOMENT] = square(MOMENT_DEVIATION), MOMENT_WALK_PER_S
     parts = parts_of(free=np.r_[POSITION, AXIS], considered=LOG_MOMENT, prior=AMBIENT)
     per_k = magnet.temperature_coefficient_per_k
-    if not thermometer:
+    if chip.thermometer is None:
         walk[LOG_MOMENT] += square(per_k * UNSEEN_WARMING_K) / UNSEEN_WARMING_S
     cause = "steel moves nearby" if scene.steel_nearby else "the field drifts"
     why = f"8 unknowns (pose, ambient field): {cause}, so the moment is the baseline's and follows the temperature"
     if scene.remanence == "drifting":
         initial[LOG_MOMENT] += square(per_k * HOTTER_K)
         why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
-    unread_k = UNREAD_WARMING_K if thermometer else 0.0
+    unread_k = 0.0 if chip.thermometer is None else UNREAD_WARMING_K
     return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k), why)
 
 
@@ -95,7 +94,7 @@ def blind(pad: Pad, tracking: TrackingModel) -> list[str]:
         pad.sensors.to_sensor(field),
         pad,
         rest,
-        deviation_t=NOISE_T,
+        deviation_t=pad.chip.noise_t,
         parts=parts,
         prior=Prior(rest, np.diag(tracking.initial)),
     )
@@ -113,36 +112,42 @@ def blind(pad: Pad, tracking: TrackingModel) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class SceneNeighbour:
-    """A neighbour, its pad's place in this one's axes, and how much its hardest press can change the field here."""
+    """A neighbour, its pad's place in this one's axes, and how much its hardest press can change the field here.
+
+    noise_t: of one sample here. Measured (docs/pose.md): a neighbour that changes the field by less leaves no trace.
+    """
 
     name: str
     placement: Placement
     distance_m: float
     change_t: float
+    noise_t: float
 
     @property
     def is_felt(self) -> bool:
-        return self.change_t > NOISE_T
+        return self.change_t > self.noise_t
 
     @property
     def why(self) -> str:
         chosen = "its magnet is part of the state, where its own pad saw it last" if self.is_felt else "left out"
         return (
             f"pad '{self.name}' is {self.distance_m * 1e3:.0f} mm away, and pressing it changes the field by up to "
-            f"{self.change_t * 1e6:.2g} µT (a sample's noise is {NOISE_T * 1e6:g} µT): {chosen}"
+            f"{self.change_t * 1e6:.2g} µT (a sample's noise is {self.noise_t * 1e6:g} µT): {chosen}"
         )
 
 
 def around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[SceneNeighbour]:
     """The neighbours that `pad` names."""
-    sensors = pad.pad().sensors.position_m
+    drawing = pad.pad()
+    sensors = drawing.sensors.position_m
     for other in neighbours_of(pad, pads):
         placement, magnet = other.placement.si().seen_from(pad.placement.si()), other.pad().magnet
         place = placement.point(other.pad().rest_position_m)
         distance = float(lengths(sensors - place).min())
         # Of a dipole's field B at a distance r, a step s changes 3s/r, and a turn as much as its angle.
         change = magnet.strength_t_m3 / power(distance, 3) * (3.0 * REACH_M / distance + REACH_RAD)
-        yield SceneNeighbour(other.name, placement, length(place - pad.pad().rest_position_m), change)
+        apart = length(place - drawing.rest_position_m)
+        yield SceneNeighbour(other.name, placement, apart, change, drawing.chip.noise_t)
 
 
 def unseen(pad: PadConfig, pads: Sequence[PadConfig]) -> list[Seen]:

@@ -8,16 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
+from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 
-TESLA_PER_GAUSS = 1e-4
 AGE_UNKNOWN_US = 65535
 READING_BYTES = 8
-
-
-def step_t(gain_code: int) -> float:
-    """The field of one count, in tesla."""
-    return TESLA_PER_GAUSS / LSB_PER_GAUSS[gain_code]
 
 
 # A reading as docs/wire.md has it: gain code, masks of valid and of fresh sensors, and 8 bytes for each sensor.
@@ -28,13 +22,14 @@ Packed = tuple[int, int, int, bytes]
 class Frame:
     """Raw counts of N sensors with all that is needed to read them.
 
-    counts: (N, 3) int16, order x, y, z in the sensor's axes; OVERFLOW_COUNT marks a saturated axis.
+    counts: (N, 3) int16, order x, y, z in the sensor's axes; the chip's saturated count marks a saturated axis.
     age_us: (N,) how much older than `device_time_us` each sample is (free chips differ); AGE_UNKNOWN_US at most.
     fresh: (N,) bool, this sample was not in an earlier frame. valid: (N,) bool, this sample may be used.
     device_time_us: the source's own clock at the newest conversion, 64 bit, never wraps.
     host_time_ns: the same instant on the host's CLOCK_MONOTONIC.
     temperature_c: None where the source has no thermometer.
     run: another number after each restart of the source, whose sequence and clock begin anew then.
+    chip: what made the counts, all of them alike.
     """
 
     pad_index: int
@@ -48,6 +43,7 @@ class Frame:
     valid: NDArray[np.bool_]
     temperature_c: float | None
     run: int = 0
+    chip: Chip = DEFAULT_CHIP
 
     @property
     def packed(self) -> Packed:
@@ -60,8 +56,8 @@ class Frame:
 
     @property
     def overflow(self) -> NDArray[np.bool_]:
-        """(N, 3) axes that the chip reports as saturated (data sheet: −4096)."""
-        overflow: NDArray[np.bool_] = self.counts == OVERFLOW_COUNT
+        """(N, 3) axes that the chip reports as saturated."""
+        overflow: NDArray[np.bool_] = self.counts == self.chip.saturated_count
         return overflow
 
     @property
@@ -73,7 +69,7 @@ class Frame:
     @property
     def field_t(self) -> NDArray[np.float64]:
         """(N, 3) field in tesla, in each sensor's own axes, NaN where an axis holds no measurement."""
-        field: NDArray[np.float64] = self.counts.astype(np.float64) * step_t(self.gain_code)
+        field: NDArray[np.float64] = self.counts.astype(np.float64) * self.chip.step_t[self.gain_code]
         field[~self.usable] = np.nan
         return field
 
@@ -93,6 +89,7 @@ class WireFrame(Frame):
         packed: Packed,
         temperature_c: float | None,
         run: int = 0,
+        chip: Chip = DEFAULT_CHIP,
     ) -> None:
         put = object.__setattr__  # a frame is frozen
         put(self, "pad_index", pad_index)
@@ -101,6 +98,7 @@ class WireFrame(Frame):
         put(self, "host_time_ns", host_time_ns)
         put(self, "temperature_c", temperature_c)
         put(self, "run", run)
+        put(self, "chip", chip)
         put(self, "_packed", packed)
 
     @property

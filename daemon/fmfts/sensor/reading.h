@@ -1,7 +1,12 @@
-/* One sensor's part of a frame: x, y, z as int16 and the age in µs as uint16, little-endian (frame.py, docs/wire.md). */
+/* A frame's readings: of each sensor x, y, z as int16 and the age in µs as uint16, little-endian (frame.py, docs/wire.md),
+ * and how many there are at most. */
 #ifndef FMFTS_READING_H
 #define FMFTS_READING_H
 
-enum { FMFTS_READING_BYTES = 8 };
+enum {
+    FMFTS_WIRE_SENSORS = 8, /* of a pad, at most */
+    FMFTS_GAIN_CODES = 8,   /* what three bits can name */
+    FMFTS_READING_BYTES = 8 /* of a sensor */,
+};
 
 #endif

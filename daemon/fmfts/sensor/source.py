@@ -60,7 +60,7 @@ class Source(Protocol):
         """Start a self-test; its result appears later in `selftest_result`. SourceError where it cannot."""
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
-        """The last self-test's facts for this pad (see SelfTest in hmc5983), None while it runs."""
+        """The last self-test's facts for this pad (`selftest_facts` in chips/selftest.py), None while it runs."""
 
     def close(self) -> None:
         """Give the device back. Idempotent."""

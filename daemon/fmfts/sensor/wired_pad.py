@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips import Chip
 from fmfts.sensor.chips.rates import highest_rate_hz
 from fmfts.sensor.source import SourceError
 
@@ -16,7 +16,7 @@ class WiredPad:
 
     name: str
     sensors: int
-    chip: str
+    chip: Chip
     rate_hz: int
     range_gauss: float
     trigger: str
@@ -54,10 +54,10 @@ class Settings:
         """SourceError where no chip can do what is asked."""
         most_hz = highest_rate_hz(pad.chip, pad.trigger, over_bridge=isinstance(pad, PadOnBoard))
         if pad.rate_hz > most_hz:
-            asked = f"rate_hz = {pad.rate_hz}, chip = {pad.chip!r}, trigger = {pad.trigger!r}"
+            asked = f"rate_hz = {pad.rate_hz}, chip = {pad.chip.name!r}, trigger = {pad.trigger!r}"
             raise SourceError(f"pad {pad.name!r}: {asked}: at most {most_hz} Hz are possible; lower rate_hz")
         try:
-            gain_code = hmc5983.gain_code_for_range(pad.range_gauss)
+            gain_code = pad.chip.gain_code_for_range(pad.range_gauss)
         except ValueError as error:
             raise SourceError(f"pad {pad.name!r}: range_gauss: {error}") from None
         return cls(gain_code, pad.rate_hz, int(pad.trigger == "simultaneous"))

@@ -44,6 +44,7 @@ class MountedPad:
             magnet=drawing.magnet.with_remanence(drawing.magnet.remanence_t * random.normal(1.0, REMANENCE)),
             rest_position_m=drawing.rest_position_m + random.normal(0.0, MAGNET_PLACE_M, 3),
             rest_axis=turn[:, 2],
+            chip=drawing.chip,
         )
         ambient = random.standard_normal(3)
         ambient_t = EARTH_T * ambient / np.linalg.norm(ambient)

@@ -11,17 +11,11 @@ from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, rotation_from_vector
-from fmfts.sensor.chips.hmc5983 import (
-    OVERFLOW_COUNT,
-    SELFTEST_GAIN_CODE,
-    STRAP_GAUSS,
-    Axes,
-    gain_code_for_range,
-    selftest_facts,
-)
-from fmfts.sensor.frame import AGE_UNKNOWN_US, TESLA_PER_GAUSS, Frame
+from fmfts.sensor.chips import TESLA_PER_GAUSS, Axes
+from fmfts.sensor.chips.selftest import selftest_facts
+from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
 from fmfts.sensor.source import SourceError, SourceState
-from fmfts.simulation.chip import NOISE_T, ChipArray
+from fmfts.simulation.chip import ChipArray
 from fmfts.simulation.finger import Finger, Touch, columns, finger_of
 from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.neighbour import NeighbourMagnet, seeded
@@ -44,10 +38,16 @@ class Simulated:
     """
 
     def __init__(
-        self, config: PadConfig, beside: Sequence[PadConfig] = (), *, noise_t: float = NOISE_T, perfect: bool = False
+        self,
+        config: PadConfig,
+        beside: Sequence[PadConfig] = (),
+        *,
+        noise_t: float | None = None,
+        perfect: bool = False,
     ) -> None:
-        """`beside`: pads whose magnets are felt, if they are simulated too. `perfect`: exactly as drawn, far from the
-        Earth's field. ValueError unless the source is a simulated one; SourceError: its pad model cannot be used."""
+        """`beside`: pads whose magnets are felt, if they are simulated too. `noise_t`: of a sample; None: the chip's.
+        `perfect`: exactly as drawn, far from the Earth's field. ValueError unless the source is a simulated one;
+        SourceError: its pad model cannot be used."""
         source = config.source
         if not isinstance(source, SimulatedSource):
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
@@ -70,14 +70,15 @@ class Simulated:
             ]
         except ValueError as error:
             raise SourceError(str(error)) from error
+        self._chip = chip = drawing.chip
+        noise_t = chip.noise_t if noise_t is None else noise_t
         self._chips = ChipArray(
-            len(drawing.sensors), source.rate_hz, source.trigger, source.chip, noise_t, seeded(source, "chips")
+            len(drawing.sensors), source.rate_hz, source.trigger, chip, noise_t, seeded(source, "chips")
         )
-        self._gain_code = gain_code_for_range(source.range_gauss)
+        self._gain_code = chip.gain_code_for_range(source.range_gauss)
         self._rate_hz = source.rate_hz
         self._warming_k_per_s = source.warming_k_per_minute / 60.0
         self._magnet_per_k = config.magnet.temperature_coefficient_per_k
-        self._has_thermometer = source.chip == "hmc5983"
         self._pressed: tuple[tuple[MountedPad, list[Touch], float] | None, Array] = None, np.empty(0)
         self._start_ns: int | None = None
         self._sequence = 0
@@ -114,18 +115,19 @@ class Simulated:
         return self.finger(self._seconds(host_time_ns))[:3]
 
     def request_selftest(self, pad_index: int) -> None:
-        """Strap currents both ways at gain code 5, the unbiased field subtracted (data sheet, self-test operation)."""
+        """Strap currents both ways, the unbiased field subtracted (data sheet, self-test operation)."""
+        strap, saturated_count = self._chip.bias_strap, self._chip.saturated_count
         now_s = self._sequence / self._rate_hz
         warming_k = self._warming_k(now_s)
-        strap_t = np.array(STRAP_GAUSS) * TESLA_PER_GAUSS * self._built.gain
+        strap_t = np.array(strap.field_gauss) * TESLA_PER_GAUSS * self._built.gain
         resting_t = self._field(np.full(len(strap_t), now_s), warming_k)
 
         def counts(bias_t: Array | float) -> NDArray[np.int16]:
-            return self._chips.counts(resting_t + bias_t, SELFTEST_GAIN_CODE, warming_k)
+            return self._chips.counts(resting_t + bias_t, strap.gain_code, warming_k)
 
         unbiased = counts(0.0)
-        positive, negative = (_less(counts(bias_t), unbiased) for bias_t in (strap_t, -strap_t))
-        self._selftest = selftest_facts(SELFTEST_GAIN_CODE, positive, negative)
+        positive, negative = (_less(counts(bias_t), unbiased, saturated_count) for bias_t in (strap_t, -strap_t))
+        self._selftest = selftest_facts(self._chip, strap.gain_code, positive, negative)
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         return self._selftest
@@ -155,7 +157,8 @@ class Simulated:
             age_us=age_us,
             fresh=fresh,
             valid=np.ones(len(fresh), dtype=bool),
-            temperature_c=ROOM_C + round(warming_k * 128) / 128 if self._has_thermometer else None,
+            temperature_c=self._told_c(warming_k),
+            chip=self._chip,
         )
 
     def _field(self, sampled_s: Array, warming_k: float) -> Array:
@@ -190,6 +193,13 @@ class Simulated:
     def _warming_k(self, now_s: float) -> float:
         return WARMEST_K * (1.0 - exp(-self._warming_k_per_s * now_s / WARMEST_K))
 
+    def _told_c(self, warming_k: float) -> float | None:
+        """What the thermometer says, in its own steps; None where there is none."""
+        thermometer = self._chip.thermometer
+        if thermometer is None:
+            return None
+        return ROOM_C + round(warming_k / thermometer.c_per_count) * thermometer.c_per_count
+
     def _seconds(self, host_time_ns: int) -> float:
         return (host_time_ns - (self._start_ns or 0)) * 1e-9
 
@@ -205,7 +215,7 @@ def _tumbled(moment_s: float) -> Array:
     return rotation_from_vector(tilt) @ rotation_from_vector(TURNING_AXIS * 2.0 * angle)
 
 
-def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16]) -> list[Axes]:
+def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16], saturated_count: int) -> list[Axes]:
     """Counts less the field's own; a saturated axis stays marked as one."""
-    saturated = (counts == OVERFLOW_COUNT) | (unbiased == OVERFLOW_COUNT)
-    return [(x, y, z) for x, y, z in np.where(saturated, OVERFLOW_COUNT, counts - unbiased).tolist()]
+    saturated = (counts == saturated_count) | (unbiased == saturated_count)
+    return [(x, y, z) for x, y, z in np.where(saturated, saturated_count, counts - unbiased).tolist()]

@@ -18,9 +18,10 @@ from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
 from fmfts.contact.shipped import path_of
 from fmfts.pad import Pad
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench import contact_live, contact_shear, contact_sizes
 from fmfts_lab.bench.contact_answers import answers
-from fmfts_lab.bench.workspace import NOISE_T, Array, standard_pad
+from fmfts_lab.bench.workspace import Array, standard_pad
 
 PARTS = ("accuracy", "touch", "motion", "squeezes", "speed", "friction", "shear", "sizes")
 SCENES: tuple[Scene, ...] = ("drifting", "constant")

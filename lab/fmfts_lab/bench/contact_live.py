@@ -14,9 +14,10 @@ from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.pad import Pad
 from fmfts.pose import STOP_CONVERGED, Tracker, as_drawn, solve
 from fmfts.scene.tracking import choose
+from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.source import ROOM_C
 from fmfts_lab.bench.contact_answers import estimates
-from fmfts_lab.bench.workspace import NOISE_T, Array, standard_pad
+from fmfts_lab.bench.workspace import Array, standard_pad
 
 RATE_HZ = 220.0
 MEMORY_S = 0.04

@@ -16,9 +16,10 @@ from fmfts.calibrate.solved_set import labelled
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
+from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.solved_table import SHEARED_PATH, read_solved
 from fmfts_lab.bench.contact_answers import answers, estimates
-from fmfts_lab.bench.workspace import NOISE_T, Array, standard_pad
+from fmfts_lab.bench.workspace import Array, standard_pad
 
 FORCE_N = 2.0
 STEP_MM = 2.0

@@ -18,7 +18,8 @@ from fmfts.calibrate.network import ContactNetwork
 from fmfts.calibrate.selection import HIDDEN, PRESSES, Candidate, compare, smallest_within_noise
 from fmfts.calibrate.standard_set import standard_set
 from fmfts.contact import ContactModel
-from fmfts_lab.bench.workspace import NOISE_T, standard_pad
+from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.bench.workspace import standard_pad
 
 LARGER = (28, 32)  # what `calibrate` does not try: they gain nothing, and take as long as all the others
 RUNS = 2000

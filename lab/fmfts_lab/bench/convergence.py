@@ -12,7 +12,8 @@ from fmfts.pose import Problem, State, Status, acquire, parts_of
 from fmfts.pose.acquisition import starts_in_box
 from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
-from fmfts_lab.bench.workspace import MODELS, NOISE_T, anywhere, standard_pad
+from fmfts.sensor.chips import NOISE_T
+from fmfts_lab.bench.workspace import MODELS, anywhere, standard_pad
 
 # Of right answers, one in a million misfits more than this.
 FALSE_ALARM = 1e-6

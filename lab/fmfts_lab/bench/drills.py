@@ -14,8 +14,7 @@ from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfi
 from fmfts.pad import Array, rotation_from_vector
 from fmfts.pose import dipole_field
 from fmfts.sensor import Frame
-from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS, OVERFLOW_COUNT
-from fmfts.sensor.frame import TESLA_PER_GAUSS
+from fmfts.sensor.chips import DEFAULT_CHIP, TESLA_PER_GAUSS
 from fmfts.simulation.finger import Finger, Touch, no_finger
 from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.source import TURNING_AXIS, Simulated
@@ -30,7 +29,7 @@ FieldFault = Callable[[float, MountedPad, Touch], Array]
 RATE_HZ = 220
 FRAME_NS = round(1e9 / RATE_HZ)
 TURNING_DEG_PER_S = 60.0  # of the robot, where the field drifts
-LAST_COUNT = 2047
+LAST_COUNT, SATURATED = DEFAULT_CHIP.largest_count, DEFAULT_CHIP.saturated_count
 MAGNETIC_CONSTANT = 4e-7 * pi
 AXES = "xyz"
 
@@ -120,7 +119,7 @@ def sensor_faults(sensors: Sequence[int], axes: Sequence[int]) -> list[Fault]:
         for axis in axes:
             at = (sensor, axis)
             faults += [
-                Fault("saturated", sensor, _set(at, lambda now, before: OVERFLOW_COUNT)),
+                Fault("saturated", sensor, _set(at, lambda now, before: SATURATED)),
                 Fault("stuck", sensor, _set(at, lambda now, before: before)),
                 *(
                     Fault(f"offset {offset_mg} mG", sensor, _set(at, _added(offset_mg * 1e-3)))
@@ -134,16 +133,17 @@ def sensor_faults(sensors: Sequence[int], axes: Sequence[int]) -> list[Fault]:
 def _set(at: tuple[int, int], change: Callable[[int, int], float]) -> CountFault:
     def apply(now: Counts, before: Counts) -> Counts:
         counts = now.copy()
-        if now[at] != OVERFLOW_COUNT:
+        if now[at] != SATURATED:
             changed = round(change(int(now[at]), int(before[at])))
-            counts[at] = changed if abs(changed) <= LAST_COUNT else OVERFLOW_COUNT
+            counts[at] = changed if abs(changed) <= LAST_COUNT else SATURATED
         return counts
 
     return apply
 
 
 def _added(gauss: float, gain_code: int = 3) -> Callable[[int, int], float]:
-    return lambda now, before: now + gauss * LSB_PER_GAUSS[gain_code]
+    counts = gauss * DEFAULT_CHIP.counts_per_gauss[gain_code][0]  # all axes alike
+    return lambda now, before: now + counts
 
 
 def _scaled(factor: float) -> Callable[[int, int], float]:

@@ -15,7 +15,7 @@ import zmq
 from msgspec.structs import replace
 
 from fmfts.config import PadConfig
-from fmfts.sensor.chips.hmc5983 import gain_code_for_range
+from fmfts.sensor.chips import DEFAULT_CHIP
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.packets import Hello, HelloPad, HelloSensor, Reply, Request, Sample
 from fmfts.simulation.source import Simulated
@@ -118,7 +118,7 @@ def _answer(answers: dict[int, Decoder]) -> None:
     """Every request is done at once; a board that says who it is is asked for nothing more."""
     hello = encode(
         Hello(
-            (1, 0, 0), 1, 1, bytes(12), RATE_HZ, gain_code_for_range(2.5), 0, 1,
+            (1, 0, 0), 1, 1, bytes(12), RATE_HZ, DEFAULT_CHIP.gain_code_for_range(2.5), 0, 1,
             (HelloPad(1, 0x70, tuple(HelloSensor(channel, 0, b"H43") for channel in range(4))),),
         )
     )  # fmt: skip

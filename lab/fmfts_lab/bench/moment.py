@@ -11,9 +11,9 @@ from fmfts.common.chi2 import quantile
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.pose import LOG_MOMENT, PoseEstimate, State, Tracker, change_from, dipole_field
 from fmfts.scene.tracking import MOMENT_DEVIATION, choose
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.workspace import Array, standard_pad
 
-NOISE_T = 2e-7
 RATE_HZ = 55.0
 WARM_K, WARMING_S, TOUCHED_S, END_S, SHOWN_S = 20.0, 60.0, 90.0, 120.0, 20.0
 COEFFICIENT_ERROR = 0.2  # of the temperature coefficient: one deviation of what the scene allows

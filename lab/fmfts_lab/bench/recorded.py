@@ -6,8 +6,9 @@ import numpy as np
 
 from fmfts.baseline import Baseline, Means, Mounting, Recording, make_bare, make_refined, make_rest, make_turn
 from fmfts.pad import Pad, Tolerance, rotation_from_vector
+from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.mounted import MountedPad
-from fmfts_lab.bench.workspace import NOISE_T, Array
+from fmfts_lab.bench.workspace import Array
 
 FRAMES, MEAN_OF = 660, 11
 ORIENTATIONS, PRESSES = 100, 30

@@ -25,6 +25,7 @@ from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pipeline.configured import model_of
 from fmfts.pose import FREE_FIELD, State, Tracker, dipole_field, solve
 from fmfts.scene.tracking import COEFFICIENT_SHARE, choose
+from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger import Touch
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import Ambient
@@ -32,7 +33,6 @@ from fmfts_lab.bench.tapped import pipeline_of
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts_lab.bench.workspace import Array, standard_pad
 
-NOISE_T = 2e-7
 EARTH_AT_FIRST_T = 0.5e-4 * np.array([0.6, -0.64, 0.48])
 SELFTESTED, UNTESTED = 0.005, 0.05
 FRAME_S = 1.0 / 220.0

@@ -11,11 +11,11 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, FREE_POSE, Batch, State, parts_of
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
+from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.cylinder import cylinder_field
 
 Array = NDArray[np.float64]
 
-NOISE_T = 2e-7
 MODELS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD}
 
 

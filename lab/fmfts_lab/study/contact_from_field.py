@@ -15,7 +15,7 @@ from fmfts.pose import State, tangent_basis
 from fmfts.pose.model import predict
 from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.scene.tracking import AMBIENT_WALK_T2_PER_S
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of
 from fmfts_lab.study.learned import SEED, Nearest, Network
 from fmfts_lab.study.pose_methods import TRAINED_ON, known_of, seen

@@ -22,7 +22,7 @@ from fmfts.pad import Array
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pose import State, as_drawn
 from fmfts.pose.solver import estimate_of
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of
 from fmfts_lab.study.contact_from_field import OneStep, nearest, network
 from fmfts_lab.study.kernels import KernelFilter, daemon

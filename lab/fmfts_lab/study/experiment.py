@@ -18,6 +18,7 @@ from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, Tolerance
 from fmfts.pose import FREE_FIELD, as_drawn, solve
+from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.mounted import EARTH_T, GAIN, MAGNET_PLACE_M, MAGNET_TILT_RAD, SENSOR_PLACE_M, MountedPad
 from fmfts_lab.bench import recorded
 from fmfts_lab.study import paper_chart
@@ -27,7 +28,7 @@ from fmfts_lab.study.paper_networks import training_curve
 
 PAPER_PATH = Path(__file__).with_name("paper_table4.csv")
 REMANENCES_T = (1.046, 1.068)
-NOISE_T, FRAMES, STIFFNESS = 2e-7, 660, 0.03
+FRAMES, STIFFNESS = 660, 0.03
 # What the paper calibrated its first sensor with: 2 mm apart, 0.5 to 4 N. It tested with as hard presses.
 PLACES_MM, FORCES_N = np.linspace(-14.0, 14.0, 15), np.linspace(0.5, 4.0, 8)
 LIGHTEST_N = 0.25

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from fmfts.config import PadConfig
 from fmfts.pad import Array
-from fmfts.sensor.chips.hmc5983 import OVERFLOW_COUNT
 from fmfts.simulation.mounted import MountedPad
-from fmfts_lab.bench.drills import LAST_COUNT
+from fmfts_lab.bench.drills import LAST_COUNT, SATURATED
 from fmfts_lab.study.world import Counts, Path, World, drawn_world, frame_times, pressed, presses
 
 Mask = NDArray[np.bool_]
@@ -113,7 +112,7 @@ def missing(config: PadConfig, random: np.random.Generator, seconds: float) -> I
     sensors = range(len(world.drawing.sensors))
     path = pressing(world, random, seconds)
     for gone in [*((one,) for one in sensors), *((one, two) for one in sensors for two in sensors if one < two)]:
-        broken = _set(path, [(sensor, axis) for sensor in gone for axis in range(3)], OVERFLOW_COUNT)
+        broken = _set(path, [(sensor, axis) for sensor in gone for axis in range(3)], SATURATED)
         named = " and ".join(str(sensor + 1) for sensor in gone)
         yield cell_of("missing sensor", named, False, replace(world, broken=broken), path)
 
@@ -123,9 +122,7 @@ def saturation(config: PadConfig, random: np.random.Generator, seconds: float) -
     path = pressing(world, random, seconds)
     for count in (1, 2, 3, 4, 6):
         axes = [(place % 4, 2 - place // 4) for place in range(count)]
-        yield cell_of(
-            "saturation", f"{count} axes", False, replace(world, broken=_set(path, axes, OVERFLOW_COUNT)), path
-        )
+        yield cell_of("saturation", f"{count} axes", False, replace(world, broken=_set(path, axes, SATURATED)), path)
     yield cell_of(
         "saturation", "1 axis, unmarked", False, replace(world, broken=_set(path, [(0, 2)], LAST_COUNT)), path
     )

@@ -15,11 +15,11 @@ from fmfts.calibrate.simulated import magnet_fields, rest_field_of
 from fmfts.calibrate.standard_set import standard_set
 from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.pad import Array, Pad
+from fmfts.sensor.chips import NOISE_T
 
 # The presses solved to test the shipped model with.
 SOLVED_TEST = Path(simulate.__path__[0]) / "test_normal.csv"
 PAPER_REMANENCE_T = 1.23  # Eq. 5: its moment vector has the length that a magnet of 1.23 T has as one
-NOISE_T = 2e-7  # only weighs the measurements, which have none
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from fmfts.config import PadConfig
 from fmfts.pad import Array
 from fmfts.pose import Batch, tangent_basis
 from fmfts.pose.kernel import STATUS
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.rivals import POSITION_UNIT_M, moment_vector_solvers
 from fmfts_lab.study.filters import ExtendedKalman, UnscentedKalman
 from fmfts_lab.study.kernels import Kernel, Solved, Tracking, default, reference

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fmfts.config import SceneConfig
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study.harness import Request, Row
 from fmfts_lab.study.kernels import default
 from fmfts_lab.study.world import Path, drawn_world, frame_times, in_scene, pressed, presses

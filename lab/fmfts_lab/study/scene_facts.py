@@ -14,9 +14,8 @@ from fmfts.config import BridgeSource, I2cSource, PadConfig
 from fmfts.pad import Array, Pad
 from fmfts.pose import dipole_field
 from fmfts.scene import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
-from fmfts.sensor.chips.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, RANGE_GAUSS, gain_code_for_range
+from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS, Chip
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
-from fmfts.sensor.frame import TESLA_PER_GAUSS
 
 
 def limits(around: Surroundings) -> list[str]:
@@ -73,12 +72,13 @@ def recommended_range_gauss(around: Surroundings) -> float | None:
     """The finest that the hardest press and the Earth's field do not saturate, however the gains are off; None: there
     is none."""
     needed = largest_field_gauss(around) * (1.0 + around.config.tolerance.gain)
-    return next((each for each in sorted(RANGE_GAUSS) if saturation_gauss(each) > needed), None)
+    chip = CHIPS[around.config.source.chip]
+    return next((each for each in sorted(chip.ranges_gauss) if saturation_gauss(chip, each) > needed), None)
 
 
-def saturation_gauss(range_gauss: float) -> float:
-    """The converter's last count."""
-    return LARGEST_COUNT / LSB_PER_GAUSS[gain_code_for_range(range_gauss)]
+def saturation_gauss(chip: Chip, range_gauss: float) -> float:
+    """The converter's last count, on the axis that reaches it first."""
+    return chip.largest_count / max(chip.counts_per_gauss[chip.gain_code_for_range(range_gauss)])
 
 
 def largest_field_gauss(around: Surroundings) -> float:
@@ -104,20 +104,21 @@ def _beside_t(around: Surroundings, pad: Pad) -> Array:
 
 def _range(around: Surroundings) -> str:
     has, largest, best = around.config.source.range_gauss, largest_field_gauss(around), recommended_range_gauss(around)
-    said = (
-        f"largest field on an axis: {largest:.2f} G; set to ±{has:g} G, chips saturate at {saturation_gauss(has):.2f} G"
-    )
+    chip = CHIPS[around.config.source.chip]
+    saturated = f"chips saturate at {saturation_gauss(chip, has):.2f} G"
+    said = f"largest field on an axis: {largest:.2f} G; set to ±{has:g} G, {saturated}"
     if best is None:
-        weaker = around.config.magnet.remanence_t * saturation_gauss(max(RANGE_GAUSS)) / largest
+        weaker = around.config.magnet.remanence_t * saturation_gauss(chip, max(chip.ranges_gauss)) / largest
         return f"{said}: no range holds it; a remanence of at most {weaker:.2g} T, or a magnet farther away, would do"
     return said if best == has else f"{said}: recommended is ±{best:g} G"
 
 
 def _rate(around: Surroundings) -> str:
     source = around.config.source
-    most = highest_rate_hz(source.chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
+    chip = CHIPS[source.chip]
+    most = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, I2cSource):
-        most = min(most, i2c_rate_hz(source.chip, source.trigger, source.clock_hz, len(source.channels), 1))
+        most = min(most, i2c_rate_hz(chip, source.trigger, source.clock_hz, len(source.channels), 1))
     if most < 220:
         return f"rate: {source.rate_hz} Hz, at most {most} for these chips, this trigger and this bus's clock; not 220"
     return f"rate: {source.rate_hz} Hz of {most}"

@@ -16,7 +16,7 @@ from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.response import Response
 from fmfts.pad import Array
 from fmfts.scene import Cost, Model, Surroundings, configured, costs, placed_beside, recommended
-from fmfts.scene.tracking import NOISE_T
+from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study import scene_chart, scene_facts
 from fmfts_lab.study.harness import Facts, Request, Row, Study, say
 from fmfts_lab.study.scene_networks import SIZES, Networks, smallest_network

@@ -16,9 +16,9 @@ from fmfts.config import PadConfig, SceneConfig, ToleranceConfig
 from fmfts.pad import Array, Pad, rotation_from_vector
 from fmfts.pose import State
 from fmfts.sensor import Frame
-from fmfts.sensor.chips.hmc5983 import LARGEST_COUNT, LSB_PER_GAUSS, OVERFLOW_COUNT, gain_code_for_range
-from fmfts.sensor.frame import TESLA_PER_GAUSS, WireFrame
-from fmfts.simulation.chip import NOISE_T
+from fmfts.sensor.chips import NOISE_T, TESLA_PER_GAUSS
+from fmfts.sensor.frame import WireFrame
+from fmfts.simulation.chip import as_counts
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts.simulation.mounted import EARTH_T, MountedPad
 from fmfts.simulation.source import TURNING_AXIS
@@ -42,7 +42,7 @@ class Path(NamedTuple):
 
 # Times (K,) and the path → field (K, N, 3) at the sensors, in pad axes, that is not this magnet's.
 Foreign = Callable[[Path, MountedPad], Array]
-# Counts (K, N, 3) as chips have them → as they arrive, NumPy's OVERFLOW_COUNT where there is none.
+# Counts (K, N, 3) as chips have them → as they arrive, the chip's saturated count where there is none.
 Broken = Callable[[Counts], Counts]
 
 
@@ -105,14 +105,14 @@ class World:
         return before
 
     def counts(self, field_t: Array, random: np.random.Generator) -> Counts:
-        """Of fields in sensor axes, with noise; OVERFLOW_COUNT beyond the range."""
+        """Of fields in sensor axes, with noise; the saturated count beyond the range."""
         noisy = field_t + random.normal(0.0, self.noise_t, field_t.shape)
-        raw = np.rint(noisy * (LSB_PER_GAUSS[self._gain_code] / TESLA_PER_GAUSS))
-        return np.where(np.abs(raw) > LARGEST_COUNT, OVERFLOW_COUNT, raw).astype(np.int16)
+        chip = self.drawing.chip
+        return as_counts(chip, noisy * (np.array(chip.counts_per_gauss[self._gain_code]) / TESLA_PER_GAUSS))
 
     @property
     def _gain_code(self) -> int:
-        return gain_code_for_range(self.range_gauss)
+        return self.drawing.chip.gain_code_for_range(self.range_gauss)
 
     def _field(self, path: Path) -> Array:
         field_t = self._magnet_field(path, self.warming_k_per_s * path.time_s)
@@ -134,13 +134,13 @@ class World:
         return sensed
 
     def _frames(self, counts: Counts, time_s: Array, warming_k: Array) -> Iterator[Frame]:
-        shape = counts.shape[1]
+        shape, chip = counts.shape[1], self.drawing.chip
         for number, (one, now_s, warmer_k) in enumerate(zip(counts, time_s.tolist(), warming_k.tolist(), strict=True)):
             answered, ages = np.ones(shape, dtype=np.bool_), np.zeros(shape, dtype=np.uint16)
             times = round(now_s * 1e6), round(now_s * 1e9)
-            frame = Frame(0, number, *times, self._gain_code, one, ages, answered, answered, 25.0 + warmer_k)
+            frame = Frame(0, number, *times, self._gain_code, one, ages, answered, answered, 25.0 + warmer_k, chip=chip)
             # As a bridge delivers it.
-            yield WireFrame(0, number, *times, frame.packed, frame.temperature_c)
+            yield WireFrame(0, number, *times, frame.packed, frame.temperature_c, chip=chip)
 
 
 def drawn_world(config: PadConfig, turning_deg_per_s: float = 0.0) -> World:

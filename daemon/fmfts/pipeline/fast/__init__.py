@@ -1,4 +1,4 @@
-"""The compiled path of a healthy frame: what pipeline.py says, where nothing is wrong, in C.
+"""The compiled path of a healthy frame: what pad_pipeline.py says, where nothing is wrong, in C.
 
 Every other frame, and every frame where there is no compiler, is judged by the stages in Python.
 """

@@ -36,7 +36,8 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
         const uint8_t *text = bus->bytes + begin;
         size_t bytes = (size_t)(zero - text);
         /* A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are. */
-        PyObject *object = bytes > 2 ? line->lane[text[2] & (FMFTS_PADS - 1)] : NULL;
+        unsigned pad_index = bytes > 2 ? text[2] & 15 : FMFTS_WIRE_PADS;
+        PyObject *object = pad_index < FMFTS_WIRE_PADS ? line->lane[pad_index] : NULL;
         fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
         if (object && !published) {
             return false;

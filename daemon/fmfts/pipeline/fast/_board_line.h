@@ -9,7 +9,6 @@
 enum {
     FMFTS_READ_BYTES = 4096, /* all that Linux holds back of a line */
     FMFTS_ROOM = FMFTS_READ_BYTES + FMFTS_LONGEST_LINE + 1,
-    FMFTS_PADS = 16, /* of a board: docs/wire.md */
 };
 
 /* Where contacts go, by zmq_send of the libzmq that the socket is of; and room for what is read. */
@@ -20,7 +19,7 @@ typedef struct {
 } fmfts_bus;
 
 typedef struct {
-    PyObject *lane[FMFTS_PADS];
+    PyObject *lane[FMFTS_WIRE_PADS];
     int64_t heard_ns;  /* 0: no frame has passed */
     bool needs_python; /* what was left is no beginning of a frame, or there is another kind of message to tell of */
     size_t unread_bytes;

@@ -34,7 +34,7 @@ static int loop_init(PyObject *object, PyObject *args, PyObject *named)
 
 static void forget(fmfts_board_line *line)
 {
-    for (int i = 0; line && i < FMFTS_PADS; i++) {
+    for (int i = 0; line && i < FMFTS_WIRE_PADS; i++) {
         Py_XDECREF(line->lane[i]);
     }
     PyMem_Free(line);
@@ -107,9 +107,9 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
     for (Py_ssize_t i = 0; i < PyTuple_Size(lanes); i++) {
         PyObject *lane = PyTuple_GetItem(lanes, i);
         const fmfts_published_lane *published = fmfts_lane_of(lane);
-        if (!published || published->lane.pad_index >= FMFTS_PADS || line->lane[published->lane.pad_index]) {
+        if (!published || published->lane.pad_index >= FMFTS_WIRE_PADS || line->lane[published->lane.pad_index]) {
             if (published) {
-                PyErr_SetString(PyExc_ValueError, "a board has sixteen pads, and each has one Lane");
+                PyErr_Format(PyExc_ValueError, "a board has at most %d pads, and each has one Lane", FMFTS_WIRE_PADS);
             }
             forget(line);
             return NULL;

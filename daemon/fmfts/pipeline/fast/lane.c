@@ -2,16 +2,22 @@
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include "lane.h"
 
+#include <math.h>
 #include <string.h>
 #include <time.h>
 
 #include "../../sensor/wire/sample.h"
 
+static double temperature_c(const fmfts_lane *lane, const fmfts_sample *sample)
+{
+    return fmfts_temperature_c(sample, lane->parameters->pose.at_zero_c[0], lane->parameters->pose.c_per_count[0]);
+}
+
 /* A thermometer read as the message has it: the first of its numbers is the temperature. */
 static bool is_expected(const fmfts_lane *lane, const fmfts_sample *sample)
 {
     bool told = lane->message[lane->kind].place[FMFTS_MESSAGE_INTEGERS] >= 0;
-    return sample->pad_index == lane->pad_index && told == (sample->temperature_raw != FMFTS_TEMPERATURE_UNKNOWN) &&
+    return sample->pad_index == lane->pad_index && told == !isnan(temperature_c(lane, sample)) &&
            (lane->passed == 0 || sample->sequence > lane->sequence) && lane->passed < FMFTS_TALLIED;
 }
 
@@ -21,7 +27,7 @@ static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
     const fmfts_frame frame = {
         .readings = sample->readings,
         .time_us = (double)sample->time_us,
-        .temperature_c = fmfts_temperature_c(sample),
+        .temperature_c = temperature_c(lane, sample),
         .gain_code = sample->gain_code,
         .valid = sample->valid,
         .fresh = sample->fresh,

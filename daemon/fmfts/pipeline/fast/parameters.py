@@ -26,8 +26,7 @@ from fmfts.pose.change import shortest_rotation
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.state import SIZE
 from fmfts.pose.tracking_model import TrackingModel
-from fmfts.sensor.chips.hmc5983 import LSB_PER_GAUSS
-from fmfts.sensor.frame import step_t
+from fmfts.sensor.chips import Chip
 
 Array = NDArray[np.float64]
 
@@ -35,7 +34,7 @@ Array = NDArray[np.float64]
 def put_sensors(parameters: Named, mounting: Mounting, mounted: Pad, repeats_allowed: Array, stopped_us: float) -> None:
     """mounted: the pad with its sensors where the baseline found them."""
     parameters.put("sensors", len(mounted.sensors))
-    parameters.put("step_t", np.array([step_t(code) for code in range(len(LSB_PER_GAUSS))]))
+    _put_chip(parameters, mounted.chip)
     parameters.put("stopped_us", stopped_us)
     parameters.put("jump_t", alignment.JUMP_T)
     parameters.put("repeats_allowed", repeats_allowed)
@@ -50,6 +49,14 @@ def put_sensors(parameters: Named, mounting: Mounting, mounted: Pad, repeats_all
     parameters.put("direction", mounted.sensors.rotation.transpose(0, 2, 1))
     parameters.put("strength_t_m3", mounted.magnet.strength_t_m3)
     parameters.put("octupole_m2", mounted.magnet.modelled_octupole_m2)
+
+
+def _put_chip(parameters: Named, chip: Chip) -> None:
+    thermometer = chip.thermometer
+    parameters.put("saturated_count", chip.saturated_count)
+    parameters.put("step_t", chip.step_t)
+    parameters.put("at_zero_c", np.nan if thermometer is None else thermometer.at_zero_c)
+    parameters.put("c_per_count", np.nan if thermometer is None else thermometer.c_per_count)
 
 
 def put_tracking(parameters: Named, mounting: Mounting, model: TrackingModel, rest_temperature_c: float | None) -> None:

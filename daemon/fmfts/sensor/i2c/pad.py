@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fmfts.sensor.chips import hmc5983, tca9548a
+from fmfts.sensor.chips import Chip, hmc5983, tca9548a
 from fmfts.sensor.chips.hmc5983 import ADDRESS
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.frame import AGE_UNKNOWN_US
@@ -39,7 +39,7 @@ class I2cPad:
     wiring: PadWiring
     index: int
     settings: Settings
-    chip: str
+    chip: Chip
     sensors: list[Sensor] = field(init=False)
     sequence: int = 0
     bus_errors: int = 0
@@ -64,7 +64,7 @@ class I2cPad:
                 self.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_SINGLE)))
             except (MuxError, OSError):
                 self.bus_errors += 1  # who is to blame shows when each is read
-        return now_us() + round(hmc5983.SINGLE_CONVERSION_S * 1e6)
+        return now_us() + round(self.chip.single_conversion_s * 1e6)
 
     def poll(self, converted_us: int | None = None) -> None:
         """Look at every sensor once, set up again what is lost; `converted_us`: when a trigger's conversion ended."""
@@ -162,8 +162,8 @@ class I2cPad:
 
     def _set_up(self, sensor: Sensor) -> None:
         self.select(sensor)
-        sensor.identification = self.bus.read_register(ADDRESS, hmc5983.IDENTIFICATION, 3)
-        if hmc5983.why_not_identity(sensor.identification):
+        sensor.identification = self.bus.read_register(ADDRESS, hmc5983.IDENTIFICATION, len(self.chip.identity))
+        if self.chip.why_not_identity(sensor.identification):
             sensor.lose(SensorState.WRONG_IDENTIFICATION)
             return
         wanted = self.registers()
@@ -196,14 +196,14 @@ class I2cPad:
         if self.bus.read_register(ADDRESS, hmc5983.CONFIG_A, 2) != self.registers():
             self.config_repairs += 1
             self._set_up(sensor)
-        if self.chip == "hmc5983":
+        if self.chip.thermometer is not None:
             raw = self.bus.read_register(ADDRESS, hmc5983.TEMPERATURE, 2)
             sensor.temperature_raw = int.from_bytes(raw, "big", signed=True)
 
     def _period_us(self) -> int:
         if self.settings.trigger:
             return round(1e6 / self.settings.rate_hz)
-        return round(1e6 / hmc5983.output_rate_hz(self.chip, self.settings.rate_hz))
+        return round(1e6 / self.chip.output_rate_hz(self.settings.rate_hz))
 
 
 def _blame(error: OSError, otherwise: SensorState) -> SensorState:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import msgspec
 
 from fmfts import __version__
-from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.hmc5983 import ADDRESS
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.i2c import selftest as i2c_selftest
@@ -41,12 +41,13 @@ class Reader:
 
     def __init__(self, config: ReaderConfig, bus: I2cBus) -> None:
         self._config = config
+        self._chip = CHIPS[config.chip]
         self._settings = Settings(config.gain_code, config.rate_hz, config.trigger)
         self._switches = Switches(bus, {pad.mux_address for pad in config.pads})
         for address in {pad.mux_address for pad in config.pads} | {ADDRESS}:
             bus.require_unbound(address)
         self._pads = [
-            I2cPad(bus, self._switches, wiring, index, self._settings, config.chip)
+            I2cPad(bus, self._switches, wiring, index, self._settings, self._chip)
             for index, wiring in enumerate(config.pads)
         ]
         self._running = True
@@ -107,7 +108,7 @@ class Reader:
                 pad.poll()
             return
         ends_us = [pad.trigger() for pad in self._pads]
-        time.sleep(hmc5983.SINGLE_WAIT_S)
+        time.sleep(self._chip.single_wait_s)
         for pad, converted_us in zip(self._pads, ends_us, strict=True):
             pad.poll(converted_us)
 
@@ -154,7 +155,7 @@ class Reader:
     def _apply(self, settings: Settings) -> Result:
         config = msgspec.structs.replace(self._config, rate_hz=settings.rate_hz, trigger=settings.trigger)
         if (
-            settings.gain_code >= len(hmc5983.LSB_PER_GAUSS)
+            settings.gain_code >= len(self._chip.counts_per_gauss)
             or settings.trigger not in (0, 1)
             or not 1 <= settings.rate_hz <= config.highest_rate_hz
         ):

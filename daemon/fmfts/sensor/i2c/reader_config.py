@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
+from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import i2c_cycle_s, i2c_rate_hz
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.packets import MAX_PADS, MAX_SENSORS
@@ -45,7 +46,7 @@ class ReaderConfig(Struct, frozen=True):
 
     @property
     def highest_rate_hz(self) -> int:
-        return i2c_rate_hz(self.chip, self.trigger_name, self.clock_hz, self.sensors, len(self.pads))
+        return i2c_rate_hz(CHIPS[self.chip], self.trigger_name, self.clock_hz, self.sensors, len(self.pads))
 
 
 def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
@@ -58,7 +59,7 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
         _check_channels(pad)
     _check_sharing(wirings)
     config = ReaderConfig(
-        first.bus, first.clock_hz, first.chip, first.rate_hz, settings.gain_code, settings.trigger, wirings
+        first.bus, first.clock_hz, first.chip.name, first.rate_hz, settings.gain_code, settings.trigger, wirings
     )
     if config.rate_hz > config.highest_rate_hz:
         names = " and ".join(repr(pad.name) for pad in in_order)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 
 from fmfts.sensor.chips import hmc5983
-from fmfts.sensor.chips.hmc5983 import ADDRESS, SELFTEST_GAIN_CODE, Axes
+from fmfts.sensor.chips.chip import Axes
+from fmfts.sensor.chips.hmc5983 import ADDRESS
+from fmfts.sensor.chips.selftest import selftest_failures, strap_counts
 from fmfts.sensor.i2c.pad import I2cPad, MuxError
 from fmfts.sensor.i2c.sensor import Sensor
 from fmfts.sensor.wire.packets import Selftest, SelftestSensor, SensorState
@@ -19,7 +21,7 @@ def measure(pad: I2cPad, request_id: int) -> Selftest:
     """No bias and both at every sensor; blocks for some 0.1 s a sensor, and leaves all as configured before."""
     sensors = tuple(_measure_sensor(pad, sensor) for sensor in pad.sensors)
     pad.configure(pad.settings)
-    return Selftest(request_id, pad.index, SELFTEST_GAIN_CODE, sensors)
+    return Selftest(request_id, pad.index, pad.chip.bias_strap.gain_code, sensors)
 
 
 def _measure_sensor(pad: I2cPad, sensor: Sensor) -> SelftestSensor:
@@ -36,15 +38,16 @@ def _measure_sensor(pad: I2cPad, sensor: Sensor) -> SelftestSensor:
         return SelftestSensor(SensorState.NO_ANSWER, NOTHING, NOTHING)
     if unbiased is None or positive is None or negative is None:
         return SelftestSensor(SensorState.NO_NEW_DATA, NOTHING, NOTHING)
-    positive, negative = hmc5983.strap_counts(unbiased, positive, negative)
-    failed = hmc5983.selftest_failures(SELFTEST_GAIN_CODE, positive, negative)
+    positive, negative = strap_counts(pad.chip, unbiased, positive, negative)
+    failed = selftest_failures(pad.chip, pad.chip.bias_strap.gain_code, positive, negative)
     return SelftestSensor(SensorState.SELFTEST_FAILED if failed else SensorState.OK, positive, negative)
 
 
 def _biased(pad: I2cPad, bias: int) -> Axes | None:
     """Counts under `bias`; None if none came."""
     config_a = hmc5983.config_a(pad.chip, RATE_HZ, bias, hmc5983.AVERAGE_8)
-    pad.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A, config_a, hmc5983.config_b(SELFTEST_GAIN_CODE))))
+    config_b = hmc5983.config_b(pad.chip.bias_strap.gain_code)
+    pad.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A, config_a, config_b)))
     _single(pad)  # still has the old gain
     block = _single(pad)
     return None if block is None else hmc5983.axes_from_registers(block)
@@ -54,7 +57,7 @@ def _single(pad: I2cPad) -> bytes | None:
     pad.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_SINGLE)))
     end_s = time.monotonic() + CONVERSION_LIMIT_S
     while time.monotonic() < end_s:
-        time.sleep(hmc5983.SINGLE_CONVERSION_S)
+        time.sleep(pad.chip.single_conversion_s)
         status, block = pad.bus.read_status_and_axes()
         if status & hmc5983.STATUS_READY:
             return block

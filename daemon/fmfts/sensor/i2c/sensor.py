@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 from fmfts.sensor.chips import hmc5983
-from fmfts.sensor.chips.hmc5983 import Axes
+from fmfts.sensor.chips.chip import Axes
 from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, SensorState
 
 RETRY_US = 250_000

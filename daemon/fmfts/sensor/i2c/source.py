@@ -1,4 +1,4 @@
-"""Frames from one Linux I2C bus, by way of the process that owns it (i2c_reader.py), which may die or get stuck."""
+"""Frames from one Linux I2C bus, by way of the process that owns it (reader.py), which may die or get stuck."""
 
 from __future__ import annotations
 

@@ -21,7 +21,9 @@ class Board:
     def __init__(self, pads: Mapping[int, WiredPad], state: SourceState, uid: bytes | None) -> None:
         self.hello: Hello | None = None
         self._pads = pads
-        self._settings = Settings.of(next(iter(pads.values())))
+        first = next(iter(pads.values()))  # what pads of one board have in common
+        self.chip = first.chip
+        self._settings = Settings.of(first)
         self._state = state
         self._uid = uid
 
@@ -43,7 +45,7 @@ class Board:
         """Write what the last hello says; only of the right board."""
         hello = self.hello
         assert hello is not None
-        self._state.board.update(faults.identity(hello))
+        self._state.board.update(faults.identity(hello, self.chip))
         faults.note(self._state.warnings, "clock", faults.bad_clock(hello))
         for pad_index, pad in self._pads.items():
             faults.note(self._state.pad_faults, pad_index, faults.pad_mismatch(pad, pad_index, hello))
@@ -69,7 +71,7 @@ class Board:
         """A request of SETTING was done."""
         if self.hello is not None:
             self.hello = replace(self.hello, **{SETTING[verb]: argument})
-            self._state.board.update(faults.identity(self.hello))
+            self._state.board.update(faults.identity(self.hello, self.chip))
 
     def count(self, status: Status) -> None:
         """Losses of the line, as the board counts them."""
@@ -85,5 +87,5 @@ class Board:
     def _note_sensors(self, hello: Hello, pad_index: int, states: tuple[int, ...]) -> None:
         if pad_index in self._pads:
             for sensor, state in enumerate(states):
-                sentence = faults.sensor_fault(hello.pads[pad_index], sensor, state)
+                sentence = faults.sensor_fault(hello.pads[pad_index], sensor, state, self.chip)
                 faults.note(self._state.sensor_faults, (pad_index, sensor), sentence)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips import Chip
 from fmfts.sensor.wire.codec import VERSION
 from fmfts.sensor.wire.packets import Hello, HelloPad, Reply, Request, Result, SensorState, Verb
 from fmfts.sensor.wired_pad import WiredPad
@@ -16,7 +16,6 @@ _RESET_CAUSES = ("unknown", "power on", "reset pin", "software", "independent wa
 _CLOCKS = ("host build", "crystal", "RC oscillator")
 
 _STATE_SENTENCES: dict[int, str] = {
-    SensorState.NO_ANSWER: f"does not answer at 0x{hmc5983.ADDRESS:02X}: check SDA/SCL of that channel",
     SensorState.CONFIGURATION_LOST: "does not keep its configuration: check its supply and the cable's length",
     SensorState.NO_NEW_DATA: "answers but delivers no new samples: power-cycle it",
     SensorState.SELFTEST_FAILED: "failed its self-test: replace it",
@@ -39,24 +38,27 @@ def sensor_name(pad: HelloPad, sensor: int) -> str:
     return f"sensor {sensor + 1} (mux 0x{pad.mux_address:02x}, channel {pad.sensors[sensor].channel})"
 
 
-def sensor_fault(pad: HelloPad, sensor: int, state: int) -> str | None:
+def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | None:
     """The sentence for a sensor's state code, None when it is well."""
     if state == SensorState.OK:
         return None
     if state == SensorState.WRONG_IDENTIFICATION:
-        what = hmc5983.why_not_identity(pad.sensors[sensor].identification) or "did not identify itself when started"
+        what = chip.why_not_identity(pad.sensors[sensor].identification) or "did not identify itself when started"
+    elif state == SensorState.NO_ANSWER:
+        what = f"does not answer at 0x{chip.address:02X}: check SDA/SCL of that channel"
     else:
         what = _STATE_SENTENCES.get(state, f"reports state {state}, unknown to this version: update the daemon")
     return f"{sensor_name(pad, sensor)} {what}"
 
 
-def no_measurement(pad: HelloPad, sensor: int, state: int) -> str | None:
+def no_measurement(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | None:
     """Why a self-test has no counts; None where it has, even bad ones."""
-    return None if state == SensorState.SELFTEST_FAILED else sensor_fault(pad, sensor, state)
+    return None if state == SensorState.SELFTEST_FAILED else sensor_fault(pad, sensor, state, chip)
 
 
-def identity(hello: Hello) -> dict[str, object]:
+def identity(hello: Hello, chip: Chip) -> dict[str, object]:
     """The board's own facts, for `status` and `probe`."""
+    ranges = chip.ranges_gauss
     return {
         "uid": hello.uid.hex(),
         "firmware": ".".join(map(str, hello.firmware_version)),
@@ -64,7 +66,7 @@ def identity(hello: Hello) -> dict[str, object]:
         "reset_cause": _named(_RESET_CAUSES, hello.reset_cause),
         "clock": _named(_CLOCKS, hello.clock),
         "rate_hz": hello.rate_hz,
-        "range_gauss": hmc5983.RANGE_GAUSS[hello.gain_code],
+        "range_gauss": ranges[hello.gain_code] if hello.gain_code < len(ranges) else None,
         "trigger": "simultaneous" if hello.trigger else "free",
         "pads": [
             {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips import Chip
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire import faults
@@ -54,7 +54,8 @@ class Link:
         self._hello_due_ns: int | None = None
         self._misfits = 0
         self._selftests = Selftests()
-        self._welcome: set[tuple[int, int]] = set()  # pad index and bytes of readings that the last hello allows
+        # The chips of each pad that the last hello allows, by pad index and bytes of readings.
+        self._welcome: dict[tuple[int, int], Chip] = {}
 
     @property
     def hello(self) -> Hello | None:
@@ -145,16 +146,19 @@ class Link:
         pad_index, sequence, time_us, temperature_raw, packed = sample
         self.heard_ns = now_ns
         key = pad_index, len(packed[3])
-        if key in self._welcome:
-            host_time_ns: int | None = self._host_time_ns(time_us, now_ns)
+        chip = self._welcome.get(key)
+        host_time_ns: int | None
+        if chip is not None:
+            host_time_ns = self._host_time_ns(time_us, now_ns)
         else:
             host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns)
-            if host_time_ns is not None and self.hello is not None:
-                self._welcome.add(key)
-        if host_time_ns is None:
-            return None
-        temperature_c, run = _temperature_c(temperature_raw), self._clock.restarts
-        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, run)
+            if host_time_ns is None:
+                return None
+            chip = self._pads[pad_index].chip
+            if self.hello is not None:
+                self._welcome[key] = chip
+        temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
+        return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
 
     def _host_time_ns(self, time_us: int, now_ns: int) -> int:
         restarts = self._clock.restarts
@@ -180,6 +184,7 @@ class Link:
         host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns)
         if host_time_ns is None:
             return None
+        chip, raw = self._pads[sample.pad_index].chip, sample.temperature_raw
         return Frame(
             sample.pad_index,
             sample.sequence,
@@ -190,8 +195,9 @@ class Link:
             sample.age_us,
             bits(sample.fresh, sensors),
             bits(sample.valid, sensors),
-            _temperature_c(sample.temperature_raw),
+            None if raw == TEMPERATURE_UNKNOWN else chip.temperature_c(raw),
             self._clock.restarts,
+            chip,
         )
 
     def _fits(self, what: str, pad_index: int, sensors: int) -> bool:
@@ -240,10 +246,11 @@ class Link:
         if self.hello is None or not self._selftests.awaits(selftest.pad_index):
             return  # the result of somebody else's request, or one too late
         why = self._board.contradiction(selftest.pad_index, len(selftest.sensors))
-        if selftest.gain_code >= len(hmc5983.LSB_PER_GAUSS):
+        chip = self._board.chip
+        if selftest.gain_code >= len(chip.counts_per_gauss):
             why = f"there is no gain code {selftest.gain_code}"
         if why is None:
-            self._selftests.finish(selftest, self.hello.pads[selftest.pad_index])
+            self._selftests.finish(selftest, self.hello.pads[selftest.pad_index], chip)
         else:
             self._leave_out("self-test", why)
             self._selftests.fail(selftest.pad_index, f"the board's result cannot be: {why}")
@@ -262,7 +269,3 @@ class Link:
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))
-
-
-def _temperature_c(raw: int) -> float | None:
-    return None if raw == TEMPERATURE_UNKNOWN else hmc5983.temperature_c(raw)

@@ -1,4 +1,4 @@
-"""The packets of docs/wire.md as values: what a board says and what a host asks; wire.py turns them into bytes."""
+"""The packets of docs/wire.md as values: what a board says and what a host asks; codec.py turns them into bytes."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-/* One line → one sample: framing.py and wire.py. Anything else is left to them. */
+/* One line → one sample: framing.py and codec.py. Anything else is left to them. */
 #include "sample.h"
 
 #include <math.h>
 #include <string.h>
 
-enum { HEADER = 0x11 /* wire version 1, type sample */, FIXED_BYTES = 17, CRC_BYTES = 2, MOST_SENSORS = 8 };
+enum { HEADER = 0x11 /* wire version 1, type sample */, FIXED_BYTES = 17, CRC_BYTES = 2 };
 
 static uint64_t little_endian(const uint8_t *bytes, int count)
 {
@@ -56,7 +56,7 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
         return false;
     }
     size_t body = bytes - CRC_BYTES, sensors = packet[1] >> 4;
-    if (sensors < 1 || sensors > MOST_SENSORS || body != FIXED_BYTES + FMFTS_READING_BYTES * sensors ||
+    if (sensors < 1 || sensors > FMFTS_WIRE_SENSORS || body != FIXED_BYTES + FMFTS_READING_BYTES * sensors ||
         crc16(packet, body) != little_endian(packet + body, 2)) {
         return false;
     }
@@ -73,7 +73,8 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     return true;
 }
 
-double fmfts_temperature_c(const fmfts_sample *sample)
+double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count)
 {
-    return sample->temperature_raw == FMFTS_TEMPERATURE_UNKNOWN ? NAN : 25.0 + sample->temperature_raw / 128.0;
+    bool told = sample->temperature_raw != FMFTS_TEMPERATURE_UNKNOWN;
+    return told ? at_zero_c + sample->temperature_raw * c_per_count : NAN;
 }

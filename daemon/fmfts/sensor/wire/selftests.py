@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fmfts.sensor.chips import hmc5983
+from fmfts.sensor.chips import Chip
+from fmfts.sensor.chips.selftest import selftest_facts
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.packets import HelloPad, Selftest
@@ -30,12 +31,12 @@ class Selftests:
     def awaits(self, pad_index: int) -> bool:
         return pad_index in self._deadlines_ns
 
-    def finish(self, selftest: Selftest, pad: HelloPad) -> None:
+    def finish(self, selftest: Selftest, pad: HelloPad, chip: Chip) -> None:
         """Judge a measurement of all sensors of `pad`."""
         sensors = selftest.sensors
-        reasons = [faults.no_measurement(pad, index, one.state) for index, one in enumerate(sensors)]
-        facts = hmc5983.selftest_facts(
-            selftest.gain_code, [one.positive for one in sensors], [one.negative for one in sensors], reasons
+        reasons = [faults.no_measurement(pad, index, one.state, chip) for index, one in enumerate(sensors)]
+        facts = selftest_facts(
+            chip, selftest.gain_code, [one.positive for one in sensors], [one.negative for one in sensors], reasons
         )
         self._end(selftest.pad_index, facts)
 

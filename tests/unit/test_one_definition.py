@@ -1,0 +1,270 @@
+"""A fact that stands in two languages, or in two programs, is compared here: a change of one alone fails."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import chain
+from pathlib import Path
+from typing import get_args
+
+import msgspec
+import pytest
+
+from fmfts.bus.messages import ContactMessage, Health, PoseMessage
+from fmfts.config import BridgeSource
+from fmfts.pipeline.fast.compiled import NUMBERS
+from fmfts.pipeline.fast.template import INTEGERS
+from fmfts.sensor.chips import CHIPS, HMC5983, ChipName
+from fmfts.sensor.chips.rates import BRIDGE_SIMULTANEOUS_HZ
+from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
+from fmfts.sensor.wire import codec, packets
+from fmfts.sensor.wire.framing import MAX_LINE_BYTES
+from fmfts_client.fields import SCHEMA_VERSION
+
+REPOSITORY = Path(__file__).parents[2]
+CORE, FAST, WIRE = (
+    REPOSITORY / path for path in ("firmware/core", "daemon/fmfts/pipeline/fast", "daemon/fmfts/sensor/wire")
+)
+C_CLIENT = REPOSITORY / "clients/c"
+# What the C client calls the annotation of a field of messages.py: its macro and its kind.
+KIND_OF = {
+    "int": "FIELD INTEGER",
+    "float": "FIELD NUMBER",
+    "float | None": "NULLABLE NUMBER",
+    "Vector": "FIELD VECTOR",
+    "Vector | None": "NULLABLE VECTOR",
+    "bool": "FIELD FLAG",
+    "bool | None": "FIELD TOUCH",
+    "Health": "FIELD HEALTH",
+    "Solver": "FIELD WORD",
+    "str | None": "NULLABLE WORD",
+}
+# Text of 64 bytes, but for sentences: those may be longer.
+TEXTS = {"reason": "FIELD SENTENCE"}
+
+
+def constants(path: Path) -> dict[str, int]:
+    """The enumerators of a C header that are a number, or the name of another one."""
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
+    found: dict[str, int] = {}
+    for name, value in re.findall(r"\b([A-Z][A-Z0-9_]+) = (-?\w+)", text):
+        if value in found or re.fullmatch(r"-?(0x[0-9A-Fa-f]+|\d+)", value):
+            found[name] = found[value] if value in found else int(value, 0)
+    return found
+
+
+def hints(*kinds: type[msgspec.Struct]) -> dict[str, str]:
+    return dict(chain.from_iterable(kind.__annotations__.items() for kind in kinds))
+
+
+# Messages
+
+
+def in_c_client(table: str) -> list[tuple[str, str]]:
+    """Name and kind of each field in a table of fmfts.c."""
+    text = (C_CLIENT / "fmfts.c").read_text()
+    body = text[text.index(f"{table}[] = {{") :]
+    body = body[: body.index("};")]
+    rows = re.findall(r"(FIELD|NULLABLE)\((\w+), \w+, (\w+)\)|\{\"(\w+)\", (\w+),", body)
+    return [(name or other, f"{macro} {kind}" if macro else which) for macro, kind, name, other, which in rows]
+
+
+def due(kind: type[msgspec.Struct], *before: str) -> list[tuple[str, str]]:
+    pairs = [(name, hint) for name, hint in kind.__annotations__.items()]
+    named = [
+        (name, "POSE" if name == "pose" else TEXTS.get(name, KIND_OF.get(hint, "FIELD WORD"))) for name, hint in pairs
+    ]
+    return [*((name, "FIELD WORD") for name in before), *named]
+
+
+@pytest.mark.parametrize(
+    ("table", "fields"),
+    [("contact_fields", due(ContactMessage, "pad", "boot")), ("pose_fields", due(PoseMessage))],
+    ids=["contact", "pose"],
+)
+def test_c_client_has_the_daemons_fields_in_the_daemons_order(table: str, fields: list[tuple[str, str]]) -> None:
+    """The order is what makes looking one up cheap."""
+    assert in_c_client(table) == fields
+
+
+def test_c_client_knows_the_schema_and_every_word_of_health() -> None:
+    header, text = constants(C_CLIENT / "fmfts.h"), (C_CLIENT / "fmfts.c").read_text()
+    assert header["FMFTS_SCHEMA_VERSION"] == SCHEMA_VERSION
+    words = re.findall(r'"(\w+)"', text[text.index("health_names[] =") :].partition("};")[0])
+    assert words == ["unknown", *get_args(Health)]
+
+
+@pytest.mark.skipif(not NUMBERS, reason="without a compiler there is no compiled path")
+def test_compiled_path_fills_fields_that_the_message_has() -> None:
+    wide = {name: 3 if hint.startswith("Vector") else 1 for name, hint in hints(ContactMessage, PoseMessage).items()}
+    assert {name: wide.get(name) for name in NUMBERS} == NUMBERS
+    assert next(iter(NUMBERS)) == "temperature_c", "lane.c reads the first one's place"
+    unfilled = {
+        name for name, hint in hints(ContactMessage, PoseMessage).items() if hint.startswith(("float", "Vector"))
+    }
+    assert unfilled - set(NUMBERS) == {"shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n"}
+
+
+def test_compiled_path_fills_as_many_integers_as_the_template_marks() -> None:
+    assert constants(FAST / "tables.h")["FMFTS_MESSAGE_INTEGERS"] == len(INTEGERS)
+    assert all(hints(ContactMessage)[name] == "int" for name in INTEGERS)
+
+
+# The wire
+
+
+def test_both_ends_of_the_wire_have_the_same_limits_and_marks() -> None:
+    board, host = constants(CORE / "wire.h"), constants(WIRE / "sample.h") | constants(WIRE.parent / "reading.h")
+    assert board["WIRE_VERSION"] == codec.VERSION
+    assert board["WIRE_SENSORS_MAX"] == host["FMFTS_WIRE_SENSORS"] == packets.MAX_SENSORS
+    assert board["WIRE_PADS_MAX"] == host["FMFTS_WIRE_PADS"] == packets.MAX_PADS
+    assert board["WIRE_LINE_MAX"] == MAX_LINE_BYTES + 1
+    assert host["FMFTS_LONGEST_LINE"] == MAX_LINE_BYTES
+    assert host["FMFTS_READING_BYTES"] == READING_BYTES
+    assert board["WIRE_ALL_PADS"] == packets.ALL_PADS
+    assert board["WIRE_AGE_UNKNOWN"] == AGE_UNKNOWN_US
+    assert board["WIRE_UID_SIZE"] == packets.UID_BYTES
+    unknown = (board["WIRE_TEMPERATURE_UNKNOWN"], host["FMFTS_TEMPERATURE_UNKNOWN"])
+    assert unknown == (packets.TEMPERATURE_UNKNOWN, packets.TEMPERATURE_UNKNOWN)
+
+
+def test_both_ends_of_the_wire_number_packets_and_requests_alike() -> None:
+    board = constants(CORE / "wire.h")
+    types = {f"WIRE_{one.name}": int(one) for one in packets.PacketType}
+    types |= {f"WIRE_REQUEST_{one.name}": int(one) for one in packets.Verb}
+    assert {name: board.get(name) for name in types} == types
+
+
+def test_firmware_numbers_results_and_states_as_the_daemon_reads_them() -> None:
+    text = (CORE / "wire.h").read_text()
+    (results,), (states,) = (
+        re.findall(rf"enum {name} \{{([^}}]*)\}}", text, flags=re.DOTALL) for name in ("wire_result", "sensor_state")
+    )
+    assert _words(results) == [f"RESULT_{one.name}" for one in packets.Result]
+    # The firmware names two states otherwise; it has as many, and the first and last are the same.
+    assert len(_words(states)) == len(packets.SensorState)
+    assert (_words(states)[0], _words(states)[-1]) == ("SENSOR_OK", "SENSOR_NOT_STARTED")
+
+
+def _words(enumerators: str) -> list[str]:
+    return re.findall(r"\b[A-Z_]+\b", enumerators)
+
+
+def test_no_program_holds_more_than_the_wire_carries() -> None:
+    sampler, tables = (CORE / "sampler.h").read_text(), (FAST.parents[1] / "pose/step.h").read_text()
+    assert constants(CORE / "sampler.h")["SAMPLER_SENSORS_MAX"] <= packets.MAX_SENSORS
+    assert "SAMPLER_PADS_MAX = WIRE_PADS_MAX" in sampler
+    assert "FMFTS_SENSORS = FMFTS_WIRE_SENSORS" in tables
+    assert constants(CORE / "sampler.h")["SINGLE_RATE_MAX_HZ"] == BRIDGE_SIMULTANEOUS_HZ
+
+
+def test_configuration_takes_the_pads_that_a_board_may_have_and_no_more() -> None:
+    source = {"type": "bridge", "port": "/dev/ttyUSB0"}
+    last = msgspec.convert(source | {"pad_index": packets.MAX_PADS - 1}, BridgeSource)
+    assert last.pad_index == packets.MAX_PADS - 1
+    with pytest.raises(msgspec.ValidationError, match="pad_index"):
+        msgspec.convert(source | {"pad_index": packets.MAX_PADS}, BridgeSource)
+
+
+# The chips
+
+
+def test_firmware_describes_the_chip_as_the_daemon_does() -> None:
+    chip, board = HMC5983, constants(CORE / "hmc5983.h")
+    source = (CORE / "hmc5983.c").read_text()
+    assert board["HMC5983_ADDRESS"] == chip.address
+    assert board["HMC5983_OVERFLOW"] == chip.saturated_count
+    assert board["HMC5983_GAIN_CODES"] == len(chip.counts_per_gauss)
+    assert board["HMC5983_SELFTEST_GAIN"] == chip.bias_strap.gain_code
+    assert board["HMC5983_RATE_HZ"] == chip.free_rate_hz
+    assert board["HMC5983_PERIOD_US"] == int(1e6 / chip.free_rate_hz)
+    assert board["HMC5983_SINGLE_CONVERSION_US"] == round(chip.single_conversion_s * 1e6)
+    assert board["HMC5983_SINGLE_WAIT_US"] == round(chip.single_wait_s * 1e6)
+    limits = constants(CORE / "hmc5983.c")
+    assert (limits["SELFTEST_MIN"], limits["SELFTEST_MAX"]) == chip.bias_strap.limits
+    counts = re.findall(r"\d+", source[source.index("hmc5983_lsb_per_gauss[") :].partition("{")[2].partition("}")[0])
+    assert [(int(each),) * 3 for each in counts] == list(chip.counts_per_gauss)
+    identity = re.findall(r"identification\[\d\] == '(.)'", source)
+    assert "".join(identity).encode() == chip.identity
+
+
+def test_configuration_names_every_chip_that_there_is() -> None:
+    assert set(get_args(ChipName)) == set(CHIPS)
+    assert all(name == chip.name for name, chip in CHIPS.items())
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+def python_files() -> list[Path]:
+    return [path for folder in ("daemon", "lab") for path in sorted((REPOSITORY / folder).rglob("*.py"))]
+
+
+def test_nobody_asks_for_a_chips_name() -> None:
+    """What depends on the chip is a fact of it: another chip is another file, and no other branch."""
+    named = []
+    for path in python_files():
+        if path.parent.name == "chips":
+            continue
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.Compare | ast.Match | ast.Dict):
+                values = [each.value for each in ast.walk(node) if isinstance(each, ast.Constant)]
+                named += [f"{path.name}:{node.lineno}" for value in values if value in CHIPS]
+    assert named == []
+
+
+def test_a_chips_noise_is_written_once() -> None:
+    numbers = {HMC5983.noise_t}
+    found = [
+        f"{path.relative_to(REPOSITORY)}:{node.lineno}"
+        for path in python_files()
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value in numbers
+    ]
+    assert [line.partition(":")[0] for line in found] == ["daemon/fmfts/sensor/chips/hmc5983.py"], found
+
+
+# Comments
+
+OF_OTHERS = {"Python.h", "protocol.c", "zmq.h", "mman.h", "sysexits.h"}
+
+
+def sources() -> list[Path]:
+    folders = ("daemon", "lab", "firmware", "clients")
+    return [path for folder in folders for path in sorted((REPOSITORY / folder).rglob("*.*")) if _is_source(path)]
+
+
+def _is_source(path: Path) -> bool:
+    return path.suffix in (".py", ".c", ".h") and "build" not in path.relative_to(REPOSITORY).parts
+
+
+def comments(path: Path) -> Iterator[str]:
+    text = path.read_text()
+    if path.suffix != ".py":
+        yield from re.findall(r"//[^\n]*|/\*.*?\*/", text, flags=re.DOTALL)
+        return
+    yield from (
+        one.string for one in tokenize.generate_tokens(io.StringIO(text).readline) if one.type == tokenize.COMMENT
+    )
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            yield ast.get_docstring(node) or ""
+
+
+def unknown_files(paths: Sequence[Path]) -> list[str]:
+    there = {path.name for path in [*sources(), *(REPOSITORY / "tests").rglob("*.py")]} | OF_OTHERS
+    named = (
+        (path, name) for path in paths for text in comments(path) for name in re.findall(r"\b\w+\.(?:py|c|h)\b", text)
+    )
+    return [f"{path.relative_to(REPOSITORY)} names {name}" for path, name in named if name not in there]
+
+
+def test_comments_name_files_that_exist() -> None:
+    assert unknown_files(sources()) == []

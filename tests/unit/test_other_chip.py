@@ -1,0 +1,93 @@
+"""A chip with another scale on each axis, saturation and thermometer: every program takes them from its description."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from msgspec.structs import replace as changed
+from test_healthy_path import both, frames_of
+from test_link import Line, hello, pad, sample
+from test_pipeline import config_of
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.pipeline.fast import Kind
+from fmfts.pipeline.fast.compiled import AVAILABLE
+from fmfts.sensor.chips import CHIPS, HMC5983
+from fmfts.sensor.chips.chip import Thermometer
+from fmfts.sensor.frame import WireFrame
+
+OTHER = replace(
+    HMC5983,
+    name="other",
+    label="OTHER",
+    identity=b"XYZ",
+    ranges_gauss=(2.5, 5.0),
+    counts_per_gauss=((900, 800, 700), (450, 400, 350)),
+    largest_count=3000,
+    saturated_count=-32768,
+    thermometer=Thermometer(at_zero_c=20.0, c_per_count=0.1),
+)
+
+
+@pytest.fixture
+def config(monkeypatch: pytest.MonkeyPatch) -> PadConfig:
+    """A simulated pad of such chips."""
+    monkeypatch.setitem(CHIPS, OTHER.name, OTHER)
+    config = config_of(3)
+    assert isinstance(config.source, SimulatedSource)
+    return changed(config, source=changed(config.source, chip=OTHER.name))
+
+
+def test_frame_reads_counts_by_its_chip() -> None:
+    counts = np.array([[900, 800, 700], [900, OTHER.saturated_count, HMC5983.saturated_count]], np.int16)
+    readings = np.column_stack([counts, [0, 0]]).astype("<i2").tobytes()
+    assert WireFrame(0, 0, 0, 0, (0, 3, 3, readings), None).chip is HMC5983
+    frame = WireFrame(0, 0, 0, 0, (0, 3, 3, readings), None, chip=OTHER)
+    assert frame.overflow.tolist() == [[False] * 3, [False, True, False]]
+    assert frame.field_t[0] == pytest.approx([1e-4, 1e-4, 1e-4])
+    assert np.isnan(frame.field_t[1]).tolist() == [False, True, False]
+
+
+def test_a_gain_code_that_the_chip_has_not_is_no_field() -> None:
+    assert np.isnan(OTHER.step_t[2:]).all()
+    assert OTHER.step_t.shape == HMC5983.step_t.shape
+    with pytest.raises(ValueError, match=r"one of 2\.5, 5\.0"):
+        OTHER.gain_code_for_range(4.0)
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+def test_session_says_the_same_in_c_and_in_python(config: PadConfig) -> None:
+    frames = frames_of(config, 8.0)
+    assert {frame.chip for frame in frames} == {OTHER}
+    kinds = both(config, frames)
+    assert kinds[None] < 10
+    assert kinds[Kind.TOUCHED] > 50
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+def test_saturated_axis_is_left_to_python(config: PadConfig) -> None:
+    frames = frames_of(config, 1.0)
+    for index in range(100, 110):
+        counts = frames[index].counts.copy()
+        counts[1, 2] = OTHER.saturated_count
+        frames[index] = replace(frames[index], counts=counts)
+    assert both(config, frames)[None] >= 10
+
+
+def test_board_says_what_its_chip_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(CHIPS, OTHER.name, OTHER)
+    for chip, temperature_c in (("hmc5983", 26.0), ("hmc5883l", None), (OTHER.name, 32.8)):
+        line = Line(pad(chip=chip, rate_hz=75))
+        line.feed(hello(4, gain_code=0, rate_hz=75))
+        (frame,) = line.feed(sample(temperature_raw=128))
+        assert frame.chip is CHIPS[chip]
+        assert frame.temperature_c == (temperature_c if temperature_c is None else pytest.approx(temperature_c))
+
+
+def test_wrong_identity_is_named_with_the_one_that_is_due() -> None:
+    assert OTHER.why_not_identity(b"XYZ") is None
+    assert OTHER.why_not_identity(b"H43") == (
+        "answers 48 34 33 where an OTHER says 58 59 5a (XYZ): another chip is fitted, or the bus is noisy"
+    )
