@@ -16,8 +16,10 @@ from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.sensor.chips import CHIPS, HMC5983
 from fmfts.sensor.chips.chip import Thermometer
-from fmfts.sensor.frame import WireFrame
+from fmfts.sensor.frame import Frame, WireFrame
+from fmfts.sensor.wire.framing import _wire, encode
 
+COMPILED = _wire is not None
 OTHER = replace(
     HMC5983,
     name="other",
@@ -81,9 +83,14 @@ def test_board_says_what_its_chip_says(monkeypatch: pytest.MonkeyPatch) -> None:
     for chip, temperature_c in (("hmc5983", 26.0), ("hmc5883l", None), (OTHER.name, 32.8)):
         line = Line(pad(chip=chip, rate_hz=75))
         line.feed(hello(4, gain_code=0, rate_hz=75))
-        (frame,) = line.feed(sample(temperature_raw=128))
-        assert frame.chip is CHIPS[chip]
-        assert frame.temperature_c == (temperature_c if temperature_c is None else pytest.approx(temperature_c))
+        # The first sample is a packet among others; those that follow it alone take the shorter way.
+        followed = sample(temperature_raw=128, sequence=1, time_us=2 * 4545)
+        (first,) = line.feed(sample(temperature_raw=128))
+        (second,) = line.link.feed(encode(followed), line.now_ns + 4_545_000)
+        assert (type(first), type(second)) == (Frame, WireFrame if COMPILED else Frame)
+        for frame in (first, second):
+            assert frame.chip is CHIPS[chip]
+            assert frame.temperature_c == (temperature_c if temperature_c is None else pytest.approx(temperature_c))
 
 
 def test_wrong_identity_is_named_with_the_one_that_is_due() -> None:
