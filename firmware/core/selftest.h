@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "sampler.h"
+#include "pad_bus.h"
 
 enum { SELFTEST_BIASES = 3 }; // none, positive, negative
 

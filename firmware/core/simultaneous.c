@@ -32,9 +32,9 @@ static int to_confirm(const struct sampler_pad *pad)
 
 static void confirm(struct sampler *sampler, struct sampler_pad *pad, int i)
 {
-    const struct sensor_link link = sampler_link(sampler, pad);
-    if (sampler_reach_for(sampler, pad, i))
-        sampler_account(sampler, pad, &pad->sensors[i], sensor_confirm(&pad->sensors[i], &link));
+    const struct sensor_link link = pad_bus_link(sampler, pad);
+    if (pad_bus_reach_sensor(sampler, pad, i))
+        pad_bus_account(sampler, pad, &pad->sensors[i], sensor_confirm(&pad->sensors[i], &link));
     pad->confirm_next = (uint8_t)i;
 }
 
@@ -53,10 +53,10 @@ static void trigger(struct sampler *sampler, struct sampler_pad *pad)
     pad->ahead = true;
     if (!channels)
         return;
-    enum bus_result result = sampler_reach(sampler, pad, channels);
+    enum bus_result result = pad_bus_reach(sampler, pad, channels);
     if (result == BUS_OK)
         result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
-    sampler_account(sampler, pad, NULL, result);
+    pad_bus_account(sampler, pad, NULL, result);
     pad->triggered_us = clock_now(sampler->clock);
     if (result != BUS_OK)
         pad->triggered = 0;

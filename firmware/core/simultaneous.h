@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "sampler.h"
+#include "pad_bus.h"
 
 // Triggers a pad, or does what has to come before. False: nothing was due. At rates near the chips' limit the next trigger
 // is sent as soon as the conversions have ended, and the samples are read while the next ones are made.

@@ -1,7 +1,9 @@
+#include "i2c_recovery.h"
+
 #include <stdbool.h>
 
 #include "gpio.h"
-#include "i2c.h"
+#include "i2c_port.h"
 #include "timer.h"
 
 enum {

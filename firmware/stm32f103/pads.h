@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "../core/bus.h"
-#include "../core/sampler.h"
+#include "../core/pad_bus.h"
 
 struct pads {
     uint8_t count;
