@@ -60,7 +60,7 @@ bool pad_bus_reach_sensor(struct sampler *sampler, struct sampler_pad *pad, int 
     enum bus_result result = pad_bus_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[i]));
     if (result == BUS_OK)
         return true;
-    // The sensor is not to blame for its switch: it waits, but earns no strike.
+    // The mux failed, not the sensor: the sensor waits 1 ms but gets no strike.
     uint64_t now_us = clock_now(sampler->clock);
     if (pad->sensors[i].due_us <= now_us)
         pad->sensors[i].due_us = now_us + 1000;

@@ -38,13 +38,13 @@ struct sampler_pad {
     uint32_t sequence;
     uint64_t last_time_us;
     uint8_t mux_strikes;
-    bool borrowed; // by the self-test
+    bool borrowed; // the self-test uses the pad
     bool trigger_due;
-    bool converting; // triggered, not all sensors read yet
-    bool ahead;      // triggered anew, while samples of the last trigger may still be unread
+    bool converting; // triggered, and not all sensors are read yet
+    bool ahead;      // triggered again, while samples of the trigger before may still be unread
     bool frame_due;
-    uint8_t triggered; // bit i: by the last trigger, sensor i
-    uint8_t confirm_next;
+    uint8_t triggered; // bit i: the last trigger reached sensor i
+    uint8_t confirmed_last; // the sensor that simultaneous.c asked last
     uint64_t triggered_us;
 };
 
@@ -57,7 +57,7 @@ struct sampler_bus {
 struct sampler {
     struct clock *clock;
     struct sampler_settings settings;
-    bool streaming; // frames are made; sensors are looked after whether or not
+    bool streaming; // whether frames are made; sensors are polled in any case
     uint8_t pad_count;
     uint8_t turn;
     uint32_t frame_remainder;

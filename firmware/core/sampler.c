@@ -5,7 +5,7 @@
 enum {
     CHORE_STAGGER_US = 11000,
     LATE_FRAME_US = 50000,
-    // How late other sensors' turns may make the reading of a conversion. Much more, and its time could not be told.
+    // The turns of other sensors delay reading a conversion by up to this. With much more its time would be unknown.
     READ_LATENESS_US = 600,
 };
 
@@ -83,8 +83,8 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
         return false;
     uint32_t interval_us = 1000000U / sampler->settings.rate_hz;
     if (now_us > sampler->frame_us + interval_us + LATE_FRAME_US)
-        sampler->frame_us = now_us; // after a pause, frames are not made up for
-    // 1 s / 220 is no whole number of microseconds; the remainder is carried so that the rate is exact.
+        sampler->frame_us = now_us; // frames missed in a pause are skipped
+    // 1 s / 220 is no whole number of microseconds; carrying the remainder keeps the rate exact.
     sampler->frame_us += interval_us;
     sampler->frame_remainder += 1000000U % sampler->settings.rate_hz;
     if (sampler->frame_remainder >= sampler->settings.rate_hz) {
@@ -100,9 +100,9 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
     return true;
 }
 
-// A sample that was read a little late just missed a frame; its successor, read in time, would push it out of the next. It
-// is left in the chip until that frame is made, so that no conversion of a chip slower than the frames is lost.
-static bool would_supersede(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
+// If a sample was read just too late for a frame, its successor would replace it before the next frame, and it would be
+// lost. So the successor stays in the chip until that frame is made: no conversion of a chip slower than the frames is lost.
+static bool would_replace_unsent(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
 {
     return sensor->fresh && sampler->streaming && sampler->settings.trigger == TRIGGER_FREE &&
            sensor->phase == PHASE_RUN && now_us + READ_LATENESS_US > sampler->frame_us;
@@ -118,7 +118,8 @@ bool sampler_poll(struct sampler *sampler)
         struct sampler_pad *pad = &sampler->pads[sampler->turn / SAMPLER_SENSORS_MAX];
         int i = sampler->turn % SAMPLER_SENSORS_MAX;
         if (i >= pad->wiring.sensor_count || pad->borrowed || pad->sensors[i].due_us > now_us ||
-            sampler->buses[pad->wiring.bus].retry_us > now_us || would_supersede(sampler, &pad->sensors[i], now_us))
+            sampler->buses[pad->wiring.bus].retry_us > now_us ||
+            would_replace_unsent(sampler, &pad->sensors[i], now_us))
             continue;
         turn(sampler, pad, i);
         return true;
@@ -148,7 +149,7 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
     }
     if (!frame->valid)
         newest_us = now_us;
-    // A frame's time never runs backwards, although the sensor that had the newest sample may just have been lost.
+    // The time of frames never goes back, even when the sensor with the newest sample was lost just now.
     frame->time_us = newest_us > pad->last_time_us ? newest_us : pad->last_time_us;
     pad->last_time_us = frame->time_us;
     frame->temperature_raw = (int16_t)(thermometers ? temperature / thermometers : WIRE_TEMPERATURE_UNKNOWN);

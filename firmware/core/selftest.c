@@ -7,7 +7,7 @@
 enum { STAGE_CONFIGURE, STAGE_TRIGGER, STAGE_READ };
 
 enum {
-    ROUNDS_DISCARDED = 1, // converted with the old gain
+    ROUNDS_DISCARDED = 1, // the chips convert it with the old gain
     ROUNDS = ROUNDS_DISCARDED + 4,
     // A biased measurement is two acquisitions, one without and one with the strap (data sheet, self-test operation).
     ROUND_WAIT_US = 2 * SINGLE_CONVERSION_US + 500,
@@ -73,7 +73,7 @@ static enum bus_result read(struct selftest *selftest, const struct bus *bus)
     return BUS_OK;
 }
 
-// One sensor's part of a stage. Who fails drops out and does not hold up the others.
+// One sensor's part of a stage. A sensor that fails is skipped from then on; the others go on.
 static void visit(struct selftest *selftest)
 {
     struct sampler *sampler = selftest->sampler;
