@@ -2,8 +2,9 @@
 
 enum {
     PERIOD_TOLERANCE_US = CONVERSION_PERIOD_US / 20, // ±5 %, more than the ±3 % of the chips
-    // Both give the smallest error of time on the emulated chips, with four and with eight sensors on a bus. Polling starts
-    // 1/POLL_EARLY of a period before the predicted end: later starts lose track of chips, earlier ones load the bus.
+    // Both give the smallest error of time on the emulated chips, with four and with eight sensors on a bus. Polling
+    // starts 1/POLL_EARLY of a period before the predicted end: later starts lose track of chips, earlier ones load the
+    // bus.
     PERIOD_GAIN = 16,
     POLL_EARLY = 12,
     // The last end is an estimate and may be late, by up to 1/END_TOLERANCE of a period.

@@ -1,5 +1,5 @@
-// The pads and the buses they are on: opening the way to a sensor, counting errors, and recovering a bus. The sampler, the
-// simultaneous trigger and the self-test share it.
+// The pads and the buses they are on: opening the way to a sensor, counting errors, and recovering a bus. The sampler,
+// the simultaneous trigger and the self-test share it.
 #ifndef FMFTS_PAD_BUS_H
 #define FMFTS_PAD_BUS_H
 

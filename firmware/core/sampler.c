@@ -101,7 +101,8 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
 }
 
 // If a sample was read just too late for a frame, its successor would replace it before the next frame, and it would be
-// lost. So the successor stays in the chip until that frame is made: no conversion of a chip slower than the frames is lost.
+// lost. So the successor stays in the chip until that frame is made: no conversion of a chip slower than the frames is
+// lost.
 static bool would_replace_unsent(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
 {
     return sensor->fresh && sampler->streaming && sampler->settings.trigger == TRIGGER_FREE &&

@@ -1,4 +1,5 @@
-// Polls the sensors of up to three pads on one or two buses, by turns, and makes frames. Never waits; call it in a loop.
+// Polls the sensors of up to three pads on one or two buses, by turns, and makes frames. Never waits; call it in a
+// loop.
 #ifndef FMFTS_SAMPLER_H
 #define FMFTS_SAMPLER_H
 
@@ -19,7 +20,8 @@ enum {
 void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus *buses, uint8_t bus_count,
                   const struct pad_wiring *pads, uint8_t pad_count);
 
-// Takes effect at once. A new gain or trigger configures every sensor anew; frames have no sample of it until it settled.
+// Takes effect at once. A new gain or trigger configures every sensor anew; frames have no sample of it until it
+// settled.
 void sampler_apply(struct sampler *sampler, const struct sampler_settings *settings);
 
 uint16_t sampler_rate_max(enum trigger trigger);

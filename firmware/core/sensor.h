@@ -1,4 +1,5 @@
-// One sensor: identified, configured, polled, checked, and on failure identified again. One turn is a few short transfers.
+// One sensor: identified, configured, polled, checked, and on failure identified again. One turn is a few short
+// transfers.
 #ifndef FMFTS_SENSOR_H
 #define FMFTS_SENSOR_H
 

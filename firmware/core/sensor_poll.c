@@ -54,8 +54,9 @@ static void not_ready(struct sensor *sensor, const struct sensor_link *link, uin
     }
 }
 
-// The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On chips
-// of the second kind (`probe_ready` finds them) READY may be set for an old sample; equal bytes then mean the old sample.
+// The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On
+// chips of the second kind (`probe_ready` finds them) READY may be set for an old sample; equal bytes then mean the old
+// sample.
 static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen_us)
 {
     if (sensor->ready_survives < READY_SURVIVES || memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
@@ -91,8 +92,8 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     sensor_schedule(sensor, link, now_us);
 }
 
-// If READY is set right after the data were read, reading does not clear it. Counted in a row, because a single one may be
-// a new conversion.
+// If READY is set right after the data were read, reading does not clear it. Counted in a row, because a single one may
+// be a new conversion.
 static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t status = 0;
@@ -118,8 +119,9 @@ enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *
     return BUS_OK;
 }
 
-// The output registers hold the awaited sample only until the new conversion ends. A read burst at that moment locks them,
-// and the new sample is lost. So the sample is given up if the burst would come too late, and the sensor is suspect.
+// The output registers hold the awaited sample only until the new conversion ends. A read burst at that moment locks
+// them, and the new sample is lost. So the sample is given up if the burst would come too late, and the sensor is
+// suspect.
 static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
 {
     uint64_t changes_us = sensor->overtaken_us + SINGLE_FASTEST_US;

@@ -8,9 +8,10 @@ static bool is_awaiting(const struct sampler_pad *pad)
     return false;
 }
 
-// A trigger clears READY, but the sample stays in the output registers until the next conversion ends. So a sensor need not
-// be read before the next trigger; its conversion must only have ended. There is time to ask one sensor per trigger, by
-// turns; the others were started by the same write. Suspect sensors are always asked, then those with an equal sample.
+// A trigger clears READY, but the sample stays in the output registers until the next conversion ends. So a sensor need
+// not be read before the next trigger; its conversion must only have ended. There is time to ask one sensor per
+// trigger, by turns; the others were started by the same write. Suspect sensors are always asked, then those with an
+// equal sample.
 static int sensor_to_confirm(const struct sampler_pad *pad)
 {
     int count = pad->wiring.sensor_count, chosen = -1;

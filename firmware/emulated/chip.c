@@ -229,8 +229,8 @@ static uint8_t read_register(struct emulated_chip *chip, uint8_t number)
     return 0;
 }
 
-// Data sheet, register access: after the last data register the pointer goes back to the first, so a burst from 0x03 never
-// reaches the status register.
+// Data sheet, register access: after the last data register the pointer goes back to the first, so a burst from 0x03
+// never reaches the status register.
 static uint8_t next_pointer(uint8_t pointer)
 {
     if (pointer == HMC5983_DATA + 5)

@@ -6,7 +6,8 @@
 #include <stdint.h>
 
 struct emulated_chip {
-    // A test may set these at any time. Call emulated_chip_advance before, so that past conversions keep the old values.
+    // A test may set these at any time. Call emulated_chip_advance before, so that past conversions keep the old
+    // values.
     double field_ut[3];
     double noise_ut;
     double temperature_c;

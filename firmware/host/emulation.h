@@ -19,8 +19,8 @@ struct emulation {
     void *line_context;
 };
 
-// Pads 0 and 1 share bus 0 behind two muxes, pad 2 is alone on bus 1. Each chip's clock has its own error, as in reality.
-// `send` takes a whole line, or none of it and returns false.
+// Pads 0 and 1 share bus 0 behind two muxes, pad 2 is alone on bus 1. Each chip's clock has its own error, as in
+// reality. `send` takes a whole line, or none of it and returns false.
 void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_t uid[WIRE_UID_SIZE],
                     bool (*send)(void *line_context, const uint8_t *line, size_t count), void *line_context);
 

@@ -15,8 +15,8 @@
 #include "commands.h"
 
 enum { SECOND_NS = 1000000000 };
-// A busy computer may stop this process for seconds; the board then catches up, because a real board's clock never stops.
-// After a longer stop (the computer was suspended) it does not.
+// A busy computer may stop this process for seconds; the board then catches up, because a real board's clock never
+// stops. After a longer stop (the computer was suspended) it does not.
 static const uint64_t LONGEST_DEBT_NS = 10ULL * SECOND_NS;
 
 static const char usage[] =

@@ -51,8 +51,8 @@ struct clocks clocks_start(void)
     };
 }
 
-// The crystal stopped while it fed the PLL, and the clock security system switched the core to 8 MHz (RM0008 7.2.7). Every
-// divider is wrong now; the reset starts from the internal oscillator.
+// The crystal stopped while it fed the PLL, and the clock security system switched the core to 8 MHz (RM0008 7.2.7).
+// Every divider is wrong now; the reset starts from the internal oscillator.
 void nmi_handler(void)
 {
     RCC->CIR = RCC_CIR_CSSC;

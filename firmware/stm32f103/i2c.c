@@ -96,7 +96,8 @@ static enum bus_result receive_one(const struct i2c_port *port, uint8_t *bytes)
     return result;
 }
 
-// Two bytes: with POS, only the second gets no ACK. Both wait, in DR and in the shift register, until STOP is requested.
+// Two bytes: with POS, only the second gets no ACK. Both wait, in DR and in the shift register, until STOP is
+// requested.
 static enum bus_result receive_two(const struct i2c_port *port, uint8_t *bytes)
 {
     struct i2c *i2c = port->registers;
@@ -151,8 +152,9 @@ static enum bus_result receive(const struct i2c_port *port, uint8_t address, uin
     return count == 1 ? receive_one(port, bytes) : count == 2 ? receive_two(port, bytes) : receive_many(port, bytes, count);
 }
 
-// Requests STOP unless the receiver did, and waits until it is sent: CR1 may not be written before. Does not wait until the
-// bus is free: a mux channel that STOP connects may be held low, and that is the next transfer's error, not this one's.
+// Requests STOP unless the receiver did, and waits until it is sent: CR1 may not be written before. Does not wait until
+// the bus is free: a mux channel that STOP connects may be held low, and that is the next transfer's error, not this
+// one's.
 static enum bus_result end(const struct i2c_port *port, enum bus_result result, bool stop_asked)
 {
     struct i2c *i2c = port->registers;

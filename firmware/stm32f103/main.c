@@ -15,8 +15,8 @@
 enum {
     PORTS = 2,
     POWER_UP_US = 10000, // data sheets: muxes and sensors answer 0.2 ms after power-up, and the supply may rise slowly
-    // The watchdog's clock is 30 to 60 kHz (data sheet), here divided by 8: it resets after 100 to 200 ms. The longest turn
-    // of the main loop, with a bus that stays stuck, takes a few ms.
+    // The watchdog's clock is 30 to 60 kHz (data sheet), here divided by 8: it resets after 100 to 200 ms. The longest
+    // turn of the main loop, with a bus that stays stuck, takes a few ms.
     WATCHDOG_DIVIDER_8 = 1,
     WATCHDOG_RELOAD = 750,
     WATCHDOG_UNLOCK = 0x5555,

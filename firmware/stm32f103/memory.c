@@ -1,5 +1,5 @@
-// The memory functions that compilers call on their own, with their names in C and in the ARM run-time ABI. This program
-// has no C library.
+// The memory functions that compilers call on their own, with their names in C and in the ARM run-time ABI. This
+// program has no C library.
 #include <string.h>
 
 void *memcpy(void *restrict to, const void *restrict from, size_t count)

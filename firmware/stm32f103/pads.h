@@ -15,11 +15,11 @@ struct pads {
 };
 
 // Every TCA9548A is a pad on channels 0 to 3, and a second pad on channels 4 to 7 if a sensor answers there. Pads are
-// ordered by port, address and channel. `usable[i]` is false for a bus whose lines are stuck. If nothing is found, one pad
-// is assumed, so that the board can report what is missing.
+// ordered by port, address and channel. `usable[i]` is false for a bus whose lines are stuck. If nothing is found, one
+// pad is assumed, so that the board can report what is missing.
 //
-// If `remembered`, the pads found before the reset are kept. After a watchdog reset a mux may not answer for a moment; a new
-// search would then miss a pad, and the host would take the readings of the next pad for it.
+// If `remembered`, the pads found before the reset are kept. After a watchdog reset a mux may not answer for a moment;
+// a new search would then miss a pad, and the host would take the readings of the next pad for it.
 const struct pads *pads_find(const struct bus *buses, const bool *usable, uint8_t bus_count, bool remembered);
 
 #endif
