@@ -1,5 +1,5 @@
 #!/bin/sh
-# Prints line and branch coverage of the named sources, and fails below 95 % of lines or 85 % of branches.
+# Prints line and branch coverage of the named sources. Fails below 95 % of lines or 85 % of branches.
 # usage: coverage.sh OBJECT_DIRECTORY SOURCE…
 directory=$1
 shift
@@ -7,7 +7,7 @@ for source in "$@"; do
     gcov --branch-counts --branch-probabilities --stdout \
         --object-directory "$directory/test-core-$(basename "$source" .c).gcda" "$source" 2>/dev/null
 done | awk -F: '
-    # Only lines of core/*.c count; a source is printed once for every object that has it.
+    # Only lines of core/*.c count; gcov prints a source once for every object that includes it.
     $3 ~ /^Source$/ || $2 ~ /^ *0$/ && $3 == "Source" { wanted = ($4 ~ /^core\/.*\.c$/); file = $4; next }
     !wanted { next }
     /^branch / { branches++; if ($0 !~ /never executed|taken 0( |$)/) taken++; next }

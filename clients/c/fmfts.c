@@ -33,7 +33,7 @@ struct reader {
 
 struct item {
     enum type type;
-    uint64_t bits; /* of a number; 1: true; how many bytes, elements or pairs follow */
+    uint64_t bits; /* an integer; a boolean as 0 or 1; else how many bytes, elements or pairs follow */
     double number;
     const uint8_t *bytes; /* of TEXT, BYTES and EXTENSION */
 };
@@ -59,7 +59,7 @@ static double float_of(uint64_t bits, size_t width)
     return (double)value;
 }
 
-/* The heads 0xC0 to 0xDF; `width`: of the number that follows the head. */
+/* The heads 0xC0 to 0xDF. `width`: bytes of the number that follows the head. */
 static const struct {
     uint8_t type, width;
 } heads[32] = {
@@ -98,7 +98,7 @@ static bool read_long(struct reader *reader, uint8_t head, struct item *item)
     else if (item->type == FLOAT)
         item->number = float_of(item->bits, width);
     else if (item->type == EXTENSION)
-        item->bits = 1 + (width ? item->bits : 1U << (head - 0xD4)); /* its type is one more byte */
+        item->bits = 1 + (width ? item->bits : 1U << (head - 0xD4)); /* 1: the byte with the extension's type */
     return item->type != NEVER;
 }
 
@@ -121,7 +121,7 @@ static bool is_utf8(const uint8_t *at, const uint8_t *end)
     return true;
 }
 
-/* The next item; of arrays and maps the head only. False where the message is cut off or is no msgpack. */
+/* Reads the next item; of an array or a map only the head. False: the message is cut off, or no msgpack. */
 static bool read_item(struct reader *reader, struct item *item)
 {
     if (reader->at == reader->end)
@@ -135,7 +135,7 @@ static bool read_item(struct reader *reader, struct item *item)
         item->number = item->type == SIGNED ? (double)(int64_t)item->bits : (double)item->bits;
     if (item->type < TEXT)
         return true;
-    /* Whatever follows takes a byte at least: more than is left cannot be. */
+    /* Each byte, element or pair takes at least one byte, so there cannot be more of them than bytes left. */
     if (item->bits > (uint64_t)(reader->end - reader->at))
         return false;
     if (item->type <= EXTENSION) {
@@ -145,7 +145,7 @@ static bool read_item(struct reader *reader, struct item *item)
     return item->type != TEXT || is_utf8(item->bytes, reader->at);
 }
 
-/* One value with all that is in it, however deep. */
+/* Skips one value with everything in it, at any depth. */
 static bool skip(struct reader *reader)
 {
     for (uint64_t left = 1; left > 0; left--) {
@@ -169,7 +169,7 @@ static bool is_text(const struct item *item, const char *text)
 
 enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE };
 
-enum { ALWAYS = -1 }; /* in place of the offset of `known`: null is refused */
+enum { ALWAYS = -1 }; /* instead of the offset of `known`: the value must not be null */
 
 struct field {
     const char *name;
@@ -194,7 +194,7 @@ static const struct field pose_fields[] = {
     FIELD(NUMBER, fmfts_pose, chi2),
 };
 
-/* In the daemon's order, where looking one up takes a single comparison. */
+/* In the order in which the daemon sends them: then finding a key takes one comparison. */
 static const struct field contact_fields[] = {
     FIELD(WORD, fmfts_contact, pad),
     FIELD(WORD, fmfts_contact, boot),
@@ -279,7 +279,7 @@ static bool read_sentence(const struct item *item, char sentence[FMFTS_TEXT_SIZE
     size_t size = item->bits;
     if (size >= FMFTS_TEXT_SIZE) {
         size = FMFTS_TEXT_SIZE - 1;
-        while (size > 0 && (item->bytes[size] & 0xC0) == 0x80) /* never within a character */
+        while (size > 0 && (item->bytes[size] & 0xC0) == 0x80) /* cut between characters */
             size--;
     }
     memcpy(sentence, item->bytes, size);
@@ -310,7 +310,7 @@ static bool read_touch(const struct item *item, enum fmfts_touch *touch)
     return known || item->type == NIL;
 }
 
-/* Where no number is, none must be read by mistake. */
+/* Sets the numbers of an unknown value to NaN, so that nobody uses them by mistake. */
 static void set_unknown(enum kind kind, char *value)
 {
     int numbers = kind == NUMBER ? 1 : kind == VECTOR ? 3 : 0;
@@ -375,7 +375,7 @@ static bool read_field(struct reader *reader, const struct field *field, char *i
     return true;
 }
 
-/* Its place among `fields`, searched from `expected` on; `count` where it is none of them. */
+/* The index of `key` in `fields`, searched from `expected` on; `count` if it is not there. */
 static int find(const struct item *key, const struct field *fields, int count, int expected)
 {
     for (int i = 0; i < count; i++) {
@@ -414,7 +414,7 @@ static bool read_map(struct reader *reader, const struct item *map, const struct
     return true;
 }
 
-/* Before anything else: in another version all the rest may mean something else. The map's head has been read. */
+/* Checked first: in another version all other keys may have another meaning. `reader` is after the map's head. */
 static enum fmfts_result check_version(struct reader reader, uint64_t pairs, char why[FMFTS_TEXT_SIZE])
 {
     struct item version = {.type = NIL};
@@ -525,7 +525,8 @@ static const char *temporary_directory(void)
     return "/tmp";
 }
 
-/* Made 0700, and refused where it is somebody else's: whoever can place a socket there can tell a robot any force. */
+/* The user's own directory for the bus: made with mode 0700, and refused if others may write to it. Whoever can place a
+ * socket there can send any force to a robot. */
 static bool own_bus(char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
 {
     char directory[ENDPOINT_SIZE];
@@ -572,7 +573,7 @@ static bool is_loopback(const char *tcp)
            (inet_pton(AF_INET6, host, &six) == 1 && IN6_IS_ADDR_LOOPBACK(&six));
 }
 
-/* The line `name = "key"` of a key file. */
+/* Reads the key from the line `name = "key"` of a key file. */
 static bool key_named(const char *content, const char *name, char key[KEY_SIZE])
 {
     for (const char *line = content; line; line = strchr(line, '\n')) {
@@ -600,10 +601,10 @@ static bool read_key_file(const char *path, char content[LARGEST_KEY_FILE + 1], 
             fclose(file);
         return false;
     }
-    setvbuf(file, NULL, _IONBF, 0); /* no copy of the secret stays in a buffer */
+    setvbuf(file, NULL, _IONBF, 0); /* no copy of the secret key stays in a buffer */
     content[fread(content, 1, LARGEST_KEY_FILE, file)] = 0;
     fclose(file);
-    /* Its owner may read and write it, a service's group may read it. */
+    /* The owner may read and write the file, and a service's group may read it. */
     if (found.st_mode & 037)
         return fail(why, "key %.100s is open to others (mode %04o): chmod 600 %.100s", path, found.st_mode & 07777U,
                     path);
@@ -627,7 +628,7 @@ static bool set_key(void *socket, const char *path, char why[FMFTS_TEXT_SIZE])
     return set;
 }
 
-/* Over ipc none is asked for: the socket's permissions say who may. */
+/* Shows the key to a daemon on tcp. Over ipc no key is needed: the permissions of the socket decide who may connect. */
 static bool show_key(void *socket, const char *endpoint, char why[FMFTS_TEXT_SIZE])
 {
     if (!starts_with(endpoint, "tcp://"))
@@ -644,15 +645,15 @@ static bool show_key(void *socket, const char *endpoint, char why[FMFTS_TEXT_SIZ
 
 enum {
     LARGEST_CONTACT = 1 << 16,
-    LARGEST_MESSAGE = 1 << 20, /* beyond this ZeroMQ hangs up */
-    HIGH_MARK = 256,           /* a second of one pad: older contacts help nobody */
-    MOST_AT_ONCE = 1024        /* messages in one fmfts_latest(), so that a flood does not hold up a control loop */
+    LARGEST_MESSAGE = 1 << 20, /* ZeroMQ closes the connection on a larger one */
+    HIGH_MARK = 256,           /* contacts in the queue: about a second of one pad */
+    MOST_AT_ONCE = 1024        /* messages read in one fmfts_latest(), so that a flood does not delay a control loop */
 };
 
-/* By how much this machine's monotonic clock is ahead of another's. Each message arrives later than it was sent, and
- * hardly ever by less than the least so far: that is the clocks' own difference, with the shortest way over the network
- * in it. What waited in a queue differs by more, and so is seen to be old. Nothing is known until messages have come for
- * a while: a backlog is taken in at once. Another `boot` may be after another start of that machine. */
+/* By how much this machine's monotonic clock is ahead of the daemon's: the smallest difference between arrival and
+ * sending so far. It contains the shortest delay of the network. A message that waited in a queue has a larger
+ * difference, which shows its age. Nothing is known until messages have come for a while, because a backlog arrives all
+ * at once. A new `boot` starts again, as the daemon's machine may have been restarted. */
 struct sender_clock {
     double ahead_s, first_s, last_s;
     char boot[FMFTS_WORD_SIZE];
@@ -683,14 +684,14 @@ static bool listen_to(struct fmfts_client *client, const char *endpoint, char wh
     client->socket = client->context ? zmq_socket(client->context, ZMQ_SUB) : NULL;
     if (!client->socket)
         return fail(why, "ZeroMQ: %s", zmq_strerror(zmq_errno()));
-    /* Never ZMQ_CONFLATE: it drops the topic part. */
+    /* ZMQ_CONFLATE cannot be used: it drops the topic part. */
     if (!set_option(client->socket, ZMQ_LINGER, &none, sizeof none, why) ||
         !set_option(client->socket, ZMQ_RCVHWM, &high_mark, sizeof high_mark, why) ||
         !set_option(client->socket, ZMQ_MAXMSGSIZE, &largest, sizeof largest, why) ||
         !set_option(client->socket, ZMQ_SUBSCRIBE, client->topic, strlen(client->topic), why) ||
         !show_key(client->socket, endpoint, why))
         return false;
-    /* tcp may come from anywhere, through a tunnel even from loopback. */
+    /* tcp may lead to another machine: through a tunnel, even with a loopback address. */
     client->remote = starts_with(endpoint, "tcp://");
     return zmq_connect(client->socket, endpoint) == 0 ||
            fail(why, "cannot connect to %.120s: %s", endpoint, zmq_strerror(zmq_errno()));
@@ -735,7 +736,7 @@ static int64_t monotonic_ns(void)
     return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
 }
 
-/* As floating-point numbers, for a peer may send any time. */
+/* In floating point, because the daemon's time may be any integer. */
 static double age_s(const struct fmfts_contact *contact, int64_t then_ns)
 {
     double age_s = 1e-9 * ((double)monotonic_ns() - (double)then_ns);
@@ -750,7 +751,7 @@ static bool is_recent(const struct fmfts_contact *contact, int64_t then_ns)
 
 static void hear_clock(struct sender_clock *clock, const struct fmfts_contact *contact)
 {
-    static const double drift = 500e-6; /* of two crystals, and what NTP slews: so fast the least seen is let go */
+    static const double drift = 500e-6; /* relaxes the minimum: more than two crystals and NTP drift apart */
     double now_s = 1e-9 * (double)monotonic_ns(), ahead_s = now_s - 1e-9 * (double)contact->t_publish_ns;
     if (strcmp(clock->boot, contact->boot) != 0) {
         memcpy(clock->boot, contact->boot, sizeof clock->boot);
@@ -763,7 +764,7 @@ static void hear_clock(struct sender_clock *clock, const struct fmfts_contact *c
     clock->last_s = now_s;
 }
 
-/* Of which clock the times in `next` are. */
+/* Fills in `clock_ahead_s` of `next`. Without a known clock, contacts from another machine have no age. */
 static void place_in_time(struct fmfts_client *client)
 {
     if (!client->remote)
@@ -773,7 +774,7 @@ static void place_in_time(struct fmfts_client *client)
     client->next.clock_ahead_s = (struct fmfts_number){known, known ? client->clock.ahead_s : NAN};
 }
 
-/* One more part of a message into `part`: its size, which may be more than `room`; negative where there is none. */
+/* Receives one part of a message into `part`. Returns its size, which may be more than `room`; negative: no part. */
 static int receive(struct fmfts_client *client, void *part, size_t room, int *more)
 {
     size_t size = sizeof *more;
@@ -810,7 +811,7 @@ static enum fmfts_result accept_body(struct fmfts_client *client, size_t size)
     return FMFTS_NEW;
 }
 
-/* One message. FMFTS_REFUSED: it was none of ours, or is not to be used. */
+/* Receives one message. FMFTS_REFUSED: it is for another pad, or must not be used. */
 static enum fmfts_result take(struct fmfts_client *client)
 {
     char topic[sizeof client->topic];
@@ -831,7 +832,7 @@ static enum fmfts_result take(struct fmfts_client *client)
     return accept_body(client, (size_t)size);
 }
 
-/* FMFTS_NEW where `last` is newer than before. */
+/* Receives all messages that have arrived. FMFTS_NEW: `last` is a newer contact than before. */
 static enum fmfts_result drain(struct fmfts_client *client)
 {
     enum fmfts_result newest = FMFTS_NOTHING;

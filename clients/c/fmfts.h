@@ -16,34 +16,34 @@ extern "C" {
 
 enum {
     FMFTS_SCHEMA_VERSION = 1,
-    FMFTS_ALIVE_MS = 300, /* the daemon speaks at 10 Hz or more even when the hardware is silent: three misses */
-    FMFTS_WORD_SIZE = 65, /* names and hashes, with the closing zero; a longer one is refused */
-    FMFTS_TEXT_SIZE = 256 /* sentences, with the closing zero; a longer one is cut */
+    FMFTS_ALIVE_MS = 300, /* three missing messages: the daemon sends 10 or more a second even without hardware */
+    FMFTS_WORD_SIZE = 65, /* size of names and hashes, with the closing zero; longer ones are refused */
+    FMFTS_TEXT_SIZE = 256 /* size of sentences, with the closing zero; longer ones are cut */
 };
 
 enum fmfts_result {
     FMFTS_NEW = 1,            /* a contact that was not handed out before */
     FMFTS_NOTHING = 0,        /* nothing new in time: not the same as "no contact" */
     FMFTS_REFUSED = -1,       /* a message that must not be used */
-    FMFTS_WRONG_VERSION = -2, /* the daemon speaks another schema version: waiting does not mend it */
+    FMFTS_WRONG_VERSION = -2, /* the daemon sends another schema version: waiting does not help */
     FMFTS_FAILED = -3         /* the socket is broken */
 };
 
-/* Zero is never good news: what was not filled in is not taken for health. */
+/* Zero never means "ok", so that a struct of zeros is not taken for a good contact. */
 enum fmfts_health {
-    FMFTS_HEALTH_UNKNOWN = 0, /* a word of a later daemon */
+    FMFTS_HEALTH_UNKNOWN = 0, /* a later daemon sent a word that this client does not know */
     FMFTS_OK,
     FMFTS_DEGRADED,     /* a sensor or an axis is left out; deviations are larger */
     FMFTS_DISTURBED,    /* a field that no pose explains: steel, a foreign magnet */
     FMFTS_LOST,         /* no pose fits */
-    FMFTS_STALE,        /* the source is there and silent */
-    FMFTS_DISCONNECTED, /* the source is not there */
+    FMFTS_STALE,        /* the source is connected and silent */
+    FMFTS_DISCONNECTED, /* the source is not connected */
     FMFTS_NO_BASELINE   /* nothing was subtracted, so nothing can be estimated */
 };
 
 enum fmfts_touch { FMFTS_TOUCH_UNKNOWN = 0, FMFTS_UNTOUCHED, FMFTS_TOUCHED };
 
-/* What the daemon may not know. `value` is NaN where it is not `known`, and finite where it is. */
+/* A value that the daemon may not know. If `known` is false, `value` is NaN; else it is finite. */
 struct fmfts_number {
     bool known;
     double value;
@@ -59,7 +59,7 @@ struct fmfts_word {
     char value[FMFTS_WORD_SIZE];
 };
 
-/* Pose of the magnet. Nothing in it means anything unless `known`. */
+/* Pose of the magnet. Use it only if `known` is true. */
 struct fmfts_pose {
     bool known;
     double position_m[3];
@@ -76,10 +76,10 @@ struct fmfts_pose {
 
 struct fmfts_contact {
     char pad[FMFTS_WORD_SIZE];
-    char boot[FMFTS_WORD_SIZE]; /* another one: the daemon was restarted, and `seq` began again */
-    int64_t seq;                /* +1 each; a gap is what was lost, or skipped for a newer one */
-    int64_t t_sample_ns;        /* CLOCK_MONOTONIC of the daemon's machine: fmfts_sample_age_s() tells its age here */
-    int64_t t_publish_ns;       /* the same */
+    char boot[FMFTS_WORD_SIZE]; /* changes when the daemon restarts; then `seq` begins again */
+    int64_t seq;                /* grows by 1 each; a gap: contacts were lost, or skipped for a newer one */
+    int64_t t_sample_ns;        /* CLOCK_MONOTONIC of the daemon's machine: fmfts_sample_age_s() gives the age */
+    int64_t t_publish_ns;       /* on the same clock */
     int64_t utc_ns;             /* t_publish_ns as a date, since 1970 */
     struct fmfts_number temperature_c;
     enum fmfts_health health;
@@ -88,62 +88,62 @@ struct fmfts_contact {
     struct fmfts_number x_m, x_sd_m, y_m, y_sd_m;
     struct fmfts_number force_n, force_sd_n;
     struct fmfts_number shear_x_n, shear_x_sd_n, shear_y_n, shear_y_sd_n;
-    bool over_range;                 /* pressed harder than the model knows: */
-    struct fmfts_number force_min_n; /* at least this */
+    bool over_range;                 /* pressed harder than the model's range */
+    struct fmfts_number force_min_n; /* if over_range: the force is at least this */
     struct fmfts_pose pose;
     int64_t sensors_ok; /* bit i: sensor i was used */
     char solver[FMFTS_WORD_SIZE];
     char model[FMFTS_WORD_SIZE];
     struct fmfts_word baseline;
-    /* Not sent: by how much this machine's CLOCK_MONOTONIC is ahead of the daemon's. 0 over ipc, which is one machine;
-     * over tcp learnt from what arrives, and not known until messages have come for FMFTS_ALIVE_MS. */
+    /* The client fills this in: by how much this machine's CLOCK_MONOTONIC is ahead of the daemon's. 0 over ipc (same
+     * machine); over tcp learned from arrivals, and not known until messages have come for FMFTS_ALIVE_MS. */
     struct fmfts_number clock_ahead_s;
 };
 
 struct fmfts_client;
 
-/* Listens to one pad. NULL, and a sentence in `why`, where that cannot be.
+/* Listens to one pad. On failure returns NULL and writes a sentence to `why`.
  *
  * endpoint: a base, ipc:///directory or tcp://host:port; NULL: FMFTS_BUS in the environment, else the service's
- * directory, else the user's own. Over tcp the key is shown that FMFTS_KEY names (docs/security.md).
- * The connection is made in the background, and again after the daemon restarts: a daemon that is not there is no
- * error, but fmfts_alive() is false. After this call nothing is allocated by the thread that calls the functions below.
- * A client is for one thread at a time.
+ * directory, else the user's own. Over tcp the client shows the key of the file in FMFTS_KEY (docs/security.md).
+ * ZeroMQ connects in the background, and again after the daemon restarts. If the daemon is not there, that is no error,
+ * but fmfts_alive() is false. After this call the functions below allocate nothing in the calling thread.
+ * Use a client from one thread at a time.
  */
 struct fmfts_client *fmfts_connect(const char *pad, const char *endpoint, char why[FMFTS_TEXT_SIZE]);
 
 /* NULL is allowed. */
 void fmfts_close(struct fmfts_client *client);
 
-/* The newest contact that was not handed out before; older ones are dropped. `contact` is written for FMFTS_NEW only.
+/* Gets the newest contact that was not handed out before, and drops older ones. Writes `contact` only for FMFTS_NEW.
  *
- * Waits for up to `timeout_ms`; 0, for a control loop: takes what is here; negative: for ever. A signal ends the wait
- * early. What was sent more than FMFTS_ALIVE_MS ago does not count as new. A message that must not be used (a key that
- * is missing, a wrong type, a number that is not finite) is skipped and counted in fmfts_refused().
+ * Waits up to `timeout_ms`; 0 (for a control loop): does not wait; negative: waits for ever. A signal ends the wait
+ * early. A contact that was sent more than FMFTS_ALIVE_MS ago does not count as new. A message that must not be used (a
+ * missing key, a wrong type, a number that is not finite) is skipped and counted in fmfts_refused().
  */
 enum fmfts_result fmfts_latest(struct fmfts_client *client, struct fmfts_contact *contact, int timeout_ms);
 
-/* All of these speak of what fmfts_latest() has taken in. */
-bool fmfts_alive(const struct fmfts_client *client); /* did the daemon speak of this pad in the last FMFTS_ALIVE_MS? */
+/* These refer to the messages that fmfts_latest() has received. */
+bool fmfts_alive(const struct fmfts_client *client); /* did a message about the pad come in the last FMFTS_ALIVE_MS? */
 bool fmfts_fresh(const struct fmfts_client *client); /* was the pad sampled in the last FMFTS_ALIVE_MS? */
 bool fmfts_valid(const struct fmfts_client *client); /* alive, fresh, and measured: may it be acted upon now? */
 uint64_t fmfts_refused(const struct fmfts_client *client);
 uint64_t fmfts_restarts(const struct fmfts_client *client); /* of the daemon */
-const char *fmfts_refusal(const struct fmfts_client *client); /* why the last one was refused; "" where none was */
+const char *fmfts_refusal(const struct fmfts_client *client); /* why the last message was refused; "" if none was */
 
-/* May `contact` and `force_n` (and, in contact, `x_m` and `y_m`) be used as a measurement? Health is ok, touch and force
- * are known and in range, and a touch has a place. Says nothing about age. What is not measured is not "no force". */
+/* May `contact` and `force_n` (and, if touched, `x_m` and `y_m`) be used as a measurement? True if health is ok, touch
+ * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force". */
 bool fmfts_measured(const struct fmfts_contact *contact);
 
-/* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. From another
- * machine, the shortest way over the network is left out. */
+/* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. For a daemon
+ * on another machine the shortest delay of the network is not included. */
 double fmfts_sample_age_s(const struct fmfts_contact *contact);
 
-/* "ok", "degraded", …; "unknown" for what is none of them. */
+/* "ok", "degraded", …; "unknown" for any other value. */
 const char *fmfts_health_name(enum fmfts_health health);
 
-/* One message body, for those with a socket of their own: FMFTS_NEW, FMFTS_REFUSED or FMFTS_WRONG_VERSION with a
- * sentence in `why`. `contact` is written for FMFTS_NEW only. */
+/* Decodes one message body, for programs with a socket of their own. Returns FMFTS_NEW; or FMFTS_REFUSED or
+ * FMFTS_WRONG_VERSION with a sentence in `why`. Writes `contact` only for FMFTS_NEW. */
 enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_contact *contact, char why[FMFTS_TEXT_SIZE]);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-// What the core needs of its surroundings: I2C transfers and a microsecond counter. Every target implements these two.
+// What every target gives to the core: I2C transfers and a microsecond counter.
 #ifndef FMFTS_BUS_H
 #define FMFTS_BUS_H
 
@@ -19,12 +19,12 @@ struct bus {
     enum bus_result (*read)(void *context, uint8_t address, uint8_t *bytes, size_t count);
     // Writes the register number, then reads after a repeated START.
     enum bus_result (*read_register)(void *context, uint8_t address, uint8_t number, uint8_t *bytes, size_t count);
-    // Frees stuck lines: clock pulses, STOP, the mux's RESET pin where it is wired. BUS_STUCK when that did not help.
+    // Frees stuck lines with clock pulses, STOP, and the mux's RESET pin where it is wired. BUS_STUCK: still stuck.
     enum bus_result (*recover)(void *context);
     void *context;
 };
 
-// A free-running 32-bit microsecond counter, extended to 64 bits. Ask it at least once in 71 minutes.
+// A free-running 32-bit microsecond counter, extended to 64 bits. Call clock_now at least once in 71 minutes.
 struct clock {
     uint32_t (*now_us)(void *context);
     void *context;

@@ -3,12 +3,13 @@
 #include "hmc5983.h"
 
 enum {
-    PERIOD_TOLERANCE_US = HMC5983_PERIOD_US / 20, // ±5 %, beyond the ±3 % of the chips
-    // Measured on the emulated chips: the smallest error of time with four and with eight sensors on a bus. Polling from
-    // a smaller part of the period before the prediction on loses track of chips, a larger one loads the bus.
+    PERIOD_TOLERANCE_US = HMC5983_PERIOD_US / 20, // ±5 %, more than the ±3 % of the chips
+    // Both give the smallest error of time on the emulated chips, with four and with eight sensors on a bus. Polling
+    // starts 1/POLL_EARLY of a period before the predicted end: later starts lose track of chips, earlier ones load the
+    // bus.
     PERIOD_GAIN = 16,
     POLL_EARLY = 12,
-    // A conversion is seen after its end and never before, but its predecessor's end is an estimate: so much too late.
+    // The last end is an estimate and may be late, by up to 1/END_TOLERANCE of a period.
     END_TOLERANCE = 8,
 };
 
@@ -22,14 +23,14 @@ static uint64_t clamp(uint64_t value, uint64_t low, uint64_t high)
     return value < low ? low : value > high ? high : value;
 }
 
-// The conversion ended after READY was last seen clear (or its predecessor seen set) and before it was seen set now; the
-// chip's own period says where in between. A prediction outside these bounds corrects the period, too.
+// The conversion ended after the last poll that found READY clear (or the last one that found it set), and before this
+// poll. The chip's period says where in between. If the prediction lies outside these bounds, the period is corrected.
 void conversion_seen(struct conversion *conversion, uint64_t seen_us)
 {
     uint64_t period_us = conversion->period_us;
     uint64_t not_ready_us = conversion->not_ready_us, ready_us = conversion->ready_us;
     uint64_t earliest_us = not_ready_us > ready_us ? not_ready_us : ready_us;
-    // 32 bits: the chip is looked at oftener than every 71 minutes, and the STM32 divides no more at once.
+    // 32 bits suffice, because the chip is polled at least every 71 minutes; the STM32 has no 64-bit division.
     uint32_t periods = (uint32_t)(seen_us - conversion->ended_us + period_us / END_TOLERANCE) / conversion->period_us;
     uint64_t predicted_us = conversion->ended_us + (periods ? periods : 1) * period_us;
     conversion->ended_us = clamp(predicted_us, earliest_us, seen_us);

@@ -4,8 +4,8 @@
 
 enum {
     STATUS_INTERVAL_US = 1000000,
-    STATUS_PAUSE_US = 50000, // between two that report changed states
-    HELLO_WAIT_US = 250000,  // for sensors that were not tried yet
+    STATUS_PAUSE_US = 50000, // least time between two status packets, when sensor states change
+    HELLO_WAIT_US = 250000,  // the hello waits so long for sensors that were not tried yet
     SELFTEST_REPEAT_US = 5000000,
 };
 
@@ -128,7 +128,7 @@ static enum wire_result set(struct device *device, const struct wire_request *re
     }
     if (selftest_runs(device))
         return RESULT_BUSY;
-    // A repeated request changes nothing, so it must not disturb the stream either.
+    // A repeated request changes no setting and must not interrupt the stream.
     if (memcmp(&settings, &sampler->settings, sizeof settings) != 0)
         sampler_apply(sampler, &settings);
     return RESULT_DONE;

@@ -1,4 +1,4 @@
-// The board as the host sees it: answers requests, announces itself, streams frames, reports its state.
+// The board as the host sees it: announces itself, answers requests, streams frames, reports its state.
 #ifndef FMFTS_DEVICE_H
 #define FMFTS_DEVICE_H
 
@@ -26,19 +26,19 @@ enum reset_cause {
 
 enum clock_source { CLOCK_HOST, CLOCK_HSE, CLOCK_HSI };
 
-// What the target knows and the core does not. It must outlive the device.
+// What the target tells the core. It must outlive the device.
 struct board {
     const struct bus *buses;
     uint8_t bus_count;
-    const uint8_t *i2c_ports; // per bus, the number that the hello carries
+    const uint8_t *i2c_ports; // per bus, the port number in the hello
     const struct pad_wiring *pads;
     uint8_t pad_count;
-    const struct load_cell_pins *load_cell; // NULL where no pins are set aside for one
+    const struct load_cell_pins *load_cell; // NULL: no pins for a load cell
     uint8_t uid[WIRE_UID_SIZE];
     uint8_t reset_cause;
     uint8_t clock_source;
     uint32_t (*now_us)(void *context);
-    // Takes the whole line or none of it, at once.
+    // Takes the whole line, or none of it and returns false. Never waits.
     bool (*send)(void *context, const uint8_t *line, size_t count);
     void *context;
 };
@@ -54,22 +54,22 @@ struct device {
     uint32_t receive_errors;
     uint32_t load_sequence;
     uint64_t status_us; // when the next status is due
-    uint64_t reported_states; // what the last status said, four bits a sensor
+    uint64_t reported_states; // sensor states in the last status, four bits a sensor
     uint64_t reported_us;
     uint64_t selftest_us; // when the last self-test ended
     uint8_t selftest_id;
-    uint8_t selftest_pads;    // bit i: pad i was asked for under selftest_id
-    uint8_t selftest_waiting; // bit i: pad i has no result yet
+    uint8_t selftest_pads;    // bit i: request selftest_id asked for pad i
+    uint8_t selftest_waiting; // bit i: pad i is asked for and has no result yet
     bool announced;
     bool running;
 };
 
 void device_init(struct device *device, const struct board *board);
 
-// Bytes from the host, in any portions.
+// Takes bytes from the host, in pieces of any size, and answers the requests in them.
 void device_receive(struct device *device, const uint8_t *bytes, size_t count);
 
-// Does what is due next, a few short transfers at most. False: nothing was due.
+// Does what is due next, at most a few short transfers. False: nothing was due.
 bool device_poll(struct device *device);
 
 #endif

@@ -17,8 +17,8 @@ bool load_cell_read(const struct load_cell_pins *pins, int32_t *counts)
     uint32_t bits = 0;
     for (int i = 0; i < DATA_BITS; i++)
         bits = bits << 1 | clock_bit(pins);
-    // The 25th pulse asks for channel A with gain 128 again, and takes DOUT high until the next conversion ends: a line
-    // that stays low is a short circuit, and no converter.
+    // The 25th pulse selects channel A with gain 128, and the chip holds DOUT high until the next conversion ends. A
+    // line that stays low is a short circuit.
     if (!clock_bit(pins))
         return false;
     *counts = (int32_t)(bits << 8) >> 8;

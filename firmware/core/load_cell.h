@@ -7,12 +7,12 @@
 
 struct load_cell_pins {
     bool (*data_is_high)(void *context); // DOUT, pulled up: high where no chip is wired
-    // PD_SCK: returns when the level has held for 0.2 µs; never high for 50 µs, or the chip powers down.
+    // PD_SCK: returns after the level has held for 0.2 µs. The chip powers down if it is high for 50 µs.
     void (*set_clock)(void *context, bool high);
     void *context;
 };
 
-// Takes the next conversion, signed. False: there is none yet, or no chip.
+// Reads a finished conversion, signed. False: none is finished, or there is no chip.
 bool load_cell_read(const struct load_cell_pins *pins, int32_t *counts);
 
 #endif

@@ -3,11 +3,9 @@
 #include "simultaneous.h"
 
 enum {
-    MUX_STRIKES_MAX = 3,
-    BUS_RETRY_US = 100000,
     CHORE_STAGGER_US = 11000,
     LATE_FRAME_US = 50000,
-    // How late other sensors' turns may make the reading of a conversion. Much more, and its time could not be told.
+    // The turns of other sensors delay reading a conversion by up to this. With much more its time would be unknown.
     READ_LATENESS_US = 600,
 };
 
@@ -60,75 +58,12 @@ void sampler_stream(struct sampler *sampler, bool streaming)
     sampler->streaming = streaming;
 }
 
-enum bus_result sampler_reach(struct sampler *sampler, struct sampler_pad *pad, uint8_t channels)
-{
-    enum bus_result result = route_open(&sampler->buses[pad->wiring.bus].route, pad->wiring.mux_address, channels);
-    if (result == BUS_OK) {
-        pad->mux_strikes = 0;
-    } else if (result == BUS_NO_ANSWER && ++pad->mux_strikes >= MUX_STRIKES_MAX) {
-        pad->mux_strikes = 0;
-        for (int i = 0; i < pad->wiring.sensor_count; i++)
-            sensor_fail(&pad->sensors[i], SENSOR_MUX_NO_ANSWER, clock_now(sampler->clock));
-    }
-    return result;
-}
-
-static void recover(struct sampler *sampler, uint8_t bus_index)
-{
-    struct sampler_bus *bus = &sampler->buses[bus_index];
-    enum bus_result result = bus->route.bus->recover(bus->route.bus->context);
-    uint64_t now_us = clock_now(sampler->clock);
-    bus->recoveries++;
-    bus->route.known = false; // recovery may have pulled the switches' RESET
-    if (result == BUS_OK)
-        return;
-    bus->retry_us = now_us + BUS_RETRY_US;
-    for (int p = 0; p < sampler->pad_count; p++)
-        for (int i = 0; i < sampler->pads[p].wiring.sensor_count && sampler->pads[p].wiring.bus == bus_index; i++)
-            sensor_fail(&sampler->pads[p].sensors[i], SENSOR_BUS_STUCK, now_us);
-}
-
-void sampler_account(struct sampler *sampler, struct sampler_pad *pad, struct sensor *sensor, enum bus_result result)
-{
-    if (result == BUS_OK)
-        return;
-    pad->bus_errors++;
-    if (sensor)
-        sensor_strike(sensor, clock_now(sampler->clock));
-    if (result != BUS_NO_ANSWER)
-        recover(sampler, pad->wiring.bus);
-}
-
-struct sensor_link sampler_link(struct sampler *sampler, struct sampler_pad *pad)
-{
-    return (struct sensor_link){
-        .bus = sampler->buses[pad->wiring.bus].route.bus,
-        .clock = sampler->clock,
-        .config_repairs = &pad->config_repairs,
-        .gain_code = sampler->settings.gain_code,
-        .trigger = sampler->settings.trigger,
-    };
-}
-
-bool sampler_reach_for(struct sampler *sampler, struct sampler_pad *pad, int i)
-{
-    enum bus_result result = sampler_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[i]));
-    if (result == BUS_OK)
-        return true;
-    // The sensor is not to blame for its switch: it waits, but earns no strike.
-    uint64_t now_us = clock_now(sampler->clock);
-    if (pad->sensors[i].due_us <= now_us)
-        pad->sensors[i].due_us = now_us + 1000;
-    sampler_account(sampler, pad, NULL, result);
-    return false;
-}
-
 static void turn(struct sampler *sampler, struct sampler_pad *pad, int i)
 {
     struct sensor *sensor = &pad->sensors[i];
     bool held = true;
     enum bus_result result = BUS_OK;
-    if (!sampler_reach_for(sampler, pad, i))
+    if (!pad_bus_reach_sensor(sampler, pad, i))
         return;
     if (sensor->phase == PHASE_CHORE)
         result = route_check(&sampler->buses[pad->wiring.bus].route, &held);
@@ -136,10 +71,10 @@ static void turn(struct sampler *sampler, struct sampler_pad *pad, int i)
         pad->bus_errors++;
         return;
     }
-    const struct sensor_link link = sampler_link(sampler, pad);
+    const struct sensor_link link = pad_bus_link(sampler, pad);
     if (result == BUS_OK)
         result = sensor_turn(sensor, &link);
-    sampler_account(sampler, pad, sensor, result);
+    pad_bus_account(sampler, pad, sensor, result);
 }
 
 static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
@@ -148,8 +83,8 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
         return false;
     uint32_t interval_us = 1000000U / sampler->settings.rate_hz;
     if (now_us > sampler->frame_us + interval_us + LATE_FRAME_US)
-        sampler->frame_us = now_us; // after a pause, frames are not made up for
-    // 1 s / 220 is no whole number of microseconds; the remainder is carried so that the rate is exact.
+        sampler->frame_us = now_us; // frames missed in a pause are skipped
+    // 1 s / 220 is no whole number of microseconds; carrying the remainder keeps the rate exact.
     sampler->frame_us += interval_us;
     sampler->frame_remainder += 1000000U % sampler->settings.rate_hz;
     if (sampler->frame_remainder >= sampler->settings.rate_hz) {
@@ -165,9 +100,10 @@ static bool schedule_frames(struct sampler *sampler, uint64_t now_us)
     return true;
 }
 
-// A sample that was read a little late just missed a frame; its successor, read in time, would push it out of the next. It
-// is left in the chip until that frame is made, so that no conversion of a chip slower than the frames is lost.
-static bool would_supersede(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
+// If a sample was read just too late for a frame, its successor would replace it before the next frame, and it would be
+// lost. So the successor stays in the chip until that frame is made: no conversion of a chip slower than the frames is
+// lost.
+static bool would_replace_unsent(const struct sampler *sampler, const struct sensor *sensor, uint64_t now_us)
 {
     return sensor->fresh && sampler->streaming && sampler->settings.trigger == TRIGGER_FREE &&
            sensor->phase == PHASE_RUN && now_us + READ_LATENESS_US > sampler->frame_us;
@@ -183,7 +119,8 @@ bool sampler_poll(struct sampler *sampler)
         struct sampler_pad *pad = &sampler->pads[sampler->turn / SAMPLER_SENSORS_MAX];
         int i = sampler->turn % SAMPLER_SENSORS_MAX;
         if (i >= pad->wiring.sensor_count || pad->borrowed || pad->sensors[i].due_us > now_us ||
-            sampler->buses[pad->wiring.bus].retry_us > now_us || would_supersede(sampler, &pad->sensors[i], now_us))
+            sampler->buses[pad->wiring.bus].retry_us > now_us ||
+            would_replace_unsent(sampler, &pad->sensors[i], now_us))
             continue;
         turn(sampler, pad, i);
         return true;
@@ -213,7 +150,7 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
     }
     if (!frame->valid)
         newest_us = now_us;
-    // A frame's time never runs backwards, although the sensor that had the newest sample may just have been lost.
+    // The time of frames never goes back, even when the sensor with the newest sample was lost just now.
     frame->time_us = newest_us > pad->last_time_us ? newest_us : pad->last_time_us;
     pad->last_time_us = frame->time_us;
     frame->temperature_raw = (int16_t)(thermometers ? temperature / thermometers : WIRE_TEMPERATURE_UNKNOWN);

@@ -7,7 +7,7 @@
 enum { STAGE_CONFIGURE, STAGE_TRIGGER, STAGE_READ };
 
 enum {
-    ROUNDS_DISCARDED = 1, // converted with the old gain
+    ROUNDS_DISCARDED = 1, // the chips convert it with the old gain
     ROUNDS = ROUNDS_DISCARDED + 4,
     // A biased measurement is two acquisitions, one without and one with the strap (data sheet, self-test operation).
     ROUND_WAIT_US = 2 * HMC5983_SINGLE_CONVERSION_US + 500,
@@ -73,7 +73,7 @@ static enum bus_result read(struct selftest *selftest, const struct bus *bus)
     return BUS_OK;
 }
 
-// One sensor's part of a stage. Who fails drops out and does not hold up the others.
+// One sensor's part of a stage. A sensor that fails is skipped from then on; the others go on.
 static void visit(struct selftest *selftest)
 {
     struct sampler *sampler = selftest->sampler;
@@ -81,7 +81,7 @@ static void visit(struct selftest *selftest)
     const struct bus *bus = sampler->buses[pad->wiring.bus].route.bus;
     if (selftest->state[selftest->sensor] != SENSOR_OK)
         return;
-    enum bus_result result = sampler_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[selftest->sensor]));
+    enum bus_result result = pad_bus_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[selftest->sensor]));
     if (result == BUS_NO_ANSWER)
         selftest->state[selftest->sensor] = SENSOR_MUX_NO_ANSWER;
     if (result == BUS_OK) {
@@ -91,7 +91,7 @@ static void visit(struct selftest *selftest)
     }
     if (result != BUS_OK && result != BUS_NO_ANSWER)
         selftest->state[selftest->sensor] = SENSOR_BUS_STUCK;
-    sampler_account(sampler, pad, NULL, result);
+    pad_bus_account(sampler, pad, NULL, result);
 }
 
 static void trigger(struct selftest *selftest)
@@ -100,10 +100,10 @@ static void trigger(struct selftest *selftest)
     struct sampler_pad *pad = pad_of(selftest);
     uint8_t channels = channels_under_test(selftest);
     if (channels) {
-        enum bus_result result = sampler_reach(sampler, pad, channels);
+        enum bus_result result = pad_bus_reach(sampler, pad, channels);
         if (result == BUS_OK)
             result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
-        sampler_account(sampler, pad, NULL, result);
+        pad_bus_account(sampler, pad, NULL, result);
     }
     selftest->due_us = clock_now(sampler->clock) + (channels ? ROUND_WAIT_US : 0);
 }

@@ -1,11 +1,11 @@
-// The bias-strap self-test of one pad after another. Each borrows its pad from the sampler for about 0.2 s.
+// The bias-strap self-test of one pad at a time. The sampler leaves that pad alone for about 0.2 s.
 #ifndef FMFTS_SELFTEST_H
 #define FMFTS_SELFTEST_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "sampler.h"
+#include "pad_bus.h"
 
 enum { SELFTEST_BIASES = 3 }; // none, positive, negative
 
@@ -24,7 +24,7 @@ struct selftest {
 
 void selftest_start(struct selftest *selftest, struct sampler *sampler, uint8_t pad_index);
 
-// Does one step. True once: the pad's result now stands in `results`, and the pad is the sampler's again.
+// Does one step. True at the end: `results` holds the pad's result, and the sampler polls the pad again.
 bool selftest_poll(struct selftest *selftest, struct wire_selftest_sensor results[SAMPLER_SENSORS_MAX]);
 
 #endif

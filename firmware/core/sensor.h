@@ -1,4 +1,5 @@
-// One sensor's life: found, configured, polled, watched, given up and found again. One turn is a few short transfers.
+// One sensor: identified, configured, polled, checked, and on failure identified again. One turn is a few short
+// transfers.
 #ifndef FMFTS_SENSOR_H
 #define FMFTS_SENSOR_H
 
@@ -17,29 +18,29 @@ struct sensor {
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
     uint8_t strikes;        // transfers without an answer, in a row
-    uint8_t failures;       // times given up since the last good sample; sets the back-off
+    uint8_t failures;       // calls of sensor_fail since the last good sample; set the back-off
     uint8_t missed;         // triggers without a conversion, in a row
     uint8_t ready_survives; // probes in a row that found READY set although the data had been read
     uint8_t unchanged;      // samples in a row with equal bytes while READY never cleared
     bool has_sample;
-    bool fresh;            // not delivered yet
-    bool discard_next;     // it was converted with the old gain
+    bool fresh;            // the last sample is in no frame yet
+    bool discard_next;     // the next sample was converted with the old gain
     bool awaiting;         // a trigger's conversion has not been read yet
-    bool confirmed;        // that conversion was seen to have ended
-    bool overtaken;        // triggered anew before that: READY is not about it any more
-    bool suspect;          // a trigger's conversion was late or missing, and none was seen since
-    bool unaltered;        // its last sample was the same as the one before
-    bool temperature_next; // chores alternate
+    bool confirmed;        // that conversion has ended: READY was set
+    bool overtaken;        // triggered again before it was read: READY belongs to the new conversion
+    bool suspect;          // a trigger's conversion was late or missing, and none has ended in time since
+    bool unaltered;        // the last sample equals the one before
+    bool temperature_next; // the next chore reads the temperature; the one after it checks the configuration
     int16_t counts[3];
     int16_t temperature_raw;
     struct conversion conversion;
-    uint64_t due_us; // when it wants the bus next
-    uint64_t overtaken_us;
-    uint64_t settled_us;
-    uint64_t chore_us;
+    uint64_t due_us; // when the sensor next needs the bus
+    uint64_t overtaken_us; // when the new conversion was triggered
+    uint64_t settled_us; // conversions that end earlier are not used
+    uint64_t chore_us; // when the next chore is due
 };
 
-// What a turn needs besides the sensor; the route to it is open.
+// What a turn needs besides the sensor. The mux channel to the sensor is open already.
 struct sensor_link {
     const struct bus *bus;
     struct clock *clock;
@@ -53,22 +54,22 @@ void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us
 // Does the sensor's next step.
 enum bus_result sensor_turn(struct sensor *sensor, const struct sensor_link *link);
 
-// It did not answer. Three times in a row and it is given up for a while.
+// The sensor did not answer. The third time in a row calls sensor_fail.
 void sensor_strike(struct sensor *sensor, uint64_t now_us);
 
-// Gives it up for a back-off time that doubles with every failure; then it is identified and configured anew.
+// Leaves the sensor alone for a time that doubles with every failure; then it is identified and configured again.
 void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us);
 
-// Settings changed or the self-test used it: what it holds is worth nothing now.
+// Settings changed, or the self-test used the sensor: drops its samples and configures it again.
 void sensor_reconfigure(struct sensor *sensor, uint64_t now_us);
 
-// It was triggered along with others.
+// The sensor was triggered at `triggered_us`: expect one conversion.
 void sensor_await(struct sensor *sensor, uint64_t triggered_us);
 
-// It was triggered again: what it awaits is to be read now, before the new conversion ends.
+// The sensor was triggered again: read the awaited sample now, before the new conversion ends and replaces it.
 void sensor_overtake(struct sensor *sensor, uint64_t triggered_us);
 
-// Asks whether the awaited conversion has ended, and reads nothing.
+// Asks whether the awaited conversion has ended; does not read the sample.
 enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link);
 
 bool sensor_is_running(const struct sensor *sensor);

@@ -10,7 +10,7 @@ enum {
     LATE_CONVERSION_US = 3000, // beyond HMC5983_SINGLE_WAIT_US
     BURST_US = 250,            // six bytes, with some time to spare
     CHORE_INTERVAL_US = 125000,
-    READY_SURVIVES = 3, // probes in a row
+    READY_SURVIVES = 3, // so many probes in a row show that reading does not clear this chip's READY
 };
 
 static const uint64_t NEVER = UINT64_MAX;
@@ -36,7 +36,7 @@ static void seen_ready(struct sensor *sensor)
 static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
 {
     if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + SILENCE_US)
-        sensor->conversion.ended_us = now_us; // nobody looked for so long: that is not the sensor's silence
+        sensor->conversion.ended_us = now_us; // this program polled too late; the chip was not silent
     sensor->conversion.not_ready_us = now_us;
     sensor->unchanged = 0;
     sensor->due_us = now_us + POLL_PAUSE_US;
@@ -54,8 +54,9 @@ static void not_ready(struct sensor *sensor, const struct sensor_link *link, uin
     }
 }
 
-// The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On chips
-// of the second kind (`probe_ready` finds out) READY says little, and equal bytes are the old sample again.
+// The data sheet is not clear whether reading clears READY in continuous mode, or only the next conversion does. On
+// chips of the second kind (`probe_ready` finds them) READY may be set for an old sample; equal bytes then mean the old
+// sample.
 static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen_us)
 {
     if (sensor->ready_survives < READY_SURVIVES || memcmp(counts, sensor->counts, sizeof sensor->counts) != 0) {
@@ -64,7 +65,7 @@ static bool is_new(struct sensor *sensor, const int16_t counts[3], uint64_t seen
     }
     if (seen_us < sensor->conversion.ended_us + sensor->conversion.period_us * 17U / 16U)
         return false;
-    // Two equal samples do happen; many, with READY never clear, are a dead clock.
+    // Two equal samples may happen. Many of them with READY never clear mean that the chip's clock has stopped.
     if (sensor->conversion.not_ready_us < sensor->conversion.ready_us)
         sensor->unchanged++;
     return true;
@@ -77,7 +78,7 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     memcpy(sensor->counts, counts, sizeof sensor->counts);
     sensor->awaiting = false;
     bool settled = !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
-    bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // no dead clock comes back by itself
+    bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // a chip whose clock stopped stays failed
     if (settled && alive) {
         sensor->has_sample = sensor->fresh = true;
         sensor->state = SENSOR_OK;
@@ -91,7 +92,8 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     sensor_schedule(sensor, link, now_us);
 }
 
-// What is set right after the data were read survives reading. Several times in a row: once may be a new conversion.
+// If READY is set right after the data were read, reading does not clear it. Counted in a row, because a single one may
+// be a new conversion.
 static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t status = 0;
@@ -117,8 +119,9 @@ enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *
     return BUS_OK;
 }
 
-// The output registers hold the last trigger's sample until the next conversion ends, not longer. A burst that is under
-// way at that moment has them locked, and the new sample is lost: so then it is asked whether there is one.
+// The output registers hold the awaited sample only until the new conversion ends. A read burst at that moment locks
+// them, and the new sample is lost. So the sample is given up if the burst would come too late, and the sensor is
+// suspect.
 static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
 {
     uint64_t changes_us = sensor->overtaken_us + HMC5983_SINGLE_FASTEST_US;
@@ -153,7 +156,7 @@ enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *lin
         not_ready(sensor, link, seen_us);
     if (!ready && !(status & HMC5983_LOCKED))
         return BUS_OK;
-    result = hmc5983_read(link->bus, counts); // where only LOCK is set, to undo it
+    result = hmc5983_read(link->bus, counts); // also undoes LOCK, when only LOCK is set
     if (result != BUS_OK || !ready)
         return result;
     if (link->trigger == TRIGGER_FREE) {

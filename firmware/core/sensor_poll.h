@@ -1,4 +1,4 @@
-// One look at a running sensor: is there a sample, is it new, and when to look again.
+// One poll of a running sensor: is there a sample, is it new, and when is the next poll.
 #ifndef FMFTS_SENSOR_POLL_H
 #define FMFTS_SENSOR_POLL_H
 
@@ -6,7 +6,7 @@
 
 enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *link);
 
-// Sets when the sensor wants the bus next.
+// Sets `due_us`, the time of the next poll or chore.
 void sensor_schedule(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us);
 
 #endif

@@ -21,7 +21,7 @@ static enum bus_result identify(struct sensor *sensor, const struct sensor_link 
     return BUS_OK;
 }
 
-// Also empties the output registers: what they hold was converted before, and reading all six undoes a LOCK.
+// Also reads all six output registers: their sample is old, and reading them undoes a LOCK.
 static enum bus_result configure(struct sensor *sensor, const struct sensor_link *link)
 {
     const struct hmc5983_config config = config_of(link);
@@ -43,7 +43,7 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     sensor->discard_next = true;
     sensor->unchanged = 0;
     conversion_restart(&sensor->conversion, now_us);
-    // Two periods until the first measurement (data sheet, mode register), and that one still has the old gain.
+    // The first measurement comes after two periods (data sheet, mode register) and still has the old gain.
     sensor->settled_us = now_us + HMC5983_PERIOD_US * 5 / 2;
     sensor_schedule(sensor, link, now_us);
     return BUS_OK;

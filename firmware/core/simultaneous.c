@@ -8,16 +8,16 @@ static bool is_awaiting(const struct sampler_pad *pad)
     return false;
 }
 
-// A trigger clears READY, but what was converted stays in the output registers until the next conversion ends. So a
-// sensor need not be read before the next trigger, if only its conversion did end. There is no time to ask every sensor,
-// but for one each time, by turns; the others were started by the same write. One that was found late is always asked, and
-// one whose sample did not change comes first.
-static int to_confirm(const struct sampler_pad *pad)
+// A trigger clears READY, but the sample stays in the output registers until the next conversion ends. So a sensor need
+// not be read before the next trigger; its conversion must only have ended. There is time to ask one sensor per
+// trigger, by turns; the others were started by the same write. Suspect sensors are always asked, then those with an
+// equal sample.
+static int sensor_to_confirm(const struct sampler_pad *pad)
 {
     int count = pad->wiring.sensor_count, chosen = -1;
     bool confirmed = false;
     for (int n = count; n > 0; n--) {
-        int i = (pad->confirm_next + n) % count;
+        int i = (pad->confirmed_last + n) % count;
         const struct sensor *sensor = &pad->sensors[i];
         if (!sensor->awaiting)
             continue;
@@ -32,13 +32,13 @@ static int to_confirm(const struct sampler_pad *pad)
 
 static void confirm(struct sampler *sampler, struct sampler_pad *pad, int i)
 {
-    const struct sensor_link link = sampler_link(sampler, pad);
-    if (sampler_reach_for(sampler, pad, i))
-        sampler_account(sampler, pad, &pad->sensors[i], sensor_confirm(&pad->sensors[i], &link));
-    pad->confirm_next = (uint8_t)i;
+    const struct sensor_link link = pad_bus_link(sampler, pad);
+    if (pad_bus_reach_sensor(sampler, pad, i))
+        pad_bus_account(sampler, pad, &pad->sensors[i], sensor_confirm(&pad->sensors[i], &link));
+    pad->confirmed_last = (uint8_t)i;
 }
 
-// A switch passes a write to several channels at once, so all sensors of the pad start within one bit time.
+// A mux passes a write to several channels at once, so all sensors of the pad start within one bit time.
 static void trigger(struct sampler *sampler, struct sampler_pad *pad)
 {
     uint8_t channels = 0;
@@ -53,10 +53,10 @@ static void trigger(struct sampler *sampler, struct sampler_pad *pad)
     pad->ahead = true;
     if (!channels)
         return;
-    enum bus_result result = sampler_reach(sampler, pad, channels);
+    enum bus_result result = pad_bus_reach(sampler, pad, channels);
     if (result == BUS_OK)
         result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
-    sampler_account(sampler, pad, NULL, result);
+    pad_bus_account(sampler, pad, NULL, result);
     pad->triggered_us = clock_now(sampler->clock);
     if (result != BUS_OK)
         pad->triggered = 0;
@@ -89,7 +89,7 @@ static bool poll_pad(struct sampler *sampler, struct sampler_pad *pad, uint64_t 
         return false;
     if (pad->converting && now_us < pad->triggered_us + HMC5983_SINGLE_WAIT_US)
         return false;
-    int unconfirmed = pad->converting ? to_confirm(pad) : -1;
+    int unconfirmed = pad->converting ? sensor_to_confirm(pad) : -1;
     if (unconfirmed < 0)
         trigger(sampler, pad);
     else if (pad->sensors[unconfirmed].due_us <= now_us)

@@ -1,17 +1,17 @@
-// One trigger to all sensors of a pad at once: when the next one may come, and what it leaves unread.
+// Triggers all sensors of a pad at once, and decides when the next trigger may come.
 #ifndef FMFTS_SIMULTANEOUS_H
 #define FMFTS_SIMULTANEOUS_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "sampler.h"
+#include "pad_bus.h"
 
-// Triggers a pad, or does what has to come before. False: nothing was due. At rates near the chips' limit the next trigger
-// is sent as soon as the conversions have ended, and the samples are read while the next ones are made.
+// Triggers a pad, or does what must come before that. False: nothing was due. At rates near the chips' limit it
+// triggers again as soon as the conversions have ended; the samples are read while the chips convert the next ones.
 bool simultaneous_poll(struct sampler *sampler, uint64_t now_us);
 
-// The pad's conversions are of no use any more: other settings, or the self-test.
+// Drops the pad's running conversions, because settings changed or the self-test starts.
 void simultaneous_forget(struct sampler_pad *pad);
 
 #endif

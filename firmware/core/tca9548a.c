@@ -1,6 +1,7 @@
 #include "tca9548a.h"
 
-// A switch that stays silent this often when it should close is taken as absent, so that its neighbours can go on.
+// If a switch does not answer this often when it should close, it counts as absent, so that the other switches can be
+// used.
 enum { CLOSE_ATTEMPTS = 3 };
 
 enum bus_result tca9548a_select(const struct bus *bus, uint8_t address, uint8_t channels)

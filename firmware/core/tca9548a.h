@@ -1,4 +1,4 @@
-// The TCA9548A I2C switch, and the route through all switches of one bus to the sensor that is wanted.
+// The TCA9548A I2C switch (mux), and the route through the switches of one bus to a sensor.
 #ifndef FMFTS_TCA9548A_H
 #define FMFTS_TCA9548A_H
 
@@ -26,11 +26,11 @@ struct route {
 void route_init(struct route *route, const struct bus *bus);
 void route_add_switch(struct route *route, uint8_t address);
 
-// Opens exactly these channels of this switch, closing all others. No transfer when they are open already.
-// BUS_NO_ANSWER means that this switch is silent.
+// Opens exactly these channels of this switch and closes all others. No transfer when they are open already.
+// BUS_NO_ANSWER: this switch does not answer.
 enum bus_result route_open(struct route *route, uint8_t address, uint8_t channels);
 
-// Reads the control byte back; a switch that lost it (brown-out, RESET) is selected anew at the next route_open.
+// Reads the control byte back. If the switch lost it (brown-out, RESET), the next route_open selects it again.
 enum bus_result route_check(struct route *route, bool *held);
 
 #endif

@@ -10,7 +10,7 @@ enum {
     WIRE_VERSION = 1,
     WIRE_PADS_MAX = 3,
     WIRE_SENSORS_MAX = 8,
-    WIRE_LINE_MAX = 256, // 254 bytes of packet, one of COBS, the closing zero
+    WIRE_LINE_MAX = 256, // 254 bytes of packet, one COBS byte, the closing zero
     WIRE_REQUEST_SIZE = 7,
     WIRE_ALL_PADS = 255,
     WIRE_AGE_UNKNOWN = 65535,
@@ -145,10 +145,10 @@ size_t wire_encode_load(const struct wire_load *load, uint8_t line[WIRE_LINE_MAX
 // CRC-16/CCITT-FALSE.
 uint16_t wire_crc(const uint8_t *bytes, size_t count);
 
-// Decodes one COBS block (without its zero) in place. Returns the decoded length, 0 when it is no COBS.
+// Decodes one COBS block (without its closing zero) in place. Returns the decoded length, 0 when it is no COBS.
 size_t wire_unstuff(uint8_t *bytes, size_t count);
 
-// Collects bytes from the host. Holds one request, the longest thing a board ever accepts.
+// Collects bytes from the host. It has room for one request; boards accept nothing longer.
 struct wire_decoder {
     uint8_t bytes[WIRE_REQUEST_SIZE + 1];
     uint8_t count;
@@ -158,7 +158,7 @@ struct wire_decoder {
 
 enum wire_event { WIRE_NOTHING, WIRE_REQUEST, WIRE_BAD };
 
-// WIRE_REQUEST: decoder->request holds it. WIRE_BAD: a packet was dropped, and the decoder is ready for the next.
+// WIRE_REQUEST: decoder->request holds a request. WIRE_BAD: a packet was dropped.
 enum wire_event wire_decode(struct wire_decoder *decoder, uint8_t byte);
 
 #endif

@@ -21,7 +21,7 @@ uint32_t bench_now_us(void *context)
     return (uint32_t)((bench->now_ns - bench->reset_ns) / 1000) + bench->counter_at_reset;
 }
 
-// Chips on all channels that are connected, over all switches of the bus: a careless driver talks to several at once.
+// Visits the chips on all connected channels of all muxes of the bus. A wrong driver may talk to several at once.
 typedef void visitor(struct emulated_chip *chip, void *argument);
 
 static int visit_chips(struct emulated_bus *bus, visitor *visit, void *argument)

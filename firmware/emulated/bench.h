@@ -25,9 +25,9 @@ struct emulated_bus {
     int switch_count;
     // Faults. A stuck bus fails every transfer; `recover` frees it unless it is stuck for good.
     bool stuck, stuck_for_good;
-    int fail_count;              // so many of the next transfers fail with …
-    enum bus_result fail_result; // … this, after taking a time-out's time
-    // The transfer that is on the wires.
+    int fail_count;              // how many of the next transfers fail with `fail_result`
+    enum bus_result fail_result; // all but BUS_NO_ANSWER take the time of a time-out
+    // The running transfer.
     uint8_t address;
     bool reading;
     unsigned transfers, recoveries;
@@ -38,8 +38,8 @@ struct bench {
     uint64_t reset_ns; // the board's counter started here
     uint32_t counter_at_reset;
     struct emulated_bus lines[BENCH_BUSES];
-    struct bus buses[BENCH_BUSES]; // what the core is given
-    unsigned contentions;          // bytes that more than one chip sent at once
+    struct bus buses[BENCH_BUSES]; // the core's access to `lines`
+    unsigned contentions;          // counts bytes that more than one chip sent at once
 };
 
 void bench_init(struct bench *bench);
@@ -49,13 +49,13 @@ void bench_pass_time(struct bench *bench, uint64_t ns);
 // The board's 32-bit microsecond counter; `context` is the bench.
 uint32_t bench_now_us(void *context);
 
-// The bus, byte by byte: for drivers that do what `struct bus` does not allow.
+// The bus, byte by byte, for tests of wrong drivers that `struct bus` does not allow.
 bool bench_start(struct emulated_bus *bus, uint8_t address, bool reading);
 bool bench_put(struct emulated_bus *bus, uint8_t byte);
 uint8_t bench_get(struct emulated_bus *bus);
 void bench_stop(struct emulated_bus *bus);
 
-// Power to a chip or a switch, off and on.
+// Switches the power of a chip or a mux off and on.
 void bench_plug_chip(struct emulated_chip *chip, bool present);
 void bench_plug_switch(struct emulated_switch *sw, bool present);
 

@@ -128,7 +128,7 @@ void emulated_chip_advance(struct emulated_chip *chip, uint64_t now_ns)
         }
         uint64_t period = period_ns(chip), behind = (now_ns - chip->next_conversion_ns) / period;
         if (behind > 2)
-            chip->next_conversion_ns += (behind - 2) * period; // a jump of hours costs no more than one of milliseconds
+            chip->next_conversion_ns += (behind - 2) * period; // skip most conversions after a jump of hours
         if (!chip->clock_stopped)
             convert(chip);
         chip->next_conversion_ns += period;
@@ -229,7 +229,8 @@ static uint8_t read_register(struct emulated_chip *chip, uint8_t number)
     return 0;
 }
 
-// Data sheet, register access: the pointer runs in rings, so a burst from 0x03 never reaches the status register.
+// Data sheet, register access: after the last data register the pointer goes back to the first, so a burst from 0x03
+// never reaches the status register.
 static uint8_t next_pointer(uint8_t pointer)
 {
     if (pointer == HMC5983_DATA + 5)

@@ -1,4 +1,4 @@
-// An HMC5983 as its data sheet has it, strict enough that a careless driver reads wrong numbers.
+// An HMC5983 as its data sheet describes it, strict enough that a wrong driver reads wrong numbers.
 #ifndef FMFTS_EMULATED_CHIP_H
 #define FMFTS_EMULATED_CHIP_H
 
@@ -6,18 +6,19 @@
 #include <stdint.h>
 
 struct emulated_chip {
-    // What a test may set at any time; `emulated_chip_advance` first, so that past conversions keep the old values.
+    // A test may set these at any time. Call emulated_chip_advance before, so that past conversions keep the old
+    // values.
     double field_ut[3];
     double noise_ut;
     double temperature_c;
     double strap_gauss[3]; // field of the offset strap at full bias current
     double gain_error[3];  // relative, per axis
-    double ppm;            // how much faster than nominal its clock runs
+    double ppm;            // how much faster than nominal the chip's clock runs
     uint8_t saturated_axes; // bit i: a strong magnet sits on axis i
     bool present;
     bool clock_stopped;
     bool config_read_only;       // configuration writes are lost
-    bool ready_survives_reading; // READY is cleared by the next conversion only: the other reading of the data sheet
+    bool ready_survives_reading; // only the next conversion clears READY; the data sheet can be read both ways
     bool strap_leaves_external;  // biased measurements keep the external field
     char identification[3];
 
@@ -26,7 +27,7 @@ struct emulated_chip {
     int16_t temperature_raw;
     bool ready, overwritten;
     bool mode_was_read;
-    uint8_t bytes_read; // bit i: data byte i was read since the last conversion was placed
+    uint8_t bytes_read; // bit i: data byte i was read since the registers were unlocked
     bool old_gain_pending;
     uint8_t old_gain_code;
     uint8_t pointer;
@@ -42,7 +43,7 @@ void emulated_chip_init(struct emulated_chip *chip, uint32_t seed);
 void emulated_chip_power_on(struct emulated_chip *chip);
 void emulated_chip_advance(struct emulated_chip *chip, uint64_t now_ns);
 
-// One transfer as the chip sees it: start, bytes, and so on. Time stands in `now_ns`.
+// One transfer as the chip sees it. emulated_chip_advance sets its time.
 void emulated_chip_start_write(struct emulated_chip *chip);
 void emulated_chip_put(struct emulated_chip *chip, uint8_t byte);
 uint8_t emulated_chip_get(struct emulated_chip *chip);

@@ -41,7 +41,7 @@ static void set_clock(void *context, bool high)
             shift(converter);
     }
     if (!high) {
-        // Held high for too long it powers down, and begins anew when the clock falls.
+        // If the clock is high for too long, the chip powers down, and starts again when the clock falls.
         if (converter->clock && converter->bench->now_ns - converter->rose_ns > POWER_DOWN_NS)
             converter->pulses = PULSES;
         if (converter->pulses == PULSES)

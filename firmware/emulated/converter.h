@@ -12,14 +12,14 @@ struct emulated_converter {
     struct bench *bench;
     struct load_cell_pins pins;
     bool present;
-    int32_t counts; // what the load cell gives now
+    int32_t counts; // what the load cell reads now
     uint32_t shifted;
-    int pulses; // of the read-out that is under way
+    int pulses; // clock pulses since the running read-out began
     bool clock, bit;
     uint64_t rose_ns, ready_ns;
 };
 
-// Not plugged in at first.
+// The converter is not plugged in (`present` is false).
 void emulated_converter_init(struct emulated_converter *converter, struct bench *bench);
 
 #endif

@@ -1,4 +1,4 @@
-// The commands about what is on the buses: chips, their surroundings and faults. Each returns what is wrong with it.
+// The commands about chips, their surroundings and faults. Each returns an error sentence, or NULL when it is done.
 #ifndef FMFTS_HOST_CHIP_COMMANDS_H
 #define FMFTS_HOST_CHIP_COMMANDS_H
 

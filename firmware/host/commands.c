@@ -13,14 +13,14 @@ const char commands_help[] =
     "  ppm PAD SENSOR PPM                    how much faster than nominal this chip's clock runs\n"
     "  fault PAD SENSOR none|unplugged|wrong-id|stuck|saturate-x|saturate-y|saturate-z|config-corrupt\n"
     "  mux PAD none|unplugged\n"
-    "  load none|COUNTS                      unplug the load cell, or what it reads from now on\n"
+    "  load none|COUNTS                      unplug the load cell, or set what it reads from now on\n"
     "  garbage N SEED                        N pseudo-random bytes into the stream, between packets\n"
     "  truncate                              the next packet loses its second half, closing zero included\n"
     "  reset                                 restart the core as a software reset does\n"
     "  frames PAD                            `ok N`: frames made of this pad, those before a reset included\n"
-    "  hold on|off                           the board's time stands still, and catches up afterwards\n"
+    "  hold on|off                           stop the board's time; after `off` it catches up\n"
     "  time US                               jump the board's time forward\n"
-    "  run US                                with --stepped: let so much time pass\n"
+    "  run US                                let the board's time pass (only with --stepped)\n"
     "  quit\n";
 
 static const char wrong_pad[] = "no such pad: they count from 0";

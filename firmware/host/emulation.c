@@ -5,9 +5,9 @@
 enum { IDLE_STEP_NS = 50000, JUMP_STEP_US = 1 << 30 };
 
 static const uint8_t i2c_ports[BENCH_BUSES] = {1, 2};
-static const double noise_ut = 0.2; // 2 mG, the data sheet's at the highest gain
+static const double noise_ut = 0.2; // 2 mG: the data sheet's noise at the highest gain
 
-// Offsets within the data sheet's ±3 %, one for every place on the board.
+// Clock errors within the data sheet's ±3 %, one for each chip.
 static const double clock_ppm[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX] = {
     {8000, -12000, 3000, -5000},
     {-9000, 14000, -2000, 6000},

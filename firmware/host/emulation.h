@@ -19,21 +19,21 @@ struct emulation {
     void *line_context;
 };
 
-// Pad 0 and pad 1 share bus 0 behind two switches, pad 2 is alone on bus 1. Chip clocks differ as real ones do.
-// `send` takes a whole line or none of it.
+// Pads 0 and 1 share bus 0 behind two muxes, pad 2 is alone on bus 1. Each chip's clock has its own error, as in
+// reality. `send` takes a whole line, or none of it and returns false.
 void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_t uid[WIRE_UID_SIZE],
                     bool (*send)(void *line_context, const uint8_t *line, size_t count), void *line_context);
 
-// What a reset of the MCU does: the core starts anew and its clock at zero; the chips keep what they hold.
+// Resets the MCU: the core and its clock start again from zero; the chips keep their registers.
 void emulation_reset(struct emulation *emulation);
 
 // Runs the board up to this virtual time.
 void emulation_run_until(struct emulation *emulation, uint64_t virtual_ns);
 
-// Moves the clock without letting the core run, but for what keeps its 64-bit time.
+// Moves the clock forward without running the core; only its 64-bit clock is kept up to date.
 void emulation_jump(struct emulation *emulation, uint64_t us);
 
-// Brings every chip up to now, so that what changes next does not reach conversions that are over.
+// Makes every chip do its conversions up to now, so that a change of the field does not reach past conversions.
 void emulation_settle(struct emulation *emulation);
 
 #endif

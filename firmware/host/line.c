@@ -8,7 +8,7 @@
 #include <termios.h>
 #include <unistd.h>
 
-// The kernel's buffer holds 4095 bytes, and where nobody reads it stays full.
+// READABLE_MOST: the kernel's buffer holds 4095 bytes, and it stays full while nobody reads.
 enum { ARRIVAL_US = 20, ARRIVAL_TRIES = 5000, READABLE_MOST = 4000 };
 
 int line_open(struct line *line)
@@ -44,7 +44,7 @@ static void hang_up(struct line *line)
 {
     line->open = false;
     ring_init(&line->ring, line->bytes, sizeof line->bytes);
-    tcflush(line->master, TCIOFLUSH); // whoever comes next must not read what was meant for the last one
+    tcflush(line->master, TCIOFLUSH); // the next process that opens the pty must not read bytes meant for this one
 }
 
 void line_flush(struct line *line)
@@ -78,7 +78,7 @@ static bool arrived(size_t count, size_t due)
 
 void line_flush_during(struct line *line, void (*pass)(void *context), void *context)
 {
-    line_flush(line); // whoever has gone is noticed before this process holds the other side itself
+    line_flush(line); // notices a hang-up before this process opens the other side itself
     int slave = line->open ? open(line->path, O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC) : -1;
     size_t due = slave < 0 ? 0 : readable(slave) - line->sent;
     pass(context);

@@ -1,4 +1,4 @@
-// The serial line of the host build: a pty that drops whole packets when nobody reads, as the chip's UART would.
+// The serial line of the host build: a pty. When nobody reads, it drops whole packets, as the chip's UART does.
 #ifndef FMFTS_HOST_LINE_H
 #define FMFTS_HOST_LINE_H
 
@@ -11,9 +11,9 @@
 struct line {
     int master;
     char path[64];
-    bool open; // somebody holds the other side
-    bool cut_next;
-    size_t sent; // bytes, ever
+    bool open; // some process has the other side open
+    bool cut_next; // send only the first half of the next packet
+    size_t sent; // bytes written since line_open
     struct ring ring;
     uint8_t bytes[4096];
 };
@@ -21,14 +21,14 @@ struct line {
 // Opens the pty in raw mode. -1 with errno set when that fails.
 int line_open(struct line *line);
 
-// What the core calls: the whole line or nothing.
+// The core's `send`: takes the whole line, or none of it and returns false.
 bool line_send(void *context, const uint8_t *bytes, size_t count);
 
-// Moves waiting bytes into the pty and notices who comes and goes. Never blocks.
+// Moves waiting bytes into the pty, and checks whether the other side is open. Never blocks.
 void line_flush(struct line *line);
 
-// Moves them while `pass` lets time go by, and returns when the other side can read them: the kernel hands them over
-// some time later, which a busy computer draws out.
+// Calls `pass`, which sends bytes, and returns when the other side can read them: the kernel hands them over some time
+// later, and much later on a busy computer.
 void line_flush_during(struct line *line, void (*pass)(void *context), void *context);
 
 // Bytes from the other side; 0 when there are none. Never blocks.

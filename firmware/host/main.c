@@ -15,7 +15,8 @@
 #include "commands.h"
 
 enum { SECOND_NS = 1000000000 };
-// A busy computer keeps this process waiting for seconds, a board's clock never stands still. Longer: both slept.
+// A busy computer may stop this process for seconds; the board then catches up, because a real board's clock never
+// stops. After a longer stop (the computer was suspended) it does not.
 static const uint64_t LONGEST_DEBT_NS = 10ULL * SECOND_NS;
 
 static const char usage[] =
@@ -25,7 +26,7 @@ static const char usage[] =
     "  --uid HEX24     the board's 96-bit id (686f73740000000000000001)\n"
     "  --link PATH     make PATH a symbolic link to the pty, and remove it at the end\n"
     "  --speed FACTOR  board seconds per second, 0.01 to 20 (1)\n"
-    "  --stepped       time passes only by the command `run`: what a busy computer cannot make late\n";
+    "  --stepped       time passes only by the command `run`, so a busy computer delays nothing\n";
 
 struct options {
     uint8_t pads;
@@ -35,10 +36,10 @@ struct options {
     bool stepped;
 };
 
-// How the board's time follows the computer's, and up to which CLOCK_MONOTONIC it did.
+// How the board's time follows the computer's.
 struct pace {
     double speed;
-    uint64_t passed_ns;
+    uint64_t passed_ns; // CLOCK_MONOTONIC up to which the board has run
 };
 
 static volatile sig_atomic_t terminated;
@@ -104,7 +105,7 @@ static struct options parse_options(int count, char **words)
     return options;
 }
 
-// Only a symbolic link is ever replaced: a mistyped path must not cost a file.
+// Replaces only a symbolic link: a mistyped path must not delete a file.
 static int make_link(const char *target, const char *path)
 {
     struct stat found;
@@ -121,7 +122,7 @@ static void remove_link(const char *target, const char *path)
         unlink(path);
 }
 
-// A parent that never reads the answers must not stop the stream.
+// Drops the answer when stdout is full: a parent that does not read answers must not stop the stream.
 static void say(const char *word, const char *rest)
 {
     struct pollfd out = {.fd = STDOUT_FILENO, .events = POLLOUT};
@@ -150,7 +151,7 @@ static void sleep_until(uint64_t ns)
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
 }
 
-// The board's time is the computer's then, unless it stands still; the line does not.
+// Runs the board up to the computer's time. While its time is held, only the line goes on.
 static void catch_up(struct session *session, struct pace *pace)
 {
     const uint64_t now_ns = monotonic_ns();
@@ -169,7 +170,7 @@ static void catch_up(struct session *session, struct pace *pace)
     }
 }
 
-// Executes the commands that have come; waits for one where time passes by them. False: standard input is closed.
+// Executes the commands that have arrived; with --stepped it waits for one. False: standard input is closed.
 static bool take_commands(struct session *session, struct pace *pace)
 {
     static char text[8192];
@@ -185,7 +186,7 @@ static bool take_commands(struct session *session, struct pace *pace)
     while ((end = memchr(begin, '\n', kept)) != NULL && !session->quit) {
         *end = '\0';
         kept -= (size_t)(end + 1 - begin);
-        catch_up(session, pace); // what is commanded now must not show in time that a busy computer still owes
+        catch_up(session, pace); // on a busy computer the board may be behind; a command must not change its past
         execute_line(session, begin);
         begin = end + 1;
     }

@@ -18,7 +18,7 @@ struct words words_of(char *command);
 
 bool number(const char *word, double low, double high, double *value);
 
-// -1 where the word is no whole number below `count`.
+// The word as a whole number from 0 to `count` - 1; -1 if it is none.
 int small_index(const char *word, int count);
 
 #endif

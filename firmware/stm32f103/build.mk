@@ -1,4 +1,4 @@
-# The firmware for the chip, by GCC and, so that a second compiler has an opinion, by clang. Included by ../Makefile.
+# The firmware for the chip, by GCC, and by clang as a check with a second compiler. ../Makefile includes this.
 ARM_CC ?= arm-none-eabi-gcc
 CLANG ?= clang
 OPENOCD ?= openocd
@@ -9,9 +9,9 @@ STM32_SCRIPT = stm32f103/stm32f103c8.ld
 STM32_HEADERS = $(wildcard core/*.h stm32f103/*.h stm32f103/freestanding/*.h)
 STM32_FLAGS = -mcpu=cortex-m3 -mthumb -Os -g $(WARNINGS) -ffreestanding -ffunction-sections -fdata-sections \
 	-isystem stm32f103/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
-# Without these, the loop in memcpy would be compiled to a call of memcpy.
+# Without the flag, GCC compiles the loop in memcpy to a call of memcpy.
 STM32_GCC = $(ARM_CC) -fno-tree-loop-distribute-patterns
-# Left to itself, clang inlines more than fits.
+# With its own threshold clang inlines so much that the image does not fit.
 STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld -mllvm -inline-threshold=10
 
 stm32: $(BUILD)/fmfts.elf $(BUILD)/fmfts.bin

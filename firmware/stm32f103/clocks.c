@@ -10,7 +10,7 @@
 enum {
     HSI_MHZ = 8,
     HSE_PLL_MHZ = 72, // 8 MHz · 9
-    HSI_PLL_MHZ = 64, // 8 MHz / 2 · 16, all that the internal oscillator can do
+    HSI_PLL_MHZ = 64, // 8 MHz / 2 · 16, the most that the internal oscillator allows
     CRYSTAL_LIMIT_US = 20000, // data sheet: 2 ms typically
     PLL_LIMIT_US = 2000,      // data sheet: 0.2 ms at most
 };
@@ -51,8 +51,8 @@ struct clocks clocks_start(void)
     };
 }
 
-// The crystal stopped while it fed the PLL: the clock security system has put the core on 8 MHz. Every divider is wrong
-// now; after a reset the internal oscillator serves (RM0008 7.2.7).
+// The crystal stopped while it fed the PLL, and the clock security system switched the core to 8 MHz (RM0008 7.2.7).
+// Every divider is wrong now; the reset starts from the internal oscillator.
 void nmi_handler(void)
 {
     RCC->CIR = RCC_CIR_CSSC;

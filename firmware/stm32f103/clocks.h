@@ -1,4 +1,4 @@
-// The clock tree: 72 MHz from an 8 MHz crystal, or 64 MHz from the internal oscillator when the crystal does not start.
+// The clocks: 72 MHz from an 8 MHz crystal, or 64 MHz from the internal oscillator when the crystal does not start.
 #ifndef FMFTS_CLOCKS_H
 #define FMFTS_CLOCKS_H
 
@@ -10,7 +10,7 @@ struct clocks {
     uint8_t apb1_mhz; // feeds both I2C
 };
 
-// Starts the microsecond timer, too.
+// Also starts the microsecond timer.
 struct clocks clocks_start(void);
 
 #endif

@@ -1,4 +1,4 @@
-// Pins: mode, level out, level in.
+// Pins: sets the mode, writes and reads the level.
 #ifndef FMFTS_GPIO_H
 #define FMFTS_GPIO_H
 

@@ -2,26 +2,13 @@
 
 #include <stdbool.h>
 
+#include "i2c_recovery.h"
 #include "timer.h"
 
 enum {
-    RATE_KHZ = 400,
-    RISE_TIME_NS = 300,        // the longest that fast mode allows
-    FREE_LIMIT_US = 100,       // for the bus to become free; the last STOP is over when a transfer begins
-    TRANSFER_LIMIT_US = 1000,  // the longest transfer of the core takes 0.25 ms
+    FREE_LIMIT_US = 100,      // wait for the bus to become free; the last STOP has ended before a transfer begins
+    TRANSFER_LIMIT_US = 1000, // the longest transfer of the core takes 0.25 ms
 };
-
-void i2c_configure(const struct i2c_port *port)
-{
-    struct i2c *i2c = port->registers;
-    i2c->CR1 = I2C_CR1_SWRST;
-    i2c->CR1 = 0;
-    i2c->CR2 = port->apb1_mhz;
-    // SCL is low for 2·CCR and high for CCR cycles; rounded up, so that the rate stays below the switches' limit.
-    i2c->CCR = I2C_CCR_F_S | (port->apb1_mhz * 1000U + 3 * RATE_KHZ - 1) / (3 * RATE_KHZ);
-    i2c->TRISE = port->apb1_mhz * RISE_TIME_NS / 1000U + 1;
-    i2c->CR1 = I2C_CR1_PE;
-}
 
 static bool is_late(const struct i2c_port *port, uint32_t limit_us)
 {
@@ -52,7 +39,7 @@ static enum bus_result begin(struct i2c_port *port)
     return BUS_OK;
 }
 
-// (Repeated) START and address; ends with ADDR set, SCL held low.
+// (Repeated) START and address. On success ADDR is set and the port holds SCL low.
 static enum bus_result call(const struct i2c_port *port, uint8_t address_byte)
 {
     port->registers->CR1 |= I2C_CR1_START;
@@ -63,7 +50,7 @@ static enum bus_result call(const struct i2c_port *port, uint8_t address_byte)
     return await(port, I2C_SR1_ADDR);
 }
 
-// ADDR is cleared by reading SR1, which `await` did, and then SR2.
+// Reading SR1 and then SR2 clears ADDR; `await` has read SR1.
 static void clear_addr(const struct i2c_port *port)
 {
     (void)port->registers->SR2;
@@ -83,8 +70,8 @@ static enum bus_result send(const struct i2c_port *port, uint8_t address, const 
     return count > 0 && result == BUS_OK ? await(port, I2C_SR1_BTF) : result;
 }
 
-// Between these two no interrupt may delay the processor by a byte's time: STOP would come a byte late, or the last byte
-// would be read shifted (errata sheet ES096, "wrong data read into data register").
+// Interrupts are held off where a delay by one byte's time would send STOP a byte late, or read the last byte shifted
+// (errata sheet ES096, "wrong data read into data register").
 static void hold_interrupts(void)
 {
     __asm__ volatile("cpsid i" ::: "memory");
@@ -95,7 +82,7 @@ static void release_interrupts(void)
     __asm__ volatile("cpsie i" ::: "memory");
 }
 
-// One byte: it is refused before ADDR is cleared, and STOP is asked for before it has arrived.
+// One byte: ACK is switched off before ADDR is cleared, and STOP is requested before the byte has arrived.
 static enum bus_result receive_one(const struct i2c_port *port, uint8_t *bytes)
 {
     struct i2c *i2c = port->registers;
@@ -109,7 +96,8 @@ static enum bus_result receive_one(const struct i2c_port *port, uint8_t *bytes)
     return result;
 }
 
-// Two bytes: POS moves the refusal to the second. Both wait, one in DR and one in the shift register, for STOP.
+// Two bytes: with POS, only the second gets no ACK. Both wait, in DR and in the shift register, until STOP is
+// requested.
 static enum bus_result receive_two(const struct i2c_port *port, uint8_t *bytes)
 {
     struct i2c *i2c = port->registers;
@@ -128,7 +116,7 @@ static enum bus_result receive_two(const struct i2c_port *port, uint8_t *bytes)
     return BUS_OK;
 }
 
-// Three or more: with three to go, the port stops the clock (BTF) until the last one is refused.
+// Three or more: before the last three, the port stops the clock (BTF), and ACK is switched off for the last one.
 static enum bus_result receive_many(const struct i2c_port *port, uint8_t *bytes, size_t count)
 {
     struct i2c *i2c = port->registers;
@@ -164,8 +152,9 @@ static enum bus_result receive(const struct i2c_port *port, uint8_t address, uin
     return count == 1 ? receive_one(port, bytes) : count == 2 ? receive_two(port, bytes) : receive_many(port, bytes, count);
 }
 
-// Asks for STOP unless the receiver has, and waits until it is on the wires: until then CR1 may not be written. Not until
-// the bus is free: a channel that STOP connects may be held low, and that is the next transfer's error, not this one's.
+// Requests STOP unless the receiver did, and waits until it is sent: CR1 may not be written before. Does not wait until
+// the bus is free: a mux channel that STOP connects may be held low, and that is the next transfer's error, not this
+// one's.
 static enum bus_result end(const struct i2c_port *port, enum bus_result result, bool stop_asked)
 {
     struct i2c *i2c = port->registers;

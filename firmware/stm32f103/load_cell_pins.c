@@ -26,7 +26,7 @@ const struct load_cell_pins *load_cell_pins_start(void)
 {
     gpio_set(GPIOA, CLOCK_PIN, false);
     gpio_configure(GPIOA, CLOCK_PIN, GPIO_PUSH_PULL);
-    gpio_set(GPIOA, DATA_PIN, true); // pulled up: without a converter it never says that it is ready
+    gpio_set(GPIOA, DATA_PIN, true); // pulled up: without a converter the line never goes low, which means "ready"
     gpio_configure(GPIOA, DATA_PIN, GPIO_PULLED_INPUT);
     return &pins;
 }

@@ -1,10 +1,10 @@
-// The two pins set aside for an HX711.
+// The two pins for an HX711.
 #ifndef FMFTS_LOAD_CELL_PINS_H
 #define FMFTS_LOAD_CELL_PINS_H
 
 #include "../core/load_cell.h"
 
-// Port A must be clocked, and the timer run.
+// Port A's clock and the timer must be on.
 const struct load_cell_pins *load_cell_pins_start(void);
 
 #endif

@@ -14,9 +14,9 @@
 
 enum {
     PORTS = 2,
-    POWER_UP_US = 10000, // data sheets: switches and sensors listen 0.2 ms after their supply is up; it may rise slowly
-    // The watchdog's clock is 30 to 60 kHz (data sheet), here divided by 8: 100 to 200 ms. The longest turn of the main
-    // loop, a bus that does not free, takes a few.
+    POWER_UP_US = 10000, // data sheets: muxes and sensors answer 0.2 ms after power-up, and the supply may rise slowly
+    // The watchdog's clock is 30 to 60 kHz (data sheet), here divided by 8: it resets after 100 to 200 ms. The longest
+    // turn of the main loop, with a bus that stays stuck, takes a few ms.
     WATCHDOG_DIVIDER_8 = 1,
     WATCHDOG_RELOAD = 750,
     WATCHDOG_UNLOCK = 0x5555,
@@ -39,7 +39,7 @@ static uint32_t now_us(void *context)
     return timer_now_us();
 }
 
-// Every reset pulls the reset pin too, so that flag counts last (RM0008 7.3.10).
+// Every reset also sets the flag of the reset pin, so that flag is checked last (RM0008 7.3.10).
 static enum reset_cause take_reset_cause(void)
 {
     uint32_t flags = RCC->CSR;
@@ -73,8 +73,8 @@ static const struct pads *start_buses(uint8_t apb1_mhz, enum reset_cause cause)
         ports[i].apb1_mhz = apb1_mhz;
         usable[i] = i2c_start(&ports[i], &buses[i]) == BUS_OK;
     }
-    bool unasked = cause == RESET_INDEPENDENT_WATCHDOG || cause == RESET_SOFTWARE;
-    return pads_find(buses, usable, PORTS, unasked);
+    bool remembered = cause == RESET_INDEPENDENT_WATCHDOG || cause == RESET_SOFTWARE;
+    return pads_find(buses, usable, PORTS, remembered);
 }
 
 static void start_board(void)
@@ -114,7 +114,7 @@ int main(void)
     start_board();
     device_init(&device, &board);
     for (;;) {
-        // Fed here and nowhere else: a loop that stands still, or a clock that does, ends in a reset.
+        // The only place that feeds the watchdog: if the loop or the clock stops, the chip is reset.
         IWDG->KR = WATCHDOG_FEED;
         receive();
         if (!device_poll(&device))

@@ -1,4 +1,5 @@
-// What compilers call without being asked, as the ARM run-time ABI and C name it. There is no C library in this program.
+// The memory functions that compilers call on their own, with their names in C and in the ARM run-time ABI. This
+// program has no C library.
 #include <string.h>
 
 void *memcpy(void *restrict to, const void *restrict from, size_t count)
@@ -40,7 +41,7 @@ int memcmp(const void *left, const void *right, size_t count)
     return 0;
 }
 
-// The names that clang calls by the ARM run-time ABI (AEABI 4.3.4); 4 and 8 promise an alignment that bytes do not need.
+// The names that clang calls (ARM run-time ABI, AEABI 4.3.4). Those ending in 4 and 8 are for aligned memory.
 void __aeabi_memcpy(void *restrict to, const void *restrict from, size_t count)
 {
     memcpy(to, from, count);

@@ -13,7 +13,7 @@ enum {
     UPPER_CHANNELS = 0xF0,
 };
 
-static const struct pad_wiring taken_for_granted = {0, TCA9548A_FIRST_ADDRESS, CHANNELS_PER_PAD, {0, 1, 2, 3}};
+static const struct pad_wiring assumed_pad = {0, TCA9548A_FIRST_ADDRESS, CHANNELS_PER_PAD, {0, 1, 2, 3}};
 
 __attribute__((section(".noinit"))) static struct pads pads;
 
@@ -40,7 +40,7 @@ static bool select(const struct bus *bus, uint8_t mux_address, uint8_t channels)
     return false;
 }
 
-// Only the address, which any of these sensors acknowledges: nothing is read while several channels are on.
+// Sends only the address, which any of the sensors acknowledges. Reading is not possible while several channels are on.
 static bool sensor_answers(const struct bus *bus, uint8_t mux_address, uint8_t channels)
 {
     if (!select(bus, mux_address, channels))
@@ -78,7 +78,7 @@ const struct pads *pads_find(const struct bus *buses, const bool *usable, uint8_
         if (usable[bus])
             find_on(&buses[bus], bus);
     if (pads.count == 0)
-        pads.wiring[pads.count++] = taken_for_granted;
+        pads.wiring[pads.count++] = assumed_pad;
     pads.crc = crc();
     return &pads;
 }

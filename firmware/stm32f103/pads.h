@@ -1,4 +1,4 @@
-// Which pads this board has: looked for at power-on, remembered over resets that nobody asked for.
+// Finds the pads of this board at power-on, and remembers them over resets that nobody asked for.
 #ifndef FMFTS_PADS_H
 #define FMFTS_PADS_H
 
@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "../core/bus.h"
-#include "../core/sampler.h"
+#include "../core/pad_bus.h"
 
 struct pads {
     uint8_t count;
@@ -14,12 +14,12 @@ struct pads {
     uint16_t crc;
 };
 
-// Every TCA9548A is a pad on channels 0 to 3, a second one on channels 4 to 7 where a sensor answers there. The order is
-// port, address, channel. `usable[i]` is false for a bus whose lines are stuck. Where nothing is found, one pad is taken
-// for granted, so that the host is told what is missing.
+// Every TCA9548A is a pad on channels 0 to 3, and a second pad on channels 4 to 7 if a sensor answers there. Pads are
+// ordered by port, address and channel. `usable[i]` is false for a bus whose lines are stuck. If nothing is found, one
+// pad is assumed, so that the board can report what is missing.
 //
-// After the reset of a watchdog a switch may be silent for a moment; then every later pad would move up, and the host
-// would take one pad's readings for another's. So `remembered` pads are kept.
+// If `remembered`, the pads found before the reset are kept. After a watchdog reset a mux may not answer for a moment;
+// a new search would then miss a pad, and the host would take the readings of the next pad for it.
 const struct pads *pads_find(const struct bus *buses, const bool *usable, uint8_t bus_count, bool remembered);
 
 #endif

@@ -1,5 +1,6 @@
-// The registers and bits of the STM32F103C8 that this firmware uses, with the names of the reference manual (RM0008) and,
-// for the core's own, of the programming manual (PM0056). tests/firmware/test_stm32_registers.py checks each against SVD.
+// The registers and bits of the STM32F103C8 that this firmware uses, named as in the reference manual (RM0008) or, for
+// those of the core, the programming manual (PM0056). tests/firmware/test_stm32_registers.py compares each with the
+// SVD.
 #ifndef FMFTS_REGISTERS_H
 #define FMFTS_REGISTERS_H
 

@@ -8,10 +8,10 @@
 
 void serial_start(uint32_t apb2_mhz);
 
-// Takes the whole line or nothing; at once. `context` is not used.
+// Takes the whole line, or none of it and returns false. Never waits. `context` is not used.
 bool serial_send(void *context, const uint8_t *line, size_t count);
 
-// The bytes that wait, as far as they are contiguous; `serial_drop` them once they are used.
+// The longest contiguous run of received bytes. Call serial_drop for those that were used.
 const uint8_t *serial_peek(size_t *count);
 void serial_drop(size_t count);
 

@@ -1,6 +1,6 @@
 #!/bin/sh
-# usage: size.sh COMPILER ELF: what the program takes of the 16 KiB of flash and 4 KiB of RAM that it may take.
-# The linker script sets the limits and fails beyond them; this says how much is left.
+# usage: size.sh COMPILER ELF
+# Prints how much the program uses of its 16 KiB of flash and 4 KiB of RAM. The linker script enforces these limits.
 "$(echo "$1" | sed 's/gcc$/size/')" -A -d "$2" | awk -v elf="$2" '
     $1 == ".text" || $1 == ".ARM.exidx" || $1 == ".data" { flash += $2 }
     $1 == ".stack" || $1 == ".data" || $1 == ".bss" || $1 == ".noinit" { ram += $2 }

@@ -5,7 +5,7 @@
 
 #include "registers.h"
 
-// From stm32f103c8.ld.
+// stm32f103c8.ld defines these.
 extern uint32_t stack_end[], data_image[], data_begin[], data_end[], bss_begin[], bss_end[];
 
 _Noreturn void system_reset(void)
@@ -23,7 +23,7 @@ void reset_handler(void)
     system_reset();
 }
 
-// Faults and interrupts that nobody expects: a fresh start is the best that is left, and the hello tells of it.
+// Faults and unexpected interrupts reset the chip; the hello then reports a software reset.
 static void unexpected_handler(void)
 {
     system_reset();

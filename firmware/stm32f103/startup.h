@@ -1,4 +1,4 @@
-// Interrupt handlers that the vector table names, and the reset that software asks for.
+// The interrupt handlers in the vector table, and the software reset.
 #ifndef FMFTS_STARTUP_H
 #define FMFTS_STARTUP_H
 

@@ -23,8 +23,8 @@ void timer_start(uint32_t core_mhz)
 uint32_t timer_now_us(void)
 {
     uint32_t begun, remaining;
-    // The counter may wrap at any moment, and its interrupt comes some cycles later: until it has, both do not belong
-    // together. ICSR is looked at first, since the interrupt clears it before it counts.
+    // Some cycles pass between the wrap of the counter and its interrupt; then `ticks` and the counter do not match,
+    // and both are read again. ICSR is read before `ticks`, because the interrupt clears it before it counts.
     do {
         begun = ticks;
         remaining = STK->VAL;

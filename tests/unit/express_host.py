@@ -109,7 +109,7 @@ class Host:
         self.begin()
 
     def begin(self) -> None:
-        if not (self._may_express and self.link.welcomes(0)):
+        if not (self._may_express and self.link.accepts(0)):
             return
         self.lane = self.pipeline.begin(self.clock.line, TOPIC, 0)
         if self.lane is not None:

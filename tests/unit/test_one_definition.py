@@ -156,8 +156,8 @@ def _words(enumerators: str) -> list[str]:
 
 
 def test_no_program_holds_more_than_the_wire_carries() -> None:
-    sampler, tables = (CORE / "sampler.h").read_text(), (FAST.parents[1] / "pose/step.h").read_text()
-    assert constants(CORE / "sampler.h")["SAMPLER_SENSORS_MAX"] <= packets.MAX_SENSORS
+    sampler, tables = (CORE / "pad_bus.h").read_text(), (FAST.parents[1] / "pose/step.h").read_text()
+    assert constants(CORE / "pad_bus.h")["SAMPLER_SENSORS_MAX"] <= packets.MAX_SENSORS
     assert "SAMPLER_PADS_MAX = WIRE_PADS_MAX" in sampler
     assert "FMFTS_SENSORS = FMFTS_WIRE_SENSORS" in tables
     assert constants(CORE / "sampler.h")["SINGLE_RATE_MAX_HZ"] == BRIDGE_SIMULTANEOUS_HZ

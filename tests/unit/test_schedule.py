@@ -11,8 +11,8 @@ from typing import cast
 import pytest
 
 from fmfts.bus.publisher import Publisher
-from fmfts.runtime import fast_loop as express
-from fmfts.runtime.fast_loop import Express
+from fmfts.runtime import fast_loop
+from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.schedule import Schedule
 from fmfts.sensor import Source
 from fmfts_client import Endpoints
@@ -50,9 +50,9 @@ def two(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[tuple[Schedule, Piped, Piped]]:
     if not request.param:
-        monkeypatch.setattr(express, "send_function", lambda: None)
+        monkeypatch.setattr(fast_loop, "send_function", lambda: None)
     sources, publisher = (Piped(), Piped()), Publisher(Endpoints.from_base(f"ipc://{tmp_path}"), "boot")
-    waiting = Express(publisher)
+    waiting = FastLoop(publisher)
     schedule = Schedule(cast(list[Source], list(sources)), waiting)
     schedule.wait(0)  # the first wait looks at every deadline
     for source in sources:

@@ -1,5 +1,5 @@
-/* Close until the pad feels LIMIT_N; open at once when it feels more, too much to measure, or nothing trustworthy.
- * A loop of 1 kHz, as robots have them: it never waits for the pad. */
+/* Closes a gripper until the pad feels limit_n. Opens it at once when the force is larger, over range, or not known.
+ * It runs as a control loop of 1 kHz and never waits for the pad. */
 #define _POSIX_C_SOURCE 200809L
 #include <fmfts.h>
 #include <stdio.h>
@@ -8,7 +8,7 @@
 static const double limit_n = 1.0;
 enum { PERIOD_NS = 1000000 };
 
-/* NULL: nothing speaks against closing. */
+/* Why the gripper must open; NULL: it may close. */
 static const char *why_open(const struct fmfts_client *client, const struct fmfts_contact *contact)
 {
     if (!fmfts_alive(client) || !fmfts_fresh(client))

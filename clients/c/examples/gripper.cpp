@@ -1,4 +1,4 @@
-// The same gripper in C++: sleeps until something comes, and owns the client by a unique_ptr.
+// The same gripper in C++: it sleeps until a contact comes, and a unique_ptr owns the client.
 #include <fmfts.h>
 
 #include <iostream>
@@ -14,7 +14,7 @@ struct Close {
 };
 using Client = std::unique_ptr<fmfts_client, Close>;
 
-// Empty: nothing speaks against closing.
+// Why the gripper must open; empty: it may close.
 std::string why_open(const Client &client, const fmfts_contact &contact)
 {
     if (!fmfts_alive(client.get()) || !fmfts_fresh(client.get()))

@@ -1,4 +1,4 @@
-"""The baseline: what an unloaded pad's sensors see, recorded, checked, stored, and taken away from every frame."""
+"""The baseline: the field of an unloaded pad. It is recorded, checked, stored, and subtracted from every frame."""
 
 from fmfts.baseline.accuracy import accuracy
 from fmfts.baseline.baseline import Baseline, encode, load, make_bare, make_refined, make_rest, make_turn

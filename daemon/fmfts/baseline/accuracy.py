@@ -1,4 +1,4 @@
-"""How well a mounting is known, in the few figures that a person compares before and after."""
+"""How accurately a mounting is known: the figures that a person compares before and after --turn or --refine."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from fmfts.baseline.mounting import Mounting
 from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD
 
-# What 1 N at (4, 4) mm does to the magnet of the standard pad: metres, and radians.
+# How 1 N at (4, 4) mm moves the magnet of the standard pad, in m and rad.
 PRESS_1N = np.array([-1.8e-5, -1.8e-5, -7.7e-4, 0.03, 0.03])
 DEPTH = 2
 
 
 def accuracy(mounting: Mounting, pad: Pad) -> dict[str, float]:
-    """Standard deviations (rms over sensors and axes) of gains, relative to each other, places (m) and remanence (T).
+    """Standard deviations of gains (relative to each other) and sensor places (m), both rms, and of remanence (T).
 
-    Of a press of about 1 N, what is left open of the pose's change: sideways (m), and of its depth, as a force (N).
-    Empty for a mounting whose rest was not recorded.
+    And for a press of about 1 N, of the change of pose: sideways (m), and in depth, as a force (N). Empty if no rest
+    was recorded.
     """
     leftover = mounting.leftover
     if leftover is None:

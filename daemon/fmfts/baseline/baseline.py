@@ -1,4 +1,4 @@
-"""The baseline of a pad as a file: what was recorded before loading, and all that is needed to use it again."""
+"""The baseline of a pad as a file: the recordings made before loading, and all that is needed to use them again."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ LARGEST_BYTES = 4_000_000
 
 
 class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The recordings are the facts; the mounting follows from them, the tolerances and the drawing, the same each time.
+    """Holds the recordings. The mounting is computed from them, the tolerances and the drawing, each time the same.
 
-    `id` is the first twelve hex digits of the SHA-256 of everything else: a damaged file does not have its own id.
-    What was not recorded is not in the file, so that the ids of older files still hold.
+    `id` is the first twelve hex digits of the SHA-256 of everything else: in a damaged file it does not match. Fields
+    without a recording are left out of the file, so that the ids of older files stay valid.
     """
 
     format: int
@@ -44,18 +44,18 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rest: StoredRecording | None
     turn: StoredTurn | None = None
     refine: StoredPresses | None = None
-    # How far rest has drifted from the recorded one (5,), m and rad: never in a file, for it is undone by a restart.
+    # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
     drift: tuple[float, ...] | None = None
 
     @property
     def kind(self) -> Kind:
-        """What was recorded last: only a rest baseline has a mounting."""
+        """ "rest" if a rest recording is there; only then the mounting is estimated."""
         return "rest" if self.rest is not None else "bare"
 
     def mounting(self, pad: Pad) -> Mounting:
-        """The mounting that the recordings show, the drawing's where only a bare one is there.
+        """The mounting estimated from the recordings; the drawing's if there is only a bare one.
 
-        BaselineError where they do not fit `pad`.
+        BaselineError if they do not fit `pad`.
         """
         with solvable(f"pad '{self.pad}': no pad explains what the baseline holds: record it again, --bare and --rest"):
             return self._mounting(pad)
@@ -73,7 +73,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
 
     def drifted(self, moved: Array) -> Baseline:
-        """The same with its rest moved by (5,), m and rad in the tangent plane of its axis."""
+        """A copy with rest moved by (5,), in m and in rad in the tangent plane of its axis."""
         return msgspec.structs.replace(self, drift=tuple(moved.tolist())).sealed()
 
     def as_recorded(self) -> Baseline:
@@ -85,16 +85,16 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         return AtRest(pad, tolerance, rest.recording(), None if self.bare is None else self.bare.recording(), gains)
 
     def sealed(self) -> Baseline:
-        """The same with its own id."""
+        """A copy with the id that belongs to its content."""
         blank = msgspec.structs.replace(self, id="")
         digest = hashlib.sha256(msgspec.json.encode(blank, order="deterministic")).hexdigest()[:12]
         return msgspec.structs.replace(self, id=digest)
 
 
 def make_bare(pad: Pad, tolerance: Tolerance, recording: Recording, before: Baseline | None = None) -> Baseline:
-    """A baseline of the field alone, the pad not mounted; it ends what any rest recording of before said.
+    """A baseline of the field without the pad. It drops the rest recording of `before`.
 
-    Gains are the sensors' own, so that `before` lends its turn.
+    It keeps the turn of `before`, because gains belong to the sensors.
     """
     check_bare(pad, recording)
     return _baseline(pad, tolerance, StoredRecording.of(recording), None, before)
@@ -103,10 +103,10 @@ def make_bare(pad: Pad, tolerance: Tolerance, recording: Recording, before: Base
 def make_rest(
     pad: Pad, tolerance: Tolerance, recording: Recording, before: Baseline | None, replaced: bool = False
 ) -> tuple[Baseline, Mounting]:
-    """A baseline of the mounted, unloaded pad; `before` lends its bare recording. Refused where it does not fit.
+    """A baseline of the mounted, unloaded pad, with the bare recording of `before`. BaselineError if it does not fit.
 
-    Unless the pad was `replaced`, its magnet must be where it was before: a load would become the new zero. What
-    presses told holds until then; the sensors' gains, which a turn told, hold beyond.
+    Unless the pad was `replaced`, its magnet must be where it was before: else a load would become the new zero. The
+    presses of `before` are kept unless the pad was replaced; its turn is always kept, as gains belong to the sensors.
     """
     bare = None if before is None else before.bare
     baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before)
@@ -119,7 +119,7 @@ def make_rest(
 
 
 def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
-    """`before`, which must have a rest recording, with the gains that turning the unloaded robot told."""
+    """`before`, which must have a rest recording, with the gains measured by turning the unloaded robot."""
     _require_rest(before, "--turn")
     assert before is not None
     stored = StoredTurn.of(Turn.of(means))
@@ -129,7 +129,7 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
 
 
 def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
-    """`before`, which must have a rest recording, with what unlabelled presses told of sensor places and gains."""
+    """`before`, which must have a rest recording, with sensor places and gains estimated from unlabelled presses."""
     rest = _require_rest(before, "--refine")
     assert before is not None
     plain = msgspec.structs.replace(before, refine=None)
@@ -148,7 +148,7 @@ def _require_rest(before: Baseline | None, option: str) -> StoredRecording:
 
 
 def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
-    """Seen through the last baseline, the magnet must rest where it did; the ambient field may have turned since."""
+    """BaselineError if the magnet, solved with the last baseline, has moved; the ambient field may have turned."""
     last = before.mounting(pad)
     estimate = solve(
         last.magnet_field(recording.mean_t),
@@ -168,7 +168,7 @@ def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording
 
 
 def load(path: Path, pad: Pad) -> Baseline | None:
-    """The stored baseline, None where there is none; BaselineError where the file is damaged or another pad's."""
+    """The stored baseline, None if there is none; BaselineError if the file is damaged or belongs to another pad."""
     again = "record it again (fmfts-daemon baseline)"
     try:
         with path.open("rb") as file:

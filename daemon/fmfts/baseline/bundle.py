@@ -1,4 +1,4 @@
-"""Least squares over many blocks: each has unknowns of its own, and all share others (a bundle adjustment)."""
+"""Least squares over many blocks. Each block has its own unknowns, and all share others (a bundle adjustment)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Reduced:
-    """Linear equations own·x_k + shared·s = residual of K blocks, the x_k eliminated (Schur's complement).
+    """Linear equations own·x_k + shared·s = residual of K blocks, with the x_k eliminated (Schur complement).
 
-    normal (M, M), gradient (M,): of the shared unknowns. block_chi2 (K,): what the x_k leave of each residual.
+    normal (M, M) and gradient (M,) are for the shared unknowns s. block_chi2 (K,): χ² of each block after fitting x_k.
     """
 
     normal: Array
@@ -31,7 +31,7 @@ class Reduced:
     @classmethod
     def of(cls, own: Array, shared: Array, residual: Array) -> Self:
         """own (K, R, P), shared (K, R, M), residual (K, R), all in standard deviations; R > P."""
-        # What is perpendicular to a block's own columns is all that it can say of the shared unknowns.
+        # Only the part perpendicular to a block's own columns tells about the shared unknowns.
         basis, own_answer = (np.stack(parts) for parts in zip(*map(pseudo_inverse, own), strict=True))
         across = basis.transpose(0, 2, 1)
         left = (shared - product(basis, product(across, shared))).reshape(-1, shared.shape[2])
@@ -46,7 +46,7 @@ class Reduced:
         )
 
     def own_steps(self, shared_step: Array) -> Array:
-        """(K, P) the blocks' own unknowns that go with a step (M,) of the shared ones."""
+        """(K, P) steps of the blocks' own unknowns that belong to a step (M,) of the shared ones."""
         left = self._residual - product(self._shared, shared_step)
         steps: Array = product(self._own_answer, left[:, :, None])[:, :, 0]
         return steps

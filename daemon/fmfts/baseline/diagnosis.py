@@ -1,4 +1,4 @@
-"""Refuses a baseline that no mounted, unloaded pad explains, and names what does."""
+"""Refuses a baseline that does not fit a mounted, unloaded pad, and names the likely cause."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from fmfts.pad import Pad, Tolerance
 
 Array = NDArray[np.float64]
 
-# A pad built within its tolerances is refused once in this many.
+# The probability of refusing a pad that is within its tolerances.
 FALSE_REFUSAL = 1e-5
-# A rest pose further than this from the drawing, in tolerances, is a load rather than a mounting (once in 3000 pads).
+# A rest pose further than this from the drawing, in tolerances, counts as a load; of good pads, one in 3000 is so far.
 LARGEST_STRAIN = 4.0
-# The Earth's field plus what a robot's own steel adds (gauss); more than this is a magnet or iron close by.
+# The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
-# Far more than any mounting leaves open: what a finger, or a wrong rest_mm, does.
+# Tolerances far beyond those of mounting, as a finger or a wrong rest_mm needs them.
 LOADED = {"magnet_position_m": 3e-3, "magnet_tilt_rad": 0.35}
 
 
@@ -39,7 +39,7 @@ class _Suspicion:
 
 
 def check_bare(pad: Pad, bare: Recording) -> None:
-    """BaselineError where the field without the magnet cannot be the robot's surroundings."""
+    """BaselineError if the field without the pad is too strong for the robot's surroundings."""
     size = lengths(bare.mean_t)
     if size.max() > LARGEST_AMBIENT_T:
         sensor = int(np.argmax(size))
@@ -52,11 +52,11 @@ def check_bare(pad: Pad, bare: Recording) -> None:
 def estimate_and_judge(
     pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None = None
 ) -> Mounting:
-    """The mounting, if it is one: BaselineError with the misfit and its likely cause otherwise."""
+    """The estimated mounting if it is plausible, else BaselineError with the misfit and its likely cause."""
     mounting = estimate_mounting(pad, tolerance, rest, bare, gains=gains)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
-    # With perfect sensors the misfit shows where it arose; the tolerances would spread it over all of them.
+    # Assume perfect sensors here: then the misfit shows at the sensor that causes it, and not at all of them.
     misfit = estimate_mounting(
         pad, replace(tolerance, sensor_position_m=0.0, gain=0.0), rest, bare, gains=gains
     ).misfit_t
@@ -89,7 +89,7 @@ def _fits(mounting: Mounting) -> bool:
 def _suspicions(
     pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None
 ) -> Iterator[_Suspicion]:
-    """The single faults that are worth a try, each with the mounting that would follow if it were so."""
+    """The single faults to try, each with the mounting that is estimated under the assumption of this fault."""
     count = len(pad.sensors)
     yield _Suspicion(
         estimate_mounting(replace(pad, rest_axis=-pad.rest_axis), tolerance, rest, bare, gains=gains),

@@ -1,7 +1,7 @@
-"""Slow drift of an unloaded pad (warming, an ageing magnet, creeping silicone): the rest pose follows, within bounds.
+"""Lets the rest pose follow a slow drift of an unloaded pad (warming, ageing magnet, creeping silicone), within bounds.
 
-What is pressed slowly looks the same, so nothing is learnt faster or further than its owner allows: the bounds are what
-protects a load, the tests of quiet only keep clear of obvious ones.
+A slow press looks like a drift. So the rest pose follows no faster and no further than the configuration allows: these
+bounds keep a load from becoming the new zero. The tests for a quiet pad only exclude obvious loads.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
 
 Array = NDArray[np.float64]
 
-# A tilt counts as what it moves so far from the magnet: there both are equally uncertain at rest (docs/pose.md).
+# A tilt counts as the movement it makes at this distance: there tilt and position are equally uncertain (docs/pose.md).
 LEVER_M = 4e-3
 SCALE = np.array([1.0, 1.0, 1.0, LEVER_M, LEVER_M])
-# What moves within a window by more than this many allowed rates, or deviations of its mean, is no drift.
+# A pose that moves within a window by more than so many allowed rates, and deviations of its mean, does not drift.
 STEEPEST_RATES, STEEPEST_DEVIATIONS = 3.0, 5.0
 CERTAIN_DEVIATIONS = 3.0
-# A step is worth a new baseline when it is a tenth of what one window can tell.
+# Smaller steps make no new baseline; this is a tenth of the uncertainty of one window.
 LEAST_STEP_M = 1e-7
 FEWEST = 20
-AT_LIMIT = 1.0 - 1e-9  # as near as rounding lets it be
+AT_LIMIT = 1.0 - 1e-9  # rounding may leave the drift so little below its limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Quiet:
 
 
 class DriftFollower:
-    """moved (5,): from the rest that was recorded, in m and rad in its axis's tangent plane."""
+    """moved (5,): drift from the recorded rest pose, in m, and in rad in the tangent plane of its axis."""
 
     def __init__(self, rest: State, limits: DriftLimits) -> None:
         self.moved = np.zeros(5)
@@ -52,7 +52,7 @@ class DriftFollower:
 
     @property
     def rest(self) -> State:
-        """Where the magnet rests now, as far as it was learnt."""
+        """The rest pose with the drift learned so far."""
         step = np.zeros(6)
         step[POSITION], step[AXIS] = self.moved[POSITION], self.moved[AXIS]
         return self._rest.stepped(step)
@@ -62,11 +62,11 @@ class DriftFollower:
         return _size(self.moved)
 
     def disturbed(self) -> None:
-        """Touched, or not known to be untouched: the quiet begins anew."""
+        """The pad is touched, or may be: start a new window."""
         self._window.clear()
 
     def saw(self, reading: Quiet) -> bool:
-        """True where the rest has moved on."""
+        """Take a reading. True if the rest pose has changed."""
         change = np.append(reading.position_m - self._rest.position_m, product(self._basis.T, reading.axis))
         bound_n = reading.force_n + CERTAIN_DEVIATIONS * reading.force_sd_n
         if self._window and not reading.time_s > self._window[-1][0]:

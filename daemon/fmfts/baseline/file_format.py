@@ -1,4 +1,4 @@
-"""Recordings as they stand in a baseline's file, and back."""
+"""Recordings in the form of a baseline's file, and the conversion in both directions."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
-"""Where baselines are kept: the one in use, and beside it the good one before."""
+"""The folder of baselines: the one in use, and beside it the good one before it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from fmfts import baseline as ambient
-from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline import Baseline, BaselineError, encode, load
 from fmfts.pad import Pad
 from fmfts.service.state import state_directory, write_atomically
 
@@ -13,11 +12,11 @@ ELSEWHERE = "make it writable for this user, or name another folder with XDG_STA
 
 
 class StateError(Exception):
-    """What must outlive the program cannot be written; the text says where, why, and what to do."""
+    """A file of state cannot be written; the text says where, why, and what to do."""
 
 
 def path_of(pad_name: str) -> Path:
-    """The file of the baseline in use. StateError where there can be none."""
+    """The file of the baseline in use. StateError if there is no folder for it."""
     try:
         return state_directory() / "baseline" / f"{pad_name}.json"
     except OSError as error:
@@ -31,10 +30,10 @@ def previous_of(path: Path) -> Path:
 
 
 def stored(pad: Pad) -> Baseline | None:
-    """The baseline in use, None where none was recorded. BaselineError where it is damaged or another pad's."""
+    """The baseline in use, None if none was recorded. BaselineError if it is damaged or belongs to another pad."""
     path = path_of(pad.name)
     try:
-        return ambient.load(path, pad)
+        return load(path, pad)
     except BaselineError as error:
         previous = previous_of(path)
         if not _is_good(previous, pad):
@@ -44,16 +43,16 @@ def stored(pad: Pad) -> Baseline | None:
 
 
 def store(baseline: Baseline, pad: Pad) -> Path:
-    """Write it where the daemon looks for it at its start. StateError where it cannot be written.
+    """Write a baseline to the file that the daemon reads at its start. StateError if that fails.
 
-    The one before stays beside it as `….previous.json`, unless it is damaged: then the last good one stays there.
+    The one before is kept as `….previous.json`, unless it is damaged: then the older file of that name stays.
     """
     path = path_of(pad.name)
     try:
         path.parent.mkdir(exist_ok=True)
         if _is_good(path, pad):
             write_atomically(previous_of(path), path.read_bytes())
-        write_atomically(path, ambient.encode(baseline))
+        write_atomically(path, encode(baseline))
     except OSError as error:
         raise StateError(
             f"pad '{pad.name}': the baseline cannot be written to {path}: {error.strerror}: {ELSEWHERE}"
@@ -62,9 +61,9 @@ def store(baseline: Baseline, pad: Pad) -> Path:
 
 
 def previous(pad: Pad) -> Baseline:
-    """The good baseline before the one in use. BaselineError where there is none."""
+    """The good baseline before the one in use. BaselineError if there is none."""
     path = previous_of(path_of(pad.name))
-    baseline = ambient.load(path, pad)
+    baseline = load(path, pad)
     if baseline is None:
         raise BaselineError(f"pad '{pad.name}': there is no {path}: record a baseline (fmfts-daemon baseline)")
     return baseline
@@ -72,6 +71,6 @@ def previous(pad: Pad) -> Baseline:
 
 def _is_good(path: Path, pad: Pad) -> bool:
     try:
-        return ambient.load(path, pad) is not None
+        return load(path, pad) is not None
     except BaselineError:
         return False

@@ -1,4 +1,4 @@
-"""What is known of the sensors' gains: no more than their tolerance, or what turning an unloaded pad told."""
+"""What is known about the sensors' gains: their tolerance, or what turning the unloaded pad measured."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """Per axis, measured = gain·true: mean (N, 3) and covariance (3N, 3N)."""
+    """Gains per axis (measured = gain·true): mean (N, 3) and covariance (3N, 3N)."""
 
     mean: Array
     covariance: Array
@@ -27,7 +27,7 @@ class Gains:
 
 
 def relative_deviation(covariance: Array) -> Array:
-    """(N, 3) of gains with `covariance` (3N, 3N), relative to their mean: what all have in common is the moment's."""
+    """(N, 3) deviation of gains with `covariance` (3N, 3N) from their mean: the moment absorbs a common factor."""
     size = len(covariance)
     apart = np.eye(size) - 1.0 / size
     deviation: Array = np.sqrt(np.diagonal(product(apart, covariance, apart))).reshape(-1, 3)

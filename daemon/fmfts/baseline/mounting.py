@@ -1,7 +1,7 @@
-"""What a mounted pad really is: its rest pose, magnet, sensor places and gains, as the rest field tells them.
+"""The mounted pad as it really is: rest pose, magnet, sensor places and gains, estimated from the field at rest.
 
-A pad is never quite its drawing. The rest pose is estimated, not assumed: the maximum a posteriori over everything that
-mounting and manufacture leave open, with the tolerances as priors. Contact then uses the pose's change from it.
+No pad is exactly like its drawing. So the rest pose is not assumed but estimated: the maximum a posteriori over
+everything that mounting and manufacture leave open, with the tolerances as priors. Contact uses the change from it.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from fmfts.pose import FieldErrors, State, dipole_field
 Array = NDArray[np.float64]
 
 ITERATIONS = 30
-SETTLED = 1e-6  # largest step, in prior deviations, at which the search ends
+SETTLED = 1e-6  # the search ends when no step is larger, in prior deviations
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """A pad as it is mounted: everything that turns a measured field into the magnet's, with its deviation.
+    """A pad as it is mounted: all that is needed to get the magnet's field, with its deviation, from a measured one.
 
     rest: the unloaded magnet. rest_covariance: (6, 6) of its step (position, axis, log moment).
-    gain: (N, 3) measured = gain·true, per axis. sensor_position_m: (N, 3).
-    offset_t: (N, 3) in sensor axes, what remains of the field when the magnet's is taken away: the ambient field, with
-    what no parameter explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's at rest.
-    noise_t: (N, 3) of one sample. gain_deviation: (N, 3) of a change of field, relative to it; place_deviation: (N, 1)
-    of a change of the magnet's own field, which is not everywhere the same.
-    systematic_t: what every value may be off besides, always by the same.
-    leftover: what the rest field could not tell, None where rest was not recorded.
-    chi2: misfit in deviations, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
-    rest_strain: (5,) how far the rest pose is from the drawing's, in tolerances.
-    ambient_t, ambient_deviation_t: (3,) where a bare recording measured it, else None.
-    press_chi2: (K,) misfit of each press, if there were any, of 3N − 5 degrees of freedom.
+    gain: (N, 3) per axis, measured = gain·true. sensor_position_m: (N, 3).
+    offset_t: (N, 3) in sensor axes, the field at rest without the magnet's: the ambient field, and what no parameter
+    explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's field at rest.
+    noise_t: (N, 3) of one sample. gain_deviation: (N, 3) error of a change of field, relative to it. place_deviation:
+    (N, 1) the same for a change of the magnet's field alone, which differs from place to place.
+    systematic_t: a further constant error of every value.
+    leftover: what the rest field left uncertain, None if rest was not recorded.
+    chi2: misfit, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
+    rest_strain: (5,) distance of the rest pose from the drawing's, in tolerances.
+    ambient_t, ambient_deviation_t: (3,) from the bare recording, None without one.
+    press_chi2: (K,) misfit of each press, if there were any, with 3N − 5 degrees of freedom.
     """
 
     rest: State
@@ -65,11 +65,11 @@ class Mounting:
     press_chi2: Array = field(default_factory=lambda: np.zeros(0))
 
     def drifted(self, moved: Array) -> Self:
-        """The same pad, its magnet at rest elsewhere: moved (5,) in m, and rad in the tangent plane of the axis."""
+        """A copy with the magnet's rest pose moved by (5,), in m, and in rad in the tangent plane of its axis."""
         return replace(self, rest=self.rest.stepped(moved))
 
     def mounted(self, pad: Pad) -> Pad:
-        """The drawing with the estimated sensor places and rest pose in it."""
+        """The drawing with the estimated sensor places and rest pose."""
         return replace(
             pad,
             sensors=SensorArray(self.sensor_position_m, pad.sensors.rotation),
@@ -78,19 +78,19 @@ class Mounting:
         )
 
     def remanence_t(self, pad: Pad) -> float:
-        """The strength of this pad's magnet as the remanence of a magnet of its drawing's size."""
+        """The strength of this pad's magnet, as the remanence of a magnet of the size in the drawing."""
         return pad.magnet.remanence_t * exp(self.rest.log_moment)
 
     def magnet_field(self, measured_t: Array) -> Array:
-        """Measured field (N, 3), sensor axes → the magnet's share of it, gains and ambient field removed."""
+        """The magnet's field from the measured field, both (N, 3) in sensor axes: removes gains and ambient field."""
         return measured_t / self.gain - self.offset_t
 
     def lasting_deviation_t(self, magnet_field_t: Array, ambient_t: Array) -> Array:
-        """(N, 3) standard deviation of the magnet's field, noise aside; ambient_t (N, 3): what of it, in sensor axes,
-        is a change of the ambient field since the baseline.
+        """(N, 3) standard deviation of the magnet's field without noise. ambient_t (N, 3): the part of it, in sensor
+        axes, that is a change of the ambient field since the baseline.
 
-        Real errors are proportional. Those at rest are in the estimate, so only the change counts; where a sensor sits
-        matters to the magnet's field alone.
+        The errors are proportional to the field. The estimate contains those at rest, so only those of the change
+        count. An error of a sensor's place affects only the magnet's field.
         """
         change = magnet_field_t - self.rest_field_t
         gain, place = self.gain_deviation * change, self.place_deviation * (change - ambient_t)
@@ -98,11 +98,11 @@ class Mounting:
         return deviation
 
     def field_errors(self) -> FieldErrors | None:
-        """What the baseline left open, as it shows in the field; None before rest was recorded."""
+        """The errors of the field that the baseline leaves; None before rest was recorded."""
         return None if self.leftover is None else self.leftover.field_errors()
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
-        """(5, 5, M) error of a unit change of pose, see `Leftover.change_error`."""
+        """(5, 5, M) error of a unit change of pose; see `Leftover.change_error`."""
         return np.zeros((5, 5, 0)) if self.leftover is None else self.leftover.change_error(solved)
 
 
@@ -115,12 +115,12 @@ def estimate_mounting(
     gains: Gains | None = None,
     presses: Presses | None = None,
 ) -> Mounting:
-    """The most probable mounting, from the field at rest and, where there is one, the field without the pad.
+    """The most probable mounting, from the field at rest and, if it was recorded, the field without the pad.
 
-    With a bare recording, the difference of both is the magnet's alone, and the ambient field is a measurement; without
-    one it is one more unknown, and what comes out for it is not worth publishing (18–31 mG wrong).
-    used: (N,) sensors to believe, all if None. gains: what is known of them, no more than the tolerance if None.
-    presses: what moved the magnet, if anything did; every press must be of a sensor that is believed.
+    With a bare recording, the difference of the two is the magnet's field, and the ambient field is measured. Without
+    one the ambient field is a further unknown, and its estimate is too bad to publish (18–31 mG wrong).
+    used: (N,) sensors to use, None: all. gains: what is known about them, None: only the tolerance.
+    presses: fields of presses that move the magnet, None: no presses. They need all sensors.
     """
     count = len(pad.sensors)
     unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
@@ -131,7 +131,7 @@ def estimate_mounting(
     bundle = None if presses is None else PressBundle(presses, unknowns)
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
     scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle)
-    # Values known so well tell more than the first order, from which the covariance comes, can say.
+    # The covariance is of first order. Its second-order error is added to the deviations of the field.
     curvature = unknowns.curvature_t(scaled, inverse(normal))
     weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
     scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
@@ -170,9 +170,9 @@ def estimate_mounting(
 def _most_probable(
     unknowns: Unknowns, data: Array, weight: Array, start: Array, bundle: PressBundle | None
 ) -> tuple[Array, Array]:
-    """The unknowns (M,) of the largest posterior, in prior deviations, and its normal matrix (M, M) there.
+    """The unknowns (M,) with the largest posterior, in prior deviations, and the normal matrix (M, M) there.
 
-    data (N, 3) of weight (3N,); the poses of the bundle's presses follow.
+    data (N, 3) has the weights (3N,). The poses of the presses in `bundle` are updated too.
     """
     scaled = start
     for _ in range(ITERATIONS):
@@ -184,7 +184,7 @@ def _most_probable(
             reduced = bundle.linearise(scaled)
             normal, gradient = normal + reduced.normal, gradient + reduced.gradient
         step = solve(normal, gradient)
-        # Beyond a few prior deviations the linear model is not to be believed.
+        # The linear model does not hold over more than a few prior deviations.
         step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
         scaled = scaled + step
         if bundle is not None:
@@ -195,9 +195,9 @@ def _most_probable(
 
 
 def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mounting:
-    """The drawing itself, for a pad whose rest was not recorded yet: only its ambient field is known.
+    """The mounting as drawn, for a pad whose rest was not recorded yet: only the ambient field is known.
 
-    All sensors weigh the same, as in the paper: nothing tells yet which of them are off, only how much they may be.
+    All sensors have the same weight, as in the paper: it is known how wrong they may be, but not which ones are.
     """
     shape = bare.mean_t.shape
     at_rest_t = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet.strength_t_m3)
@@ -228,12 +228,12 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
 
 
 def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
-    """The uniform ambient field (3,), and its deviation (3,) from how far the sensors differ about it."""
+    """The uniform ambient field (3,), and its deviation (3,) from the differences between the sensors."""
     seen = pad.sensors.to_pad(bare.mean_t)
     return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
 
 
 def _by_place(place_deviation_m: Array, distance_m: Array) -> Array:
-    """(N, 1) relative error of a change of the magnet's field: a gradient of a dipole's field goes with 1/r⁴."""
+    """(N, 1) relative error of a change of the magnet's field: the gradient of a dipole's field goes with 1/r⁴."""
     relative: Array = 4.0 / np.sqrt(3.0) * lengths(place_deviation_m) / distance_m
     return relative[:, None]

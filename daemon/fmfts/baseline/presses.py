@@ -1,4 +1,4 @@
-"""Presses that nobody labelled: each has a pose of its own, and all were seen by the same sensors and magnet."""
+"""Unlabelled presses: each has its own unknown pose, and all share the sensors and the magnet."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Presses:
-    """change_t (K, N, 3): the fields' change from rest, in sensor axes, deviation_t (N, 3) of each.
+    """change_t (K, N, 3): change of the field from rest, in sensor axes; each has deviation_t (N, 3).
 
-    start: the poses, roughly.
+    start: rough poses, from which the search starts.
     """
 
     change_t: Array
@@ -31,7 +31,7 @@ class Presses:
 
 @dataclass
 class PressBundle:
-    """The presses within the search for a mounting: their poses follow the shared unknowns."""
+    """The presses within the search for a mounting: updates their poses along with the shared unknowns."""
 
     presses: Presses
     unknowns: Unknowns
@@ -42,9 +42,9 @@ class PressBundle:
         self.poses = list(self.presses.start)
 
     def linearise(self, scaled: Array) -> Reduced:
-        """Around the unknowns `scaled` (M,) and the poses as they are.
+        """The linear equations around the unknowns `scaled` (M,) and the present poses.
 
-        The change from rest is measured, so that what no parameter explains at rest is in no change either.
+        They compare changes from rest: a part of the field at rest that no parameter explains then cancels.
         """
         rest, places, gain = self.unknowns.unpack(scaled)
         cylinder = self.unknowns.cylinder_m2
@@ -62,14 +62,14 @@ class PressBundle:
         return self.reduced
 
     def follow(self, step: Array) -> None:
-        """Move every pose as a step (M,) of the shared unknowns demands."""
+        """Move every pose by the step that belongs to a step (M,) of the shared unknowns."""
         self.poses = [
             replace(pose, position_m=pose.position_m + own[:3], axis=turned(pose.axis, own[3:]))
             for pose, own in zip(self.poses, self.reduced.own_steps(step), strict=True)
         ]
 
     def _whitening(self, gain: Array) -> Array:
-        """(3N, 3N) that makes a change's errors, noise and ambient field, independent and of deviation one."""
+        """(3N, 3N) matrix that makes the errors of a change (noise, ambient field) independent with deviation one."""
         rotation = self.unknowns.pad.sensors.rotation
         ambient = (gain[:, :, None] * rotation.transpose(0, 2, 1)).reshape(-1, 3) * STANDING_AMBIENT_T
         variance = (square(self.presses.deviation_t)).ravel() + square(self.unknowns.model_deviation_t)

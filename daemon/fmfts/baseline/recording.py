@@ -1,4 +1,4 @@
-"""What a few seconds of an untouched pad say: the mean field and the noise of every axis, or why they say nothing."""
+"""Mean field and noise of every axis from a few seconds of an untouched pad; refuses unusable recordings."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 MINIMUM_FRAMES = 50
 MINIMUM_SHARE_VALID = 0.95
 BLOCKS = 8
-# Means of blocks of white noise differ by less than this many of their own deviations (96 of them, once in 1e5).
+# With white noise, block means differ from the mean by less than so many deviations (of 96 means, once in 1e5 times).
 STEADY_DEVIATIONS = 6.0
-# …or by less than this: a drift that moves the pose by a quarter of its own deviation is not worth a refusal (0.5 mG).
+# A smaller drift (0.5 mG) is no reason to refuse: it moves the pose by a quarter of its own deviation.
 STEADY_FIELD_T = 5e-8
 
 
@@ -29,9 +29,9 @@ class BaselineError(Exception):
 
 @contextmanager
 def solvable(otherwise: str) -> Iterator[None]:
-    """While equations are solved: numbers that are far from any pad's can leave them without a solution.
+    """Turns SingularError into BaselineError: equations with numbers far from any pad's may have no solution.
 
-    BaselineError then; otherwise: what was wrong, and what to do.
+    otherwise: the text, which says what was wrong and what to do.
     """
     try:
         yield
@@ -41,9 +41,9 @@ def solvable(otherwise: str) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """mean_t, noise_t: (N, 3) in each sensor's own axes, tesla; noise is one sample's standard deviation.
+    """mean_t, noise_t: (N, 3) in each sensor's own axes; noise is the standard deviation of one sample.
 
-    samples: (N,) fresh samples behind each mean. temperature_c: mean, None where the source has no thermometer.
+    samples: (N,) number of fresh samples in each mean. temperature_c: mean, None if the source has no thermometer.
     """
 
     mean_t: Array
@@ -60,7 +60,7 @@ class Recording:
 
 
 def summarise(frames: Sequence[Frame]) -> Recording:
-    """The recording that these frames make; BaselineError where they are too few, incomplete, saturated or moving."""
+    """The recording from these frames; BaselineError if they are too few, incomplete, saturated or moving."""
     if len(frames) < MINIMUM_FRAMES:
         raise BaselineError(
             f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
@@ -89,7 +89,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
         if len(samples) < MINIMUM_FRAMES:
             raise BaselineError(f"sensor {sensor + 1} gave only {len(samples)} new samples: its clock has stopped")
         mean[sensor] = samples.mean(axis=0)
-        # Differences of neighbours see the noise but not a drift; a count is never known better than its rounding.
+        # Differences of successive samples show the noise without a drift. Rounding to counts sets its lower limit.
         noise[sensor] = np.maximum(np.diff(samples, axis=0).std(axis=0) / np.sqrt(2.0), step_t / np.sqrt(12.0))
         blocks = np.array([block.mean(axis=0) for block in np.array_split(samples, BLOCKS)])
         wander[sensor] = np.abs(blocks - mean[sensor]).max(axis=0)
@@ -113,6 +113,6 @@ def summarise(frames: Sequence[Frame]) -> Recording:
 
 
 def _require(good: NDArray[np.bool_], sentence: Callable[[int], str]) -> None:
-    """Raise the sentence for the first sensor that is not good."""
+    """BaselineError with the sentence for the first sensor that is not good."""
     if not good.all():
         raise BaselineError(sentence(int(np.argmin(good))))

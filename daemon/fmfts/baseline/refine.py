@@ -1,4 +1,4 @@
-"""Sensor places, gains and magnet from a minute of unlabelled presses: which of them to take, and what they tell."""
+"""Estimates sensor places, gains and magnet from unlabelled presses, and chooses the presses to use."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from fmfts.pose import FREE_POSE, Status, displacement, solve
 Array = NDArray[np.float64]
 
 FEWEST, MOST = 15, 40
-# A field that moves by less within a mean bends by less than 0.1 mG over it (20 mG: 0.1 mm of the magnet's way).
+# If the field moves by less during a mean (20 mG: the magnet moves 0.1 mm), its curvature changes the mean by < 0.1 mG.
 STEADY_T = 2e-6
-# Poses nearer than this to rest or to each other, in typical presses, say the same thing again.
+# Poses nearer than this to rest or to each other, in typical presses, tell nothing new.
 SMALLEST_DISTANCE = 0.1
 FALSE_OUTLIER = 1e-4
 LARGEST_MISFIT = 5.0
@@ -33,7 +33,7 @@ MOST_OUTLIERS = 0.2
 
 @dataclass(frozen=True, slots=True)
 class PressFields:
-    """field_t (K, N, 3) in sensor axes with the deviation (N, 3) of each, and rest_t (N, 3) when nothing touched."""
+    """field_t (K, N, 3) in sensor axes, the deviation (N, 3) of each, and rest_t (N, 3) of the untouched pad."""
 
     field_t: Array
     deviation_t: Array
@@ -42,7 +42,7 @@ class PressFields:
 
 @dataclass(frozen=True, slots=True)
 class AtRest:
-    """All that a mounting is estimated from before anything moved."""
+    """Everything from which a mounting at rest is estimated."""
 
     pad: Pad
     tolerance: Tolerance
@@ -52,7 +52,7 @@ class AtRest:
 
 
 def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:
-    """`mounting`, the estimate at rest, with what the presses tell besides."""
+    """Improves `mounting`, the estimate at rest, with the presses."""
     change = fields.field_t - fields.rest_t
     mounted = mounting.mounted(known.pad)
     start = tuple(
@@ -64,9 +64,9 @@ def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:
 
 
 def pick(known: AtRest, mounting: Mounting, means: Means) -> PressFields:
-    """The presses worth keeping; BaselineError where there are too few, or something else than a finger moved.
+    """Choose the presses to keep. BaselineError if there are too few, or if something other than a finger moved.
 
-    Their deviation is what they turn out to scatter by, where that is more than noise explains.
+    If they scatter by more than their noise, their deviation is set to the scatter.
     """
     field = _spread_out(known.pad, mounting, means)
     fields = PressFields(field, means.noise_t / np.sqrt(MEAN_OF), known.rest.mean_t)
@@ -86,7 +86,7 @@ def pick(known: AtRest, mounting: Mounting, means: Means) -> PressFields:
 
 
 def _spread_out(pad: Pad, mounting: Mounting, means: Means) -> Array:
-    """(K, N, 3) fields of steady presses as far from each other, and from rest, as can be had."""
+    """(K, N, 3) fields of steady presses, chosen as far from each other and from rest as possible."""
     mounted = mounting.mounted(pad)
     fields, changes = [], []
     noise = float(means.noise_t.max()) * np.sqrt(2.0 / (MEAN_OF // 2))

@@ -1,4 +1,4 @@
-"""Recording a baseline: frames collected, judged, stored. The same job within the daemon and without one."""
+"""Records a baseline: collects frames, judges them, and stores it. The daemon and the verbs without a daemon use it."""
 
 from __future__ import annotations
 
@@ -11,20 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from fmfts import baseline as ambient
 from fmfts.arithmetic.elementary import square
-from fmfts.baseline import Baseline, BaselineError, Mounting
+from fmfts.baseline import (
+    Baseline,
+    BaselineError,
+    Mounting,
+    accuracy,
+    make_bare,
+    make_refined,
+    make_rest,
+    make_turn,
+    means,
+    summarise,
+)
 from fmfts.baseline.files import previous, store
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame, Source
 from fmfts.sensor.tasks import PATIENCE_S
 
-# The mean over 3 s at 220 Hz is 25 times quieter than one sample; more would mostly collect drift.
+# The mean over 3 s at 220 Hz has 1/25 of the noise of one sample; a longer recording would mostly add drift.
 DURATION_S = 3.0
-# A turn that spans space, and thirty presses, take a person so long.
+# The time that a person needs for turning about two axes, and for thirty presses.
 TURN_S, REFINE_S = 20.0, 40.0
 SHORTEST_S, LONGEST_S = 0.5, 60.0
-# The device's clock says when a recording is complete, this computer's when that takes too long.
+# The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
 OVERTIME_S = 5.0
 
 
@@ -38,16 +48,16 @@ class Recorded:
     gained: dict[str, float]
 
     def facts(self, pad: Pad) -> dict[str, Any]:
-        """What a person wants to know of it."""
+        """The facts for the person who asked for the baseline."""
         return _report(self.baseline, self.mounting, pad) | self.gained | {"stored": str(self.path)}
 
 
 @dataclass(frozen=True, slots=True)
 class BaselineRequest:
-    """bare: the pad is not mounted; else it is, and unloaded. replaced: another pad than the last time.
+    """bare: the pad is not mounted; else it is mounted and unloaded. replaced: it is another pad than the last time.
 
-    turn, refine: better what was recorded at rest, by turning the robot, or by presses anywhere. duration_s: what such
-    a recording takes if None. BaselineError where the duration, or the choice, makes no sense.
+    turn, refine: improve the last baseline by turning the robot, or by presses anywhere. duration_s None: the usual
+    time for this kind of recording. BaselineError if the options exclude each other or the duration is out of range.
     """
 
     pad: Pad
@@ -73,41 +83,41 @@ class BaselineRequest:
         return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
-        """BaselineError, naming the pad, where the frames do not make one; nothing is changed then."""
+        """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough."""
         try:
             if self.turn:
-                return ambient.make_turn(self.pad, ambient.means(frames), before)
+                return make_turn(self.pad, means(frames), before)
             if self.refine:
-                return ambient.make_refined(self.pad, ambient.means(frames), before)
-            recording = ambient.summarise(frames)
+                return make_refined(self.pad, means(frames), before)
+            recording = summarise(frames)
             if self.bare:
-                baseline = ambient.make_bare(self.pad, self.tolerance, recording, before)
+                baseline = make_bare(self.pad, self.tolerance, recording, before)
                 return baseline, baseline.mounting(self.pad)
-            return ambient.make_rest(self.pad, self.tolerance, recording, before, self.replaced)
+            return make_rest(self.pad, self.tolerance, recording, before, self.replaced)
         except BaselineError as error:
             raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
 
     def record(self, frames: Sequence[Frame], before: Baseline | None) -> Recorded:
-        """Make and store one. BaselineError as from `make`, StateError where it cannot be stored."""
+        """Make a baseline and store it. BaselineError as from `make`, StateError if it cannot be stored."""
         baseline, mounting = self.make(frames, before)
         gained: dict[str, float] = {}
         if before is not None and (self.turn or self.refine):
-            was, now = (ambient.accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
+            was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
             gained = {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
         return Recorded(baseline, mounting, store(baseline, self.pad), gained)
 
 
 def restore(pad: Pad) -> Recorded:
-    """Bring the baseline before the last one back; the last one, where it is good, becomes the one before.
+    """Bring the previous baseline back; the present one, if it is good, becomes the previous one.
 
-    BaselineError where there is none, StateError where it cannot be stored.
+    BaselineError if there is no previous one, StateError if it cannot be stored.
     """
     baseline = previous(pad)
     return Recorded(baseline, baseline.mounting(pad), store(baseline, pad), {})
 
 
 class Collection:
-    """The frames of one pad for `duration_s` by the device's clock. now_s: time.monotonic()."""
+    """Collects the frames of one pad for `duration_s` of the device's clock. now_s: time.monotonic()."""
 
     def __init__(self, source: Source, duration_s: float) -> None:
         self.frames: list[Frame] = []
@@ -130,7 +140,7 @@ class Collection:
         return 1.0 if self.complete else min(max(self._span_s / self._duration_s, 0.0), 1.0)
 
     def problem(self, now_s: float) -> str:
-        """Why it will never be complete, "" while there is hope."""
+        """Why the collection will not get complete; "" if it still may."""
         if self._went_back:
             return "the device's clock went back while recording, so it was reset: check its supply, then record again"
         if now_s - self._heard_s > PATIENCE_S:
@@ -146,7 +156,7 @@ class Collection:
 
 
 class BaselineJob:
-    """A Task. Collects frames, then computes and stores elsewhere: the thread that publishes must not wait for it."""
+    """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait."""
 
     def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
         self._request = request
@@ -176,14 +186,14 @@ class BaselineJob:
         return None if recorded is None else recorded.facts(self._request.pad)
 
     def problem(self, now_s: float) -> str:
-        if self._result is not None:  # computing ends by itself
+        if self._result is not None:  # the computation always ends
             return ""
         problem = self._collection.problem(now_s)
         return f"no baseline was recorded: {problem}" if problem else ""
 
 
 class Restoration:
-    """A Task: the same for bringing the last good baseline back."""
+    """A Task: brings the previous baseline back."""
 
     share = 0.0
 
@@ -204,7 +214,7 @@ class Restoration:
 
 
 def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
-    """What a person wants to know of a new baseline."""
+    """The facts about a new baseline, for the person who asked for it."""
     recording = baseline.rest or baseline.bare
     assert recording is not None
     facts: dict[str, Any] = {

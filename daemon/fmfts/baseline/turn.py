@@ -1,7 +1,7 @@
-"""Gains from turning the unloaded pad: all sensors see one vector of constant length, the Earth's field, turn.
+"""Estimates gains from turning the unloaded pad: all sensors see the same vector of constant length, the Earth's field.
 
-y_k = g∘(Rᵀ·u_k) + o for every sensor, with o what turns along (its magnet), and |u_k| = E. The length that all gains
-have in common is free; the moment absorbs it.
+At orientation k every sensor measures y_k = g∘(Rᵀ·u_k) + o, with |u_k| = E, and o the field of its pad's magnet, which
+turns along. A factor common to all gains stays unknown; the moment absorbs it.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ from fmfts.pad import Pad, Tolerance
 
 Array = NDArray[np.float64]
 
-# More would cost file and time, not deviation: at 100 the noise leaves 0.03 % of a gain.
+# With 100 the noise leaves 0.03 % of a gain; more would cost file size and time and gain nothing.
 ORIENTATIONS = 100
-# A workshop: the field's strength differs by so much over the way that a turned pad takes. It differs smoothly: however
-# many orientations there are, no more than so many of them have a strength of their own.
+# In a workshop the strength of the field differs by this over the path of a turned pad. It changes smoothly: of many
+# orientations only so many count as independent.
 STRENGTH_DEVIATION, INDEPENDENT = 0.005, 10
-# The same, between sensors 16 mm apart.
+# The difference of the field between sensors 16 mm apart.
 UNEVEN_DEVIATION_T = 5e-8
-# The field's sweep along the direction that it moved least in: at least this, and this share of the largest.
+# The field's sweep along the direction in which it moved least: at least this, and this share of the largest sweep.
 SMALLEST_SWEEP_T, SMALLEST_SHARE = 2e-5, 0.5
-# Orientations that an untouched pad is accused of; and misfits that no touch explains, in expected deviations.
+# Probability that an orientation of an untouched pad counts as touched; larger misfits than this, in expected
+# deviations, are not caused by a touch.
 FALSE_TOUCH = 1e-6
 LARGEST_MISFIT = 5.0
 ITERATIONS, SETTLED = 20, 1e-8
@@ -39,7 +40,7 @@ ITERATIONS, SETTLED = 20, 1e-8
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """Fields (K, N, 3) in sensor axes at K orientations, with the deviation (N, 3) of each and when (K,) it was."""
+    """Fields (K, N, 3) in sensor axes at K orientations, the deviation (N, 3) of each, and their times (K,)."""
 
     field_t: Array
     deviation_t: Array
@@ -52,20 +53,20 @@ class Turn:
 
 
 def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
-    """BaselineError where the orientations do not span space, or something else than the Earth's field changed."""
+    """Estimate the gains. BaselineError if the orientations do not span space, or another field changed."""
     _require_span(pad, turn)
     deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T * _repeated(len(turn.field_t)))
     count = len(pad.sensors)
     field, offset, strength = _first_guess(pad, turn)
     gain = np.ones((count, 3))
-    # A tolerance of zero says that the gains are perfect: nothing is left to estimate.
+    # A tolerance of zero means that the gains are exact; the floor avoids a division by zero.
     prior = np.full(3 * count, 1.0 / square(max(tolerance.gain, 1e-9)))
     for _ in range(ITERATIONS):
         reduced = _linearised(pad, turn.field_t, deviation, (gain, offset, strength), field)
         normal, gradient = reduced.normal.copy(), reduced.gradient.copy()
         normal[range(3 * count), range(3 * count)] += prior
         gradient[: 3 * count] -= prior * (gain - 1.0).ravel()
-        # Offsets are some 1e-4, the rest about one: scaled, the equations are well conditioned.
+        # Offsets are about 1e-4, the other unknowns about one; scaling makes the equations well conditioned.
         scale = 1.0 / np.sqrt(np.diagonal(normal))
         step = scale * solve(normal * scale * scale[:, None], scale * gradient)
         field = field + reduced.own_steps(step)
@@ -75,7 +76,7 @@ def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
         if np.abs(step[: 3 * count]).max() < SETTLED:
             break
     inflation = _judged(turn, gain, offset, pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1)))
-    # The prior keeps its weight, the recording loses what it does not explain.
+    # If the misfits are larger than expected, the recording gets less weight; the prior keeps its own.
     reduced = _linearised(pad, turn.field_t, deviation * inflation, (gain, offset, strength), field)
     normal = reduced.normal + np.diag(np.concatenate([prior, np.zeros(3 * count + 1)]))
     scale = 1.0 / np.sqrt(np.diagonal(normal))
@@ -86,7 +87,7 @@ def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
 def _linearised(
     pad: Pad, measured: Array, deviation: Array, shared: tuple[Array, Array, float], field: Array
 ) -> Reduced:
-    """Columns: gains (3N), offsets (3N), log strength. Own: the field (3). Rows: 3N values, then the strength."""
+    """Shared unknowns: gains (3N), offsets (3N), log strength. Own: field (3). Rows: 3N values, then the strength."""
     gain, offset, strength = shared
     orientations, count = len(measured), len(pad.sensors)
     seen = pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1))
@@ -108,12 +109,12 @@ def _linearised(
 
 
 def _repeated(orientations: int) -> float:
-    """What a deviation that INDEPENDENT orientations have must be at each of many, so that they tell no more."""
+    """Factor on a deviation of each orientation, so that many tell no more than INDEPENDENT ones."""
     return float(np.sqrt(max(orientations / INDEPENDENT, 1.0)))
 
 
 def _first_guess(pad: Pad, turn: Turn) -> tuple[Array, Array, float]:
-    """Field (K, 3), offsets (N, 3), strength: perfect gains, and the sphere through it, a linear problem."""
+    """Field (K, 3), offsets (N, 3) and strength for gains of one: fits a sphere, which is a linear problem."""
     mean = turn.field_t.mean(axis=0)
     swept = pad.sensors.to_pad(turn.field_t - mean).mean(axis=1)
     equations = np.column_stack([2.0 * swept, np.full(len(swept), 1e-5)])
@@ -139,7 +140,7 @@ def _require_span(pad: Pad, turn: Turn) -> None:
 
 
 def _judged(turn: Turn, gain: Array, offset: Array, seen: Array) -> float:
-    """How much larger the misfits are than expected, at least 1; BaselineError where a touch or steel made them."""
+    """How much larger than expected the misfits are, at least 1. BaselineError if a touch or steel caused them."""
     deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T)
     misfit = turn.field_t - gain * seen - offset
     chi2 = square(misfit / deviation).sum(axis=(1, 2))

@@ -1,4 +1,4 @@
-"""What mounting and manufacture leave open, as one vector, and what it does to the field and to a change of pose."""
+"""The unknowns of mounting and manufacture as one vector, and their effect on the field and on a change of pose."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from fmfts.pose.state import turn_derivative
 
 Array = NDArray[np.float64]
 
-# The Earth's field has 0.25–0.65 G in a direction nobody knows; steel in a robot's arm adds to it.
+# The Earth's field has 0.25–0.65 G in an unknown direction; steel in a robot's arm adds to it.
 AMBIENT_DEVIATION_T = 5e-5
-# The robot stands still from one recording to the next; what its surroundings change all the same.
+# The change of the ambient field between two recordings while the robot stands still.
 STANDING_AMBIENT_T = 1e-7
-# What a firm press does to the pose: the error of a change is measured at such a one.
+# The change of pose by a firm press, for which the error of a change is computed.
 TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
-# A finger goes down; sideways and in tilt it goes either way.
+# A finger presses down; sideways and in tilt it may move either way.
 HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """Rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N), counted in prior deviations:
-    `deviation` (9 + 6N,) has them in SI, from the drawing and the prior's `gain` (N, 3). precision (9 + 6N, 9 + 6N):
-    of the prior in these units; turning the robot makes gains depend on each other."""
+    """Rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N), in prior deviations from the
+    drawing and the prior's `gain` (N, 3). deviation (9 + 6N,): the prior deviations in SI. precision (9 + 6N, 9 + 6N):
+    of the prior in these units; after a turn of the robot the gains are correlated."""
 
     pad: Pad
     deviation: Array
@@ -41,9 +41,9 @@ class Unknowns:
 
     @classmethod
     def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, gains: Gains | None = None) -> Self:
-        """ambient_free: nothing is known of the field, else it is what is left of a bare recording's.
+        """ambient_free: the ambient field is unknown; else only its change since a bare recording is.
 
-        gains: the tolerance's if None. With a tolerance of zero they are taken as exact.
+        gains: what is known about them, None: only the tolerance. With a tolerance of zero they count as exact.
         """
         count = len(pad.sensors)
         gains = gains or Gains.untested(count, tolerance.gain)
@@ -74,19 +74,20 @@ class Unknowns:
 
     @property
     def cylinder_m2(self) -> float:
-        """κ of the magnet itself, also where the tracker makes do with a dipole."""
+        """κ of the real magnet, even if the tracker uses a dipole."""
         return octupole_m2(self.pad.magnet)
 
     @property
     def model_deviation_t(self) -> float:
-        """What `predict` leaves out of the cylinder's field, at the nearest sensor."""
+        """The part of the cylinder's field that `predict` leaves out, at the nearest sensor."""
         away = lengths(self.pad.sensors.position_m - self.pad.rest_position_m)
         return self.pad.magnet.beyond_octupole_t(float(away.min()))
 
     def curvature_t(self, scaled: Array, covariance: Array) -> Array:
-        """(3N,) root mean square of what the first order around `scaled` leaves of each field value, over errors of
-        `covariance` (M, M): with H the second derivatives in independent errors of deviation one, the mean is ½ tr H
-        and the variance ½ tr H²."""
+        """(3N,) rms of the second-order part of each field value around `scaled`, over errors with `covariance` (M, M).
+
+        With H the second derivatives by independent errors of deviation one, the mean is ½ tr H, the variance ½ tr H².
+        """
         root = cholesky(covariance)
         here = self.predict(*self.unpack(scaled), octupole_m2=self.cylinder_m2)[1]
         bent = np.array(
@@ -111,10 +112,8 @@ class Unknowns:
     ) -> tuple[Array, Array]:
         """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI.
 
-        octupole_m2: κ of the magnet; None: as the tracker has it.
-
-        The tilt is a step in the tangent plane of `start_axis`: the drawing's if None, where the search for the rest
-        pose starts.
+        octupole_m2: κ of the magnet, None: the tracker's. The tilt is a step in the tangent plane of `start_axis`,
+        None: of the drawing's axis, from which the search for the rest pose starts.
         """
         start_axis = self.pad.rest_axis if start_axis is None else start_axis
         count = len(places)
@@ -139,7 +138,7 @@ class Unknowns:
 
 @dataclass(frozen=True, slots=True)
 class Leftover:
-    """What the baseline could not tell: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
+    """What the baseline leaves uncertain: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
 
     weight: (3N,) of the field values of a frame.
     """
@@ -154,9 +153,9 @@ class Leftover:
         return np.asarray(self.unknowns.deviation[:, None] * cholesky(self.covariance), dtype=np.float64)
 
     def field_errors(self) -> FieldErrors:
-        """What the same leftover does to the field of a changed pose, and of an ambient field that has changed.
+        """The errors of the field, after a change of pose and of the ambient field, that these uncertainties cause.
 
-        Besides the M unknowns' deviations there is one column for the dipole that stands in for the cylinder.
+        Besides the columns of the M unknowns there is one for the tracker's use of a dipole in place of the cylinder.
         """
         state, places, gain = self.unknowns.unpack(self.scaled)
         state = replace(state, ambient_t=np.zeros(3))
@@ -172,18 +171,18 @@ class Leftover:
         return FieldErrors(by_pose, by_field, self.unknowns.pad.sensors.rotation)
 
     def _cylinder(self, state: State, places: Array, gain: Array, octupole_m2: float) -> Array:
-        """(N, 3) the cylinder's field less that of the tracker's model."""
+        """(N, 3) the cylinder's field minus that of the tracker's model."""
         whole, _ = self.unknowns.predict(state, places, gain, octupole_m2=octupole_m2)
         modelled, _ = self.unknowns.predict(state, places, gain)
         return whole - modelled
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
-        """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that
-        follows from each of M independent deviations of the unknowns.
+        """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that each
+        of M independent deviations of the unknowns causes.
 
-        At rest the baseline absorbs an error of places and gains; what it does to a change is the difference of the
-        field's derivatives there and here, seen through the least squares of the tracker, whose unknowns are the
-        columns `solved` (pose 0–4, log moment 5, ambient field 6–8).
+        At rest the baseline absorbs the errors of places and gains. In a changed pose they have another effect: the
+        difference of the field's derivatives there and at rest. The tracker's least squares turn it into an error of
+        pose; its unknowns are the columns `solved` (pose 0–4, log moment 5, ambient field 6–8).
         """
         state, places, gain = self.unknowns.unpack(self.scaled)
         _, at_rest = self.unknowns.predict(state, places, gain)
@@ -203,7 +202,7 @@ class Leftover:
 def _around_half_a_press(rest: State) -> Iterator[tuple[State, State]]:
     """For each direction of the pose, the states half a typical change before and after half a press.
 
-    A quadratic that is zero at rest is the change times its derivative half way: so the second order is in it, too.
+    For a quadratic that is zero at rest, the derivative half way times the change is exact, also in second order.
     """
     for direction, size in enumerate(TYPICAL_CHANGE):
         step = np.zeros(5)

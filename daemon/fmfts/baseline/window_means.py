@@ -1,4 +1,4 @@
-"""Frames of a moving field as short means at one instant each."""
+"""Averages the frames of a moving field over short windows, each with its time."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from fmfts.sensor.frame import Frame
 
 Array = NDArray[np.float64]
 
-# 50 ms at 220 Hz: three times quieter than one sample, and a hand does not get far.
+# 50 ms at 220 Hz: a third of the noise of one sample, and a hand moves little in that time.
 MEAN_OF = 11
 
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """field_t (K, N, 3) in sensor axes, of MEAN_OF frames each. wander_t (K,): how far the field moved meanwhile.
+    """field_t (K, N, 3) in sensor axes, each the mean of MEAN_OF frames. wander_t (K,): how far the field moved in it.
 
     time_s (K,) since the recording began. noise_t (N, 3): standard deviation of one sample.
     """
@@ -33,7 +33,7 @@ class Means:
 
 
 def means(frames: Sequence[Frame]) -> Means:
-    """BaselineError where too few frames are whole. Chips run free: each frame is brought to one instant first."""
+    """Average frames, each brought to one instant first (chips run free). BaselineError if too few are complete."""
     if len(frames) < MINIMUM_FRAMES:
         raise BaselineError(
             f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
@@ -73,21 +73,21 @@ def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
 
 
 def _noise(frames: Sequence[Frame]) -> Array:
-    """(N, 3) standard deviation of one sample, as it was sampled: interpolation would smooth it, though not its mean.
+    """(N, 3) standard deviation of one sample, from the samples themselves: interpolation would smooth the noise.
 
-    Second differences see the noise (√6 of it) but neither a turn nor a press.
+    Second differences show the noise (times √6) without a turn or a press.
     """
     fields, fresh = np.array([frame.field_t for frame in frames]), np.array([frame.fresh for frame in frames])
     differences = (np.diff(fields[fresh[:, sensor], sensor], 2, axis=0) for sensor in range(fields.shape[1]))
     noise = np.array([_robust_deviation(of_sensor) for of_sensor in differences]) / np.sqrt(6.0)
-    # A count is never known better than its rounding.
+    # Rounding to counts sets the lower limit of the noise.
     floored: Array = np.maximum(noise, frames[0].chip.step_t[frames[0].gain_code] / np.sqrt(12.0))
     return floored
 
 
 def _robust_deviation(differences: Array) -> Array:
-    """Standard deviation along the first axis that a few jerks do not spoil: of what lies within four times that which
-    the median of the squares says; alone, the median of counts is a count."""
+    """Standard deviation along the first axis, without outliers beyond four times a rough one from the median of the
+    squares. The median alone would not do: as a median of counts it is itself a count."""
     squares = square(differences)
     rough = np.nanmedian(squares, axis=0) / 0.4549  # the median of χ² with one degree
     deviation: Array = np.sqrt(np.nanmean(np.where(squares <= 16.0 * rough, squares, np.nan), axis=0))

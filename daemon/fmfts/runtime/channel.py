@@ -1,4 +1,4 @@
-"""One pad within the daemon: its pipeline, what it delivered, and what is told about it besides contacts."""
+"""One pad in the daemon: runs its pipeline and publishes its contacts, events, status and frames."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from fmfts.sensor.probing import faults_of
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
-# A frame this old is not worth solving: newer ones wait behind it. What a busy computer's scheduler does is shorter.
+# An older frame is not solved: newer ones wait behind it. The scheduler of a busy computer causes shorter delays.
 OVERDUE_S = 0.5
 
 
 class Channel:
-    """Feeds one pad's frames through its pipeline and publishes all that follows from them."""
+    """Passes one pad's frames through its pipeline and publishes the results."""
 
     def __init__(
         self, source: Source, pad_index: int, pipeline: PadPipeline, publisher: Publisher, boot: str, rate_hz: float
@@ -38,7 +38,7 @@ class Channel:
         self.pad_index = pad_index
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
-        self.config: PadConfig | None = None  # what recorders are told of it; without it, they get no state
+        self.config: PadConfig | None = None  # goes to recorders with the state; without it, they get no state
         self._rebaselining: Rebaselining | None = None
         self._publisher = publisher
         self._topic = contact_topic(self.name)
@@ -47,16 +47,16 @@ class Channel:
         self._clock = source.clock_line if isinstance(source, ByteSource) else None
         self._statistics = PadStatistics()
         self._started_ns = time.monotonic_ns()
-        # Without a usable frame for this long a pad is silent: at any rate, two frames may be missing.
+        # A pad is silent when no usable frame came for this long; it allows for two missing frames at every rate.
         self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
         self._last_frame_ns: int | None = None
         self._last_used_ns: int | None = None
         self._late_s = 0.0
         self._failed = False
         self._last: ContactMessage | PackedMessage | None = None
-        self._kind: Kind | None = None  # of the last message, if it was a healthy frame's
+        self._kind: Kind | None = None  # of the last message, if the fast path made it
         self._health_since_ns = self._started_ns
-        self._lane: Lane | None = None  # while frames pass there
+        self._lane: Lane | None = None  # set while C handles the frames
         self._touched = False
         self._touched_since_ns = self._started_ns
 
@@ -67,11 +67,11 @@ class Channel:
 
     @property
     def faults(self) -> list[str]:
-        """A sentence for everything that is wrong with the source now."""
+        """A sentence for each thing that is wrong with the source now."""
         return faults_of(self.source, self.pad_index)
 
     def frame(self, frame: Frame) -> None:
-        """One frame in: a contact, and whatever changed, out."""
+        """Process one frame: publish its contact message, and an event for each change."""
         arrived_ns = time.monotonic_ns()
         self._last_frame_ns = arrived_ns
         self._statistics.frame(frame)
@@ -86,7 +86,7 @@ class Channel:
             return
         answer = self._answered(frame)
         if isinstance(answer, PackedMessage) and answer.kind is self._kind:
-            # Healthy as the one before, touched as the one before: there is nothing else to tell.
+            # Health and touch are the same as in the message before, so there is no event.
             self._publisher.send_packed(self._topic, answer.payload)
             self._last = answer
         else:
@@ -99,7 +99,7 @@ class Channel:
             self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
 
     def begin(self, now_ns: int) -> Lane | None:
-        """Let healthy frames pass in C from now on; None where Python has to see them."""
+        """Let C handle healthy frames from now on; None if Python must see the frames."""
         if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
             return None
         if self._publisher.frames_wanted(self.name, now_ns):
@@ -108,7 +108,7 @@ class Channel:
         return self._lane
 
     def end(self) -> None:
-        """Account for what has passed, if frames pass; from now on they come to `frame` again."""
+        """If C handles the frames: take them back and account for those that C handled. `frame` gets the next ones."""
         if self._lane is None:
             return
         ended = self.pipeline.end(self._lane)
@@ -122,7 +122,7 @@ class Channel:
             self._last_frame_ns = self._last_used_ns = passed.arrival_ns
 
     def use(self, baseline: Baseline) -> None:
-        """BaselineError where it does not fit the pad. What a drift taught is forgotten."""
+        """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
         mounting = self.pipeline.use(baseline)
         self._rebaselining = None
         if self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None:
@@ -136,7 +136,7 @@ class Channel:
         return last_ns is None or now_ns - last_ns >= self._silent_ns
 
     def tick(self, now_ns: int) -> None:
-        """Called twenty times a second while no frame can be used: its health is said anyway."""
+        """Publish the health of a silent pad. The daemon calls this twenty times a second while a pad is silent."""
         if not self.is_silent(now_ns):
             return
         state, last = self.source.state, self._last_frame_ns
@@ -156,7 +156,7 @@ class Channel:
         return self._last.message if isinstance(self._last, PackedMessage) else self._last
 
     def _answered(self, frame: Frame) -> ContactMessage | PackedMessage:
-        """An error in the work on one pad must not end the others', nor pass for a reading."""
+        """The pipeline's message. After an internal error it is `lost`: the daemon goes on with the other pads."""
         try:
             return self.pipeline.answer(frame)
         except Exception as error:
@@ -174,7 +174,7 @@ class Channel:
         self._publisher.send_event(self.name, now)
 
     def status(self, now_ns: int) -> StatusMessage:
-        """Facts of the last interval; ends it."""
+        """The status message about the interval since the last call."""
         latency = self._statistics.interval(now_ns)
         state, last, mounting = self.source.state, self._last_message, self.pipeline.mounting
         return StatusMessage(
@@ -208,14 +208,14 @@ class Channel:
         )
 
     def _publish(self, message: ContactMessage) -> ContactMessage:
-        """Send it, and tell what changed; what was sent (the publisher may have withheld an estimate)."""
+        """Send a message and the events of its changes. Returns what was sent: the publisher may remove an estimate."""
         message = self._publisher.send_contact(self.name, message)
         self._tell(message)
         self._last, self._kind = message, None
         return message
 
     def _tell(self, message: ContactMessage) -> None:
-        """What changed with a message that was sent."""
+        """Publish an event for each thing that changed with a message that was sent."""
         before = self._last_message
         if before is None or before.health != message.health:
             self._health_since_ns = message.t_publish_ns
@@ -228,7 +228,7 @@ class Channel:
             self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
 
     def _follow_contact(self, message: ContactMessage) -> None:
-        """Onset and release. An unknown contact is neither: what held before it holds until something is known."""
+        """Publish onset and release. Called only if `contact` is known; an unknown contact changes nothing."""
         if message.contact and not self._touched:
             self.event("onset", _place(message))
         elif self._touched and not message.contact:
@@ -242,7 +242,7 @@ class Channel:
         self._publisher.send_frame(self.name, frame_message(frame, self.name, self._boot, time.time_ns(), used))
 
     def _send_state(self, config: PadConfig) -> None:
-        """What cannot be recorded must not end what can be felt."""
+        """Send the state to recorders. A state that cannot be encoded is logged; contacts go on."""
         try:
             self._publisher.send_state(self.name, state_message(self.pipeline, config, self._boot))
         except TypeError:

@@ -1,4 +1,4 @@
-"""The running daemon: one loop that waits for bytes, requests and deadlines, and for nothing else."""
+"""The running daemon: one loop that waits for bytes, requests and deadlines."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from fmfts.pipeline.configured import model_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
-from fmfts.runtime.fast_loop import Express
+from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.summary import one_line
@@ -43,11 +43,11 @@ from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
 
-TICK_NS = 50_000_000  # while a pad is silent: so often its health is said
-QUIET_TICK_NS = 200_000_000  # while all is well; a wake-up of an idle computer costs more than what is done in it
+TICK_NS = 50_000_000  # while a pad is silent, its health is published so often
+QUIET_TICK_NS = 200_000_000  # while all is well; waking an idle computer costs more than the work of the tick
 SECOND_NS = 1_000_000_000
 NEIGHBOURS_WITHOUT_BARE = (
-    "it has neighbours, and its baseline no bare recording, so their fields pass for errors of mounting: "
+    "it has neighbours, and its baseline no bare recording, so their fields count as errors of mounting: "
     "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
 )
 
@@ -56,7 +56,7 @@ class Daemon:
     """All pads of one configuration. Use as a context manager; `run` returns when asked to stop."""
 
     def __init__(self, config: Config) -> None:
-        """Opens models, baselines and endpoints; raises their errors. Devices may come later."""
+        """Opens models, baselines and endpoints, and raises their errors. Devices may be plugged in later."""
         self._boot = secrets.token_hex(4)
         endpoints = for_daemon(config.bus.endpoint)
         models = load_models(config)
@@ -72,7 +72,7 @@ class Daemon:
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
-        self._express = Express(self._publisher)
+        self._fast_loop = FastLoop(self._publisher)
         self._pads = config.pad
         self._service = config.service
         by_name = {pad.name: pad for pad in config.pad}
@@ -80,9 +80,9 @@ class Daemon:
             self._sources.append(source)
             for pad_index, name in names.items():
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
-            self._express.take_in(source, [self._channels[id(source), pad_index] for pad_index in names])
+            self._fast_loop.add(source, [self._channels[id(source), pad_index] for pad_index in names])
         self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
-        self._schedule = Schedule(self._sources, self._express)
+        self._schedule = Schedule(self._sources, self._fast_loop)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
         self._stopping = self._asked = False
@@ -95,7 +95,7 @@ class Daemon:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._express.close()
+        self._fast_loop.close()
         for source in self._sources:
             source.close()
         self._executor.shutdown(wait=False, cancel_futures=True)
@@ -108,7 +108,7 @@ class Daemon:
         self._wake_write.close()
 
     def run(self) -> None:
-        """Frames in, contacts out, until SIGTERM or SIGINT. RealtimeError where the config asks for what it may not."""
+        """Runs until SIGTERM or SIGINT. RealtimeError if the config asks for a priority that is refused."""
         self._wake_write.setblocking(False)
         signal.set_wakeup_fd(self._wake_write.fileno())
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -122,23 +122,23 @@ class Daemon:
             lock_memory()
         if self._service.realtime_priority:
             take_priority(self._service.realtime_priority)
-        # What is there now stays: no collection has to look through it again while frames come.
+        # The objects that exist now stay: later garbage collections need not look through them.
         gc.collect()
         gc.freeze()
         self._notifier.ready()
         for channel in self._channels.values():
             self._report(channel, time.monotonic_ns())
-        # A rate wants a second; from then on, one status at a time: those of many pads would keep frames waiting.
+        # After a second there is a rate. Then the pads report by turns, so that frames do not wait for all of them.
         self._status_ns = time.monotonic_ns() + SECOND_NS
         while not self._stopping:
             self._turn()
         self._notifier.stopping()
 
     def _turn(self) -> None:
-        """Wait until something needs Python, and do it."""
+        """Wait until something needs Python, and handle it."""
         for source in self._schedule.wait(min(self._tick_ns, self._status_ns)):
             now_ns = time.monotonic_ns()
-            with self._express.ended(source, now_ns):
+            with self._fast_loop.ended(source, now_ns):
                 self._serve(source, now_ns)
         now_ns = time.monotonic_ns()
         looks = now_ns >= self._look_ns
@@ -150,7 +150,7 @@ class Daemon:
         if now_ns >= self._tick_ns:
             self._schedule.review()
             if self._verbs.is_busy:
-                self._express.end_all()  # a baseline may come into use
+                self._fast_loop.end_all()  # the pad may get a new baseline
                 self._verbs.finish_jobs()
             all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
             self._tick_ns = now_ns + (QUIET_TICK_NS if all_well else TICK_NS)
@@ -167,32 +167,32 @@ class Daemon:
         self._schedule.served(source, had_frames=bool(frames))
 
     def _tell_silence(self, now_ns: int) -> bool:
-        """Is any pad silent?"""
+        """Publish the health of silent pads. True if there is any."""
         silent = False
         for channel in self._channels.values():
             if not channel.is_silent(now_ns):
                 continue
-            with self._express.ended(channel.source, now_ns):
-                # Frames that passed in C are accounted for now.
+            with self._fast_loop.ended(channel.source, now_ns):
+                # The frames that C handled are counted now, so the pad may not be silent.
                 if channel.is_silent(now_ns):
-                    # They may lie here: on a busy computer this loop itself stands still at times.
+                    # Its frames may be waiting unread: on a busy computer this loop itself is stopped at times.
                     self._serve(channel.source, now_ns)
                     channel.tick(now_ns)
                 silent |= channel.is_silent(now_ns)
         return silent
 
     def _answer(self) -> bool:
-        """Whoever asks for something; False where nobody does.
+        """Answer requests, subscriptions and keys. True if there was a request: then call it again.
 
-        ZeroMQ signals at edges only, and answering may swallow one: to be called again then, and now and then.
+        ZeroMQ signals only changes, and answering may consume a signal. So it is also called at regular intervals.
         """
         if self._publisher.anything_wanted():
-            self._express.end_all()  # whose frames are recorded are seen by Python
+            self._fast_loop.end_all()  # Python must see the frames that somebody records
         if self._gate is not None:
             self._gate.answer()
         requests = self._control.poll()
         if requests:
-            self._express.end_all()
+            self._fast_loop.end_all()
         for request in requests:
             self._verbs.handle(request)
             self._schedule.review()
@@ -239,8 +239,8 @@ class Daemon:
                 log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
 
     def _report(self, channel: Channel, now_ns: int) -> None:
-        """Its status; systemd is told of all with the first one's."""
-        with self._express.ended(channel.source, now_ns):
+        """Publish a pad's status. With that of the first pad, systemd gets a line about all."""
+        with self._fast_loop.ended(channel.source, now_ns):
             status = channel.status(now_ns)
         self._verbs.last_status[channel.name] = status
         self._publisher.send_status(channel.name, status)
@@ -253,7 +253,7 @@ class Daemon:
 
 
 def load_models(config: Config) -> dict[str, ContactModel]:
-    """By pad; pads of one structure share theirs. ModelError where one is not of its pad."""
+    """The contact models by pad; pads of the same structure share one. ModelError if a model is not for its pad."""
     loaded: dict[tuple[object, ...], ContactModel] = {}
     models = {}
     for pad in config.pad:

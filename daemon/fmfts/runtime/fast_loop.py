@@ -1,7 +1,7 @@
-"""The wait for bytes, and healthy frames that pass meanwhile in C: from a board's line to the bus, without Python.
+"""Waits for bytes. Meanwhile C reads healthy frames from a board's line and publishes their contacts, without Python.
 
-A board's frames pass from a healthy one on. Whatever else comes (a fault, a status) or is asked for ends that: `poll`
-reads then, and the stages in Python judge.
+C takes over after a healthy frame. Anything else on the line (a fault, a status) or a request ends that: then `poll` of
+the source reads the bytes, and the stages in Python process them.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Line:
-    """A board's channels; the descriptor while frames of some of them pass."""
+    """A board's channels. descriptor: set while C reads it."""
 
     source: ByteSource
     channels: Sequence[Channel]
     descriptor: int | None = None
 
 
-class Express:
-    """Waits for descriptors; frames of boards that began pass meanwhile. Touch neither board nor pads until `end`."""
+class FastLoop:
+    """epoll loop. Between begin() and end() C owns the board and its pads; do not use them from Python."""
 
     def __init__(self, publisher: Publisher) -> None:
         self._epoll = select.epoll()
         self._lines: dict[int, Line] = {}  # by id of the source
-        self._left: set[int] = set()  # descriptors of those that ended with whole packets unread
+        self._unserved: set[int] = set()  # descriptors where end() got back whole packets; the next wait() returns them
         self._loop = None
         send = send_function() if AVAILABLE else None
         if send is not None:
             self._loop = _fast.Loop(self._epoll.fileno(), send, publisher.address)
 
-    def take_in(self, source: Source, channels: Sequence[Channel]) -> None:
-        """A source whose frames may pass, if it is one of bytes."""
+    def add(self, source: Source, channels: Sequence[Channel]) -> None:
+        """Allow C to handle this source's frames, if it is a ByteSource."""
         if self._loop is not None and isinstance(source, ByteSource):
             self._lines[id(source)] = Line(source, channels)
 
@@ -58,47 +58,48 @@ class Express:
         self._epoll.unregister(descriptor)
 
     def wait(self, until_ns: int) -> list[int]:
-        """Descriptors with something that no lane takes, as soon as there are any; none at `until_ns`."""
+        """Wait for descriptors with something that Python must read, and return them; none after `until_ns`."""
         if self._loop is not None:
-            left, self._left = self._left, set()
-            return [*left.union(self._loop.wait(0 if left else until_ns))]
+            unserved, self._unserved = self._unserved, set()
+            return [*unserved.union(self._loop.wait(0 if unserved else until_ns))]
         timeout_s = max(0.0, (until_ns - time.monotonic_ns()) * 1e-9)
         return [descriptor for descriptor, _ in self._epoll.poll(timeout_s)]
 
     def begin(self, source: Source, now_ns: int) -> None:
-        """Let frames pass from now on, if they can."""
+        """Let C handle the source's frames from now on, if that is possible."""
         line = self._lines.get(id(source))
         if line is None or self._loop is None or not (pads := line.source.lendable()):
             return
-        welcome = [channel for channel in line.channels if channel.pad_index in pads]
-        lanes = tuple(lane.compiled for channel in welcome if (lane := channel.begin(now_ns)) is not None)
+        channels = [channel for channel in line.channels if channel.pad_index in pads]
+        lanes = tuple(lane.compiled for channel in channels if (lane := channel.begin(now_ns)) is not None)
         if lanes:
             line.descriptor, unread = line.source.lend()
-            self._left.discard(line.descriptor)
+            self._unserved.discard(line.descriptor)
             self._loop.begin(line.descriptor, unread, lanes)
 
     def end(self, source: Source) -> None:
-        """Let none pass, and account for those that have."""
+        """Take the source back from C, and account for the frames that C handled."""
         line = self._lines.get(id(source))
         if line is None or line.descriptor is None or self._loop is None:
             return
-        left = self._loop.end(line.descriptor)
-        assert left is not None
-        if b"\0" in left[0]:
-            self._left.add(line.descriptor)
-        line.source.give_back(*left)
+        returned = self._loop.end(line.descriptor)
+        assert returned is not None
+        unread, heard_ns = returned
+        if b"\0" in unread:
+            self._unserved.add(line.descriptor)
+        line.source.give_back(unread, heard_ns)
         for channel in line.channels:
             channel.end()
         line.descriptor = None
 
     def end_all(self) -> None:
-        """Each begins again when it has been served."""
+        """Take all sources back from C. Each begins again when it is next served."""
         for line in self._lines.values():
             self.end(line.source)
 
     @contextmanager
     def ended(self, source: Source, now_ns: int) -> Iterator[None]:
-        """Let none pass meanwhile; it begins again with what was done to it."""
+        """Within this context Python may use the source and its pads; afterwards C may take over again."""
         self.end(source)
         yield
         self.begin(source, now_ns)
@@ -109,11 +110,11 @@ class Express:
 
 
 def send_function() -> int | None:
-    """Address of `zmq_send` in the libzmq that pyzmq has loaded; None where it cannot be had: no frame passes then."""
-    for name in ("_zmq", "socket"):  # of pyzmq 26 and later, and before
+    """Address of `zmq_send` in the libzmq that pyzmq loaded. None if not found: then Python handles every frame."""
+    for name in ("_zmq", "socket"):  # since pyzmq 26, and before
         try:
             library = importlib.import_module(f"zmq.backend.cython.{name}").__file__
-            # Symbols of what a library was linked with are found through it.
+            # This also finds the symbols of libzmq, to which the module is linked.
             return ctypes.cast(ctypes.CDLL(library).zmq_send, ctypes.c_void_p).value
         except (ImportError, OSError, AttributeError) as error:
             log.debug("no zmq_send through zmq.backend.cython.%s: %s", name, error)

@@ -1,4 +1,4 @@
-"""A request that is answered later: one rule for every task, so that none is ever left without an answer."""
+"""A request that is answered later, when its task has ended. Every such request gets an answer."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from fmfts.bus.control import Request
 from fmfts.sensor import SourceError
 from fmfts.sensor.tasks import Task
 
-# A client takes 5 s of silence for a dead daemon.
+# A client that hears nothing for 5 s thinks that the daemon is dead.
 PROGRESS_S = 0.5
 
 log = logging.getLogger(__name__)
 
 
 class Pending:
-    """`done` is called before the facts are sent: what the daemon itself does with a result."""
+    """Before it sends the facts of a finished task, it calls `done`, in which the daemon uses the result."""
 
     def __init__(self, request: Request, pad: str, task: Task, done: Callable[[], None] = lambda: None) -> None:
         self.task = task
@@ -31,7 +31,7 @@ class Pending:
         request.progress(share=task.share)
 
     def settle(self, now_s: float) -> bool:
-        """Answer where there is an answer, else say from time to time how far it is. True: it was answered."""
+        """Answer if the task has ended or failed, else report progress from time to time. True: it was answered."""
         try:
             return self._reply(self.task.facts()) or self._give_up(self.task.problem(now_s)) or self._tell(now_s)
         except (BaselineError, SourceError, StateError) as error:
@@ -62,6 +62,6 @@ class Pending:
 
 
 def fail_internally(request: Request, error: Exception) -> None:
-    """An error nobody foresaw costs one request, never the daemon."""
+    """Answer a request with an unexpected error; the daemon goes on."""
     if not request.answered:
         request.fail(f"internal error, worth reporting with the daemon's log: {type(error).__name__}: {error}")

@@ -1,4 +1,4 @@
-"""One pad's baseline following a slow drift by itself, where its owner allows it ([pad.rebaseline])."""
+"""Lets a pad's baseline follow a slow drift by itself, if the configuration allows it ([pad.rebaseline])."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from fmfts.pipeline.snapshot import follow
 
 log = logging.getLogger(__name__)
 
-# Every frame must be quiet; of so many one is unpacked for the mean, of which there are more than enough.
+# Every frame must be quiet, but only one in so many is unpacked for the mean; that is more than enough.
 LOOKED_AT = 11
 
 
 class Rebaselining:
-    """Of one baseline, from when it was recorded."""
+    """Follows the drift of one recorded baseline."""
 
     def __init__(self, pipeline: PadPipeline, recorded: Baseline, mounting: Mounting, limits: DriftLimits) -> None:
         self._pipeline = pipeline
@@ -35,7 +35,7 @@ class Rebaselining:
         return self._follower.size_m
 
     def saw(self, answer: ContactMessage | PackedMessage) -> bool:
-        """What was made of a frame. True where the pipeline now measures from another rest."""
+        """Take the pipeline's answer to a frame. True if the pipeline now uses another rest pose."""
         self._frames += 1
         if isinstance(answer, PackedMessage) and answer.kind is Kind.QUIET and self._frames % LOOKED_AT:
             return False
@@ -53,7 +53,7 @@ class Rebaselining:
 
 
 def _quiet(message: ContactMessage, unfelt_n: float) -> Quiet | None:
-    """None where it does not say for sure that nothing touches, as far as the middle of the pad can tell."""
+    """The reading of an untouched pad; None if the message leaves it open whether something touches the pad."""
     pose, force_n, force_sd_n = message.pose, message.force_n, message.force_sd_n
     if message.health != "ok" or message.contact is not False or message.over_range:
         return None

@@ -1,4 +1,4 @@
-"""What the control socket can be asked to do. Each verb answers with facts or with an error that changes nothing."""
+"""Handles the requests on the control socket. Each verb answers with facts, or with an error and no change."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class _Baseline(_OfPad, forbid_unknown_fields=True):
 
 
 class Verbs:
-    """Handles requests on the pipeline's thread; what takes long is a task, and answered when that ends."""
+    """Handles requests on the pipeline's thread. Long work is a task, and its request is answered when it ends."""
 
     def __init__(self, configs: Mapping[str, PadConfig], channels: Sequence[Channel], executor: Executor) -> None:
         self.last_status: dict[str, StatusMessage] = {}
@@ -71,11 +71,11 @@ class Verbs:
 
     @property
     def is_busy(self) -> bool:
-        """Some request's work goes on, or has ended since it was looked at."""
+        """Some request is not answered yet."""
         return bool(self._pending)
 
     def finish_jobs(self) -> None:
-        """Answer the requests whose work has ended since the last call; call it a few times a second."""
+        """Answer the requests whose task has ended since the last call. Call it a few times a second."""
         now_s = time.monotonic()
         self._pending = [pending for pending in self._pending if not pending.settle(now_s)]
         under_way = {id(pending.task) for pending in self._pending}

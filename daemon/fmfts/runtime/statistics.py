@@ -1,4 +1,4 @@
-"""What a pad really delivered: true rate, gaps, latency. Published once a second; counters only grow."""
+"""What a pad really delivered: true rate, gaps, latency. The status publishes it once a second; counters only grow."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from fmfts.sensor import Frame
 class PadStatistics:
     """Counters since the start, and the latencies (sample → publish) since the last `interval`.
 
-    gaps: frames that were produced and never came, of those between two that came in one run of the source. What was
-    lost at the seam of two runs is not known: a board that restarts counts from 0 again.
-    dropped: frames that came and were not used.
+    gaps: frames that are missing between two frames of one run of the source. How many were lost between two runs is
+    not known, because a board that restarts counts from 0 again.
+    dropped: frames that arrived and were not used.
     """
 
     frames: int = 0
@@ -26,7 +26,7 @@ class PadStatistics:
     _latencies_s: list[float] = field(default_factory=list)
 
     def frame(self, frame: Frame) -> None:
-        """Account for a frame: a jump of the sequence within a run is a gap of that many."""
+        """Count a frame, and the frames missing before it: the jump of the sequence number within a run."""
         self.frames += 1
         if self._last is not None and self._last[0] == frame.run:
             self.gaps += max(frame.sequence - self._last[1] - 1, 0)
@@ -36,7 +36,7 @@ class PadStatistics:
         self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
 
     def passed(self, passed: Passed) -> None:
-        """Frames of the same run as the last one, and their messages."""
+        """Count the frames that C handled; they are of the same run as the last one."""
         self.frames += passed.frames
         before = passed.first_sequence - 1
         if self._last is not None:
@@ -46,7 +46,7 @@ class PadStatistics:
         self._latencies_s += passed.latencies_s
 
     def interval(self, now_ns: int) -> tuple[float, float, float] | None:
-        """End the interval: sets `rate_hz`; latencies p50, p99, max in seconds, None where nothing was published."""
+        """End the interval and set `rate_hz`. Returns latencies p50, p99, max in s; None if nothing was published."""
         count = len(self._latencies_s)
         if self._first_ns is not None and now_ns > self._first_ns:
             self.rate_hz = count / ((now_ns - self._first_ns) * 1e-9)

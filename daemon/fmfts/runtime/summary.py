@@ -1,4 +1,4 @@
-"""The daemon in one line, for `systemctl status`: true rates, and what is wrong since when."""
+"""The state of the daemon in one line, for `systemctl status`: true rates, and what is wrong and for how long."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from fmfts.bus.messages import StatusMessage
 
-LONGEST_LIST = 4  # of faulty pads: systemctl shows one line
+LONGEST_LIST = 4  # names at most so many faulty pads, because systemctl shows one line
 
 
 def one_line(pads: Sequence[StatusMessage], now_ns: int) -> str:
-    """Healthy pads as a count with their rates, every other one with health, duration and reason."""
+    """The number of healthy pads with their rates, and every other pad with health, duration and reason."""
     healthy = [pad for pad in pads if pad.health == "ok" and not pad.sensor_faults]
     faulty = [pad for pad in pads if pad not in healthy]
     parts = [_fault(pad, now_ns) for pad in faulty[:LONGEST_LIST]]

@@ -1,4 +1,4 @@
-// The part of string.h that the firmware uses; memory.c has it.
+// The part of string.h that the firmware uses; memory.c implements it.
 #ifndef FMFTS_STRING_H
 #define FMFTS_STRING_H
 

@@ -1,4 +1,4 @@
-"""Frames from an STM32 on a serial port. Everything happens inside `poll`, and nothing there waits."""
+"""Frames from an STM32 on a serial port. `poll` does all the work and never waits."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import UID_BYTES, Verb
 from fmfts.sensor.wired_pad import PadOnBoard
 
-READ_BYTES = 4096  # all that Linux holds back of a line
+READ_BYTES = 4096  # the size of Linux's buffer for a serial line
 FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
-LOOK_NS = 50_000_000  # has anything been plugged in, or pulled? No port is opened for that
-SILENCE_NS = 1_500_000_000  # a board says its status every second, whatever else it does
-REOPEN_NS = 5_000_000_000  # some adapters recover only so
-IDENTIFY_NS = 1_500_000_000  # what a port gets to show that it holds the right board
-FRAME_BYTES = (21, 8)  # on the line: of any sample packet, and for each sensor
+LOOK_NS = 50_000_000  # how often to look, without opening a port, whether a device was plugged in or pulled out
+SILENCE_NS = 1_500_000_000  # a board sends its status every second, whatever else it does
+REOPEN_NS = 5_000_000_000  # reopen the port after this silence: some adapters recover only then
+IDENTIFY_NS = 1_500_000_000  # within this time the board on a port must send its hello
+FRAME_BYTES = (21, 8)  # of a sample packet on the line: fixed, and for each sensor
 
 
 class Bridge:
-    """A Source: one board on one port, feeding the pads of `pads` by their index on it."""
+    """A Source: one board on one port, with `pads` by pad index."""
 
-    clock_ns = staticmethod(time.monotonic_ns)  # the one that frames bear; a bench has its own
+    clock_ns = staticmethod(time.monotonic_ns)  # the clock of the frames' arrival; a benchmark replaces it
 
     def __init__(self, pads: Mapping[int, PadOnBoard], by_id: Path = Path("/dev/serial/by-id")) -> None:
         any_pad = next(iter(pads.values()))
@@ -45,9 +45,9 @@ class Bridge:
         self._link = Link(pads, self.state, self._clock, self._uid)
         self._by_id = by_id
         self._candidates: list[str] = []
-        self._found: dict[str, str] = {}  # port → what is there, of the present round
+        self._found: dict[str, str] = {}  # port → what it holds, in the present round of `_candidates`
         self._serial: serial.Serial | None = None
-        self._descriptor: int | None = None  # of the open port: asking pyserial takes longer than reading
+        self._descriptor: int | None = None  # of the open port; kept because asking pyserial takes longer than reading
         self._port = any_pad.port
         self._opened_ns = 0
         self._attempt_ns = 0
@@ -55,7 +55,7 @@ class Bridge:
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
         self._outbox = b""
-        self._unread = b""  # given back: packets, or the beginning of one
+        self._unread = b""  # bytes from give_back(): packets, or the beginning of one
 
     def fileno(self) -> int | None:
         return self._descriptor
@@ -80,8 +80,8 @@ class Bridge:
             return frozenset()
         self._unread = self._link.give_back() + self._unread
         if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
-            return frozenset()  # there is a packet, or no beginning of one
-        return frozenset(index for index in self._pads if self._link.welcomes(index))
+            return frozenset()  # a whole packet waits for `poll`, or the bytes are no packet
+        return frozenset(index for index in self._pads if self._link.accepts(index))
 
     def lend(self) -> tuple[int, bytes]:
         assert self._descriptor is not None
@@ -99,7 +99,7 @@ class Bridge:
             return ()
         frames = self._receive(now_ns)
         if frames and self.state.connected and not self._outbox and self._link.is_quiet:
-            return frames  # all is well, and there is nothing to say
+            return frames  # all is well, and there is nothing to send
         if self._serial is not None:
             self._judge(now_ns)
         if self._serial is not None:
@@ -133,11 +133,11 @@ class Bridge:
 
     @property
     def _is_configured_port(self) -> bool:
-        """No byte goes to another port before it has spoken the wire: it may be anything."""
+        """Nothing is sent to another port before a packet came from it: any device may be there."""
         return self._port == self._configured_port
 
     def _look(self, now_ns: int) -> None:
-        """What was plugged in just now is not kept waiting."""
+        """If a device was plugged in just now, try the ports at once."""
         self._look_ns = now_ns + LOOK_NS
         before, self._there = self._there, serial_port.presence(self._ports_to_try())
         if self._there - before:
@@ -169,7 +169,7 @@ class Bridge:
         return True
 
     def _ports_to_try(self) -> list[str]:
-        """The configured port; with a binding also every other one that udev knows, for the board may have moved."""
+        """The configured port. With a configured uid also every other port of udev: the board may have moved."""
         if self._uid is None:
             return [self._configured_port]
         others = {os.path.realpath(path): str(path) for path in sorted(self._by_id.glob("*"))}
@@ -193,14 +193,14 @@ class Bridge:
             return ()
         self._unread = b""
         unheard = self._link.heard_ns == 0
-        # Not `now_ns`: what came since then would pass for older than it is.
+        # Not `now_ns`: bytes may have arrived since, and would get a time before their arrival.
         frames = self._link.feed(data, self.clock_ns())
         if unheard and self._link.heard_ns and not self._is_configured_port:
             self._link.requests.ask(Verb.HELLO)
         return frames
 
     def _judge(self, now_ns: int) -> None:
-        """Connected, silent, the wrong board, or the wrong device altogether?"""
+        """Decide whether the port is connected, silent, has the wrong board, or is no board at all."""
         link = self._link
         if not self.state.connected and self._has_lost_its_name(now_ns):
             self._disconnect(f"{self._port} is no longer the device that was opened: plug the board in again", now_ns)
@@ -221,7 +221,7 @@ class Bridge:
             self.state.connect(now_ns)
 
     def _has_lost_its_name(self, now_ns: int) -> bool:
-        """A silent port need not be waited for where what has its name now was plugged in since."""
+        """True if the port's name now belongs to a device that was plugged in later: then do not wait for this one."""
         if now_ns < self._look_ns:
             return False
         self._look_ns = now_ns + LOOK_NS
@@ -246,7 +246,7 @@ class Bridge:
         try:
             self._outbox = self._outbox[os.write(self._descriptor, self._outbox) :]
         except BlockingIOError:
-            return  # the rest goes at the next poll; the repetition after 250 ms brings one about
+            return  # the next poll sends the rest; it comes after 250 ms at the latest, when the request is repeated
         except OSError as error:
             self._disconnect(f"the port takes no requests ({error.strerror}): plug the board in again", now_ns)
 
@@ -255,7 +255,7 @@ class Bridge:
         self._next_attempt(now_ns)
 
     def _next_attempt(self, now_ns: int) -> None:
-        """The next candidate at once; after the last, say what was found and wait."""
+        """Try the next candidate at once; after the last one, report what was found and wait."""
         if self._candidates:
             self._attempt_ns = now_ns
             return
@@ -269,7 +269,7 @@ class Bridge:
         self.state.disconnect(reason, now_ns)
 
     def _disconnect(self, reason: str, now_ns: int) -> None:
-        """The descriptor goes before anything else: kept, it would make the adapter come back under another name."""
+        """Close the port first: while it is open, an adapter that is plugged in again gets another name."""
         self._release()
         self._link.lost(reason)
         self._candidates.clear()

@@ -1,4 +1,4 @@
-"""Serial ports as Linux really has them: opening without waiting, and what /sys knows of the adapter."""
+"""Serial ports on Linux: opening and closing without waiting, and what /sys says about the adapter."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ BITS_PER_BYTE = 10  # start, eight data bits, stop
 
 
 def open_raw(port: str, baud: int) -> serial.Serial:
-    """The port, locked for this process, 8N1 and non-blocking: reads raise BlockingIOError while nothing is there.
+    """The port, locked for this process, 8N1 and non-blocking: reads raise BlockingIOError while there are no bytes.
 
     Raises OSError (SerialException is one).
     """
     try:
         device = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
     except serial.SerialException as error:
-        if isinstance(error.__context__, termios.error):  # pyserial keeps its number in a text
+        if isinstance(error.__context__, termios.error):  # pyserial has the error's number only in a text
             raise OSError(*error.__context__.args) from error
         raise
     try:
         attributes = termios.tcgetattr(device.fileno())
-        # pyserial sets VMIN to 0, and then "nothing yet" and "hung up" are both a read of 0 bytes.
+        # pyserial sets VMIN to 0; then a read returns 0 bytes both when there is nothing yet and after a hang-up.
         attributes[6][termios.VMIN] = 1
         termios.tcsetattr(device.fileno(), termios.TCSANOW, attributes)
     except termios.error as error:
@@ -40,7 +40,7 @@ def open_raw(port: str, baud: int) -> serial.Serial:
 
 
 def presence(paths: Iterable[Path | str]) -> frozenset[tuple[str, int, int, int]]:
-    """What is there of `paths`; another value when a device is plugged in or its mode or group is set."""
+    """Which of `paths` exist; the value changes when a device is plugged in, or its mode or group is set."""
     there = set()
     for path in paths:
         with suppress(OSError):
@@ -50,7 +50,7 @@ def presence(paths: Iterable[Path | str]) -> frozenset[tuple[str, int, int, int]
 
 
 def is_named(port: str, device: serial.Serial) -> bool:
-    """False where the port's name has gone, or is another device's by now."""
+    """False if the port's name is gone or now belongs to another device."""
     try:
         return os.path.samestat(os.stat(port), os.fstat(device.fileno()))
     except OSError:
@@ -59,13 +59,13 @@ def is_named(port: str, device: serial.Serial) -> bool:
 
 def close(device: serial.Serial) -> None:
     """Close without waiting for bytes that an unplugged adapter will never send."""
-    with suppress(termios.error, OSError):  # nothing is left to flush where the device has gone
+    with suppress(termios.error, OSError):  # a device that is gone has nothing to flush
         termios.tcflush(device.fileno(), termios.TCIOFLUSH)
     device.close()
 
 
 def why_not_open(port: str, error: OSError) -> str:
-    """The end of a sentence that begins with the port."""
+    """Why the port does not open, as the end of a sentence that begins with the port."""
     match error.errno:
         case errno.ENOTTY | errno.EISDIR:
             return "is not a serial port: see /dev/serial/by-id for those that are"
@@ -80,7 +80,7 @@ def why_not_open(port: str, error: OSError) -> str:
 
 
 def transfer_ns(port: str, baud: int, size: int) -> int:
-    """Time that `size` bytes take on the port's UART; 0 where there is none (a pty, or a board's own USB)."""
+    """Time that `size` bytes take on the port's UART; 0 if it has none (a pty, or a board's own USB)."""
     driver = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "driver"
     if not driver.exists() or driver.resolve().name == "cdc_acm":
         return 0
@@ -88,7 +88,7 @@ def transfer_ns(port: str, baud: int, size: int) -> int:
 
 
 def latency_warning(port: str) -> str | None:
-    """FTDI adapters hold bytes back for `latency_timer` ms, 16 unless somebody asked for 1."""
+    """A sentence if an FTDI adapter holds bytes back: it does so for `latency_timer` ms, 16 by default."""
     timer = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "latency_timer"
     try:
         milliseconds = int(timer.read_text())

@@ -1,4 +1,4 @@
-"""One Linux I2C bus through smbus2, with the call under way on record for another process to see."""
+"""One Linux I2C bus through smbus2; another process can see which call is running."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from fmfts.sensor.chips.hmc5983 import ADDRESS, DATA, STATUS
 from fmfts.sensor.lock import lock_device, not_permitted
 from fmfts.sensor.source import SourceError
 
-NOT_ACKNOWLEDGED = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)  # 6 and 121; some adapters say 5
+NOT_ACKNOWLEDGED = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)  # 6 and 121; some adapters report 5
 _RECORD = Struct("<QB")
 _TEXT_BYTES = 80
 
 
 class CallRecord:
-    """The call under way, in memory shared with the process that reads its frames: a stuck process cannot tell."""
+    """The running bus call, in memory shared with the daemon: a process that is stuck in the call cannot report it."""
 
     def __init__(self, descriptor: int | None = None) -> None:
         if descriptor is None:
@@ -39,7 +39,7 @@ class CallRecord:
         self._memory[:8] = b"\0\0\0\0\0\0\0\0"
 
     def current(self) -> tuple[int, str] | None:
-        """(CLOCK_MONOTONIC at which it began, what it is), None while no call is under way."""
+        """(CLOCK_MONOTONIC at its start, description of the call); None while no call is running."""
         since_ns, size = _RECORD.unpack(self._memory[: _RECORD.size])
         if not since_ns:
             return None
@@ -51,11 +51,11 @@ class CallRecord:
 
 
 class I2cBus:
-    """Transfers on /dev/i2c-`number`, locked for this process; every failure is the kernel's OSError."""
+    """Transfers on /dev/i2c-`number`, locked for this process; every failure raises the kernel's OSError."""
 
     def __init__(self, number: int, record: CallRecord) -> None:
         self.path = f"/dev/i2c-{number}"
-        self.place = ""  # of whom the next calls are, for the record
+        self.place = ""  # mux and channels of the next calls, for the record
         self._number = number
         self._record = record
         try:
@@ -70,7 +70,7 @@ class I2cBus:
             raise SourceError(f"{self.path} does not open: {error.strerror}") from None
 
     def require_unbound(self, address: int) -> None:
-        """SourceError when a kernel driver owns `address`: a transfer would go through all the same, and disturb it."""
+        """SourceError if a kernel driver owns `address`: transfers would still work, and disturb the driver."""
         try:
             self._call(f"probing 0x{address:02x}", lambda: self._bus.read_byte(address))
         except OSError as error:
@@ -98,7 +98,7 @@ class I2cBus:
         return bytes(answer)
 
     def read_status_and_axes(self) -> tuple[int, bytes]:
-        """Status register and the six data bytes of the selected chip; one system call, one burst."""
+        """Status register and the six data bytes of the selected chip, in one system call."""
         status, axes = smbus2.i2c_msg.read(ADDRESS, 1), smbus2.i2c_msg.read(ADDRESS, 6)
         messages = (_TO_STATUS, status, _TO_DATA, axes)
         self._call(f"reading status and axes of 0x{ADDRESS:02x}", lambda: self._bus.i2c_rdwr(*messages))

@@ -1,4 +1,4 @@
-"""The sensors of one pad on an I2C bus: set up, read, watched and repaired, each for itself."""
+"""The sensors of one pad on an I2C bus. Each is set up, read, checked and repaired independently of the others."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TRIGGER_TRIES = 3
 
 
 class MuxError(Exception):
-    """The mux itself failed; `cause` is the bus's error."""
+    """The mux did not take its selection; `cause` is the error of the bus."""
 
     def __init__(self, cause: OSError) -> None:
         super().__init__(str(cause))
@@ -32,7 +32,7 @@ class MuxError(Exception):
 
 @dataclass(slots=True)
 class I2cPad:
-    """Reads `wiring`'s sensors through `switches`; `poll` and `sample` make a frame, `watch` is for once in a while."""
+    """Reads the sensors of `wiring` through `switches`. A frame needs `poll`, then `sample`; `watch` now and then."""
 
     bus: I2cBus
     switches: Switches
@@ -50,24 +50,24 @@ class I2cPad:
         self.sensors = [Sensor(channel) for channel in self.wiring.channels]
 
     def configure(self, settings: Settings) -> None:
-        """Bring all sensors to `settings`; those that fail are tried again by `poll`."""
+        """Set all sensors up with `settings`; `poll` tries again those that fail."""
         self.settings = settings
         for sensor in self.sensors:
             self._guard(sensor, self._set_up)
 
     def trigger(self) -> int:
-        """Start one conversion in all working chips with one write; the time at which it will have ended, in µs."""
+        """Start a conversion in all working chips with one write. Returns the time (µs) at which it will have ended."""
         channels = [sensor.channel for sensor in self.sensors if sensor.state == SensorState.OK]
         if channels:
             try:
                 self._select(tca9548a.several(channels))
                 self.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_SINGLE)))
             except (MuxError, OSError):
-                self.bus_errors += 1  # who is to blame shows when each is read
+                self.bus_errors += 1  # reading each sensor shows which one failed
         return now_us() + round(self.chip.single_conversion_s * 1e6)
 
     def poll(self, converted_us: int | None = None) -> None:
-        """Look at every sensor once, set up again what is lost; `converted_us`: when a trigger's conversion ended."""
+        """Read every working sensor once; set the others up again. converted_us: when a trigger's conversion ended."""
         for sensor in self.sensors:
             if sensor.state == SensorState.OK:
                 self._guard(sensor, lambda one: self._read(one, converted_us))
@@ -75,7 +75,7 @@ class I2cPad:
                 self._guard(sensor, self._set_up)
 
     def sample(self) -> Sample:
-        """The frame: what every sensor measured last, and how old that is. Fresh bits begin anew."""
+        """The frame: the last sample of every sensor, and its age. Clears the fresh bits."""
         usable = [one if one.state == SensorState.OK and one.sampled_us is not None else None for one in self.sensors]
         newest_us = max((one.sampled_us or 0 for one in usable if one), default=now_us())
         ages = [AGE_UNKNOWN_US if one is None else newest_us - (one.sampled_us or 0) for one in usable]
@@ -98,19 +98,19 @@ class I2cPad:
         return sample
 
     def watch(self) -> None:
-        """Check one sensor, in turn: its registers and its temperature."""
+        """Check the registers of one sensor, by turns, and read its temperature."""
         sensor = self.sensors[self._turn % len(self.sensors)]
         self._turn += 1
         if sensor.state == SensorState.OK:
             self._guard(sensor, self._check)
 
-    def foreign_user(self) -> str | None:
-        """Is the mux as we left it? If not, samples may be another sensor's: they go, and a sentence comes."""
+    def mux_misuse(self) -> str | None:
+        """A sentence if the mux is not as this process left it. Samples may then be another sensor's: drops them."""
         address = self.wiring.mux_address
         try:
             control = self.switches.foreign_control(address)
         except OSError:
-            self.bus_errors += 1  # the sensors' own reads say what is wrong
+            self.bus_errors += 1  # reading the sensors shows what is wrong
             return None
         if control is None:
             return None
@@ -133,8 +133,8 @@ class I2cPad:
         self._select(tca9548a.one(sensor.channel))
 
     def registers(self) -> bytes:
-        """What configuration registers A and B should hold."""
-        rate_hz = 15 if self.settings.trigger else self.settings.rate_hz  # single measurements ask for none
+        """The wanted content of configuration registers A and B."""
+        rate_hz = 15 if self.settings.trigger else self.settings.rate_hz  # single measurements do not use it
         return bytes((hmc5983.config_a(self.chip, rate_hz), hmc5983.config_b(self.settings.gain_code)))
 
     def _select(self, control: int) -> None:
@@ -145,14 +145,14 @@ class I2cPad:
             raise MuxError(error) from error
 
     def _guard(self, sensor: Sensor, act: Callable[[Sensor], None]) -> None:
-        """A failing sensor is marked; the others go on."""
+        """Run `act`; if it fails, count that against this sensor only."""
         try:
             act(sensor)
             sensor.misses = 0
         except MuxError as error:
-            self._missed(sensor, _blame(error.cause, SensorState.MUX_SILENT))
+            self._missed(sensor, _state_after(error.cause, SensorState.MUX_SILENT))
         except OSError as error:
-            self._missed(sensor, _blame(error, SensorState.NO_ANSWER))
+            self._missed(sensor, _state_after(error, SensorState.NO_ANSWER))
 
     def _missed(self, sensor: Sensor, state: SensorState) -> None:
         self.bus_errors += 1
@@ -185,7 +185,7 @@ class I2cPad:
                 break
         period_us = self._period_us()
         if sensor.is_new(status, block, period_us):
-            # Untriggered, between the last look and this one: half of that is the best guess and the least error.
+            # A free-running chip converted between the last poll and this one: the middle has the smallest error.
             guess_us = max((before_us + sensor.polled_us) // 2, sensor.polled_us - period_us)
             sensor.take(block, guess_us if converted_us is None else converted_us)
         elif sensor.is_silent(period_us):
@@ -206,7 +206,7 @@ class I2cPad:
         return round(1e6 / self.chip.output_rate_hz(self.settings.rate_hz))
 
 
-def _blame(error: OSError, otherwise: SensorState) -> SensorState:
+def _state_after(error: OSError, otherwise: SensorState) -> SensorState:
     return SensorState.BUS_STUCK if error.errno in (errno.ETIMEDOUT, errno.EAGAIN) else otherwise
 
 

@@ -1,7 +1,7 @@
 """The process that owns one I2C bus: `python -m fmfts.sensor.i2c.reader CALL_RECORD_FD CONFIG_JSON`.
 
-A wedged bus blocks for seconds per call, so no other process may depend on one. It behaves as a board does: packets
-of docs/wire.md on stdout, requests on stdin, and on stderr sentences for people. It ends when stdin does.
+A wedged bus blocks each call for seconds, so a process of its own makes the calls. It behaves like a board: it writes
+packets of docs/wire.md to stdout and reads requests from stdin. Sentences for people go to stderr. It ends with stdin.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from fmfts.service.realtime import RealtimeError, take_thread_priority
 STATUS_NS = 1_000_000_000
 WATCH_NS = 250_000_000
 COMFORTABLE_LOAD = 0.8
-SMOOTHING = 0.05  # of the time that a look takes, over twenty looks
+SMOOTHING = 0.05  # averages the duration of a poll over about twenty polls
 PIPE_BUFFER = 4096  # PIPE_BUF: up to this, a write is whole or not at all
 
 
 class Reader:
-    """The loop: at every tick a look at all sensors, at every frame's tick the frames."""
+    """The loop: polls all sensors once or twice a frame, and then sends the frames."""
 
     def __init__(self, config: ReaderConfig, bus: I2cBus) -> None:
         self._config = config
@@ -53,13 +53,13 @@ class Reader:
         self._running = True
         self._decoder = Decoder()
         self._dropped = 0
-        self._poll_s = config.cycle_s  # on the wires; what it takes in truth is learnt
+        self._poll_s = config.cycle_s  # starts with the time on the wires; `_poll` learns the real duration
         self._next_watch_ns = 0
         self._next_status_ns = 0
         self._states: list[tuple[int, ...]] = []
 
     def run(self) -> None:
-        """Until stdin ends."""
+        """Returns when stdin ends."""
         os.set_blocking(sys.stdout.fileno(), False)
         for pad in self._pads:
             pad.configure(self._settings)
@@ -74,13 +74,13 @@ class Reader:
                 self._poll()
             if self._running:
                 for pad in self._pads:
-                    complain(pad.foreign_user())
+                    complain(pad.mux_misuse())
                 self._send(*(pad.sample() for pad in self._pads))
             self._watch(time.monotonic_ns())
             tick_ns = max(tick_ns + period_ns, time.monotonic_ns() - period_ns)
 
     def _polls_per_frame(self) -> int:
-        """Looking twice a frame halves the doubt about when a free-running chip converted, where there is room."""
+        """Two polls a frame halve the uncertainty of a free-running chip's sample time; only if the bus has time."""
         return 2 if not self._settings.trigger and 2 * self._poll_s * self._settings.rate_hz < COMFORTABLE_LOAD else 1
 
     def _watch(self, now_ns: int) -> None:
@@ -92,17 +92,17 @@ class Reader:
         states = [pad.states for pad in status.pads]
         if now_ns >= self._next_status_ns or states != self._states:
             self._next_status_ns = now_ns + STATUS_NS
-            # A sensor that has only now answered has told its identity, which a hello carries.
+            # Only a hello carries the identification of a sensor that answers for the first time.
             self._send(*([self._hello()] if states != self._states else []), status)
             self._states = states
 
     def _poll(self) -> None:
         start_s = time.monotonic()
         if self._running:
-            self._look()
+            self._poll_sensors()
         self._poll_s += SMOOTHING * (time.monotonic() - start_s - self._poll_s)
 
-    def _look(self) -> None:
+    def _poll_sensors(self) -> None:
         if not self._settings.trigger:
             for pad in self._pads:
                 pad.poll()
@@ -177,7 +177,7 @@ class Reader:
         return Status(time.monotonic_ns() // 1000, self._dropped, errors, pads)
 
     def _send(self, *packets: Packet) -> None:
-        """A reader that waited for its host would deliver the past: what does not fit the pipe is dropped, counted."""
+        """Drop and count packets that do not fit into the pipe: waiting for the host would delay every later frame."""
         for packet in packets:
             try:
                 os.write(sys.stdout.fileno(), encode(packet))
@@ -191,7 +191,7 @@ def complain(sentence: str | None) -> None:
 
 
 def _come_first(config: ReaderConfig) -> None:
-    """Only now that all is imported, which takes half a second. Refused, it goes on: late is better than never."""
+    """Called after all imports, which take half a second. If the priority is refused, the reader works without it."""
     try:
         take_thread_priority(config.realtime_priority)
     except RealtimeError as error:
@@ -199,7 +199,7 @@ def _come_first(config: ReaderConfig) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; we end when our stdin does
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the daemon, which then closes this process's stdin
     config = msgspec.json.decode(arguments[1], type=ReaderConfig)
     try:
         reader = Reader(config, I2cBus(config.bus, CallRecord(int(arguments[0]))))

@@ -1,4 +1,4 @@
-"""What the reader process of one I2C bus is told, and whether the bus can carry it."""
+"""The configuration of the reader process of one I2C bus, and whether the bus can carry its sensors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PadWiring(Struct, frozen=True):
 
 
 class ReaderConfig(Struct, frozen=True):
-    """`pads` in the order of their pad index."""
+    """`pads` are ordered by pad index."""
 
     bus: int
     clock_hz: int
@@ -29,7 +29,7 @@ class ReaderConfig(Struct, frozen=True):
     gain_code: int
     trigger: int
     pads: tuple[PadWiring, ...]
-    realtime_priority: int = 0  # of SCHED_FIFO; 0: an ordinary process
+    realtime_priority: int = 0  # for SCHED_FIFO; 0: an ordinary process
 
     @property
     def trigger_name(self) -> str:
@@ -50,7 +50,7 @@ class ReaderConfig(Struct, frozen=True):
 
 
 def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
-    """One bus's pads by their index as its reader wants them; SourceError where they cannot work together."""
+    """The reader's configuration for the pads of one bus, by pad index; SourceError if they cannot work together."""
     in_order = [pads[index] for index in sorted(pads)]
     first = in_order[0]
     settings = Settings.of(first)

@@ -12,13 +12,13 @@ from fmfts.sensor.i2c.pad import I2cPad, MuxError
 from fmfts.sensor.i2c.sensor import Sensor
 from fmfts.sensor.wire.packets import Selftest, SelftestSensor, SensorState
 
-RATE_HZ = 15  # the data sheet's own example; single measurements do not wait for it
-CONVERSION_LIMIT_S = 0.1  # eight averaged conversions of 6 ms, and as much again
+RATE_HZ = 15  # from the data sheet's example; single measurements do not use it
+CONVERSION_LIMIT_S = 0.1  # twice the time of eight averaged conversions of 6 ms
 NOTHING: Axes = (0, 0, 0)
 
 
 def measure(pad: I2cPad, request_id: int) -> Selftest:
-    """No bias and both at every sensor; blocks for some 0.1 s a sensor, and leaves all as configured before."""
+    """Measure every sensor without bias and with both biases, then configure all as before. Blocks 0.1 s a sensor."""
     sensors = tuple(_measure_sensor(pad, sensor) for sensor in pad.sensors)
     pad.configure(pad.settings)
     return Selftest(request_id, pad.index, pad.chip.bias_strap.gain_code, sensors)
@@ -44,11 +44,11 @@ def _measure_sensor(pad: I2cPad, sensor: Sensor) -> SelftestSensor:
 
 
 def _biased(pad: I2cPad, bias: int) -> Axes | None:
-    """Counts under `bias`; None if none came."""
+    """Counts under `bias`; None if no conversion ended in time."""
     config_a = hmc5983.config_a(pad.chip, RATE_HZ, bias, hmc5983.AVERAGE_8)
     config_b = hmc5983.config_b(pad.chip.bias_strap.gain_code)
     pad.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A, config_a, config_b)))
-    _single(pad)  # still has the old gain
+    _single(pad)  # this one still has the old gain
     block = _single(pad)
     return None if block is None else hmc5983.axes_from_registers(block)
 

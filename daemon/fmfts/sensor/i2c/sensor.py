@@ -1,4 +1,4 @@
-"""One chip on an I2C bus as its reader knows it: its state, its last sample, and whether what was read is a new one."""
+"""One chip on an I2C bus: its state, its last sample, and whether the bytes just read are a new sample."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def now_us() -> int:
 
 @dataclass(slots=True)
 class Sensor:
-    """`sampled_us` None: there is no sample that may be used. `block`: the data registers as read last."""
+    """`sampled_us`: time of the last sample, None if none is usable. `block`: the data registers as last read."""
 
     channel: int
     state: SensorState = SensorState.NOT_STARTED
@@ -35,10 +35,10 @@ class Sensor:
     temperature_raw: int = TEMPERATURE_UNKNOWN
 
     def begin(self, block: bytes) -> None:
-        """It is set up; `block` is from before: gone, and not to be taken for new."""
+        """The sensor is set up. `block` was converted before, so it does not count as a new sample."""
         self.state, self.sampled_us, self.fresh = SensorState.OK, None, False
         self.block = block
-        self.discard = 1  # the first sample after a change of gain has the old one
+        self.discard = 1  # the first sample after a change of gain still has the old gain
         self.polled_us = self.started_us = now_us()
 
     def lose(self, state: SensorState) -> None:
@@ -46,7 +46,7 @@ class Sensor:
         self.retry_us = now_us() + RETRY_US
 
     def is_new(self, status: int, block: bytes, period_us: int) -> bool:
-        """Data may come between the status byte and the six; and RDY may outlive a reading (data sheets disagree)."""
+        """RDY alone does not decide: data may change after RDY was read, and some chips keep RDY set after reading."""
         if block != self.block:
             return True
         age_us = self.polled_us - (self.sampled_us or 0)

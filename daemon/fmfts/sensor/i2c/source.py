@@ -1,4 +1,4 @@
-"""Frames from one Linux I2C bus, by way of the process that owns it (reader.py), which may die or get stuck."""
+"""Frames from one Linux I2C bus, through the process that owns it (reader.py). That process may die or get stuck."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from fmfts.service.realtime import thread_priority
 
 READ_BYTES = 65536
 CHECK_NS = 100_000_000
-STUCK_NS = 300_000_000  # no transfer of ours takes a millisecond
+STUCK_NS = 300_000_000  # a transfer takes less than a millisecond
 KILL_NS = 2_000_000_000
-SILENCE_NS = 3_000_000_000  # alive, in no call, and yet without a word
-START_NS = 10_000_000_000  # until its first word: half a second, but many times that on a busy computer
+SILENCE_NS = 3_000_000_000  # without a packet, although the reader lives and is in no bus call
+START_NS = 10_000_000_000  # until its first packet: half a second, but much longer on a busy computer
 FIRST_BACKOFF_NS = 200_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
 WARNING_NS = 3_000_000_000
@@ -34,7 +34,7 @@ CLOSE_S = 1.0
 
 
 class I2c:
-    """A Source: one bus, feeding the pads of `pads` by their index on it; SourceError when it cannot carry them."""
+    """A Source: one bus with `pads` by pad index; SourceError if the bus cannot carry them."""
 
     def __init__(self, pads: Mapping[int, PadOnI2c]) -> None:
         self._config = reader_config(pads)
@@ -85,14 +85,14 @@ class I2c:
         self._attempt_ns = 1 << 62
         if self._process is not None:
             self._process.kill()
-            # A process stuck in the kernel is left to it: it dies when the call returns.
+            # Do not wait longer for a process that is stuck in the kernel: it dies when the call returns.
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(CLOSE_S)
             self._forget_process()
         self.state.disconnect("closed", time.monotonic_ns())
 
     def _start(self, now_ns: int) -> None:
-        # A late look at the sensors is a late contact, so the reader runs as the loop does that waits for it.
+        # A late poll makes a late contact, so the reader gets the priority of the daemon's loop.
         config = msgspec.structs.replace(self._config, realtime_priority=thread_priority())
         command = [sys.executable, "-m", "fmfts.sensor.i2c.reader", str(self._record.descriptor)]
         command.append(msgspec.json.encode(config).decode())
@@ -121,9 +121,9 @@ class I2c:
         except BlockingIOError:
             return ()
         if not data:
-            self._check_ns = now_ns  # it is ending: find out why
+            self._check_ns = now_ns  # the reader is ending: `_check` finds out why
             return ()
-        # Not `now_ns`: what came since then would pass for older than it is.
+        # Not `now_ns`: bytes may have arrived since, and would get a time before their arrival.
         frames = self._link.feed(data, time.monotonic_ns())
         if not self.state.connected and self._link.hello is not None:
             self._backoff_ns = FIRST_BACKOFF_NS
@@ -131,7 +131,7 @@ class I2c:
         return frames
 
     def _check(self, now_ns: int) -> None:
-        """Has it died, is it stuck in a call, has it fallen silent?"""
+        """Check whether the reader has died, is stuck in a bus call, or is silent."""
         assert self._process is not None
         self._hear_sentences(now_ns)
         if self._process.poll() is not None:
@@ -150,7 +150,7 @@ class I2c:
             self.state.disconnect(self._killed, now_ns)
 
     def _kill(self, reason: str) -> None:
-        """The next one starts when this one has really gone; until then it holds the bus's lock."""
+        """Kill the reader. The next one starts when this one has ended: until then it holds the lock of the bus."""
         assert self._process is not None
         self._killed = reason
         self._process.kill()
@@ -169,7 +169,7 @@ class I2c:
     def _ended(self, now_ns: int) -> None:
         assert self._process is not None
         code = self._process.returncode
-        last_words = self._last_words if code > 0 else ""  # a signal interrupts whoever spoke of something else
+        last_words = self._last_words if code > 0 else ""  # after a signal its last sentence was about something else
         reason = self._killed or last_words or f"its reader ended with code {code}"
         self._forget_process()
         self._link.lost(reason)
@@ -185,7 +185,7 @@ class I2c:
         self._process = None
 
     def _send(self, now_ns: int) -> None:
-        # A request is far below PIPE_BUF, so it goes whole or not at all; a lost one is repeated.
+        # A request is far shorter than PIPE_BUF, so it is written whole or not at all. A lost request is repeated.
         with suppress(BlockingIOError, BrokenPipeError):
             data = self._link.outgoing(now_ns)
             if data:

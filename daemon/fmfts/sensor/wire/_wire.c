@@ -1,4 +1,4 @@
-/* fmfts.sensor.wire._wire: sample.c and clock.c for Python, through the stable ABI. Called by framing.py and clock.py only. */
+/* fmfts.sensor.wire._wire: sample.c and clock.c for Python, through the stable ABI. framing.py and clock.py call it. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
@@ -8,7 +8,7 @@
 #include "sample.h"
 
 /* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), …], end): the
- * sample packets that `data` begins with, and where they end. */
+ * sample packets at the beginning of `data`, and the offset where they end. */
 static PyObject *samples(PyObject *module, PyObject *args)
 {
     const char *data;
@@ -36,7 +36,7 @@ static PyObject *samples(PyObject *module, PyObject *args)
     return found ? Py_BuildValue("(Nn)", found, end) : NULL;
 }
 
-/* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None where only Python can judge; see clock.h. */
+/* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None when Python must decide; see clock.h. */
 static PyObject *host_time(PyObject *module, PyObject *args)
 {
     Py_buffer line = {0};
@@ -59,8 +59,8 @@ static PyObject *host_time(PyObject *module, PyObject *args)
 }
 
 static PyMethodDef methods[] = {
-    {"host_time", host_time, METH_VARARGS, "The host's time of a board's; see clock.py."},
-    {"samples", samples, METH_VARARGS, "The sample packets that bytes begin with; see framing.py."},
+    {"host_time", host_time, METH_VARARGS, "Maps a board's time to the host's; see clock.py."},
+    {"samples", samples, METH_VARARGS, "The sample packets at the beginning of bytes; see framing.py."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,4 +1,4 @@
-"""What a board has said of itself, kept in its source's state, and what it has to be asked to become as configured."""
+"""Keeps in the source's state what a board reported, and tells which requests bring it to the configured settings."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.packets import Hello, Status, StatusPad, Verb
 from fmfts.sensor.wired_pad import Settings, WiredPad
 
-# What of hello a request changes.
+# The field of the hello that each request changes.
 SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}
 
 
 class Board:
-    """`hello`: its last, None until it has spoken. uid: of the only board that is the right one, None for any."""
+    """`hello`: the board's last hello, None before the first. uid: of the configured board, None: any board will do."""
 
     def __init__(self, pads: Mapping[int, WiredPad], state: SourceState, uid: bytes | None) -> None:
         self.hello: Hello | None = None
@@ -29,7 +29,7 @@ class Board:
 
     @property
     def is_right(self) -> bool:
-        """False while a binding is configured and not yet confirmed."""
+        """False while a uid is configured and no hello has confirmed it."""
         return self._uid is None or (self.hello is not None and self.hello.uid == self._uid)
 
     def forget(self) -> None:
@@ -38,11 +38,11 @@ class Board:
             book.clear()
 
     def contradiction(self, pad_index: int, sensors: int) -> str | None:
-        """Why something of this pad with so many sensors cannot be, None where it can."""
+        """Why a packet about this pad, with `sensors` sensors, contradicts the hello; None if it does not."""
         return None if self.hello is None else faults.contradiction(self.hello, pad_index, sensors)
 
     def describe(self) -> None:
-        """Write what the last hello says; only of the right board."""
+        """Write into the state what the last hello says. Call it only for the right board."""
         hello = self.hello
         assert hello is not None
         self._state.board.update(faults.identity(hello, self.chip))
@@ -54,12 +54,12 @@ class Board:
             self._note_sensors(hello, pad_index, tuple(sensor.state for sensor in described.sensors))
 
     def wishes(self) -> Iterator[tuple[Verb, int]]:
-        """Requests that make it what the configuration wants."""
+        """The requests that bring the board to the configured settings."""
         hello, wanted = self.hello, self._settings
         assert hello is not None
         if hello.gain_code != wanted.gain_code:
             yield Verb.RANGE, wanted.gain_code
-        # In this order no rate is ever asked for that the trigger in force cannot do.
+        # The order matters: a board refuses a rate that its present trigger cannot reach.
         changes = [(Verb.TRIGGER, hello.trigger, wanted.trigger), (Verb.RATE, hello.rate_hz, wanted.rate_hz)]
         for verb, actual, value in reversed(changes) if wanted.trigger else changes:
             if actual != value:
@@ -68,13 +68,13 @@ class Board:
             yield Verb.START, 0
 
     def granted(self, verb: Verb, argument: int) -> None:
-        """A request of SETTING was done."""
+        """The board has carried out a request of SETTING."""
         if self.hello is not None:
             self.hello = replace(self.hello, **{SETTING[verb]: argument})
             self._state.board.update(faults.identity(self.hello, self.chip))
 
     def count(self, status: Status) -> None:
-        """Losses of the line, as the board counts them."""
+        """Note the losses on the line that the board counted."""
         self._state.board["transmit_dropped"] = status.transmit_dropped
         self._state.board["receive_errors"] = status.receive_errors
 

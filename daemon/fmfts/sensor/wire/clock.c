@@ -4,8 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Of all minima, so that products of two differences fit 64 bits: their times span this, their lateness the tolerance of
- * it. Python's integers know no such limit. */
+/* The longest time between minima: then products of two differences fit into 64 bits. Python's integers have no limit. */
 enum { LONGEST_SPAN_US = 100000000 };
 
 static double above_line(const fmfts_clock_line *line, const fmfts_packet *p)
@@ -24,7 +23,7 @@ static bool turns_down(const fmfts_packet *a, const fmfts_packet *b, const fmfts
     return (b->ns - a->ns) * (c->us - a->us) >= (c->ns - a->ns) * (b->us - a->us);
 }
 
-/* Slope of that edge of the lower convex hull which spans the points' mean time. */
+/* Slope of the edge of the lower convex hull that contains the mean time of the points. */
 static double hull_slope(const fmfts_packet *point, int64_t count)
 {
     fmfts_packet hull[FMFTS_SLOPE_BUCKETS];
@@ -74,7 +73,7 @@ static void learn(fmfts_clock_line *line, const fmfts_packet *p)
     line->height_ns = fmin(line->height_ns, (double)p->ns - line->slope_ns_per_us * (double)p->us);
 }
 
-/* As a sign of a clock that stood still; one of the same burst is none. */
+/* Whether a late packet counts toward a standstill of the clock: not if it belongs to the burst of the last one. */
 static bool is_another_late(const fmfts_clock_line *line, int64_t arrival_ns)
 {
     return !line->late_packets || arrival_ns - line->late_ns >= line->standstill_ns / (line->standstill_packets - 1);

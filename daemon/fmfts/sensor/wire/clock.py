@@ -1,12 +1,12 @@
-"""When a sample was taken, on the host's clock: a board's microseconds mapped to CLOCK_MONOTONIC.
+"""Maps a board's microseconds to the host's CLOCK_MONOTONIC: when was a sample taken?
 
-Every packet arrives later than it was sent, by an amount that is never negative and often near its minimum. So the
-map is a line below all points (device time, arrival): its slope from the lower convex hull of the last half minute
-(Moon, Skelly, Towsley 1999), its height from the earliest arrivals of the last seconds. What no host can see is the
-constant part of the delay; the caller subtracts what it knows of it.
+The delay of a packet is never negative and often near its minimum. So the map is a line below all points (device time,
+arrival). Its slope comes from the lower convex hull of the last half minute (Moon, Skelly, Towsley 1999), its height
+from the earliest arrivals of the last seconds. No host can measure the constant part of the delay; the caller gives
+what it knows of it as `fixed_delay_ns`.
 
-A packet far above the line is late and teaches nothing: a stalled host gets its backlog in one burst. Only when
-nothing but late packets has *arrived* for a while, it was the board's clock that stood still, and the line moves up.
+A packet far above the line is late and changes nothing: after a stall, a host gets its backlog in one burst. If only
+late packets arrive for a while, the board's clock has stood still, and the line moves up.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ except ImportError:  # no compiler was there when the package was built
     _wire = None  # type: ignore[assignment]
 
 BUCKET_US = 250_000
-SLOPE_BUCKETS = 128  # 32 s: a crystal's drift is constant over that, an RC oscillator's nearly
-HEIGHT_BUCKETS = 16  # 4 s: longer than a host's hiccup, short enough for an error of the slope not to matter
-JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a step beyond this is a reset, or a suspended host
-STANDSTILL_NS = 400_000_000  # of arrivals, each of them late
-# At a few Hz, two late packets in a row are chance. Spread over that time, too: a backlog comes in a few bursts.
+SLOPE_BUCKETS = 128  # 32 s: the drift of a crystal is constant over that, that of an RC oscillator nearly
+HEIGHT_BUCKETS = 16  # 4 s: longer than a short stall of the host, so short that an error of the slope does not matter
+JUMP_NS = 20_000_000  # pads of one board interleave within a few ms; a larger step is a reset, or a suspended host
+STANDSTILL_NS = 400_000_000  # only late packets for so long: the board's clock stood still
+# At a few Hz two late packets in a row may be chance, and a backlog comes in a few bursts. So a standstill needs this
+# many late packets, each this long after the last one that counted.
 STANDSTILL_PACKETS = 8
 LATE_APART_NS = STANDSTILL_NS // (STANDSTILL_PACKETS - 1)
 
-# fmfts_clock_line of clock.h: what packets teach, there and here, and the limits; then the lowest of the last buckets.
+# fmfts_clock_line of clock.h: the learned line and the limits; the lowest packets of the last buckets follow.
 LINE = struct.Struct("=8q3d5q2dq")
 MINIMA_BYTES = SLOPE_BUCKETS * struct.calcsize("=2q")
 
-Point = tuple[int, int]  # device time in µs, arrival in ns less 1000 × device time: both since the first packet
+Point = tuple[int, int]  # device time in µs, arrival in ns minus 1000 × device time; both since the first packet
 
 
 class HostClock:
-    """The clock of a source on this host: its device time is CLOCK_MONOTONIC already."""
+    """The clock of a source on this host: its device time already is CLOCK_MONOTONIC."""
 
     drift_ppm = 0.0
 
@@ -55,7 +56,7 @@ class HostClock:
 class DeviceClock:
     """A free-running clock with `tolerance` (relative: 200e-6 for a crystal, 0.02 for an RC oscillator).
 
-    fixed_delay_ns, of every packet, holds from the next `restart` on.
+    A new fixed_delay_ns, the known delay of every packet, is used from the next `restart` on.
     """
 
     def __init__(self, tolerance: float = 0.02, fixed_delay_ns: int = 0) -> None:
@@ -80,7 +81,7 @@ class DeviceClock:
 
     @property
     def drift_ppm(self) -> float:
-        """How much slower than the host's the board's clock runs."""
+        """By how much the board's clock is slower than the host's."""
         self._take_line()
         return self._slope * 1000.0
 
@@ -96,7 +97,7 @@ class DeviceClock:
         self._draw_line()
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
-        """Host time of the instant `device_us`, learning from its arrival at `arrival_ns`; never later than that."""
+        """Host time of `device_us`, never later than its arrival at `arrival_ns`. Learns from the arrival."""
         host_ns = None if _wire is None else _wire.host_time(self.line, device_us, arrival_ns)
         return self._in_python(device_us, arrival_ns) if host_ns is None else host_ns
 
@@ -107,14 +108,14 @@ class DeviceClock:
         return host_ns
 
     def _take_line(self) -> None:
-        """What packets that passed in C have taught."""
+        """Read what C learned from the packets that it handled."""
         values = LINE.unpack_from(self.line)
         self._newest_us, self._lowest, self._bucket_end_us = values[0], values[1:3], values[5]
         self._late_packets, self._late_ns, self._least_late_ns, self._height, self._slope = values[6:11]
         self._minima_count = values[-1]
 
     def _draw_line(self) -> None:
-        """What C needs to map packets, and to learn from them."""
+        """Write what C needs to map packets and to learn from them."""
         learnt = self._newest_us, *self._lowest, *(self._origin or (0, 0)), self._bucket_end_us
         late, line = (self._late_packets, self._late_ns, self._least_late_ns), (self._height, self._slope)
         limits = self.fixed_delay_ns, BUCKET_US, STANDSTILL_NS, STANDSTILL_PACKETS, HEIGHT_BUCKETS, JUMP_NS
@@ -122,7 +123,7 @@ class DeviceClock:
 
     @property
     def _minima(self) -> list[Point]:
-        """Of the last buckets, oldest first."""
+        """The lowest packets of the last buckets, oldest first."""
         values = struct.unpack_from(f"={2 * self._minima_count}q", self.line, LINE.size)
         return list(zip(values[::2], values[1::2], strict=True))
 
@@ -162,7 +163,7 @@ class DeviceClock:
         return went_back_ns < JUMP_NS and self._above_line(point) > -self._unsure_ns(point)
 
     def _unsure_ns(self, point: Point) -> float:
-        """Not yet knowing the slope, the line may be wrong by the tolerance times the time since it was anchored."""
+        """How wrong the line may be: the slope may be off by the tolerance since the lowest packet of this bucket."""
         return JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
 
     def _above_line(self, point: Point) -> float:
@@ -180,7 +181,7 @@ class DeviceClock:
         self._least_late_ns = math.inf
 
     def _late(self, point: Point, arrival_ns: int) -> None:
-        """Follow, once the lateness has lasted: the clock stood still for as long as the least late packet says."""
+        """When only late packets came for long enough, move the line up by the delay of the least late one."""
         self._least_late_ns = min(self._least_late_ns, self._above_line(point))
         if self._late_packets and arrival_ns - self._late_ns < LATE_APART_NS:
             return
@@ -205,7 +206,7 @@ class DeviceClock:
 
 
 def _hull_slope(points: list[Point]) -> float:
-    """Slope of that edge of the lower convex hull which spans the points' mean time; 0 for a single point."""
+    """Slope of the edge of the lower convex hull that contains the mean time of the points; 0 for a single point."""
     hull: list[Point] = []
     for point in points:
         while len(hull) > 1 and _turns_down(hull[-2], hull[-1], point):

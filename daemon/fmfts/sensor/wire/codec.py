@@ -1,4 +1,4 @@
-"""Packets as bytes, header and body: docs/wire.md in Python; framing.py adds CRC and COBS."""
+"""Packs packets to bytes (header and body, docs/wire.md) and unpacks them; framing.py adds CRC and COBS."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _REQUEST = Layout("<BBBH")
 
 
 class MalformedError(ValueError):
-    """Bytes that are no packet: bad COBS, a length or a count that the type does not allow, an unknown type."""
+    """The bytes are no packet: bad COBS, an unknown type, or a length or a count that the type does not allow."""
 
 
 def _count(value: int, most: int, what: str) -> int:
@@ -219,12 +219,12 @@ _PACK: dict[type[Packet], Callable[[Any], bytes]] = {
 
 
 def pack(packet: Packet) -> bytes:
-    """Header and body of `packet`; struct.error where a field does not fit its type."""
+    """Header and body of `packet`; struct.error if a value does not fit its field."""
     return _PACK[type(packet)](packet)
 
 
 def unpack(body: bytes) -> Packet:
-    """The packet in header and body (COBS and CRC taken off); MalformedError where the type forbids such bytes."""
+    """The packet in header and body (without COBS and CRC); MalformedError if the bytes are no packet of their type."""
     try:
         return _UNPACK[body[0] & 15](body)
     except KeyError:

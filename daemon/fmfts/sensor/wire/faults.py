@@ -1,4 +1,4 @@
-"""What a board's codes mean, as sentences for the person who has to mend it."""
+"""The codes of a board as sentences for the person who has to repair it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STATE_SENTENCES: dict[int, str] = {
 
 
 def note(book: dict[Key, str], subject: Key, sentence: str | None) -> None:
-    """Write down what holds now; None strikes it out."""
+    """Set the sentence about `subject` in `book`; None removes it."""
     if sentence is None:
         book.pop(subject, None)
     else:
@@ -34,12 +34,12 @@ def note(book: dict[Key, str], subject: Key, sentence: str | None) -> None:
 
 
 def sensor_name(pad: HelloPad, sensor: int) -> str:
-    """People count from one."""
+    """The sensor's name for people, who count from one."""
     return f"sensor {sensor + 1} (mux 0x{pad.mux_address:02x}, channel {pad.sensors[sensor].channel})"
 
 
 def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | None:
-    """The sentence for a sensor's state code, None when it is well."""
+    """The sentence for a sensor's state code, None if the sensor is ok."""
     if state == SensorState.OK:
         return None
     if state == SensorState.WRONG_IDENTIFICATION:
@@ -52,12 +52,12 @@ def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | No
 
 
 def no_measurement(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | None:
-    """Why a self-test has no counts; None where it has, even bad ones."""
+    """Why a sensor has no counts from the self-test; None if it has, even bad ones."""
     return None if state == SensorState.SELFTEST_FAILED else sensor_fault(pad, sensor, state, chip)
 
 
 def identity(hello: Hello, chip: Chip) -> dict[str, object]:
-    """The board's own facts, for `status` and `probe`."""
+    """Facts about the board from its hello, for `status` and `probe`."""
     ranges = chip.ranges_gauss
     return {
         "uid": hello.uid.hex(),
@@ -87,7 +87,7 @@ def bad_clock(hello: Hello) -> str | None:
 
 
 def pad_mismatch(pad: WiredPad, pad_index: int, hello: Hello) -> str | None:
-    """Why the board cannot serve a pad of the config at all, None when it can."""
+    """Why the board cannot serve this pad of the config, None if it can."""
     if pad_index >= len(hello.pads):
         wants = f"pad {pad.name!r} wants pad_index = {pad_index} (they count from 0)"
         return f"the board has {_some(len(hello.pads), 'pad')}, {wants}: correct the config"
@@ -101,7 +101,7 @@ def wrong_sensor_count(pad: WiredPad, sensors: int) -> str:
 
 
 def contradiction(hello: Hello, pad_index: int, sensors: int) -> str | None:
-    """What a packet claims about a pad that the board's own hello denies; None where they agree."""
+    """How a packet about a pad contradicts the board's hello; None if they agree."""
     if pad_index >= len(hello.pads):
         return f"it is of pad {pad_index}, and the hello has {_some(len(hello.pads), 'pad')}"
     expected = len(hello.pads[pad_index].sensors)
@@ -109,7 +109,7 @@ def contradiction(hello: Hello, pad_index: int, sensors: int) -> str | None:
 
 
 def misfits(count: int, what: str, why: str) -> str:
-    """Packets whose check sum is right and whose content cannot be."""
+    """The warning about packets with a correct CRC and an impossible content."""
     return f"{_some(count, 'packet')} left out, the last a {what}: {why}; if this goes on, flash the firmware again"
 
 

@@ -1,4 +1,4 @@
-"""Packets on a line of bytes: CRC, COBS, and finding the packets again in whatever arrives (docs/wire.md, Framing)."""
+"""Packets as a stream of bytes: adds CRC and COBS, and finds the packets in any bytes that arrive (docs/wire.md)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ try:
 except ImportError:  # no compiler was there when the package was built
     _wire = None  # type: ignore[assignment]
 
-MAX_LINE_BYTES = 255  # 254 of the packet and the one that COBS adds; the closing zero not counted
+MAX_LINE_BYTES = 255  # 254 bytes of packet and one of COBS, without the closing zero
 _CRC_INITIAL = 0xFFFF
 
 
 def encode(packet: Packet) -> bytes:
-    """All bytes that go on the line for `packet`, the closing zero included."""
+    """The bytes of `packet` on the line, with the closing zero."""
     body = pack(packet)
     return _stuff(body + crc_hqx(body, _CRC_INITIAL).to_bytes(2, "little")) + b"\0"
 
 
 def _stuff(packet: bytes) -> bytes:
-    """COBS. A packet of at most 254 bytes has no block long enough to need COBS's code 0xFF in its middle."""
+    """Apply COBS. A packet of at most 254 bytes has no block that needs the code 0xFF in its middle."""
     return b"".join(bytes((len(block) + 1,)) + block for block in packet.split(b"\0"))
 
 
@@ -41,26 +41,26 @@ def _unstuff(line: bytes) -> bytes:
     return bytes(packet[1:])
 
 
-# pad_index, sequence, time_us, temperature_raw, and the reading.
+# pad_index, sequence, time_us, temperature_raw, and the sensors' readings.
 PackedSample = tuple[int, int, int, int, Packed]
 
 
 class Decoder:
-    """Cuts a stream of bytes into packets, whatever else is in it; the counters only grow.
+    """Finds the packets in a stream of bytes, whatever else is in it. The counters only grow.
 
-    What comes before the first zero or the first good packet is not counted: a host joins in the middle of one.
+    Bytes before the first zero or good packet are not counted as errors: the host starts reading in mid-packet.
     """
 
     def __init__(self) -> None:
         self.crc_errors = 0
         self.garbage_packets = 0
         self.garbage_bytes = 0
-        self.foreign_version: int | None = None  # of the last packet of another wire version
+        self.foreign_version: int | None = None  # wire version of the last packet that had another one
         self._pending = b""
         self._joined = False
 
     def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample], bytes]:
-        """The samples that the stream goes on with, unpacked in C, and what of `data` is left for `feed`."""
+        """The samples at the beginning of `data`, unpacked in C, and the rest of `data`, for `feed`."""
         if _wire is None:
             return (), data
         data = self._pending + data
@@ -71,16 +71,16 @@ class Decoder:
 
     @property
     def has_joined(self) -> bool:
-        """What comes next is a packet's beginning, or goes on with one."""
+        """Whether a zero or a good packet has come: the next bytes begin or continue a packet."""
         return self._joined
 
     def give_back(self) -> bytes:
-        """The beginning of a packet, the rest of which has not come: for `feed` again, or for somebody else."""
+        """Take out the beginning of a packet whose rest has not come yet: for `feed` later, or for another reader."""
         pending, self._pending = self._pending, b""
         return pending
 
     def feed(self, data: bytes) -> list[Packet]:
-        """The packets that `data` completes; never raises, whatever the bytes are."""
+        """The packets that `data` completes. Never raises, whatever the bytes are."""
         *lines, pending = (self._pending + data).split(b"\0")
         packets = []
         for line in lines:
@@ -89,7 +89,7 @@ class Decoder:
                 if packet is not None:
                     packets.append(packet)
             self._joined = True
-        # One byte too many keeps an endless line recognisable as garbage without keeping all of it.
+        # Of an endless line only one byte more than allowed is kept: enough to recognise it as garbage.
         self._pending = pending[: MAX_LINE_BYTES + 1]
         self._count_garbage(0, len(pending) - len(self._pending))
         return packets

@@ -1,4 +1,4 @@
-"""The host's end of the wire, whatever carries it: bytes become frames and facts, wishes become requests."""
+"""The host's end of the wire protocol, over any carrier: turns bytes into frames and facts, settings into requests."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from fmfts.sensor.wire.requests import REPEAT_NS, Requests
 from fmfts.sensor.wire.selftests import Selftests
 from fmfts.sensor.wired_pad import WiredPad
 
-LOADS_KEPT = 240  # three seconds of a load cell that nobody asks for
+LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
 CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build, crystal, RC oscillator
 
 
 class Link:
-    """Keeps `state` true to what arrives; `hello` is the board's last, None until it has spoken since `restart`."""
+    """Updates `state` from what arrives. `hello` is the board's last one, None before the first since `restart`."""
 
     def __init__(
         self,
@@ -54,8 +54,8 @@ class Link:
         self._hello_due_ns: int | None = None
         self._misfits = 0
         self._selftests = Selftests()
-        # The chips of each pad that the last hello allows, by pad index and bytes of readings.
-        self._welcome: dict[tuple[int, int], Chip] = {}
+        # The chip of each pad by (pad index, bytes of readings): pads that agree with the last hello.
+        self._accepted: dict[tuple[int, int], Chip] = {}
 
     @property
     def hello(self) -> Hello | None:
@@ -63,40 +63,40 @@ class Link:
 
     @property
     def is_right_board(self) -> bool:
-        """False while a binding is configured and not yet confirmed."""
+        """False while a uid is configured and no hello has confirmed it."""
         return self._board.is_right
 
     @property
     def is_quiet(self) -> bool:
-        """`outgoing` has nothing to say, now or later."""
+        """`outgoing` has nothing to send, now or later."""
         return self._hello_due_ns is None and self.requests.due_ns is None and self._selftests.due_ns is None
 
-    def welcomes(self, pad_index: int) -> bool:
-        """Samples of this pad are of the right board, and as its hello told."""
-        return self._decoder.has_joined and any(pad_index == welcome for welcome, _ in self._welcome)
+    def accepts(self, pad_index: int) -> bool:
+        """Samples of this pad came from the right board and agreed with its hello."""
+        return self._decoder.has_joined and any(pad_index == accepted for accepted, _ in self._accepted)
 
     def give_back(self) -> bytes:
-        """The beginning of a packet, the rest of which has not come: for `feed` again, or for somebody else."""
+        """Take out the beginning of a packet whose rest has not come yet: for `feed` later, or for another reader."""
         return self._decoder.give_back()
 
     @property
     def due_ns(self) -> int | None:
-        """When `outgoing` has something to say."""
+        """When `outgoing` next has something to send."""
         times = [self.requests.due_ns, self._hello_due_ns, self._selftests.due_ns]
         return min((time for time in times if time is not None), default=None)
 
     def restart(self) -> None:
-        """A newly opened line: nothing of the old one holds."""
+        """The line was newly opened: forget everything about the old one."""
         self._board.forget()
         self._hello_due_ns = None
-        self._welcome.clear()
+        self._accepted.clear()
         self.heard_ns = self._misfits = 0
         self._decoder = Decoder()
         self._clock.restart()
         self.requests.clear()
 
     def lost(self, reason: str) -> None:
-        """The line is gone: so is what was asked over it."""
+        """The line is gone: drop the requests and fail the self-tests."""
         self.requests.clear()
         self._selftests.fail_all(reason)
 
@@ -112,9 +112,9 @@ class Link:
         return data
 
     def feed(self, data: bytes, now_ns: int) -> list[Frame]:
-        """Take in what arrived; the frames in it, for the pads of the config and only from the right board.
+        """Process the bytes that arrived. Returns the frames for the configured pads, only from the right board.
 
-        Never raises: a packet that contradicts the board's hello is left out, counted, and named in `warnings`.
+        Never raises: packets that contradict the board's hello are left out, counted, and named in `warnings`.
         """
         samples, data = self._decoder.leading_samples(data)
         frames = [frame for sample in samples if (frame := self._wire_frame(sample, now_ns)) is not None]
@@ -146,7 +146,7 @@ class Link:
         pad_index, sequence, time_us, temperature_raw, packed = sample
         self.heard_ns = now_ns
         key = pad_index, len(packed[3])
-        chip = self._welcome.get(key)
+        chip = self._accepted.get(key)
         host_time_ns: int | None
         if chip is not None:
             host_time_ns = self._host_time_ns(time_us, now_ns)
@@ -156,7 +156,7 @@ class Link:
                 return None
             chip = self._pads[pad_index].chip
             if self.hello is not None:
-                self._welcome[key] = chip
+                self._accepted[key] = chip
         temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
         return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
 
@@ -164,11 +164,11 @@ class Link:
         restarts = self._clock.restarts
         host_time_ns = self._clock.to_host_ns(time_us, now_ns)
         if self._clock.restarts != restarts:
-            self.requests.ask(Verb.HELLO)  # after a reset it has its own settings again, and its hello may be lost
+            self.requests.ask(Verb.HELLO)  # after a reset the board has its default settings, and its hello may be lost
         return host_time_ns
 
     def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int) -> int | None:
-        """When a sample was taken, None where it is not for a pad of the config as that describes it."""
+        """When a sample was taken; None if it is of no configured pad, or does not agree with its configuration."""
         if not self._fits("sample", pad_index, sensors):
             return None
         host_time_ns = self._host_time_ns(time_us, now_ns)
@@ -227,7 +227,7 @@ class Link:
 
     def _take_hello(self, hello: Hello) -> None:
         self._board.hello, self._hello_due_ns = hello, None
-        self._welcome.clear()
+        self._accepted.clear()
         if not self.is_right_board:
             return
         if isinstance(self._clock, DeviceClock):
@@ -244,7 +244,7 @@ class Link:
 
     def _take_selftest(self, selftest: Selftest) -> None:
         if self.hello is None or not self._selftests.awaits(selftest.pad_index):
-            return  # the result of somebody else's request, or one too late
+            return  # the result of another program's request, or too late
         why = self._board.contradiction(selftest.pad_index, len(selftest.sensors))
         chip = self._board.chip
         if selftest.gain_code >= len(chip.counts_per_gauss):
@@ -263,7 +263,7 @@ class Link:
         subject = f"request {Verb(request.verb).name.lower()}"
         refused = reply.result != Result.DONE
         if request.verb == Verb.HELLO or (reply.result == Result.BUSY and request.verb in SETTING):
-            self._hello_due_ns = now_ns + REPEAT_NS  # for one lost on its way; after it, settings are asked for again
+            self._hello_due_ns = now_ns + REPEAT_NS  # if the hello is lost; after a hello, settings are requested again
         if not refused and request.verb in SETTING:
             self._board.granted(Verb(request.verb), request.argument)
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)

@@ -1,4 +1,4 @@
-"""The packets of docs/wire.md as values: what a board says and what a host asks; codec.py turns them into bytes."""
+"""The packets of docs/wire.md as values, from boards and from hosts; codec.py turns them into bytes."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class Selftest(Struct, frozen=True):
 
 
 class Load(Struct, frozen=True):
-    """One conversion of the HX711 on the board's spare pins: 24 bits, signed."""
+    """One conversion of the load cell's HX711: 24 bits, signed."""
 
     sequence: int
     time_us: int

@@ -1,4 +1,4 @@
-/* One line → one sample: framing.py and codec.py. Anything else is left to them. */
+/* Decodes a line that holds a sample, as framing.py and codec.py do. All other packets are left to them. */
 #include "sample.h"
 
 #include <math.h>
@@ -15,7 +15,7 @@ static uint64_t little_endian(const uint8_t *bytes, int count)
     return value;
 }
 
-/* CRC-16/CCITT-FALSE, a byte at a time without a table (G. Wagner's arrangement). */
+/* CRC-16/CCITT-FALSE, a byte at a time without a table (G. Wagner's method). */
 static uint16_t crc16(const uint8_t *bytes, size_t size)
 {
     uint16_t crc = 0xFFFF;
@@ -27,7 +27,7 @@ static uint16_t crc16(const uint8_t *bytes, size_t size)
     return crc;
 }
 
-/* COBS taken off: the packet's size, 0 where it is none. */
+/* Removes COBS. Returns the packet's size, 0 if the line is no COBS. */
 static size_t unstuff(const uint8_t *line, size_t size, uint8_t *packet)
 {
     size_t at = 0;

@@ -1,4 +1,4 @@
-/* Sample packets of docs/wire.md, the only ones that come often. No allocation, no globals. */
+/* Decodes the sample packets of docs/wire.md; only these come often. No allocation, no globals. */
 #ifndef FMFTS_SAMPLE_H
 #define FMFTS_SAMPLE_H
 
@@ -22,10 +22,10 @@ typedef struct {
     uint8_t pad_index, sensors, gain_code, trigger, valid, fresh;
 } fmfts_sample;
 
-/* Whether the bytes [0, size) of a line, its closing zero left out, are a sample of this wire version. */
+/* Decodes `size` bytes of a line, without its closing zero. False: they are no sample of this wire version. */
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
 
-/* The chip's thermometer: Chip.temperature_c. NaN where none told, and where a chip without one has both numbers NaN. */
+/* As Chip.temperature_c; NaN if the temperature is not known, or both numbers are NaN (a chip without a thermometer). */
 double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count);
 
 #endif

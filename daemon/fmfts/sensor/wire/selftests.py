@@ -1,4 +1,4 @@
-"""Self-tests under way and their results, per pad of a device."""
+"""The running self-tests of a device and their results, by pad."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TIME_LIMIT_NS = 3_000_000_000
 
 
 class Selftests:
-    """Each pad's last result; None while one runs, or before the first."""
+    """`result` is a pad's last result; None while a self-test runs, or before the first."""
 
     def __init__(self) -> None:
         self._results: dict[int, dict[str, object]] = {}
@@ -32,7 +32,7 @@ class Selftests:
         return pad_index in self._deadlines_ns
 
     def finish(self, selftest: Selftest, pad: HelloPad, chip: Chip) -> None:
-        """Judge a measurement of all sensors of `pad`."""
+        """Judge the measurements of all sensors of `pad`, and keep that as the result."""
         sensors = selftest.sensors
         reasons = [faults.no_measurement(pad, index, one.state, chip) for index, one in enumerate(sensors)]
         facts = selftest_facts(
@@ -48,7 +48,7 @@ class Selftests:
             self.fail(pad_index, error)
 
     def give_up(self, now_ns: int) -> None:
-        """End those whose time is over."""
+        """Fail the self-tests whose time limit is over."""
         for pad_index in [index for index, deadline_ns in self._deadlines_ns.items() if now_ns >= deadline_ns]:
             self.fail(pad_index, f"no result within {TIME_LIMIT_NS / 1e9:.0f} s: is the device still connected?")
 
