@@ -1,4 +1,4 @@
-"""A frame as the bus and recordings have it, and back."""
+"""Converts a frame to the message of the bus and of recordings, and back."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fmfts.sensor.frame import Frame
 
 
 def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
-    """What a recording needs of a frame."""
+    """The message of a frame. used: whether the pipeline processed it."""
     return FrameMessage(
         pad=pad,
         boot=boot,
@@ -28,7 +28,7 @@ def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = T
 
 
 def frame_of(message: FrameMessage, pad_index: int = 0) -> Frame:
-    """The frame as its source gave it."""
+    """The frame of a message, as its source gave it."""
     return Frame(
         pad_index=pad_index,
         sequence=message.sequence,
