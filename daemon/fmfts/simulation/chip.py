@@ -1,7 +1,7 @@
-"""HMC5983 chips as a host sees them: counts at a gain, with noise, a range that ends, and a clock of their own.
+"""Simulates HMC5983 chips: counts at a gain, with noise, saturation, and a clock in each chip.
 
-Noise: 2 mG rms (data sheet 900425, resolution at ±0.88 G), taken as the field noise at every range, to which the
-coarser steps of the wider ranges add their own. That it does not grow with the range is an assumption.
+Noise: 2 mG rms (data sheet 900425, resolution at ±0.88 G), taken as the field noise in every range. The coarser steps
+of wider ranges add to it. That it does not grow with the range is an assumption.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SENSITIVITY_PER_K = {"hmc5983": -0.0003, "hmc5883l": -0.003}  # with and without
 
 
 class ChipArray:
-    """N chips. `trigger` "free": each converts at `rate_hz` ± 3 % by itself; "simultaneous": all at the host's word."""
+    """N chips. trigger "free": each converts by its own clock, at `rate_hz` ± 3 %; "simultaneous": all on command."""
 
     def __init__(
         self,
@@ -44,15 +44,15 @@ class ChipArray:
             self._first_s = np.full(count, -SINGLE_CONVERSION_S)
 
     def newest_conversion(self, time_s: float | Array) -> NDArray[np.int64]:
-        """(…, N) number of each chip's newest conversion at `time_s`, a number or (…, 1)."""
+        """(…, N) number of each chip's newest conversion. time_s: a number, or (…, 1)."""
         return np.floor((time_s - self._first_s) / self._period_s).astype(np.int64)
 
     def time_of(self, conversion: NDArray[np.int64]) -> Array:
-        """(…, N) seconds."""
+        """(…, N) times of the conversions (…, N), in s."""
         return self._first_s + conversion * self._period_s
 
     def counts(self, field_t: Array, gain_code: int, warming_k: float) -> NDArray[np.int16]:
-        """Readings (…, N, 3) of `field_t` (…, N, 3) in each chip's own axes, `warming_k` above 25 °C."""
+        """Readings (…, N, 3) of `field_t` (…, N, 3) in each chip's own axes, at 25 °C + `warming_k`."""
         noisy = field_t + self._noise_t * self._random.standard_normal(field_t.shape)
         sensitivity = (1.0 + self._sensitivity_per_k * warming_k) * LSB_PER_GAUSS[gain_code] / TESLA_PER_GAUSS
         counts = np.rint(noisy * sensitivity)
