@@ -1,15 +1,16 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
-# make test    set up what the tests need, then run all parts, and sum up    (PARTS="lint unit": those; or make lint …)
+# make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
-# make long    tests that take ten seconds and more: the laboratory's studies, pads' lives (three minutes)
-# make test-firmware-long    half a minute of the emulated board's time, and what the emulator reaches
-# make install, uninstall    for good, into PREFIX=/usr/local; make deb: as a Debian package in build/
-# make install-c-client      the client for controllers in C and C++, into PREFIX
-# make drills, soak, drill-service    faults in full, at random on many pads, and under systemd on a plain Debian; aarch64
-# make test-versions         each Python at hand with the oldest and the newest dependencies that are allowed: half an hour
-# make wheel   one wheel for this architecture, refused if a compiled part is missing
-# make bench   what a solve costs, how accurate and sure it is, how soon a frame is published; cold-starts: half an hour
+# make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (three minutes)
+# make test-firmware-long    half a minute of the emulated board's time
+# make install, uninstall    install into PREFIX=/usr/local; make deb: make a Debian package in build/
+# make install-c-client      install the client for controllers in C and C++ into PREFIX
+# make drills, soak, drill-service, aarch64    all fault drills; random faults on many pads; the service under systemd on
+#              a plain Debian; tests on aarch64
+# make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
+# make wheel   a wheel for this architecture; fails if a compiled part is missing
+# make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
 
 PYTHON ?= python3
 VENV := .venv
@@ -18,17 +19,17 @@ SECONDS ?=
 PAPER ?=
 FIRMWARE ?=
 
-# What a bare Debian lacks: python3-venv, and Python.h for compiled parts.
+# Packages that a bare Debian lacks: python3-venv, and python3-dev with Python.h for the compiled parts.
 BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
-# The kernel's I2C interface, emulated, is served by the system's own Python.
+# Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
 
 .PHONY: collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
-# Ctrl-C is how a demo ends, and no error. What sh starts with & is deaf to it, so that sh alone passes it on: Python would
-# answer it with a traceback while it starts.
+# Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
+# instead, because Python would print a traceback if Ctrl-C came while it starts.
 until_interrupted = trap 'kill $$demo; wait $$demo 2>/dev/null; exit 0' INT TERM HUP; $(1) & demo=$$!; wait $$demo
 
 demo: $(VENV)/.installed $(if $(PAPER),firmware) $(if $(FIRMWARE),test-packages $(VENV)/.installed-test)
@@ -49,14 +50,14 @@ lint unit processes clock long: $(VENV)/.installed-test
 
 processes clock: firmware-for-tests
 
-# Built before, lest several tests do; what cannot be built, the tests tell.
+# Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages
 	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang >/dev/null
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
 
-# VERSIONS="--python 3.12 --set oldest tests/unit/test_bus.py" for less.
+# Shorter: VERSIONS="--python 3.12 --set oldest tests/unit/test_bus.py".
 VERSIONS ?=
 test-versions: test-packages $(VENV)/.installed-test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[versions]'
@@ -71,7 +72,7 @@ bench: $(VENV)/.installed-test
 cold-starts: $(VENV)/.installed
 	@$(BIN)/python -m fmfts_lab.bench convergence --draws 250000
 
-# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's, the C client's.
+# A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's and the C client's.
 fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
@@ -84,18 +85,18 @@ firmware:
 collect-chain: $(VENV)/.installed-test firmware
 	$(BIN)/python -u tests/end_to_end/collect_chain.py
 
-# How soon the rod is off the pad after each fault; nothing else may run meanwhile.
+# Measures how soon the rod is off the pad after each fault; nothing else may run meanwhile.
 collect-drills: $(VENV)/.installed-test firmware
 	$(BIN)/python -m pytest -s tests/end_to_end/collect_drills.py
 
-# The shipped contact models, made again: from the calibration set, and from presses with shear.
+# Makes the shipped contact models again, from the calibration set and from presses with shear.
 SOLVED := $(addprefix daemon/fmfts/simulation/,pressed.csv pressed_centre.csv sheared.csv)
 model: $(VENV)/.installed-test
 	mkdir -p build
 	$(BIN)/python -m fmfts.calibrate.solved_set $(SOLVED) --mirrored --largest-force-n 2 -o build/sheared.csv
 	$(BIN)/python -m fmfts.calibrate.default_model tests/data/calibration_1.23T.csv build/sheared.csv
 
-# A compiler is optional where one installs from source, not where many get what was built.
+# A wheel must have every compiled part; only an installation from source may do without a compiler.
 wheel: $(VENV)/.installed-test
 	rm -rf build/wheel
 	$(BIN)/pip wheel -q --no-deps -w build/wheel .
@@ -104,7 +105,7 @@ wheel: $(VENV)/.installed-test
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@ls build/wheel/*.whl
 
-# The recordings that the tests replay, made again: a changed expectation wants a reason in its commit.
+# Makes the recordings that the tests replay again; the commit must explain why they change.
 recordings: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/data/make_recordings.py
 	$(BIN)/python tests/data/make_paper_recording.py
@@ -126,7 +127,7 @@ base-packages:
 test-packages:
 	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path and of the C client are skipped" >&2)
 
-# Debian packages that are missing: installed as root; else the line to run, and what follows from doing without.
+# Installs missing Debian packages (1) as root; as another user prints the line to run, then does (2).
 define need
 	packages="$(strip $(1))"; \
 	if [ -n "$$packages" ]; then \

@@ -1,3 +1,3 @@
 #!/bin/sh
-# The directory of its own holds the package and what the system's Python lacks; the I2C reader inherits the path.
+# PYTHONPATH is the directory with the package and the modules that the system lacks; the I2C reader's process inherits it.
 PYTHONPATH=@LIB@ exec @PYTHON@ -sP -m fmfts "$@"

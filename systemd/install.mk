@@ -1,16 +1,16 @@
-# Installing for good: into a prefix, or as a Debian package. Included by the Makefile above.
+# Installs fmfts into a prefix, or makes a Debian package; the Makefile includes this file.
 
 PREFIX ?= /usr/local
 DESTDIR ?=
 SYSTEM_PYTHON ?= /usr/bin/python3
-# What pip puts beside the package: all dependencies, or with WITHOUT_DEPENDENCIES=1 only the pinned ones of Debian's.
+# WITHOUT_DEPENDENCIES=1: pip installs no dependencies with the package (the Debian package brings its own).
 WITHOUT_DEPENDENCIES ?=
 
 INSTALL_LIB := $(PREFIX)/lib/fmfts
-# All of these are searched by systemd and udev below /usr/local/lib as well as /usr/lib.
+# systemd and udev search for these files below /usr/local/lib as well as /usr/lib.
 INSTALL_FILES := $(PREFIX)/bin/fmfts-daemon $(PREFIX)/lib/systemd/system/fmfts.service \
 	$(PREFIX)/lib/sysusers.d/fmfts.conf $(PREFIX)/lib/udev/rules.d/60-fmfts.rules
-# The service is no root: what root's umask would keep to itself, it could not read.
+# umask 022: root's own umask may be stricter, and then the service's user could not read the files.
 PIP_TARGET = umask 022 && $(SYSTEM_PYTHON) -m pip install --quiet --disable-pip-version-check --no-warn-script-location \
 	--root-user-action=ignore --no-compile --target "$(DESTDIR)$(INSTALL_LIB)"
 IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e 's|/usr/bin/fmfts-daemon|$(PREFIX)/bin/fmfts-daemon|'
@@ -34,7 +34,7 @@ install:
 	@$(if $(DESTDIR),:,systemd-sysusers $(PREFIX)/lib/sysusers.d/fmfts.conf && { test ! -d /run/systemd/system || { systemctl daemon-reload && udevadm control --reload; }; })
 	@$(if $(DESTDIR),:,echo "describe your pads in /etc/fmfts/config.toml$(,) then: systemctl enable --now fmfts")
 
-# Configuration and baselines are the user's and stay.
+# Configuration and baselines belong to the user; they stay.
 uninstall:
 	@$(if $(DESTDIR),:,test ! -d /run/systemd/system || systemctl disable --now fmfts)
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
@@ -72,11 +72,11 @@ test-fresh:
 	@$(call need,$(call missing_packages,debootstrap systemd-container git),exit 1)
 	$(PYTHON) tests/drills/fresh_clone.py $(if $(QUICK),--quick) $(if $(CPU),--cpu $(CPU))
 
-# What robots do to a service, in full (half an hour, and nothing else may run): docs/recovery.md.
+# All recovery drills (half an hour; nothing else may run): docs/recovery.md.
 drills: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/drills/recovery.py
 
-# Sixteen pads with faults at random; SOAK="--pads 4 --seconds 60" for less.
+# Sixteen pads with random faults; shorter with SOAK="--pads 4 --seconds 60".
 SOAK ?= --pads 16 --seconds 600
 soak: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/drills/soak.py $(SOAK)
@@ -86,7 +86,7 @@ aarch64: test-packages
 	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
 	$(PYTHON) tests/drills/aarch64.py
 
-# Recordings replayed as on other processors, aarch64 among them.
+# Replays recordings with the arithmetic of other processors, also aarch64.
 same-numbers: test-packages $(VENV)/.installed-test
 	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
 	$(BIN)/python tests/drills/same_numbers.py --aarch64

@@ -1,4 +1,4 @@
-"""What a pad is, in SI: where its sensors sit, which magnet it holds, and where that magnet rests."""
+"""Describes a pad in SI units: the places of its sensors, its magnet, and where the magnet rests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def rotation_from_vector(vector_rad: Array) -> Array:
-    """Rotation matrix (3, 3) of a rotation vector (3,) in radians (Rodrigues' formula)."""
+    """Rotation matrix (3, 3) from a rotation vector (3,) in radians (Rodrigues' formula)."""
     angle = length(vector_rad)
     if angle == 0.0:
         return np.eye(3)
@@ -30,14 +30,14 @@ def rotation_from_vector(vector_rad: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class SensorArray:
-    """Places of N sensors: `position_m` (N, 3), and `rotation` (N, 3, 3), pad axes from sensor axes."""
+    """Places of N sensors: `position_m` (N, 3), and `rotation` (N, 3, 3) from each sensor's axes to the pad's."""
 
     position_m: Array
     rotation: Array
 
     @classmethod
     def aligned(cls, position_m: Array) -> Self:
-        """Sensors whose axes are the pad's."""
+        """Sensors whose axes are parallel to the pad's."""
         position_m = np.asarray(position_m, dtype=float)
         return cls(position_m, np.broadcast_to(np.eye(3), (len(position_m), 3, 3)).copy())
 
@@ -46,24 +46,24 @@ class SensorArray:
 
     def to_pad(self, field: Array) -> Array:
         """Vectors (…, N, 3) in each sensor's own axes → the same vectors in pad axes."""
-        turned: Array = product(self.rotation, field[..., None])[..., 0]
-        return turned
+        in_pad_axes: Array = product(self.rotation, field[..., None])[..., 0]
+        return in_pad_axes
 
     def to_sensor(self, field: Array) -> Array:
         """Vectors (…, N, 3) in pad axes → the same vectors in each sensor's own axes."""
-        turned: Array = product(self.rotation.transpose(0, 2, 1), field[..., None])[..., 0]
-        return turned
+        in_sensor_axes: Array = product(self.rotation.transpose(0, 2, 1), field[..., None])[..., 0]
+        return in_sensor_axes
 
 
-# Largest field that the octupole of a cylinder may have at a sensor and be left out: a sample's noise. It is no unknown
-# and costs no time (`python -m fmfts_lab.bench speed`), so that whatever can be felt counts; on the standard pad
-# 0.5 µT, which bend a pose by a tenth of its bound (docs/studies.md).
+# A cylinder's octupole is modelled where its field at a sensor exceeds the noise of a sample. That adds no unknown and
+# takes no time (`python -m fmfts_lab.bench speed`). On the standard pad it is 0.5 µT; without it the pose would be
+# wrong by a tenth of its Cramér–Rao bound (docs/studies.md).
 NEGLECTED_OCTUPOLE_T = NOISE_T
 
 
 @dataclass(frozen=True, slots=True)
 class Magnet:
-    """An axially magnetised cylinder. as_cylinder: so near its sensors that they feel it is no dipole."""
+    """An axially magnetised cylinder. as_cylinder: the sensors are so near that its octupole must be modelled."""
 
     diameter_m: float
     length_m: float
@@ -78,26 +78,26 @@ class Magnet:
 
     @property
     def octupole_m2(self) -> float:
-        """κ: the octupole moment of the cylinder over its dipole moment."""
+        """κ: the octupole moment of the cylinder divided by its dipole moment."""
         radius_m = self.diameter_m / 2.0
         return self.length_m * self.length_m / 4.0 - 3.0 * (radius_m * radius_m) / 4.0
 
     @property
     def modelled_octupole_m2(self) -> float:
-        """κ where it counts, else that of a dipole."""
+        """κ where `as_cylinder`, else 0, that of a dipole."""
         return self.octupole_m2 if self.as_cylinder else 0.0
 
     def beyond_octupole_t(self, distance_m: float) -> float:
-        """The next term's field on the axis, where it is largest, in T: 6 B_T λ/r⁷.
+        """Largest field, in T, of the multipole after the octupole: on the axis, 6 B_T λ/r⁷.
 
-        λ = L⁴/16 − 5L²R²/8 + 5R⁴/8 is the fifth moment of the disks of charge at the end faces over the first.
+        λ = L⁴/16 − 5L²R²/8 + 5R⁴/8: fifth moment of the disks of charge at the end faces, divided by the first.
         """
         length_2, radius_2 = self.length_m * self.length_m, self.diameter_m * self.diameter_m / 4.0
         moment_m4 = length_2 * length_2 / 16.0 - 5.0 * length_2 * radius_2 / 8.0 + 5.0 * radius_2 * radius_2 / 8.0
         return 6.0 * self.strength_t_m3 * abs(moment_m4) / float(power(distance_m, 7))
 
     def seen_from(self, distance_m: float) -> Self:
-        """Described as well as a sensor so far away needs. On its axis the octupole's field is 4 B_T κ/r⁵."""
+        """This magnet; as_cylinder if a sensor at `distance_m` feels its octupole (4 B_T κ/r⁵ on the axis)."""
         octupole_t = 4.0 * self.strength_t_m3 * abs(self.octupole_m2) / power(distance_m, 5)
         return replace(self, as_cylinder=octupole_t > NEGLECTED_OCTUPOLE_T)
 
@@ -107,7 +107,7 @@ class Magnet:
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """One pad as its drawing has it: nominal places; what a mounted pad really is, its baseline estimates."""
+    """One pad with the nominal places of its drawing. The baseline estimates the places of the mounted pad."""
 
     name: str
     sensors: SensorArray
@@ -118,9 +118,9 @@ class Pad:
 
     @property
     def geometry_hash(self) -> str:
-        """Twelve hex digits that change with any nominal dimension: binds baselines and models to a structure.
+        """Twelve hex digits of all nominal dimensions, by which baselines and models know the pad that they are for.
 
-        The remanence is left out: pads of one structure share a calibration whatever their magnets' strength.
+        The remanence is left out: pads of one structure share a calibration, however strong their magnets are.
         """
         numbers = np.concatenate(
             [
@@ -137,7 +137,7 @@ class Pad:
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a pad's axes lie in another frame: `position_m` (3,) of its origin, `rotation` (3, 3) frame ← pad axes.
+    """A pad's place in another frame: `position_m` (3,) of its origin, `rotation` (3, 3) from pad axes to the frame's.
 
     tolerance_m: standard deviation of the position, along each axis.
     """
@@ -147,20 +147,20 @@ class Placement:
     tolerance_m: float
 
     def seen_from(self, other: Self) -> Self:
-        """The same in the axes of another pad, both being placed in one frame."""
-        away = product(other.rotation.T, self.position_m - other.position_m)
+        """This placement in the axes of another pad; both are given in one frame."""
+        offset_m = product(other.rotation.T, self.position_m - other.position_m)
         tolerance_m = float(root_of_squares(self.tolerance_m, other.tolerance_m))
-        return type(self)(away, product(other.rotation.T, self.rotation), tolerance_m)
+        return type(self)(offset_m, product(other.rotation.T, self.rotation), tolerance_m)
 
     def point(self, place_m: Array) -> Array:
-        """A point (3,) in pad axes, in the frame."""
+        """A point (3,) in pad axes → the same point in the frame."""
         point: Array = self.position_m + product(self.rotation, place_m)
         return point
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """One standard deviation of each way in which a pad differs from its drawing (gain, remanence: relative)."""
+    """Standard deviations between a pad and its drawing; gain and remanence are relative."""
 
     sensor_position_m: float
     magnet_position_m: float
@@ -171,10 +171,10 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class DriftLimits:
-    """How an automatic baseline may follow a drift.
+    """Limits of the automatic baseline, which follows a slow drift of the rest pose.
 
-    quiet_s: without contact before it learns. rate, limit: of the rest pose, a tilt as what it moves 4 mm away.
-    force_below_n: the mean force of that time, with three deviations, must be below.
+    quiet_s: time without contact before it follows. rate_m_per_s, limit_m: of the rest pose; a tilt counts as the
+    displacement that it causes at 4 mm. force_below_n: upper limit of that time's mean force plus three deviations.
     """
 
     quiet_s: float

@@ -1,4 +1,4 @@
-"""From the pads of a config to the devices that feed them. A driver is imported only where a pad needs it."""
+"""Makes the sources of frames that a configuration's pads need. Imports a driver only where a pad needs it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.source import Source, SourceError
 from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
-# What pads of one device may differ in; all else is the device's and has to be equal.
-_OF_THE_PAD = {
+# Settings that may differ between pads of one device; all others belong to the device and must be equal.
+_SETTINGS_OF_A_PAD = {
     BridgeSource: {"pad_index"},
     I2cSource: {"mux_address", "channels"},
     ReplaySource: {"pad", "rate_hz", "range_gauss", "trigger", "chip"},
@@ -18,11 +18,12 @@ _OF_THE_PAD = {
 
 
 def open_sources(pads: Sequence[PadConfig], around: Sequence[PadConfig] = ()) -> list[tuple[Source, dict[int, str]]]:
-    """Each device once, with the names of its pads by their index on it.
+    """One source for each device, with the names of its pads by their index on it.
 
-    Pads with one serial port share a Bridge, pads with one bus number share an I2C source, pads of one recording a
-    Replayed, a simulated pad has its own, which feels its neighbours among them and `around`. No device is opened yet,
-    which could fail or wait: that is `poll`'s. SourceError names the pads that cannot share, or a recording's fault.
+    Pads with one serial port share a Bridge, pads with one bus number an I2c, pads of one recording a Replayed. Each
+    simulated pad has its own Simulated, which feels the magnets of its neighbours (from `around`, or else `pads`). No
+    device is opened here, because that could fail or wait: `poll` opens it. Raises SourceError where pads cannot share
+    a device, or a recording cannot be read.
     """
     _require_one_port_a_board(pads)
     devices: dict[tuple[str, object], list[PadConfig]] = {}
@@ -72,7 +73,7 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
 
 def on_board(pad: PadConfig) -> PadOnBoard:
-    """What a bridge's driver needs of the configuration."""
+    """What the bridge's driver needs from the configuration."""
     source = pad.source
     assert isinstance(source, BridgeSource)
     return PadOnBoard(
@@ -89,7 +90,7 @@ def on_board(pad: PadConfig) -> PadOnBoard:
 
 
 def on_i2c(pad: PadConfig) -> PadOnI2c:
-    """What an I2C bus's driver needs of the configuration."""
+    """What the I2C driver needs from the configuration."""
     source = pad.source
     assert isinstance(source, I2cSource)
     return PadOnI2c(
@@ -108,8 +109,8 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
 
 def _by_index(members: list[PadConfig]) -> dict[int, PadConfig]:
     by_index: dict[int, PadConfig] = {}
-    for place, pad in enumerate(members):
-        index = pad.source.pad_index if isinstance(pad.source, BridgeSource) else place
+    for position, pad in enumerate(members):
+        index = pad.source.pad_index if isinstance(pad.source, BridgeSource) else position
         if index in by_index:
             raise SourceError(
                 f"pads {by_index[index].name!r} and {pad.name!r} are both pad_index = {index} of one board"
@@ -120,20 +121,20 @@ def _by_index(members: list[PadConfig]) -> dict[int, PadConfig]:
 
 def _require_equal_settings(members: list[PadConfig]) -> None:
     first = members[0]
-    own = _OF_THE_PAD.get(type(first.source), set())
+    may_differ = _SETTINGS_OF_A_PAD.get(type(first.source), set())
     for other in members[1:]:
         for name in first.source.__struct_fields__:
-            ours, theirs = getattr(first.source, name), getattr(other.source, name)
-            if name not in own and ours != theirs:
+            value, other_value = getattr(first.source, name), getattr(other.source, name)
+            if name not in may_differ and value != other_value:
                 names = f"pads {first.name!r} and {other.name!r}"
-                raise SourceError(f"{names} share a device but differ in {name}: {ours!r} and {theirs!r}")
+                raise SourceError(f"{names} share a device but differ in {name}: {value!r} and {other_value!r}")
 
 
 def _require_one_port_a_board(pads: Sequence[PadConfig]) -> None:
-    seen: dict[str, tuple[str, str]] = {}  # uid → name of a pad, port
+    pad_of_board: dict[str, tuple[str, str]] = {}  # uid → name and port of its first pad
     for pad in pads:
         if isinstance(pad.source, BridgeSource) and pad.source.uid is not None:
-            name, port = seen.setdefault(pad.source.uid.lower(), (pad.name, pad.source.port))
+            name, port = pad_of_board.setdefault(pad.source.uid.lower(), (pad.name, pad.source.port))
             if port != pad.source.port:
                 names = f"pads {name!r} and {pad.name!r}"
                 raise SourceError(f"{names} are bound to one board but name two ports: {port} and {pad.source.port}")

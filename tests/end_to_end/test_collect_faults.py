@@ -240,7 +240,7 @@ def test_killed_work_goes_on_with_no_row_lost_and_none_doubled(bench: PressedBen
     damaged = table.read_text().splitlines(keepends=True)
     for line in ["\n", "4,0.0000\n", damaged[3].replace(damaged[3].split(",")[0], "four", 1)]:
         table.write_text("".join([*damaged[:3], line, *damaged[4:]]))
-        with pytest.raises(RefusedError, match=r"data\.csv, line 4: .* is no row of a press"):
+        with pytest.raises(RefusedError, match=r"data\.csv, line 4: .* is not a row of a press"):
             bench.collect(grid, table)
     table.write_text("".join(damaged))
     with table.open("a") as other:

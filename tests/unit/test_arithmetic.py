@@ -87,7 +87,7 @@ def test_what_is_no_number_stays_none() -> None:
     assert math.isnan(elementary_reference.exp(math.nan))
     assert math.isnan(elementary_reference.log(math.nan))
     assert math.isnan(elementary_reference.log(-1.0))
-    with pytest.raises(ValueError, match="a series of nan"):
+    with pytest.raises(ValueError, match="a finite number is needed, not nan"):
         series.sin(math.nan)
 
 
@@ -161,7 +161,7 @@ def test_product_has_the_shapes_of_numpy(left: tuple[int, ...], right: tuple[int
 
 
 def test_product_of_matrices_that_do_not_fit_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"a product of \(2, 3\) and \(2, 3\)"):
+    with pytest.raises(ValueError, match=r"cannot multiply \(2, 3\) by \(2, 3\)"):
         matrix.product(np.zeros((2, 3)), np.zeros((2, 3)))
 
 
@@ -243,7 +243,7 @@ def test_singular_values_are_found_of_any_shape_and_rank(shape: tuple[int, int],
 
 
 def test_eigenvalues_that_differ_in_their_sign_alone_are_refused() -> None:
-    with pytest.raises(ValueError, match="differ in their sign alone"):
+    with pytest.raises(ValueError, match="differ only in their sign"):
         matrix.eigen(np.array([[0.0, 1.0], [1.0, 0.0]]))
 
 

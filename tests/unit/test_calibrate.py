@@ -144,7 +144,7 @@ def test_response_that_its_presses_do_not_tell_is_refused(pad: Pad) -> None:
     calibration = read_calibration_set(CALIBRATION)
     some = np.random.default_rng(1).permutation(675)[:40]
     few = replace(calibration, press=calibration.press[some], field_t=calibration.field_t[some])
-    with pytest.raises(DataError, match=r"40 presses do not tell this pad's response: .* deviations"):
+    with pytest.raises(DataError, match=r"40 presses do not determine this pad's response: .* deviations"):
         calibrate("few.csv", few, Options(hidden=4), lambda line: None)
 
 

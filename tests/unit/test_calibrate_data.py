@@ -86,7 +86,7 @@ def weakest_labelled_as_strongest(rows: Rows) -> None:
         (at(12, "y_mm", "25"), "row 12, column y_mm: 25 mm is outside the pad, which ends at ±20 mm"),
         (times(0.01, "b"), "were they in gauss?"),
         (times(1e-6, "b"), "were they in tesla?"),
-        (times(4.0, "b"), "is the magnet the config's?"),
+        (times(4.0, "b"), "is it the magnet of the config?"),
         (times(100.0, "b"), "row 2, column b1x_ut"),
         (times(0.01, "b3z_ut"), "column b3z_ut: in most rows 0.00"),
         (times(10.0, "b2x_ut"), "column b2x_ut: "),
@@ -189,7 +189,7 @@ def test_target_that_cannot_be_written_is_refused_before_anything_is_solved(
     data = str(written(tmp_path, lambda rows: None))
     absent, report, folder = tmp_path / "absent" / "m.onnx", tmp_path / "m.json", tmp_path / "folder.onnx"
     folder.mkdir()
-    for target, complaint in ((absent, "No such file"), (report, "name the model otherwise"), (folder, "directory")):
+    for target, complaint in ((absent, "No such file"), (report, "choose another"), (folder, "directory")):
         assert main(["calibrate", data, "-o", str(target), "--config", config]) == exit_codes.DATA
         said = capsys.readouterr().err
         assert complaint in said

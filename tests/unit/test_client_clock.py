@@ -122,7 +122,7 @@ def test_age_is_never_too_great_and_short_by_the_fastest_way_at_most(
     for pause_s, delay_s in arrivals:
         now_s += pause_s
         sent_s = now_s - delay_s - ahead_s - drift * (now_s - delay_s - started_s)
-        clock.heard("one", sent_s, now_s)
+        clock.take("one", sent_s, now_s)
         fastest.append((delay_s, now_s))
     if clock.ahead_s is None:
         assert now_s - started_s - arrivals[0][0] < SETTLING_S + 1e-9

@@ -242,7 +242,7 @@ def test_hand_is_told_what_to_do_and_asked_again_for_a_number() -> None:
             hand.press(press)
     assert hand.typed_n == 1.05
     assert "press 1.00 N at x +2.0, y -4.0 mm" in said[1]
-    assert "no number" in said[2]
+    assert "not a number" in said[2]
 
 
 class Resting:

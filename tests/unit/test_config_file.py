@@ -141,7 +141,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + 'trigger = "simultaneous"\nrate_hz = 128', "source.rate_hz = 128: at most 127: more than bus 1 can carry, 4 sensors"),
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
         ('[bus]\nendpoint = "tcp://0.0.0.0:5570"\n' + PAD, "bus.endpoint = 'tcp://0.0.0.0:5570': other machines are let in with keys alone"),
-        ('[bus]\nendpoint = "udp://x"\n' + PAD, "bus.endpoint = 'udp://x': 'udp://x' is no base of endpoints"),
+        ('[bus]\nendpoint = "udp://x"\n' + PAD, "bus.endpoint = 'udp://x': 'udp://x' is not a base of endpoints"),
         *((PAD + f"[pad.magnet]\nrest_mm = [0, {number}, 12]", f"magnet.rest_mm[1] = {number}: must be a finite number") for number in ("nan", "inf", "-inf")),
         (PAD + "[pad.tolerance]\ngain = nan", "tolerance.gain = nan: must be a finite number"),
     ],

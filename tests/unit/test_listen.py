@@ -110,7 +110,7 @@ def test_silence_ends_with_a_hint_and_an_exit_code(base: str) -> None:
 
 def test_endpoint_that_is_none_is_named(caplog: pytest.LogCaptureFixture) -> None:
     assert listen(None, 0.2, io.StringIO(), endpoint="nonsense") == exit_codes.UNAVAILABLE
-    assert "'nonsense' is no base of endpoints" in caplog.text
+    assert "'nonsense' is not a base of endpoints" in caplog.text
 
 
 def in_terminal(

@@ -85,7 +85,7 @@ def test_damaged_file_is_refused(tmp_path: Path) -> None:
     whole = path.read_bytes()
     for damaged in (b"", b"not a zip", whole[: len(whole) // 2]):
         path.write_bytes(damaged)
-        with pytest.raises(ValueError, match="is no pad model"):
+        with pytest.raises(ValueError, match="is not a pad model"):
             read_pad_file(path)
 
 
@@ -113,7 +113,7 @@ def test_unusable_pad_file_is_named_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"source.mechanics.*`fmfts-daemon pad-model -o PAD.npz` makes one"):
         simulated(tmp_path)
     (tmp_path / "pad.npz").write_text("x_mm,y_mm")
-    with pytest.raises(SourceError, match="is no pad model"):
+    with pytest.raises(SourceError, match="is not a pad model"):
         simulated(tmp_path)
     write_pad_file(tmp_path / "pad.npz", influence().mechanics(), Slab())
     with pytest.raises(SourceError, match="was made for a magnet of 2 × 2 mm, not of 3 × 2 mm"):

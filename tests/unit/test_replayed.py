@@ -119,7 +119,7 @@ def test_pads_of_one_recording_share_a_source_and_stay_in_step(tmp_path: Path) -
     ("changed", "complaint"),
     [
         ({"pad": "up"}, "holds no pad up, but left, right"),
-        ({"rate_hz": 220}, "rate_hz = 100: say so"),
+        ({"rate_hz": 220}, "rate_hz = 100: set it"),
         ({"chip": "hmc5883l", "rate_hz": 75}, "rate_hz = 100|chip"),
     ],
 )
@@ -157,5 +157,5 @@ def test_recording_damaged_within_disconnects_its_pad_with_the_reason(tmp_path: 
 
 def test_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(bytes(1000))
-    with pytest.raises(SourceError, match="no recording"):
+    with pytest.raises(SourceError, match="not a recording"):
         Replayed({0: pad(tmp_path / "a.mcap")})

@@ -64,7 +64,7 @@ def test_systemd_that_does_not_listen_is_logged_once(tmp_path: Path, caplog: pyt
     notifier.watchdog()
     notifier.close()
     assert len(caplog.records) == 1
-    assert "systemd cannot be told READY=1" in caplog.text
+    assert "cannot send READY=1 to systemd" in caplog.text
 
 
 def test_daemon_that_ended_leaves_no_line_to_systemd_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,6 +45,6 @@ def test_socket_of_others_is_said_to_be_closed(folder_mode: int) -> None:
 
 
 def test_over_tcp_the_key_may_be_what_is_missing() -> None:
-    assert "FMFTS_KEY has to name the file of yours" in why_silent("tcp://127.0.0.1:5570", {})
+    assert "set FMFTS_KEY to your key's file" in why_silent("tcp://127.0.0.1:5570", {})
     told = why_silent("tcp://127.0.0.1:5570", {"FMFTS_KEY": "/home/me/arm.key"})
     assert "/home/me/arm.key a key of its list" in told

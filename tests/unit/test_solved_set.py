@@ -52,4 +52,4 @@ def test_file_that_is_no_table_is_refused(tmp_path: Path, capsys: pytest.Capture
     wrong = tmp_path / "wrong.csv"
     wrong.write_text("x_mm,y_mm\n1,2\n")
     assert main([str(wrong), "-o", str(tmp_path / "set.csv")]) == 65
-    assert "wrong.csv: no table of solved presses" in capsys.readouterr().err
+    assert "wrong.csv: not a table of solved presses" in capsys.readouterr().err

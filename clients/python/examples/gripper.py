@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Close until the pad feels LIMIT_N; open at once when it feels more, too much to measure, or nothing trustworthy."""
+"""Closes a gripper until the pad feels LIMIT_N; opens it when the force is larger, too large to measure, or unknown."""
 
 import sys
 

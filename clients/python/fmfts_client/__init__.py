@@ -1,4 +1,4 @@
-"""Contacts from fmfts-daemon: `Client` for a controller, `Subscription` for everything, `request` for commands."""
+"""Clients of fmfts-daemon: `Client` for a controller, `Subscription` for all messages, `request` for commands."""
 
 from fmfts_client.client import ALIVE_S, Client
 from fmfts_client.contact import Contact, Event, Pose, Status

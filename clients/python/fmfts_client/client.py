@@ -1,4 +1,4 @@
-"""One pad for a controller: the newest contact, and whether it may be believed."""
+"""Gives a controller the newest contact of one pad, and whether it is valid."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmfts_client.endpoints import Endpoints
 from fmfts_client.fields import MessageError
 from fmfts_client.subscription import Subscription
 
-ALIVE_S = 0.3  # the daemon speaks at 10 Hz or more even when the hardware is silent: three misses
+ALIVE_S = 0.3  # three messages: the daemon sends at 10 Hz or more, also while the hardware is silent
 RATE_WINDOW_S = 1.0
 RATE_TOLERANCE = 0.1
 
@@ -21,12 +21,12 @@ RATE_TOLERANCE = 0.1
 class Client:
     """Contacts of `pad`.
 
-    `endpoint`: a base as in FMFTS_BUS, or Endpoints; the defaults where None. The connection is made in the
-    background and again after the daemon restarts, so a daemon that is not there is no error: `alive` is False.
-    Messages are taken in by `latest()` and by iteration only; the properties speak of what was taken in.
+    endpoint: a base as in FMFTS_BUS, or Endpoints; None: the default. The client connects in the background, and again
+    after the daemon restarts. While no daemon runs, there is no error, and `alive` is False. Only `latest()` and
+    iteration receive messages; the properties describe the messages received so far.
 
-    Raises EndpointError at once, and SchemaError when the daemon speaks another schema version. Every other message
-    that must not be used is skipped and counted in `refused`; `refusal` says why.
+    Raises EndpointError at once, and SchemaError when the daemon uses another schema version. Other messages that must
+    not be used are skipped and counted in `refused`; `refusal` says why.
     """
 
     def __init__(self, pad: str, endpoint: Optional[Union[str, Endpoints]] = None) -> None:
@@ -48,7 +48,7 @@ class Client:
     def latest(self, timeout_s: float = 0.0) -> Optional[Contact]:
         """The newest contact that was not returned before; older ones are dropped. None: nothing new in `timeout_s`.
 
-        What was sent more than ALIVE_S ago (it waited in a queue while the caller was busy) does not count as new.
+        A contact that was sent more than ALIVE_S ago (it waited in a queue while the caller was busy) is not new.
         """
         deadline = time.monotonic() + timeout_s
         while True:
@@ -62,7 +62,7 @@ class Client:
                 return None
 
     def contacts(self, timeout_s: Optional[float] = None) -> Iterator[Contact]:
-        """Every contact in order; ends after `timeout_s` seconds of silence (None: waits for ever)."""
+        """Yields every contact in order; ends after `timeout_s` seconds of silence (None: waits for ever)."""
         while True:
             contact = self._next(timeout_s)
             if contact is None:
@@ -84,7 +84,7 @@ class Client:
 
     @property
     def rate_hz(self) -> float:
-        """Contacts taken in that were sent in the last second, per second."""
+        """Rate of the received contacts that were sent in the last second."""
         oldest_ns = time.monotonic_ns() - int(RATE_WINDOW_S * 1e9)
         while self._published_ns and self._published_ns[0] < oldest_ns:
             self._published_ns.popleft()
@@ -100,7 +100,7 @@ class Client:
 
     @property
     def valid(self) -> bool:
-        """May the last contact be acted upon now: alive, fresh, and `Contact.valid`?"""
+        """May a controller act on the last contact now: is it alive, fresh, and `Contact.valid`?"""
         return self.alive and self.fresh and self.contact is not None and self.contact.valid
 
     def _next(self, timeout_s: Optional[float]) -> Optional[Contact]:

@@ -1,4 +1,4 @@
-"""How old a message is whose times are those of another machine's CLOCK_MONOTONIC."""
+"""Estimates the difference between the clock of another machine and this one's, for the ages of messages."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import math
 from typing import Optional
 
 SETTLING_S = 0.3
-# Of two crystals, and what NTP slews: so fast the least difference seen is let go.
-DRIFT = 500e-6
+DRIFT = 500e-6  # relative: more than two crystals, or NTP's corrections, drift apart
 
 
 class SenderClock:
-    """By how much this machine's monotonic clock is ahead of a daemon's.
+    """Estimates by how much this machine's monotonic clock is ahead of a daemon's.
 
-    Each message arrives later than it was sent, and hardly ever by less than the least so far: that is the clocks' own
-    difference, with the shortest way over the network in it. What waited in a queue differs by more, and so is seen to
-    be old. Nothing is known until messages have come for a while: a backlog is taken in at once. Another `boot` may be
-    after another start of that machine.
+    The estimate is the smallest difference between receiving and sending a message; it contains the shortest delay of
+    the network. A message that waited in a queue has a larger difference, and so is known to be old. The estimate is
+    not valid for the first SETTLING_S, because a backlog arrives at once. It is relaxed at the rate DRIFT, and reset
+    when `boot` changes, because the other machine may have restarted.
     """
 
     def __init__(self) -> None:
@@ -26,11 +25,11 @@ class SenderClock:
 
     @property
     def ahead_s(self) -> Optional[float]:
-        """None: not known yet."""
+        """The difference in s; None: not known yet."""
         return self._ahead_s if self._last_s - self._first_s >= SETTLING_S else None
 
-    def heard(self, boot: str, sent_s: float, now_s: float) -> None:
-        """A message that was sent at `sent_s` on the daemon's clock was taken in at `now_s` on this machine's."""
+    def take(self, boot: str, sent_s: float, now_s: float) -> None:
+        """Take in a message that was sent at `sent_s` on the daemon's clock and received at `now_s` on this one's."""
         if boot != self._boot:
             self._boot, self._ahead_s = boot, math.inf
             self._first_s = self._last_s = now_s

@@ -1,4 +1,4 @@
-"""What the daemon says, field by field: SI units, the unit in every name. docs/messages.md explains each one."""
+"""Defines the daemon's messages in SI units; names end in their unit. docs/messages.md explains every field."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Contact:
-    """One reading of one pad. What is None is not known; no number here is ever a guess or a NaN."""
+    """One contact message of a pad. None means not known; a number is never a guess or NaN."""
 
     v: int
     pad: str
@@ -60,12 +60,12 @@ class Contact:
     solver: str
     model: str
     baseline: Optional[str]
-    # Of this machine, over the one of the times above; None: not known.
+    # By how much this machine's monotonic clock is ahead of that of the times above; None: not known.
     clock_ahead_s: Optional[float] = field(default=0.0, metadata=NOT_SENT)
 
     @classmethod
     def from_message(cls, message: dict[str, Any], clock_ahead_s: Optional[float] = 0.0) -> Contact:
-        """The contact in a decoded `contact/<pad>` message; MessageError where anything in it is wrong.
+        """The contact of a decoded `contact/<pad>` message. Raises MessageError where anything in it is wrong.
 
         clock_ahead_s: as in `Message`; 0 for a daemon on this machine.
         """
@@ -76,8 +76,8 @@ class Contact:
     def valid(self) -> bool:
         """May `contact` and `force_n` (and, in contact, `x_m` and `y_m`) be used as a measurement?
 
-        True when health is "ok", contact is known, the force is inside the model's range and estimated, and a touch
-        has a place. Says nothing about age: `Client.valid` does. What is not valid is not "no force".
+        True when health is "ok", contact is known, the force is estimated and inside the model's range, and a touch has
+        a place. `Client.valid` also checks the age. A contact that is not valid does not mean "no force".
         """
         known = self.health == "ok" and self.contact is not None and self.force_n is not None
         placed = not self.contact or (self.x_m is not None and self.y_m is not None)
@@ -85,12 +85,12 @@ class Contact:
 
     @property
     def sample_age_s(self) -> float:
-        """Seconds since the sensors were sampled; infinite while the clock of another machine is not known."""
+        """Seconds since the sensors were sampled; infinite while the other machine's clock is not known."""
         return self._age_s(self.t_sample_ns)
 
     @property
     def publish_age_s(self) -> float:
-        """Seconds since the daemon sent this. From another machine, the shortest way over the network is left out."""
+        """Seconds since the daemon sent this; from another machine, without the shortest delay of the network."""
         return self._age_s(self.t_publish_ns)
 
     def _age_s(self, then_ns: int) -> float:
@@ -101,7 +101,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Event:
-    """Something happened: `kind` is "onset", "release", "over_range", "health", "baseline" or a later daemon's word."""
+    """A change. kind: "onset", "release", "over_range", "health", "baseline", or a new word of a later daemon."""
 
     v: int
     pad: str
@@ -119,7 +119,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Status:
-    """How a pad's pipeline is doing, once a second."""
+    """The state of a pad's pipeline, sent once a second."""
 
     v: int
     pad: str

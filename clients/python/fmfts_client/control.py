@@ -1,4 +1,4 @@
-"""Commands to the daemon: one request, progress while it works, one answer."""
+"""Sends commands to the daemon: a request gets progress messages while the daemon works, and one answer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ControlError(Exception):
 
 
 class UnreachableError(ControlError):
-    """Nobody answered in time."""
+    """No answer arrived in time."""
 
 
 class RefusedError(ControlError):
@@ -34,10 +34,10 @@ def request(
     progress: Optional[Callable[[dict[str, Any]], None]] = None,
     **arguments: Any,
 ) -> dict[str, Any]:
-    """The daemon's answer to `verb`, a map of facts.
+    """Send the command `verb`; returns the daemon's answer, a map of facts.
 
-    `timeout_s` is the longest silence: each progress message starts it anew, and is handed to `progress`.
-    Raises UnreachableError, RefusedError, EndpointError.
+    timeout_s: the longest silence; each progress message restarts it. progress: called with each progress message.
+    Raises UnreachableError, RefusedError or EndpointError.
     """
     address = for_client(endpoint).control
     number = secrets.token_hex(8)

@@ -1,8 +1,8 @@
-"""Where daemon and clients meet: the one definition of the default endpoints.
+"""Finds the endpoints where daemon and clients meet; both use this module.
 
 In order: `FMFTS_BUS` (a base, see `Endpoints.from_base`); the service's `/run/fmfts`; `$XDG_RUNTIME_DIR/fmfts`;
-`fmfts-<uid>` in the directory for temporary files. The last two are the user's own: made 0700, and refused when
-somebody else owns or may enter them, because whoever can place a socket there can tell a robot any force.
+`fmfts-<uid>` in the directory for temporary files. The last two belong to the user: they are made with mode 0700, and
+refused when another user owns or may enter them, because whoever can place a socket there can send a robot any force.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LONGEST_SOCKET_PATH = 107  # sockaddr_un.sun_path holds 108 bytes with the closi
 
 
 class EndpointError(Exception):
-    """There is no safe or well-formed place to meet; the text says where and what to do."""
+    """An endpoint is malformed or not safe; the text says which one, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ class Endpoints:
         if base.startswith("tcp://") and colon and host and port.isdecimal() and 0 < int(port) <= 65533:
             return cls(*(f"tcp://{host}:{int(port) + offset}" for offset in range(3)))
         raise EndpointError(
-            f"{base!r} is no base of endpoints: give ipc:///absolute/directory or tcp://host:port (port at most 65533)"
+            f"{base!r} is not a base of endpoints: give ipc:///absolute/directory or tcp://host:port (port at most "
+            "65533)"
         )
 
     @classmethod
@@ -59,12 +60,12 @@ class Endpoints:
 
 
 def named_base(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Optional[str]:
-    """The base that somebody names: FMFTS_BUS, else the one in the daemon's configuration; None: the defaults hold."""
+    """The base that FMFTS_BUS names, else the one in the daemon's configuration; None: the default."""
     return environ.get(OVERRIDE) or configured
 
 
 def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mapping[str, str] = os.environ) -> Endpoints:
-    """Where a client finds the daemon: what it was given (a base or Endpoints), else the defaults."""
+    """The endpoints for a client: those given (a base or Endpoints), else FMFTS_BUS, else the defaults."""
     if isinstance(endpoint, Endpoints):
         return endpoint
     base = endpoint or named_base(environ=environ)
@@ -81,9 +82,9 @@ def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mappin
 
 
 def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Endpoints:
-    """Where the daemon serves: FMFTS_BUS, else the base in its configuration, else the defaults.
+    """The endpoints for the daemon: FMFTS_BUS, else the base in its configuration, else the defaults.
 
-    `RUNTIME_DIRECTORY` is what systemd made for it. Clients never read it: it would be their own service's.
+    systemd sets RUNTIME_DIRECTORY for the daemon. Clients do not read it: theirs would be of their own service.
     """
     base = named_base(configured, environ)
     if base:
@@ -100,13 +101,13 @@ def _own_directory(environ: Mapping[str, str]) -> Path:
         directory = Path(tempfile.gettempdir()) / f"fmfts-{os.getuid()}"
     try:
         directory.mkdir(mode=0o700, exist_ok=True)
-        found = directory.lstat()
+        status = directory.lstat()
     except OSError as error:
         raise EndpointError(f"cannot use {directory} for the bus ({error.strerror}): set {OVERRIDE}") from error
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o077:
         raise EndpointError(
-            f"{directory} is not a directory of yours alone (owner {found.st_uid}, "
-            f"mode {stat.filemode(found.st_mode)}): somebody else could feed false forces "
+            f"{directory} is not a directory of yours alone (owner {status.st_uid}, "
+            f"mode {stat.filemode(status.st_mode)}): another user could send false forces "
             f"through it. Remove it, or set {OVERRIDE}"
         )
     return directory

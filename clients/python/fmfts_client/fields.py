@@ -1,4 +1,4 @@
-"""Strict reading of message maps into dataclasses: a wrong type or a number that is none is refused, by name."""
+"""Reads message maps into dataclasses; refuses wrong types, NaN and infinity, and names the field."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, Callable, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 SCHEMA_VERSION = 1
-# Marks a field that a client adds to what was sent.
+# Marks a dataclass field that is not in the message: the client adds it.
 NOT_SENT = {"sent": False}
 
 T = TypeVar("T")
@@ -17,11 +17,11 @@ Check = Callable[[Any], Any]
 
 
 class MessageError(ValueError):
-    """A message that must not be used; the text names the field and what stands in it."""
+    """A message must not be used; the text names the field and its value."""
 
 
 class SchemaError(MessageError):
-    """The daemon speaks another version of the schema than this client."""
+    """The daemon uses another version of the schema than this client."""
 
 
 def check_version(message: Mapping[str, object]) -> None:
@@ -34,9 +34,9 @@ def check_version(message: Mapping[str, object]) -> None:
 
 
 def parse(kind: type[T], message: object, **not_sent: object) -> T:
-    """`message` as a `kind` (a dataclass), with what was not sent; keys that `kind` does not know are ignored.
+    """Read `message` into the dataclass `kind`. not_sent: values of its fields marked NOT_SENT.
 
-    Raises MessageError for a missing key, a wrong type (True is not a number), NaN and infinity.
+    Ignores unknown keys. Raises MessageError for a missing key, a wrong type (True is not a number), NaN and infinity.
     """
     if not isinstance(message, Mapping):
         raise MessageError(f"{kind.__name__}: not a map but {_shown(message)}")
@@ -78,7 +78,7 @@ def _number(value: Any) -> float:
 
 def _exactly(kind: type) -> Check:
     def check(value: Any) -> Any:
-        if type(value) is not kind:  # `type`, not isinstance: True is an int to Python, not to us
+        if type(value) is not kind:  # isinstance would accept True as an int
             raise MessageError(f"not {kind.__name__} but {_shown(value)}")
         return value
 

@@ -1,4 +1,4 @@
-"""The key that a client shows over a network (CURVE, RFC 26), made by `fmfts-daemon keys new`: one file a client."""
+"""Reads a client's key for the network (CURVE, RFC 26), one file for each client; `fmfts-daemon keys new` makes it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BadKeyError(EndpointError):
 
 @dataclass(frozen=True)
 class ClientKey:
-    """`server`: the public key of the daemon that is expected; `public`, `secret`: the client's own pair. All Z85."""
+    """server: public key of the expected daemon. public, secret: the client's own keys. All are Z85."""
 
     server: bytes
     public: bytes
@@ -38,7 +38,7 @@ class ClientKey:
 
 
 def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
-    """The keys of these names in a key file. BadKeyError where it is open to others, or they are not in it."""
+    """The keys of these names in a key file. Raises BadKeyError where others may read it, or a key is missing."""
     try:
         with path.open("rb") as file:
             mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
@@ -47,23 +47,23 @@ def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
         raise BadKeyError(f"key {path} cannot be read: {error.strerror}") from error
     if mode & FORBIDDEN_MODE:
         raise BadKeyError(f"key {path} is open to others (mode {mode:04o}): chmod 600 {path}")
-    found = dict(_LINE.findall(content.decode(errors="replace"))) if len(content) <= LARGEST_KEY_FILE else {}
-    missing = [name for name in names if len(found.get(name, "")) != KEY_CHARACTERS]
+    keys = dict(_LINE.findall(content.decode(errors="replace"))) if len(content) <= LARGEST_KEY_FILE else {}
+    missing = [name for name in names if len(keys.get(name, "")) != KEY_CHARACTERS]
     if missing:
         raise BadKeyError(f"key {path} has no {', '.join(missing)}: make another with `fmfts-daemon keys new`")
-    return [found[name].encode("ascii", errors="replace") for name in names]
+    return [keys[name].encode("ascii", errors="replace") for name in names]
 
 
 def client_key(path: Optional[Path] = None, environ: Mapping[str, str] = os.environ) -> Optional[ClientKey]:
-    """The key in `path`, else in the file that FMFTS_KEY names; None where there is neither."""
+    """The key in `path`, or else in the file that FMFTS_KEY names; None where neither is given."""
     chosen = path or (Path(environ[KEY_VARIABLE]) if environ.get(KEY_VARIABLE) else None)
     return None if chosen is None else ClientKey(*read_fields(chosen, ("server", "public", "secret")))
 
 
 def show_key(socket: zmq.Socket[Any], endpoint: str) -> None:
-    """Have the socket show its key to `endpoint`, before it connects; BadKeyError where it needs one and there is none.
+    """Set the client's key on a socket, before it connects to `endpoint`. Raises BadKeyError where it needs one.
 
-    A daemon on this machine that is reached over ipc asks for none: the socket's permissions say who may.
+    ipc needs no key: there the permissions of the socket decide who may connect.
     """
     if not endpoint.startswith("tcp://"):
         return
@@ -72,13 +72,13 @@ def show_key(socket: zmq.Socket[Any], endpoint: str) -> None:
         socket.curve_serverkey, socket.curve_publickey, socket.curve_secretkey = key.server, key.public, key.secret
     elif not is_loopback(endpoint):
         raise BadKeyError(
-            f"{endpoint} is on the network, where fmfts-daemon speaks to keys that it knows only: "
-            f"`fmfts-daemon keys new NAME` on its machine makes one, and {KEY_VARIABLE} names the file here"
+            f"{endpoint} is on the network, where fmfts-daemon accepts only clients with a key that it knows: "
+            f"make one with `fmfts-daemon keys new NAME` on its machine, and set {KEY_VARIABLE} to that file here"
         )
 
 
 def is_loopback(endpoint: str) -> bool:
-    """Does a tcp endpoint name this machine alone? Names other than localhost may be anything."""
+    """Is a tcp endpoint on this machine alone? A name other than localhost may be any machine."""
     host = endpoint[len("tcp://") :].rpartition(":")[0].strip("[]")
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback

@@ -1,4 +1,4 @@
-"""Why a daemon may not answer, as far as that can be seen from here."""
+"""Finds the likely reason why a daemon does not answer, as far as a client can see it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ IPC = "ipc://"
 
 
 def why_silent(endpoint: str, environ: Mapping[str, str] = os.environ) -> str:
-    """What to look at where nothing comes from `endpoint`: ZeroMQ goes on trying, and never says what failed."""
+    """What to check when nothing arrives from `endpoint`; ZeroMQ tries for ever, and never reports an error."""
     if endpoint.startswith(IPC):
         socket = endpoint[len(IPC) :]
         if _is_closed(socket):
@@ -23,9 +23,10 @@ def why_silent(endpoint: str, environ: Mapping[str, str] = os.environ) -> str:
         return f"is fmfts-daemon running, and on this endpoint ({OVERRIDE})?"
     if environ.get(KEY_VARIABLE):
         return (
-            f"is fmfts-daemon running, and {environ[KEY_VARIABLE]} a key of its list (`fmfts-daemon keys list` there)?"
+            f"is fmfts-daemon running, and is {environ[KEY_VARIABLE]} a key of its list "
+            "(`fmfts-daemon keys list` there)?"
         )
-    return f"is fmfts-daemon running? If it serves with keys, {KEY_VARIABLE} has to name the file of yours"
+    return f"is fmfts-daemon running? If it serves with keys, set {KEY_VARIABLE} to your key's file"
 
 
 def _is_closed(socket: str) -> bool:

@@ -1,4 +1,4 @@
-"""Messages of the bus as they come, of one pad or of all."""
+"""Receives the messages of the bus, of one pad or of all."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from fmfts_client.fields import MessageError, SchemaError, check_version
 from fmfts_client.keys import show_key
 
 LARGEST_MESSAGE = 1 << 20
-OF_RECORDERS = {"frame", "state"}
+FRAME_SOCKET_KINDS = {"frame", "state"}
 
 
 @dataclass(frozen=True)
 class Message:
     """`kind`: first word of the topic ("contact", "event", "status", "frame", "state"). `body`: the decoded map.
 
-    clock_ahead_s: how far this machine's monotonic clock is ahead of the one of the times in `body`; None: not known.
+    clock_ahead_s: by how much this machine's monotonic clock is ahead of that of the times in `body`; None: not known.
     """
 
     kind: str
@@ -34,10 +34,10 @@ class Message:
 
 
 class Subscription:
-    """The messages of `kinds`, of `pad` or of all pads. Reconnects by itself; not for use by two threads at once.
+    """Receives the messages of `kinds`, of `pad` or of all pads. Reconnects by itself; only one thread may use it.
 
-    What cannot be decoded is skipped, counted in `refused` and explained in `refusal`; another schema version raises
-    SchemaError, for waiting would not mend it. `kinds=("frame",)` connects to the frame socket, which is apart.
+    A message that cannot be decoded is skipped, counted in `refused` and explained in `refusal`. Another schema version
+    raises SchemaError. "frame" and "state" come from another socket than the other kinds.
     """
 
     def __init__(
@@ -46,8 +46,8 @@ class Subscription:
         pad: Optional[str] = None,
         endpoint: Optional[Union[str, Endpoints]] = None,
     ) -> None:
-        raw = set(kinds) & OF_RECORDERS
-        if raw and set(kinds) - OF_RECORDERS:
+        raw = set(kinds) & FRAME_SOCKET_KINDS
+        if raw and set(kinds) - FRAME_SOCKET_KINDS:
             raise ValueError("frames and states come over a socket of their own: subscribe to them alone")
         self.endpoints = for_client(endpoint)
         self.refused = 0
@@ -67,17 +67,17 @@ class Subscription:
         except EndpointError:
             self._socket.close()
             raise
-        # ipc stays on one machine, with one clock; tcp may come from anywhere, through a tunnel even from loopback.
+        # ipc is on one machine, with one clock. tcp may come from anywhere; through a tunnel, even on the loopback.
         self._clock = SenderClock() if endpoint.startswith("tcp://") else None
         self._socket.connect(endpoint)
 
     @property
     def socket(self) -> zmq.Socket[bytes]:
-        """To poll several of them at once."""
+        """The socket, for polling several subscriptions at once."""
         return self._socket
 
     def receive(self, timeout_s: Optional[float] = None) -> Optional[Message]:
-        """The next message, or None after `timeout_s` seconds (None: wait for ever; 0: only what is here)."""
+        """The next message, or None after `timeout_s` seconds (None: wait for ever; 0: do not wait)."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while True:
             if not self.wait(None if deadline is None else deadline - time.monotonic()):
@@ -87,7 +87,7 @@ class Subscription:
                 return message
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
-        """Is there something to receive before `timeout_s` seconds are over (None: for ever)?"""
+        """Wait until a message can be received; False after `timeout_s` seconds (None: wait for ever)."""
         return bool(self._socket.poll(None if timeout_s is None else max(0, round(timeout_s * 1e3))))
 
     def refuse(self, error: Exception) -> None:
@@ -98,7 +98,7 @@ class Subscription:
     def _accept(self, parts: Sequence[bytes]) -> Optional[Message]:
         try:
             kind, _, pad = parts[0].decode().partition("/")
-            # ZeroMQ matches prefixes: a subscription to contact/left gets contact/left2 as well.
+            # ZeroMQ compares prefixes: a subscription to contact/left gets contact/left2 too.
             if kind not in self._kinds or self._pad not in (None, pad):
                 return None
             if len(parts) != 2:
@@ -108,7 +108,7 @@ class Subscription:
                 raise MessageError(f"{kind}/{pad}: not a map but {type(body).__name__}")
             check_version(body)
             if body.get("pad") != pad:
-                raise MessageError(f"{kind}/{pad}: speaks of pad {body.get('pad')!r}")
+                raise MessageError(f"{kind}/{pad}: is for pad {body.get('pad')!r}")
             return Message(kind, pad, body, self._clock_ahead_s(body))
         except SchemaError:
             raise
@@ -121,7 +121,7 @@ class Subscription:
             return 0.0
         boot, sent_ns = body.get("boot"), body.get("t_publish_ns")
         if type(boot) is str and type(sent_ns) is int:
-            self._clock.heard(boot, sent_ns * 1e-9, time.monotonic())
+            self._clock.take(boot, sent_ns * 1e-9, time.monotonic())
         return self._clock.ahead_s
 
     def close(self) -> None:

@@ -1,5 +1,5 @@
-/* fmfts.arithmetic._arithmetic: matrix.c and elementary.h for Python, through the stable ABI. Called by matrix.py only,
- * which makes the arrays. */
+/* fmfts.arithmetic._arithmetic: matrix.c and elementary.h for Python, through the stable ABI. matrix.py allocates the
+ * arrays. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
@@ -11,17 +11,18 @@
 
 enum { MOST_BUFFERS = 3 };
 
-/* Arrays of doubles; how many each must have. */
+/* The arrays of doubles of one call. */
 typedef struct {
     Py_buffer buffer[MOST_BUFFERS];
     int count;
 } arrays;
 
-static bool have(const arrays *a, const size_t *wanted)
+/* Raises ValueError and returns false unless array i has lengths[i] doubles. */
+static bool have_lengths(const arrays *a, const size_t *lengths)
 {
     for (int i = 0; i < a->count; i++) {
-        if ((size_t)a->buffer[i].len != wanted[i] * sizeof(double)) {
-            PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zu doubles expected", i, a->buffer[i].len, wanted[i]);
+        if ((size_t)a->buffer[i].len != lengths[i] * sizeof(double)) {
+            PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zu doubles expected", i, a->buffer[i].len, lengths[i]);
             return false;
         }
     }
@@ -50,7 +51,7 @@ static PyObject *truth_of(arrays *a, bool truth)
     return PyErr_Occurred() ? NULL : PyBool_FromLong(truth);
 }
 
-/* product(count, m, k, n, a, b, out): `count` products, or of one matrix a or b with each of the others. */
+/* product(count, m, k, n, a, b, out): `count` products; a or b may be one matrix that all products share. */
 static PyObject *product(PyObject *module, PyObject *args)
 {
     Py_ssize_t count, m, k, n;
@@ -62,7 +63,7 @@ static PyObject *product(PyObject *module, PyObject *args)
     size_t left = (size_t)(m * k), right = (size_t)(k * n), out = (size_t)(m * n), times = (size_t)count;
     bool one_left = (size_t)a.buffer[0].len == left * sizeof(double);
     bool one_right = (size_t)a.buffer[1].len == right * sizeof(double);
-    if (have(&a, (size_t[]){one_left ? left : left * times, one_right ? right : right * times, out * times})) {
+    if (have_lengths(&a, (size_t[]){one_left ? left : left * times, one_right ? right : right * times, out * times})) {
         for (size_t i = 0; i < times; i++) {
             fmfts_product((size_t)m, (size_t)k, (size_t)n, (const double *)a.buffer[0].buf + (one_left ? 0 : i * left),
                           (const double *)a.buffer[1].buf + (one_right ? 0 : i * right),
@@ -72,7 +73,7 @@ static PyObject *product(PyObject *module, PyObject *args)
     return none_of(&a);
 }
 
-/* cholesky(count, n, a) → were all positive definite? */
+/* cholesky(count, n, a) → True if all are positive definite. */
 static PyObject *cholesky(PyObject *module, PyObject *args)
 {
     Py_ssize_t count, n;
@@ -82,7 +83,7 @@ static PyObject *cholesky(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "nnw*", &count, &n, &a.buffer[0])) {
         return NULL;
     }
-    if (have(&a, (size_t[]){(size_t)(count * n * n)})) {
+    if (have_lengths(&a, (size_t[]){(size_t)(count * n * n)})) {
         for (Py_ssize_t i = 0; i < count && good; i++) {
             good = fmfts_cholesky((size_t)n, (double *)a.buffer[0].buf + i * n * n);
         }
@@ -97,7 +98,7 @@ static PyObject *solve(PyObject *args, void (*solver)(size_t, size_t, const doub
     if (!PyArg_ParseTuple(args, "nnny*w*", &count, &n, &columns, &a.buffer[0], &a.buffer[1])) {
         return NULL;
     }
-    if (have(&a, (size_t[]){(size_t)(count * n * n), (size_t)(count * n * columns)})) {
+    if (have_lengths(&a, (size_t[]){(size_t)(count * n * n), (size_t)(count * n * columns)})) {
         for (Py_ssize_t i = 0; i < count; i++) {
             solver((size_t)n, (size_t)columns, (const double *)a.buffer[0].buf + i * n * n,
                    (double *)a.buffer[1].buf + i * n * columns);
@@ -119,7 +120,7 @@ static PyObject *solve_lower_transposed(PyObject *module, PyObject *args)
     return solve(args, fmfts_solve_lower_transposed);
 }
 
-/* rotate_columns(m, n, a, v) → did the rotations come to an end? */
+/* rotate_columns(m, n, a, v) → True if the rotations converged. */
 static PyObject *rotate_columns(PyObject *module, PyObject *args)
 {
     Py_ssize_t m, n;
@@ -129,7 +130,7 @@ static PyObject *rotate_columns(PyObject *module, PyObject *args)
     if (!PyArg_ParseTuple(args, "nnw*w*", &m, &n, &a.buffer[0], &a.buffer[1])) {
         return NULL;
     }
-    if (have(&a, (size_t[]){(size_t)(m * n), (size_t)(n * n)})) {
+    if (have_lengths(&a, (size_t[]){(size_t)(m * n), (size_t)(n * n)})) {
         ended = fmfts_rotate_columns((size_t)m, (size_t)n, a.buffer[0].buf, a.buffer[1].buf);
     }
     return truth_of(&a, ended);
@@ -147,7 +148,7 @@ static PyObject *complement(PyObject *module, PyObject *args)
     double *scale = PyMem_Malloc((size_t)(n + 1) * sizeof *scale);
     if (!scale) {
         PyErr_NoMemory();
-    } else if (have(&a, (size_t[]){(size_t)(m * n), (size_t)(m * (m - n))})) {
+    } else if (have_lengths(&a, (size_t[]){(size_t)(m * n), (size_t)(m * (m - n))})) {
         fmfts_complement((size_t)m, (size_t)n, a.buffer[0].buf, scale, a.buffer[1].buf);
     }
     PyMem_Free(scale);

@@ -1,4 +1,4 @@
-"""The compiled part where it could be built, and whether it is to be used."""
+"""Imports the compiled module where it was built, and decides whether it is used."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import os
 
 try:
     from fmfts.arithmetic import _arithmetic
-except ImportError:  # no compiler was there when the package was built
+except ImportError:  # the package was built without a compiler
     _arithmetic = None  # type: ignore[assignment]
 
 __all__ = ["AVAILABLE", "_arithmetic"]
 
-# FMFTS_SOLVER=numpy leaves everything compiled aside, for comparisons.
+# FMFTS_SOLVER=numpy switches all compiled code off, for comparisons.
 AVAILABLE = _arithmetic is not None and os.environ.get("FMFTS_SOLVER") != "numpy"

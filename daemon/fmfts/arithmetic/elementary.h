@@ -1,4 +1,4 @@
-/* exp and log, the same to the last bit on every processor: elementary_reference.py, which explains them. */
+/* exp and log with the same bits on every processor. elementary_reference.py explains them. */
 #ifndef FMFTS_ELEMENTARY_H
 #define FMFTS_ELEMENTARY_H
 
@@ -37,7 +37,7 @@ static inline double fmfts_exp(double x)
     return value * fmfts_power_of_two(half) * fmfts_power_of_two(exponent - half);
 }
 
-/* a·b rounded, and the rounding's error: Dekker. */
+/* Returns the rounded product a·b; writes its rounding error (Dekker). */
 static inline double fmfts_two_product(double a, double b, double *error)
 {
     const double split = 0x1p27 + 1.0;

@@ -1,8 +1,8 @@
-"""exp and log, the same to the last bit on every processor.
+"""Computes exp and log with the same bits on every processor.
 
-The functions of a C library are not: glibc has variants of exp, log and pow with fused multiply-add, and NumPy has
-others with wide vectors, so that two processors round differently. These use nothing but +, −, × and ÷, which IEEE 754
-rounds the same everywhere: elementary.h, or elementary_reference.py where that was not compiled.
+The C library and NumPy do not: they choose variants of exp, log and pow by the processor (fused multiply-add, wide
+vectors), and these round differently. The functions here use only +, −, × and ÷, which IEEE 754 rounds the same
+everywhere. They are elementary.h, or elementary_reference.py where that was not compiled.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ else:
 
 
 def square(x: Any) -> Any:
-    """x·x, of a number or an array."""
+    """x·x of a number or an array."""
     return x * x
 
 
 def power(x: Any, exponent: int) -> Any:
-    """x·x·…, of a number or an array, `exponent` ≥ 1 times: what `**` makes of it goes through the C library's pow."""
+    """x to the power of `exponent` ≥ 1, for a number or an array, by multiplication: `**` calls the C library's pow."""
     value = x
     for _ in range(exponent - 1):
         value = value * x

@@ -1,4 +1,4 @@
-"""exp and log of elementary.h in Python, to the last bit.
+"""Computes exp and log in Python, with the same bits as elementary.h.
 
 exp: P. T. P. Tang, "Table-driven implementation of the exponential function in IEEE floating-point arithmetic", ACM
 TOMS 15 (1989) 144. Within 0.54 units in the last place.
@@ -11,7 +11,7 @@ import math
 
 from fmfts.arithmetic.tables import EXP_STEPS, LN2_HIGH, LN2_LOW, POWERS_OF_TWO
 
-# Added and taken away again, it rounds to a whole number.
+# Adding ROUND and subtracting it again rounds to a whole number.
 ROUND = 1.5 * (1 << 52)
 SPLIT = (1 << 27) + 1.0  # T. J. Dekker, "A floating-point technique for extending the available precision", 1971
 SQRT_HALF = math.sqrt(0.5)
@@ -34,7 +34,7 @@ def exp(x: float) -> float:
     tail = r * r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0)))))
     power_high, power_low = POWERS_OF_TWO[whole % EXP_STEPS]
     value = power_high + (power_low + (power_high + power_low) * (high + (low + tail)))
-    # In two steps: 2^m alone may be beyond a double's range.
+    # Scale in two steps: 2^exponent alone may be beyond a double's range.
     exponent = whole // EXP_STEPS
     return math.ldexp(math.ldexp(value, exponent // 2), exponent - exponent // 2)
 
@@ -49,7 +49,7 @@ def log(x: float) -> float:
     f = z - 1.0
     u = 2.0 + f
     s = f / u
-    # What the division left: f − s·(2 + f), exactly but for its last rounding.
+    # s_low is the rounding error of s: (f − s·(2 + f)) / u, exact but for its last rounding.
     product, error = _two_product(s, u)
     s_low = ((f - product) - error - s * (f - (u - 2.0))) / u
     w = s * s
@@ -57,7 +57,7 @@ def log(x: float) -> float:
     for odd in (19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0):
         series = 1.0 / odd + w * series
     tail = 2.0 * (s_low + s * w * series)
-    # |m ln 2| is the larger of the two, or zero.
+    # |m ln 2| is larger than |2 s|, or zero.
     large, small = m * LN2_HIGH, 2.0 * s
     total = large + small
     rest = small - (total - large) if m else 0.0
@@ -65,7 +65,7 @@ def log(x: float) -> float:
 
 
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """a·b rounded, and the rounding's error."""
+    """The rounded product a·b, and its rounding error."""
     a_high, b_high = SPLIT * a - (SPLIT * a - a), SPLIT * b - (SPLIT * b - b)
     a_low, b_low = a - a_high, b - b_high
     product = a * b

@@ -95,7 +95,7 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
     for (size_t i = 0; i < n * n; i++) {
         v[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
     }
-    /* A column below it is nothing but the rounding of others, and would be turned for ever. */
+    /* A column with a smaller square is only the rounding of other columns: rotating it would never converge. */
     double least = ROUNDING * (double)(m > n ? m : n), floor = least * least * along(m * n, 1, a, a);
     for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
         bool rotated = false;
@@ -122,7 +122,7 @@ bool fmfts_rotate_columns(size_t m, size_t n, double *a, double *v)
     return false;
 }
 
-/* column −= v·(v·column)·scale, over the rows from `first` on; v is column `first` of a [m][n]. */
+/* column −= v·(v·column)·scale, for the rows from `first` on; v is column `first` of a [m][n]. */
 static void reflect(size_t m, size_t first, size_t stride, const double *v, double scale, size_t columns, double *column)
 {
     double share = 0.0;

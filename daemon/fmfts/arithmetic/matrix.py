@@ -1,8 +1,8 @@
-"""Algebra of small matrices, the same to the last bit on every processor.
+"""Algebra of small matrices with the same bits on every processor.
 
-BLAS and LAPACK are not: OpenBLAS picks other kernels on another processor, and they add in another order. Here every
-sum has one order, the same in matrix.c and in matrix_reference.py, and nothing is used but +, −, ×, ÷ and √, which
-IEEE 754 rounds the same everywhere. Matrices are of up to some sixty rows, which no kernel of a BLAS would speed up.
+BLAS and LAPACK do not give that: OpenBLAS chooses its kernels by the processor, and they add in different orders. Here
+every sum has one order, the same in matrix.c and in matrix_reference.py, and only +, −, ×, ÷ and √ are used, which
+IEEE 754 rounds the same everywhere. Matrices have up to about sixty rows; BLAS would not be faster for them.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from fmfts.arithmetic.elementary import log
 
 Array = NDArray[np.float64]
 
-# A singular value below this share of the largest is rounding (times the larger dimension): as LAPACK's users have it.
+# A singular value below this share of the largest, times the larger dimension, counts as zero (as in NumPy's rank).
 ROUNDING = 2.0**-52
-UNRESOLVED = 1e-9
+EIGEN_RESIDUAL = 1e-9  # largest |A·V − V·Λ| of valid eigenvectors, relative to the largest eigenvalue
 
 
 class SingularError(ValueError):
@@ -29,9 +29,9 @@ class SingularError(ValueError):
 
 
 def product(first: ArrayLike, *others: ArrayLike) -> Any:
-    """first @ second @ …, from the left, each as NumPy's `@` has it: (…, m, k) · (…, k, n), vectors too.
+    """first @ second @ …, from the left, with the shapes of NumPy's `@`: (…, m, k) · (…, k, n), or vectors.
 
-    A number where both are vectors, else an array.
+    Returns a float for a product of two vectors, else an array.
     """
     value: Any = np.asarray(first, dtype=np.float64)
     for other in others:
@@ -40,11 +40,11 @@ def product(first: ArrayLike, *others: ArrayLike) -> Any:
 
 
 def _product(a: Array, b: Array) -> Any:
-    """One call of C, whatever the shapes: this is what a frame's time in Python goes into."""
+    """Multiplies by one call of C for all shapes: the Python path of a frame spends most of its time here."""
     m, k = a.shape[-2:] if a.ndim > 1 else (1, len(a))
     inner, n = b.shape[-2:] if b.ndim > 1 else (len(b), 1)
     if k != inner:
-        raise ValueError(f"a product of {a.shape} and {b.shape}")
+        raise ValueError(f"cannot multiply {a.shape} by {b.shape}")
     batch, count = a.shape[:-2], 1
     if a.ndim > 2 or b.ndim > 2:
         if a.ndim > 2 and b.ndim > 2 and batch != b.shape[:-2]:
@@ -76,7 +76,7 @@ def cholesky(matrix: Array) -> Array:
 
 
 def solve_lower(lower: Array, right: Array) -> Array:
-    """L⁻¹ · `right`. lower (n, n): a triangle, and right (n,) or (n, columns); or (…, n, n) and (…, n, columns)."""
+    """L⁻¹ · `right`, for a lower triangle (n, n) and right (n,) or (n, columns); or (…, n, n) and (…, n, columns)."""
     x: Array = np.array(right, dtype=np.float64, order="C")
     if not x.size:
         return x
@@ -89,7 +89,7 @@ def solve_lower(lower: Array, right: Array) -> Array:
 
 
 def solve_lower_transposed(lower: Array, right: Array) -> Array:
-    """L⁻ᵀ · `right`."""
+    """L⁻ᵀ · `right`; shapes as in `solve_lower`."""
     x: Array = np.array(right, dtype=np.float64, order="C")
     if not x.size:
         return x
@@ -102,7 +102,7 @@ def solve_lower_transposed(lower: Array, right: Array) -> Array:
 
 
 def _sizes(lower: Array, x: Array) -> tuple[int, int, int]:
-    """How many triangles, their size, and the columns of each one's right-hand side."""
+    """The number of triangles, the size n of each, and the columns of each right-hand side."""
     size = lower.shape[-1]
     if x.shape[: lower.ndim - 1] != lower.shape[:-1] or not lower.ndim - 1 <= x.ndim <= lower.ndim:
         raise ValueError(f"equations of {lower.shape} with a right-hand side of {x.shape}")
@@ -119,13 +119,13 @@ def _columns_of(lower: Array, x: Array) -> Array:
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """matrix⁻¹ · `right`, of a positive definite `matrix` (…, n, n); right as in `solve_lower`."""
+    """matrix⁻¹ · `right` for a positive definite `matrix` (…, n, n); right as in `solve_lower`."""
     lower = cholesky(matrix)
     return solve_lower_transposed(lower, solve_lower(lower, right))
 
 
 def inverse(matrix: Array) -> Array:
-    """Of a positive definite `matrix` (…, n, n); symmetric to the last bit."""
+    """Inverse of a positive definite `matrix` (…, n, n); symmetric to the last bit."""
     one = np.eye(matrix.shape[-1])
     half = solve_lower(cholesky(matrix), one if matrix.ndim == 2 else np.broadcast_to(one, matrix.shape))
     inverted: Array = product(half.swapaxes(-1, -2), half)
@@ -133,68 +133,71 @@ def inverse(matrix: Array) -> Array:
 
 
 def log_determinant(matrix: Array) -> float:
-    """Of a positive definite `matrix` (n, n)."""
+    """log det of a positive definite `matrix` (n, n)."""
     total = 0.0
-    for root in np.diagonal(cholesky(matrix)).tolist():
-        total += log(root)
+    for pivot in np.diagonal(cholesky(matrix)).tolist():
+        total += log(pivot)
     return 2.0 * total
 
 
 def singular_values(matrix: Array) -> tuple[Array, Array, Array]:
-    """U (m, n), S (n,), V (n, n) with `matrix` (m, n) = U·diag(S)·Vᵀ, the largest of S first.
+    """Singular value decomposition: `matrix` (m, n) = U·diag(S)·Vᵀ. Returns U (m, n), S (n,) descending, V (n, n).
 
-    M. R. Hestenes, "Inversion of matrices by biorthogonalization", J. SIAM 6 (1958) 51: pairs of columns are turned
-    until all are orthogonal. A column of U whose singular value is zero is zero.
+    M. R. Hestenes, "Inversion of matrices by biorthogonalization", J. SIAM 6 (1958) 51: rotates pairs of columns until
+    all columns are orthogonal. A column of U is zero where its singular value is zero. Raises SingularError.
     """
-    turned: Array = np.array(matrix, dtype=np.float64, order="C")
-    columns = turned.shape[1]
+    rotated: Array = np.array(matrix, dtype=np.float64, order="C")
+    columns = rotated.shape[1]
     right: Array = np.empty((columns, columns))
-    ended = (
-        _arithmetic.rotate_columns(len(turned), columns, turned, right)
+    converged = (
+        _arithmetic.rotate_columns(len(rotated), columns, rotated, right)
         if AVAILABLE
-        else reference.rotate_columns(turned, right)
+        else reference.rotate_columns(rotated, right)
     )
-    if not np.isfinite(turned).all():
-        raise SingularError(f"a matrix of {len(turned)} × {columns} is not finite")
-    if not ended:
-        raise SingularError(f"the singular values of a matrix of {len(turned)} × {columns} were not found")
-    values = lengths(turned.T)
+    if not np.isfinite(rotated).all():
+        raise SingularError(f"a matrix of {len(rotated)} × {columns} is not finite")
+    if not converged:
+        raise SingularError(f"the singular values of a matrix of {len(rotated)} × {columns} were not found")
+    values = lengths(rotated.T)
     order = np.argsort(-values, kind="stable")
     values = values[order]
-    return turned[:, order] / np.where(values > 0.0, values, 1.0), values, right[:, order]
+    return rotated[:, order] / np.where(values > 0.0, values, 1.0), values, right[:, order]
 
 
 def eigen(matrix: Array) -> tuple[Array, Array]:
-    """Eigenvalues (n,), the smallest first, and eigenvectors (n, n) in columns, of a symmetric `matrix`.
+    """Eigenvalues (n,), ascending, and eigenvectors (n, n), as columns, of a symmetric `matrix`.
 
-    ValueError where two eigenvalues differ in their sign alone, which those of a covariance never do.
+    Raises ValueError where two eigenvalues differ only in their sign; those of a covariance never do.
     """
     left, values, right = singular_values(matrix)
     signed = np.copysign(values, np.diagonal(product(left.T, right)))
-    if np.abs(product(matrix, right) - right * signed).max(initial=0.0) > UNRESOLVED * values.max(initial=0.0):
-        raise ValueError("a matrix with two eigenvalues that differ in their sign alone")
+    if np.abs(product(matrix, right) - right * signed).max(initial=0.0) > EIGEN_RESIDUAL * values.max(initial=0.0):
+        raise ValueError("two eigenvalues of this matrix differ only in their sign")
     order = np.argsort(signed, kind="stable")
     return signed[order], right[:, order]
 
 
 def least_squares(matrix: Array, right: Array) -> Array:
-    """The shortest x that makes |matrix·x − right| least: matrix (m, n), right (m,) or (m, columns)."""
+    """The shortest x that minimises |matrix·x − right|, for matrix (m, n) and right (m,) or (m, columns)."""
     answer: Array = product(pseudo_inverse(matrix)[1], right)
     return answer
 
 
 def pseudo_inverse(matrix: Array) -> tuple[Array, Array]:
-    """An orthonormal basis (m, n) of the columns of `matrix` (m, n), with zeros for what the others have already, and
-    the matrix (n, m) that makes the shortest least-squares answer of a right-hand side."""
-    left, values, turned = singular_values(matrix)
-    known = values > ROUNDING * max(matrix.shape) * values.max(initial=0.0)
-    left = np.where(known, left, 0.0)
-    inverse: Array = product(turned / np.where(known, values, 1.0), left.T)
+    """The column basis and the pseudo-inverse of `matrix` (m, n).
+
+    Returns an orthonormal basis (m, n) of its columns, with zero columns beyond its rank, and the pseudo-inverse
+    (n, m): its product with a right-hand side is the shortest least-squares solution.
+    """
+    left, values, right = singular_values(matrix)
+    nonzero = values > ROUNDING * max(matrix.shape) * values.max(initial=0.0)
+    left = np.where(nonzero, left, 0.0)
+    inverse: Array = product(right / np.where(nonzero, values, 1.0), left.T)
     return left, inverse
 
 
 def complement(matrix: Array) -> Array:
-    """(m, m − n): orthonormal columns, orthogonal to those of `matrix` (m, n) of full rank, n < m."""
+    """Orthonormal columns (m, m − n), orthogonal to the columns of `matrix` (m, n), n < m, of full rank."""
     reflected: Array = np.array(matrix, dtype=np.float64, order="C")
     rows, columns = reflected.shape
     out: Array = np.empty((rows, rows - columns))
@@ -219,7 +222,7 @@ def lengths(vectors: Array) -> Array:
 
 
 def root_of_squares(*parts: Any) -> Any:
-    """√(a² + b² + …), of numbers or arrays: independent deviations together."""
+    """√(a² + b² + …) of numbers or arrays: combines independent standard deviations."""
     square: Any = 0.0
     for part in parts:
         square = square + part * part

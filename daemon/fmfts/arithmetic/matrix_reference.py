@@ -1,4 +1,4 @@
-"""matrix.c in NumPy, to the last bit: every sum in the same order, one term after the other."""
+"""Does what matrix.c does, in NumPy, with the same bits: every sum adds its terms in the same order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ORTHOGONAL, ROUNDING = 1e-15, 2.0**-52
 
 
 def product(a: Array, b: Array) -> Array:
-    """(…, m, n) of (…, m, k) and (…, k, n)."""
+    """a (…, m, k) · b (…, k, n)."""
     out: Array = np.zeros((*np.broadcast_shapes(a.shape[:-2], b.shape[:-2]), a.shape[-2], b.shape[-1]))
     for k in range(a.shape[-1]):
         out += a[..., :, k, None] * b[..., None, k, :]
@@ -22,7 +22,7 @@ def product(a: Array, b: Array) -> Array:
 
 
 def cholesky(a: Array) -> bool:
-    """a (n, n) becomes its lower triangle; False where it is not positive definite."""
+    """Overwrites a (n, n) with its lower triangle L, L·Lᵀ = a; returns False where a is not positive definite."""
     for j in range(len(a)):
         for k in range(j):
             a[j:, j] -= a[j:, k] * a[j, k]
@@ -36,24 +36,24 @@ def cholesky(a: Array) -> bool:
 
 
 def solve_lower(lower: Array, x: Array) -> None:
-    """x (n, columns) becomes L⁻¹x."""
+    """Overwrites x (n, columns) with L⁻¹x."""
     for k in range(len(lower)):
         x[k] /= lower[k, k]
         x[k + 1 :] -= lower[k + 1 :, k, None] * x[k]
 
 
 def solve_lower_transposed(lower: Array, x: Array) -> None:
-    """x (n, columns) becomes L⁻ᵀx."""
+    """Overwrites x (n, columns) with L⁻ᵀx."""
     for k in reversed(range(len(lower))):
         x[k] /= lower[k, k]
         x[:k] -= lower[k, :k, None] * x[k]
 
 
 def rotate_columns(a: Array, v: Array) -> bool:
-    """a (m, n) becomes U·S, v (n, n) V."""
+    """Overwrites a (m, n) with U·S, and v (n, n) with V; returns False where the rotations do not converge."""
     size = a.shape[1]
     v[:] = np.eye(size)
-    # A column below it is nothing but the rounding of others, and would be turned for ever.
+    # A column with a smaller square is only the rounding of other columns: rotating it would never converge.
     least = ROUNDING * max(a.shape)
     floor = least * least * _along(a.ravel(), a.ravel())
     for _ in range(MOST_SWEEPS):
@@ -77,7 +77,7 @@ def rotate_columns(a: Array, v: Array) -> bool:
 
 
 def complement(a: Array, out: Array) -> None:
-    """out (m, m − n): orthogonal to the columns of a (m, n), which is destroyed. Householder's reflections."""
+    """Fills out (m, m − n) with orthonormal columns orthogonal to a (m, n), by Householder reflections. Destroys a."""
     rows, columns = a.shape
     scale = []
     for k in range(columns):

@@ -1,7 +1,7 @@
-"""sin, cos, erf and erfc by their series in decimals: for what is settled before the first frame, and slow.
+"""Computes sin, cos, erf and erfc by their series in decimals; slow, so only used before the first frame.
 
-Python's decimals round the same everywhere. With thirty digits a sum's own errors are far below a double's last bit,
-so that what comes out is the rounded value, but for one argument in a billion.
+Python's decimals round the same everywhere. With thirty digits the errors of a sum are far below a double's last bit:
+the result is the correctly rounded value, except for one argument in a billion.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Callable
 from decimal import ROUND_HALF_EVEN, Context, Decimal, localcontext
 
 DIGITS = 30
-# From here on erfc is a continued fraction, of so many terms: one less erf has lost three digits of the thirty here.
+# Above FAR, erfc is a continued fraction of TERMS terms: at FAR, 1 − erf has lost three of the thirty digits.
 FAR, TERMS = 2.0, 120
 PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620900")
-# Beyond it erfc is less than the smallest double, and erf is one.
-NOTHING_LEFT = 27.3
+# Above it, erfc is less than the smallest double, and erf is one.
+ERFC_UNDERFLOW = 27.3
 
 
 def sin(radians: float) -> float:
@@ -28,25 +28,25 @@ def cos(radians: float) -> float:
 
 def erf(x: float) -> float:
     """2/√π ∫₀ˣ exp(−t²) dt."""
-    return math.copysign(1.0, x) if abs(x) > NOTHING_LEFT else _rounded(x, _erf)
+    return math.copysign(1.0, x) if abs(x) > ERFC_UNDERFLOW else _rounded(x, _erf)
 
 
 def erfc(x: float) -> float:
-    """1 − erf(x), to its own last bit."""
-    if abs(x) > NOTHING_LEFT:
+    """1 − erf(x), correct to its last bit also where it is small."""
+    if abs(x) > ERFC_UNDERFLOW:
         return 0.0 if x > 0.0 else 2.0
     return _rounded(x, _far_erfc if x > FAR else lambda value: 1 - _erf(value))
 
 
 def _rounded(x: float, function: Callable[[Decimal], Decimal]) -> float:
     if not math.isfinite(x):
-        raise ValueError(f"a series of {x}")
+        raise ValueError(f"a finite number is needed, not {x}")
     with localcontext(Context(prec=DIGITS, rounding=ROUND_HALF_EVEN, traps=[])):
         return float(function(Decimal(x)))
 
 
 def _alternating(x: Decimal, first: Decimal, count: int) -> Decimal:
-    """first·(1 − x²/(n(n+1)) + …), n from `count`; angles are brought within half a turn of zero first."""
+    """first·(1 − x²/(n(n+1)) + …), n from `count`. First reduces the angle to between −π and π."""
     if abs(x) > PI:
         turn = 2 * PI
         reduced = x - (x / turn).to_integral_value() * turn
@@ -61,7 +61,7 @@ def _alternating(x: Decimal, first: Decimal, count: int) -> Decimal:
 
 
 def _erf(x: Decimal) -> Decimal:
-    """2/√π exp(−x²) Σ 2ⁿ x²ⁿ⁺¹/(1·3·…·(2n+1)): Abramowitz & Stegun 7.1.6, whose terms are all positive."""
+    """2/√π exp(−x²) Σ 2ⁿ x²ⁿ⁺¹/(1·3·…·(2n+1)): Abramowitz & Stegun 7.1.6. All terms have the same sign."""
     total = term = x
     odd, twice_square = 1, 2 * x * x
     while total + term != total:

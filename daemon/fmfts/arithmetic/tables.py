@@ -1,5 +1,7 @@
-"""Constants of exp and log that no processor computes: by decimals, rounded once. `python -m fmfts.arithmetic.tables`
-prints tables.h, the same for C."""
+"""Computes the constants of exp and log in decimals, rounded once, so that they are the same on every processor.
+
+`python -m fmfts.arithmetic.tables` prints tables.h, the same constants for C.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from functools import cache
 EXP_STEPS = 32
 _CONTEXT = Context(prec=60)
 _LN2 = _CONTEXT.ln(Decimal(2))
-# So many of ln 2's bits that a multiple of it by any exponent of a double, in steps of 1/32, is exact.
+# LN2_HIGH has so few bits that its product with any exponent of a double, in steps of 1/32, is exact.
 LN2_HIGH = float(int(_LN2 * 2**37)) / 2**37
 LN2_LOW = float(_CONTEXT.subtract(_LN2, Decimal(LN2_HIGH)))
 
@@ -25,7 +27,7 @@ POWERS_OF_TWO = tuple(_power_of_two(step) for step in range(EXP_STEPS))
 
 
 def header() -> str:
-    """tables.h."""
+    """The text of tables.h."""
     powers = "\n".join(f"    {{{high.hex()}, {low.hex()}}}," for high, low in POWERS_OF_TWO)
     return f"""\
 /* Made by tables.py: python -m fmfts.arithmetic.tables > tables.h */

@@ -1,4 +1,4 @@
-"""Commands from clients: one ROUTER socket, drained by the pipeline's own loop."""
+"""Receives requests from clients on a ROUTER socket, which the daemon's own loop polls, and answers them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHANGING = frozenset({"baseline", "selftest"})
 VERBS = READING | CHANGING
 LARGEST_REQUEST = 16 * 1024
 LARGEST_RECEIVED = 1 << 20  # beyond this ZeroMQ hangs up instead of answering
-LARGEST_BATCH = 256  # a flood of requests must not keep the pipeline from its frames
+LARGEST_BATCH = 256  # so that a flood of requests does not delay the frames
 HIGH_MARK = 1000
 
 log = logging.getLogger(__name__)
@@ -27,11 +27,11 @@ _decoder = msgspec.msgpack.Decoder(dict[str, Any])
 
 
 class BadRequestError(ValueError):
-    """A request that cannot be carried out as it stands; the text is for whoever sent it."""
+    """A request is not valid; its sender receives the text."""
 
 
 class Request:
-    """A command: `verb`, one of VERBS, and its `arguments`. Answer it once with `reply` or `fail`."""
+    """A client's request: `verb`, one of VERBS, and its `arguments`. Answer it once, with `reply` or `fail`."""
 
     def __init__(self, server: ControlServer, route: list[bytes], identity: int | str, content: dict[str, Any]) -> None:
         self.verb: str = content["verb"]
@@ -49,21 +49,21 @@ class Request:
             raise BadRequestError(f"{self.verb}: {error}") from error
 
     def reply(self, **facts: Any) -> None:
-        """It is done; `facts` may hold messages, maps, lists, numbers and text."""
+        """Answer that it is done. `facts` may hold messages, maps, lists, numbers and text."""
         try:
             answer = encode_facts({**facts, "id": self._identity, "ok": True})
         except NotFiniteError as error:
-            log.error("the answer to %s is withheld, a program error worth reporting: %s", self.verb, error)
+            log.error("the answer to %s is not sent, please report this program error: %s", self.verb, error)
             self.fail(f"internal error: {error}")
             return
         self._send(answer, last=True)
 
     def fail(self, text: str) -> None:
-        """It was not done, and nothing was changed; `text` says why."""
+        """Answer that it was not done and nothing was changed; `text` says why."""
         self._send(encode_facts({"id": self._identity, "error": text}), last=True)
 
     def progress(self, **facts: Any) -> None:
-        """It is under way."""
+        """Report that the work goes on; the answer comes later."""
         self._send(encode_facts({"id": self._identity, "progress": facts}), last=False)
 
     def _send(self, payload: bytes, last: bool) -> None:
@@ -74,18 +74,18 @@ class Request:
 
 
 class ControlServer:
-    """Serves `endpoint`, over tcp with `key`. Raises BusError where it cannot be had."""
+    """Serves requests on `endpoint`; `key` encrypts tcp. Raises BusError where the endpoint cannot be bound."""
 
     def __init__(self, endpoint: str, key: ServerKey | None = None) -> None:
         self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED, key)
-        self._early: deque[list[bytes]] = deque()
+        self._early: deque[list[bytes]] = deque()  # received while sending, for the next `poll`
 
     def fileno(self) -> int:
-        """To wait on. ZeroMQ signals it at edges only: call `poll` until it finds nothing, and many times a second."""
+        """Descriptor to wait for. ZeroMQ signals edges only: call `poll` until it is empty, and many times a second."""
         return int(self._socket.zmq.getsockopt(zmq.FD))
 
     def poll(self) -> list[Request]:
-        """The well-formed requests that are here, at most LARGEST_BATCH; all others are answered with an error."""
+        """The valid requests that have arrived, LARGEST_BATCH at most. Answers invalid ones with an error."""
         requests = []
         for _ in range(LARGEST_BATCH):
             if self._early:
@@ -119,14 +119,14 @@ class ControlServer:
     def _require_trust(self, verb: str) -> None:
         if verb in CHANGING and not self._socket.trusted:
             raise BadRequestError(
-                f"{verb} changes something, and over tcp without keys anybody on this machine may ask for it: use "
+                f"{verb} is refused over tcp without keys, because any user of this machine could send it: use "
                 "ipc://…, or give the daemon keys ([bus] keys)"
             )
 
     def _send(self, route: list[bytes], payload: bytes) -> None:
-        # A peer that has gone is no error: ROUTER drops what it cannot route.
+        # If the peer has gone, ROUTER drops the message, without an error.
         self._socket.zmq.send_multipart((*route, payload), flags=zmq.NOBLOCK)
-        # Sending may swallow the edge that announced a request: fetch it now, for the next `poll`.
+        # Sending may consume the edge that announced a new request: receive it now, for the next `poll`.
         if self._socket.readable() and len(self._early) < LARGEST_BATCH:
             self._early.append(self._socket.zmq.recv_multipart(zmq.NOBLOCK))
 
@@ -138,7 +138,7 @@ def _decode(body: list[bytes]) -> dict[str, Any]:
         raise BadRequestError(f"a request is at most {LARGEST_REQUEST} bytes, not {len(body[0])}")
     try:
         return _decoder.decode(body[0])
-    except (msgspec.DecodeError, ValueError, TypeError, RecursionError) as error:  # TypeError: a map for a key
+    except (msgspec.DecodeError, ValueError, TypeError, RecursionError) as error:  # TypeError: a key is a map
         raise BadRequestError(f"not a msgpack map with text keys: {error}") from error
 
 

@@ -1,4 +1,4 @@
-"""A frame as the bus and recordings have it, and back."""
+"""Converts a frame to the message of the bus and of recordings, and back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmfts.sensor.frame import Frame
 
 
 def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
-    """What a recording needs of a frame."""
+    """The message of a frame. used: whether the pipeline processed it."""
     return FrameMessage(
         pad=pad,
         boot=boot,
@@ -29,7 +29,7 @@ def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = T
 
 
 def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHIP) -> Frame:
-    """The frame as its source gave it. chip: no message names it; it follows from the recorded configuration."""
+    """The frame of a message, as its source gave it. chip: of the recorded configuration, for no message names it."""
     return Frame(
         pad_index=pad_index,
         sequence=message.sequence,

@@ -1,4 +1,4 @@
-"""Who comes in over the network: libzmq asks (ZAP, RFC 27) about the key that a peer has proved to hold."""
+"""Decides which clients may connect over the network: answers libzmq's requests (ZAP, RFC 27) about a peer's key."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ log = logging.getLogger(__name__)
 
 
 class Gate:
-    """Answers on the daemon's own loop: a peer waits for its turn of it, the frames never for a peer.
+    """Admits the clients of a key folder. The daemon's loop answers, between frames, so that peers never delay frames.
 
-    One for a process. `refused` counts those who were sent away.
+    There is one Gate in a process. `refused` counts the peers that it refused.
     """
 
     def __init__(self, keys: KeyFolder) -> None:
@@ -29,38 +29,39 @@ class Gate:
         self._socket.bind(ZAP_ENDPOINT)
 
     def fileno(self) -> int:
-        """To wait on. ZeroMQ signals it at edges only: call `answer` many times a second too."""
+        """Descriptor to wait for. ZeroMQ signals edges only: call `answer` many times a second too."""
         return int(self._socket.getsockopt(zmq.FD))
 
     def answer(self) -> None:
+        """Answer the requests that have arrived, LARGEST_BATCH at most."""
         for _ in range(LARGEST_BATCH):
             if not int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
                 return
             route, empty, version, request, _domain, address, _identity, mechanism, *proof = (
                 self._socket.recv_multipart()
             )
-            good = mechanism == b"CURVE" and len(proof) == 1 and self._allows(proof[0])
-            if not good:
+            allowed = mechanism == b"CURVE" and len(proof) == 1 and self._allows(proof[0])
+            if not allowed:
                 self._refuse(address.decode(errors="replace"))
-            status = (b"200", b"OK") if good else (b"400", b"unknown key")
+            status = (b"200", b"OK") if allowed else (b"400", b"unknown key")
             self._socket.send_multipart((route, empty, version, request, *status, b"", b""))
 
     def close(self) -> None:
-        # libzmq has a thread that closes; until it comes to it the endpoint would be taken.
+        # libzmq closes in another thread, later; without unbind the endpoint would stay in use until then.
         self._socket.unbind(ZAP_ENDPOINT)
         self._socket.close()
 
     def _allows(self, public: bytes) -> bool:
-        """A list that cannot be read lets nobody in."""
+        """Is this key on the list? While the list cannot be read, no key is."""
         try:
             return self._keys.allows(public)
         except (BusError, OSError) as error:
-            log.error("nobody is let in: %s", error)
+            log.error("no client is let in: %s", error)
             return False
 
     def _refuse(self, address: str) -> None:
         self.refused += 1
         if self.refused == 1 or self.refused % 1000 == 0:
             log.warning(
-                "%d peer(s) without a key of %s sent away; this one: %s", self.refused, self._keys.folder, address
+                "refused %d peer(s) without a key of %s; the last: %s", self.refused, self._keys.folder, address
             )

@@ -1,4 +1,4 @@
-"""The daemon's key and the clients that it lets in over a network: a folder with `server.key` and `clients`."""
+"""Keeps the daemon's key and the keys of its network clients, in a folder with the files `server.key` and `clients`."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ ADVICE = "`fmfts-daemon keys new NAME` makes what is missing"
 
 @dataclass(frozen=True)
 class ServerKey:
-    """Both Z85."""
+    """The daemon's pair of CURVE keys, both in Z85."""
 
     public: bytes
     secret: bytes = field(repr=False)
 
 
 class KeyFolder:
-    """`[bus] keys`. BusError where it cannot be used, with what to do."""
+    """The folder that `[bus] keys` names. Raises BusError, with what to do, where it cannot be used."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -41,6 +41,7 @@ class KeyFolder:
         self._allowed: frozenset[bytes] = frozenset()
 
     def server(self) -> ServerKey:
+        """The daemon's keys, read from `server.key`."""
         try:
             return ServerKey(*read_fields(self._server, ("public", "secret")))
         except BadKeyError as error:
@@ -54,21 +55,24 @@ class KeyFolder:
         except OSError as error:
             raise BusError(f"{self._clients}: {error.strerror}; {ADVICE}") from error
         if len(content) > LARGEST_LIST:
-            raise BusError(f"{self._clients} is larger than {LARGEST_LIST} bytes: that is no list of keys")
+            raise BusError(f"{self._clients} is larger than {LARGEST_LIST} bytes: it is not a list of keys")
         return dict(self._parsed(content.decode(errors="replace")))
 
     def allows(self, public: bytes) -> bool:
-        """May the client with this public key (32 bytes) come in? The list is read again when it has changed."""
-        found = self._clients.stat()
-        if (found.st_mtime_ns, found.st_ino) != self._read_at:
+        """May the client with this public key (32 bytes) connect? Reads the list again when it has changed."""
+        status = self._clients.stat()
+        if (status.st_mtime_ns, status.st_ino) != self._read_at:
             self._allowed = frozenset(self.clients().values())
-            self._read_at = (found.st_mtime_ns, found.st_ino)
+            self._read_at = (status.st_mtime_ns, status.st_ino)
         return public in self._allowed
 
     def add(self, name: str, output: Path) -> None:
-        """A key for a new client: its file at `output`, its public half on the list. Makes the daemon's at first."""
+        """Make a key for a new client: write it to `output`, and its public half to the list.
+
+        Makes the daemon's own key first where there is none.
+        """
         if not CLIENT_NAME.match(name):
-            raise BusError(f"{name!r} is no name of a client: 1 to 64 letters, digits, dots, - or _")
+            raise BusError(f"{name!r} is not a client's name: 1 to 64 letters, digits, dots, - or _")
         try:
             self.folder.mkdir(mode=0o750, parents=True, exist_ok=True)
             if not self._server.exists():
@@ -87,7 +91,7 @@ class KeyFolder:
             raise BusError(f"{error.filename}: {error.strerror}") from error
 
     def forget(self, name: str) -> None:
-        """Let a client in no more. What is connected already stays until the daemon is restarted."""
+        """Remove a client's key from the list. A client that is connected stays so until the daemon restarts."""
         known = self.clients()
         if known.pop(name, None) is None:
             raise BusError(f"there is no client {name!r} in {self._clients}: {', '.join(known) or 'nobody'}")
@@ -115,7 +119,7 @@ def _line(name: str, key: bytes) -> str:
 
 
 def _create(path: Path, text: str) -> None:
-    """Readable by its owner alone from its first moment, and never in place of another."""
+    """Writes a new file that only its owner can ever read; raises FileExistsError where the file exists."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, PRIVATE)
     with os.fdopen(descriptor, "w") as file:
         file.write(text)

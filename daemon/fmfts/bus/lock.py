@@ -1,4 +1,4 @@
-"""One daemon per endpoint: ZeroMQ lets a second bind on an ipc path silently take it from the first."""
+"""Locks an endpoint for one daemon: in ZeroMQ, a second bind to an ipc path silently takes it from the first."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CONNECT_S = 1.0
 
 
 class BusError(Exception):
-    """The bus cannot be served; the text says which endpoint, why, and what to do."""
+    """An endpoint of the bus cannot be served; the text says which one, why, and what to do."""
 
 
 def socket_path(endpoint: str) -> Path | None:
@@ -22,7 +22,7 @@ def socket_path(endpoint: str) -> Path | None:
 class EndpointLock:
     """A lock beside an ipc socket, held until `release` or the end of the process.
 
-    The file stays when the lock goes: removing it would let two daemons lock two files of one name.
+    The file is not removed on release: otherwise two daemons could lock two files of the same name.
     """
 
     def __init__(self, endpoint: str) -> None:
@@ -37,9 +37,9 @@ class EndpointLock:
 
 
 def serving_pid(endpoint: str) -> int | None:
-    """Process id of the daemon that serves an endpoint; None: nobody does. 0: somebody, pid unknown.
+    """Process id of the daemon that serves an endpoint; 0: its pid is unknown. None: no daemon serves it.
 
-    BusError where this user may not look.
+    Raises BusError where this user may not read the lock.
     """
     path = socket_path(endpoint)
     if path is None:
@@ -62,7 +62,7 @@ def serving_pid(endpoint: str) -> int | None:
 
 
 def _accepts(endpoint: str) -> bool:
-    """Does anybody listen on a tcp endpoint? ZeroMQ's own connect says nothing: it waits for somebody to come."""
+    """Does a program listen on a tcp endpoint? ZeroMQ's connect cannot tell: it waits until one does."""
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
     try:
         with socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT_S):

@@ -1,6 +1,6 @@
-"""The schema of the bus: what the daemon says. docs/messages.md explains every field; fmfts_client reads it.
+"""Defines the messages that the daemon publishes. docs/messages.md explains every field; fmfts_client reads them.
 
-SI units, named in the keys. A value that is not known is null; one that is not a finite number is never encoded.
+Units are SI and named in the keys. An unknown value is null. NaN and infinity are never encoded.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Vector = tuple[float, float, float]
 
 
 class NotFiniteError(ValueError):
-    """A message holds a number that is none; the text names the field."""
+    """A message contains NaN or infinity; the text names the field."""
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True):
-    """Fields of every message: schema version, pad, and a word that is drawn anew at each start of the daemon."""
+    """Fields of every message: schema version, pad, and a random word for each start of the daemon (`boot`)."""
 
     v: int = SCHEMA_VERSION
     pad: str
@@ -33,6 +33,8 @@ class _Message(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoseMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """The magnet's pose in a ContactMessage."""
+
     position_m: Vector
     position_sd_m: Vector
     axis: Vector
@@ -46,7 +48,7 @@ class PoseMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContactMessage(_Message, frozen=True, kw_only=True):
-    """`contact/<pad>`, one per frame, and at least ten a second while the source is silent."""
+    """`contact/<pad>`: one per frame, and at least ten a second while the source is silent."""
 
     seq: int
     t_sample_ns: int
@@ -84,7 +86,7 @@ NO_ESTIMATE: dict[str, None] = dict.fromkeys(
 
 
 class EventMessage(_Message, frozen=True, kw_only=True):
-    """`event/<pad>`, when something changes."""
+    """`event/<pad>`: sent when something changes."""
 
     t_ns: int
     utc_ns: int
@@ -93,7 +95,7 @@ class EventMessage(_Message, frozen=True, kw_only=True):
 
 
 class StatusMessage(_Message, frozen=True, kw_only=True):
-    """`status/<pad>`, once a second."""
+    """`status/<pad>`: sent once a second."""
 
     t_publish_ns: int
     utc_ns: int
@@ -123,7 +125,7 @@ class StatusMessage(_Message, frozen=True, kw_only=True):
 
 
 class FrameMessage(_Message, frozen=True, kw_only=True):
-    """`frame/<pad>`, while somebody subscribes: one reading as raw counts, all that a recording needs."""
+    """`frame/<pad>`: one frame in raw counts, with all that a recording needs; sent while a client subscribes."""
 
     sequence: int
     device_time_us: int
@@ -139,8 +141,10 @@ class FrameMessage(_Message, frozen=True, kw_only=True):
 
 
 class StateMessage(_Message, frozen=True, kw_only=True):
-    """`state/<pad>`, on the socket of frames, before the first frame after a subscription and after each change of
-    baseline: what a replay of the frames that follow starts from."""
+    """`state/<pad>`: the state from which a replay of the following frames starts.
+
+    Sent on the socket of frames, before the first frame after a subscription and after each change of the baseline.
+    """
 
     utc_ns: int
     config: dict[str, Any]
@@ -154,10 +158,10 @@ AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage | Stat
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's scalars as Python's: they pass for float and int everywhere but in the encoder."""
+    """Converts a NumPy scalar to Python's float or int, for msgspec's encoder."""
     if hasattr(value, "item"):
         return value.item()
-    raise NotImplementedError(f"{type(value).__name__} has no place in a message")
+    raise NotImplementedError(f"a message cannot contain a {type(value).__name__}")
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_plain)
@@ -165,7 +169,7 @@ _contact_decoder = msgspec.msgpack.Decoder(ContactMessage)
 
 
 def encode(message: AnyMessage) -> bytes:
-    """The msgpack map of `message`. Raises NotFiniteError, naming the field, for NaN and infinity anywhere in it."""
+    """The msgpack map of `message`. Raises NotFiniteError, which names the field, for any NaN or infinity."""
     if not _numbers_are_finite(message):
         field = not_finite_field(message)
         raise NotFiniteError(f"pad {message.pad!r}: {type(message).__name__}.{field} is not a finite number")
@@ -173,12 +177,12 @@ def encode(message: AnyMessage) -> bytes:
 
 
 def decode_contact(payload: bytes) -> ContactMessage:
-    """The inverse of `encode`."""
+    """The ContactMessage of a msgpack map: the inverse of `encode`."""
     return _contact_decoder.decode(payload)
 
 
 def encode_facts(facts: dict[str, Any]) -> bytes:
-    """The msgpack map of free-form facts (a reply of the control socket), under the same rule."""
+    """The msgpack map of free-form facts (an answer of the control socket). Raises NotFiniteError."""
     field = not_finite_field(facts)
     if field:
         raise NotFiniteError(f"{field} is not a finite number")
@@ -186,7 +190,7 @@ def encode_facts(facts: dict[str, Any]) -> bytes:
 
 
 def not_finite_field(value: object, path: str = "") -> str:
-    """Path of the first NaN or infinity in messages, maps and lists, "" where there is none."""
+    """Path of the first NaN or infinity in a message, map or list; "" where there is none."""
     if isinstance(value, float):
         return "" if math.isfinite(value) else path or "value"
     children: Any = ()
@@ -196,12 +200,12 @@ def not_finite_field(value: object, path: str = "") -> str:
         children = value.items()
     elif isinstance(value, list | tuple):
         children = enumerate(value)
-    found = (not_finite_field(child, f"{path}.{name}" if path else str(name)) for name, child in children)
-    return next(filter(None, found), "")
+    fields = (not_finite_field(child, f"{path}.{name}" if path else str(name)) for name, child in children)
+    return next(filter(None, fields), "")
 
 
 def _getter(kind: type[msgspec.Struct], item: str) -> Callable[[Any], tuple[Any, ...]]:
-    """One call that fetches all fields of `kind` whose annotation is `item`, or `item` or None."""
+    """A function that gets, in one call, all fields of `kind` annotated as `item` or `item | None`."""
     names = [name for name, hint in kind.__annotations__.items() if hint in (item, f"{item} | None")]
     getter: Callable[[Any], tuple[Any, ...]] = attrgetter(*names)
     return getter
@@ -213,7 +217,7 @@ _pose_vectors = _getter(PoseMessage, "Vector")
 
 
 def _numbers_are_finite(message: AnyMessage) -> bool:
-    """At the rate of contacts this must cost next to nothing: a sum is finite only if all its terms are."""
+    """Fast for contacts, which are frequent: one sum of all numbers, which is finite only if all its terms are."""
     if not isinstance(message, ContactMessage):
         return not not_finite_field(message)
     total = sum(filter(None, _contact_numbers(message)))

@@ -1,4 +1,4 @@
-"""The daemon's voice: contacts, events and status on one socket, raw frames on another. Never blocks."""
+"""Publishes contacts, events and status on one socket, and raw frames on another. Never blocks."""
 
 from __future__ import annotations
 
@@ -24,40 +24,40 @@ from fmfts.bus.messages import (
 from fmfts.bus.server import BoundSocket
 from fmfts_client.endpoints import Endpoints
 
-# What a subscriber that does not keep up may hold back, in messages, before it loses some: a second of each pad. Old
-# contacts help nobody; a recording wants every frame.
+# Messages that may wait for a slow subscriber before it loses some. For contacts, a second of each pad: nobody needs
+# old ones. For frames many more: a recording needs them all.
 BUS_HIGH_MARK = 256
 FRAMES_HIGH_MARK = 20_000
 LARGEST_SUBSCRIPTION = 1024
-# Asking the socket costs twice as much as sending a contact; whoever records waits for so long.
+# Interval of the looks for new subscriptions: one look takes twice as long as sending a contact.
 LOOK_NS = 50_000_000
-# As members of an enumeration they cost more than a send.
+# Plain integers: calculating with zmq's enumerations takes longer than a send.
 NO_WAIT, NO_WAIT_AND_MORE = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
-# Of what peers subscribe to, fetched at once: what else they do waits until the frame is sent.
+# Changes of subscriptions that are read at once; the next ones wait until the frame is sent.
 LARGEST_BATCH = 64
 
 log = logging.getLogger(__name__)
 
 
 class Publisher:
-    """Serves `endpoints.bus` and `endpoints.frames`; `boot` is this run's random word; over tcp with `key`.
+    """Serves `endpoints.bus` and `endpoints.frames`.
 
-    pads: names of those that are served, whose raw frames may be asked for.
+    boot: this run's random word. key: encrypts tcp. pads: names of the pads whose raw frames clients may subscribe to.
 
-    `refused` counts the messages that held a number that is none (an error of this program): such a contact goes out
-    as "lost" without any estimate, so that listeners learn of it at once; anything else is withheld. Both are logged.
-    Raises BusError when the endpoints cannot be had.
+    `refused` counts the messages with NaN or infinity, which are errors of this program or of a contact model. Such a
+    contact is sent as "lost", without an estimate, so that clients learn of it at once; other messages are not sent.
+    Both are logged. Raises BusError where an endpoint cannot be bound.
     """
 
     def __init__(self, endpoints: Endpoints, boot: str, key: ServerKey | None = None, pads: Iterable[str] = ()) -> None:
         self.boot = boot
         self.refused = 0
         names = list(pads)
-        self._answered = {prefix for pad in names for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
+        self._valid_topics = {prefix for pad in names for topic in _raw_topics(pad) for prefix in _prefixes(topic)}
         self._subscriptions: set[bytes] = set()
         self._look_ns = 0
-        self._states_told: set[str] = set()
-        # PUB keeps to itself what peers subscribe to: nobody has to fetch it.
+        self._states_sent: set[str] = set()
+        # PUB handles subscriptions by itself; XPUB, below, hands them to this program.
         high_mark = BUS_HIGH_MARK * max(len(names), 1)
         self._bus = BoundSocket(zmq.PUB, endpoints.bus, high_mark, LARGEST_SUBSCRIPTION, key)
         try:
@@ -65,13 +65,13 @@ class Publisher:
         except Exception:
             self._bus.close()
             raise
-        # What pyzmq's own `send` adds (routes, groups) takes longer than the send.
+        # The base class's `send`, without pyzmq's handling of routes and groups, which takes longer than the send.
         self._send_part = super(zmq.Socket, self._bus.zmq).send
-        # A second recorder needs a state as well as the first.
+        # Report each subscription, not only the first to a topic: a second recorder needs a state too.
         self._frames.zmq.setsockopt(zmq.XPUB_VERBOSE, 1)
 
     def send_contact(self, pad: str, message: ContactMessage) -> ContactMessage:
-        """The message as it went out: without estimates where one of them was no number."""
+        """Send a contact; returns it as it was sent: without estimates where one of them was NaN or infinity."""
         try:
             payload = encode(message)
         except NotFiniteError as error:
@@ -82,13 +82,13 @@ class Publisher:
         return message
 
     def send_packed(self, topic: bytes, payload: bytes) -> None:
-        """A contact that is a map already, all of whose numbers are numbers."""
+        """Send a contact that is encoded already, and has only finite numbers."""
         self._send_part(topic, NO_WAIT_AND_MORE)
         self._send_part(payload, NO_WAIT)
 
     @property
     def address(self) -> int:
-        """The contacts' socket as libzmq knows it, for `send_function` of this thread."""
+        """libzmq's handle of the contacts' socket, with which C sends in this thread."""
         return int(self._bus.zmq.underlying)
 
     def send_event(self, pad: str, message: EventMessage) -> None:
@@ -98,19 +98,19 @@ class Publisher:
         self._send_checked(self._bus, f"status/{pad}".encode(), message)
 
     def frames_wanted(self, pad: str, now_ns: int) -> bool:
-        """Does anybody subscribe to this pad's raw frames? Looked up once in LOOK_NS at most."""
+        """Does a client subscribe to this pad's raw frames? Looks for new subscriptions once in LOOK_NS."""
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_NS
             self._follow_subscriptions()
         return bool(self._subscriptions) and self._is_subscribed(f"frame/{pad}")
 
     def anything_wanted(self) -> bool:
-        """Does anybody subscribe to raw frames of any pad? To be asked when `fileno` is readable, and now and then."""
+        """Does a client subscribe to raw frames of any pad? Call it when `fileno` is readable, and now and then."""
         self._follow_subscriptions()
         return bool(self._subscriptions)
 
     def fileno(self) -> int:
-        """Readable when subscriptions to raw frames may have changed: at edges only."""
+        """Descriptor that becomes readable when subscriptions to raw frames may have changed. It signals edges only."""
         return int(self._frames.zmq.getsockopt(zmq.FD))
 
     def _follow_subscriptions(self) -> None:
@@ -118,29 +118,29 @@ class Publisher:
             if not self._frames.readable():
                 return
             change = b"".join(self._frames.zmq.recv_multipart(zmq.NOBLOCK))
-            # XPUB hands on every subscription (1), and the end of the last one to a topic (0).
-            if change[:1] == b"\x01" and change[1:] in self._answered:
+            # XPUB reports every subscription (1), and the end of the last one to a topic (0).
+            if change[:1] == b"\x01" and change[1:] in self._valid_topics:
                 self._subscriptions.add(change[1:])
-                self._states_told.clear()
+                self._states_sent.clear()
             elif change[:1] == b"\x00":
                 self._subscriptions.discard(change[1:])
-        self._look_ns = 0  # there may be more: go on with the next frame
+        self._look_ns = 0  # there may be more: look again with the next frame
 
     def state_wanted(self, pad: str) -> bool:
-        """Does somebody wait for this pad's state? Ask after `frames_wanted`."""
-        return pad not in self._states_told and self._is_subscribed(f"state/{pad}")
+        """Does a client wait for this pad's state? Call it after `frames_wanted`."""
+        return pad not in self._states_sent and self._is_subscribed(f"state/{pad}")
 
     def send_state(self, pad: str, message: StateMessage) -> None:
         self.state_told(pad)
         self._send_checked(self._frames, f"state/{pad}".encode(), message)
 
     def state_told(self, pad: str) -> None:
-        """Until another subscribes, or it changes."""
-        self._states_told.add(pad)
+        """Mark the pad's state as sent; it is wanted again after a new subscription or `state_changed`."""
+        self._states_sent.add(pad)
 
     def state_changed(self, pad: str) -> None:
-        """Not by a frame: whoever records is to be told anew."""
-        self._states_told.discard(pad)
+        """Something other than a frame changed the pad's state: clients that record need it again."""
+        self._states_sent.discard(pad)
 
     def _is_subscribed(self, topic: str) -> bool:
         return any(topic.encode().startswith(prefix) for prefix in self._subscriptions)
@@ -164,8 +164,8 @@ class Publisher:
         self.refused += 1
         if self.refused == 1 or self.refused % 1000 == 0:
             log.error(
-                "%d message(s) held a number that is none; this one: %s. The likely cause is the contact model "
-                "(pad.contact.model): check what it was made from; from the default one it is worth reporting",
+                "%d message(s) contained NaN or infinity; the last: %s. The likely cause is the contact model "
+                "(pad.contact.model): check the data that it was made from; with the default model, please report this",
                 self.refused,
                 error,
             )
@@ -176,7 +176,7 @@ def contact_topic(pad: str) -> bytes:
 
 
 def _send(socket: BoundSocket, topic: bytes, payload: bytes) -> None:
-    # XPUB drops for a subscriber that is full and never blocks; NOBLOCK turns a mistake about that into an error.
+    # XPUB never blocks: it drops messages for a slow subscriber. NOBLOCK would make a block an error.
     socket.zmq.send_multipart((topic, payload), flags=zmq.NOBLOCK)
 
 
@@ -185,7 +185,7 @@ def _raw_topics(pad: str) -> tuple[str, str]:
 
 
 def _prefixes(topic: str) -> list[bytes]:
-    """All that a peer may subscribe to in order to get this topic."""
+    """All subscriptions that include this topic: ZeroMQ compares prefixes."""
     whole = topic.encode()
     return [whole[:length] for length in range(len(whole) + 1)]
 

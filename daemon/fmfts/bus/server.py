@@ -1,4 +1,4 @@
-"""Binding the daemon's sockets: who may connect, and that nobody else serves there already."""
+"""Binds the daemon's sockets: sets who may connect, and refuses an endpoint that another daemon serves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fmfts.bus.lock import BusError, EndpointLock, socket_path
 from fmfts_client.keys import is_loopback
 
 GROUP = "fmfts"
-# As members of enumerations they would cost more than the call.
+# Plain integers: zmq's enumerations would take longer than the call.
 EVENTS, POLLIN = int(zmq.EVENTS), int(zmq.POLLIN)
 log = logging.getLogger(__name__)
 
@@ -23,15 +23,15 @@ log = logging.getLogger(__name__)
 class BoundSocket:
     """A bound ZeroMQ socket and the lock of its endpoint.
 
-    `trusted`: only those come in who may change things, by the permissions of an ipc socket or by their keys.
+    `trusted`: only clients that may change things can connect, because of an ipc socket's permissions or their keys.
     """
 
     def __init__(
         self, kind: int, endpoint: str, send_high_mark: int, largest_received: int, key: ServerKey | None = None
     ) -> None:
-        """Raises BusError: another daemon serves there, the place is not accessible, or it is open to the network.
+        """Bind `endpoint`. key: encrypts tcp; without one, tcp must be on the loopback interface.
 
-        key: what tcp is served with; without one, it is served on this machine alone.
+        Raises BusError: another daemon serves the endpoint, it cannot be accessed, or it is open to the network.
         """
         path = socket_path(endpoint)
         if path is not None:
@@ -48,7 +48,7 @@ class BoundSocket:
             self.zmq.setsockopt(zmq.CURVE_SERVER, 1)
             self.zmq.setsockopt(zmq.CURVE_SECRETKEY, key.secret)
             self.zmq.setsockopt(zmq.ZAP_DOMAIN, b"fmfts")
-            self.zmq.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # whoever the Gate does not answer for stays outside
+            self.zmq.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without a Gate's answer, no peer may connect
         try:
             _bind(self.zmq, endpoint, path)
         except (zmq.ZMQError, OSError) as error:
@@ -80,12 +80,12 @@ def _bind(socket: zmq.Socket[bytes], endpoint: str, path: Path | None) -> None:
 
 
 def _give_to_group(path: Path) -> None:
-    """To the group whose members may talk to the daemon, where it exists and is ours to give."""
+    """Gives the socket's file to the group GROUP, where it exists and this user may do so."""
     try:
         group = grp.getgrnam(GROUP).gr_gid
     except KeyError:
         return
-    # The service's socket has the group already, and its sandbox allows no chown.
+    # The service's socket has this group already, and its sandbox allows no chown.
     if path.stat().st_gid != group and (os.geteuid() == 0 or group in os.getgroups()):
         os.chown(path, -1, group)
 
@@ -98,7 +98,7 @@ def _prepare_directory(directory: Path, endpoint: str) -> None:
 
 
 def _require_loopback(endpoint: str) -> None:
-    """Off this machine anybody could listen and, over the control socket, re-record a baseline."""
+    """Refuses other endpoints: anybody in the network could listen and, over the control socket, record baselines."""
     if not endpoint.startswith("tcp://") or not is_loopback(endpoint):
         raise BusError(
             f"{endpoint} would be open to the network without a key: serve ipc://… or tcp://127.0.0.1:port; or make "

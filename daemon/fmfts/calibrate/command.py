@@ -1,4 +1,4 @@
-"""`fmfts-daemon calibrate`: a calibration set → a contact model, and a report beside it."""
+"""`fmfts-daemon calibrate`: makes a contact model, and its report, from a calibration set."""
 
 from __future__ import annotations
 
@@ -27,30 +27,29 @@ def make_model(
     say: Say,
     sheared: Path | None = None,
 ) -> dict[str, Any]:
-    """Writes `target` and its report, `target` with .json; the report. DataError for a set that is not right.
+    """Make a model from the set in `source`; write it to `target`, and its report beside it (.json); return the report.
 
-    sheared: another set, for what shear does to a model that does not tell it.
+    sheared: a set with shear, for the errors that shear causes in a model without it. Raises DataError for a wrong set,
+    OSError where the files cannot be written.
     """
     report = target.with_suffix(".json")
     if report == target:
-        raise DataError(
-            f"{target}: the model's report goes beside it as {report}: name the model otherwise (MODEL.onnx)"
-        )
+        raise DataError(f"{target}: the model's report would have the same name, {report}: choose another (MODEL.onnx)")
     _require_writable(target)
-    known = read_calibration_set(source, pad, pad_size_mm, baseline)
-    known_shear = None
+    calibration = read_calibration_set(source, pad, pad_size_mm, baseline)
+    shear_set = None
     if sheared is not None:
-        known_shear = str(sheared), read_calibration_set(sheared, pad, pad_size_mm, baseline)
-    made = calibrate(str(source), known, options, say, known_shear)
-    _replace(report, (json.dumps(made.report, indent=1) + "\n").encode())
-    _replace(target, made.model)
-    say("on the calibration set, as it is:\n" + printed(made.report["on_the_calibration_set"]))
-    say("on new presses, with the noise of one frame:\n" + printed(made.report["on_new_presses_with_noise"]))
-    return made.report
+        shear_set = str(sheared), read_calibration_set(sheared, pad, pad_size_mm, baseline)
+    calibrated = calibrate(str(source), calibration, options, say, shear_set)
+    _replace(report, (json.dumps(calibrated.report, indent=1) + "\n").encode())
+    _replace(target, calibrated.model)
+    say("on the calibration set, as it is:\n" + printed(calibrated.report["on_the_calibration_set"]))
+    say("on new presses, with the noise of one frame:\n" + printed(calibrated.report["on_new_presses_with_noise"]))
+    return calibrated.report
 
 
 def _require_writable(target: Path) -> None:
-    """OSError now, and not after minutes of training."""
+    """Raises OSError now rather than after minutes of training."""
     if target.is_dir():
         raise IsADirectoryError(EISDIR, os.strerror(EISDIR), str(target))
     with NamedTemporaryFile(dir=target.parent):
@@ -58,7 +57,7 @@ def _require_writable(target: Path) -> None:
 
 
 def _replace(target: Path, content: bytes) -> None:
-    """All of it or none: a running daemon may be reading the file that was there."""
-    beside = target.with_name(f"{target.name}.new")
-    beside.write_bytes(content)
-    beside.replace(target)
+    """Replaces the file in one step, because a running daemon may be reading it."""
+    new = target.with_name(f"{target.name}.new")
+    new.write_bytes(content)
+    new.replace(target)

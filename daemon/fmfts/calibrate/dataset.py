@@ -1,4 +1,4 @@
-"""Calibration sets: a CSV of labelled fields of one pad, checked before anything is learnt from it."""
+"""Reads calibration sets, CSV files of labelled fields of one pad, and checks them for errors."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from fmfts.simulation.cylinder import cylinder_field
 
 PAD_SIZE_MM = 40.0
 LARGEST_FORCE_N = 50.0
-# With fewer, presses on a grid of the standard pad are answered wrong, and those left out of the fit do not tell it.
+# With fewer, the model of the standard pad is wrong, and the presses left out of the fit do not show it.
 FEWEST_PRESSES, FEWEST_PLACES = 150, 8
-# Fields of a pad differ from its drawing's by its magnet's remanence and place: by less than this.
+# Largest ratio between a measured field and the drawing's: remanence and place of the magnet explain less.
 LARGEST_RATIO = 3.0
 UNITS = {1e-2: "gauss", 1e1: "milligauss", 1e-3: "millitesla", 1e-6: "tesla", 1e3: "nanotesla"}
-# Components that are strong at rest: presses change them by half, another unit by ten or more.
+# A wrong unit shows in the components that are strong at rest: a press changes them by half, a unit by ten or more.
 STRONG_SHARE, LEAST_UNIT_RATIO = 0.2, 8.0
-# Two presses with the same labels differ by noise and by how well a stage comes back, not by more than this.
+# Largest difference of two fields with the same labels, from noise and from the stage's repeatability.
 REPEATABLE_UT, REPEATABLE_SHARE = 5.0, 0.05
-# A gauge with three axes never reads zero across: less shear than this share of the force, or of a tenth of the
-# largest, is none.
+# Less shear than this share of the force, or of a tenth of the largest force, counts as none: a gauge with three axes
+# never reads exactly zero.
 SLIGHT_SHEAR = 0.02
 
 
@@ -40,9 +40,12 @@ def standard_pad(remanence_t: float = 1.23) -> Pad:
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSet:
-    """press (K, 3 or 5): x and y in mm, force in N, and shear x and y in N where known. field_t (K, N, 3): at the
-    pad's sensors, in their axes. line (K,): where each stands in the file. digest: SHA-256 of the file. rest_field_t
-    (N, 3): mean of the file's unloaded rows, None where it has none. mounting: the baseline's, where one was given."""
+    """The presses of a file, and their fields.
+
+    press (K, 3 or 5): x and y in mm, force in N, and shear x and y in N if known. field_t (K, N, 3): at the pad's
+    sensors, in their axes. line (K,): its line in the file. digest: SHA-256 of the file. rest_field_t (N, 3): mean of
+    the file's unloaded rows; None where it has none. mounting: from the baseline, if one was given.
+    """
 
     pad: Pad
     press: Array
@@ -68,10 +71,10 @@ class CalibrationSet:
 def read_calibration_set(
     path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM, baseline: Path | None = None
 ) -> CalibrationSet:
-    """Columns x_mm, y_mm, force_n (shear_x_n, shear_y_n) and b1x_ut … of `pad`, the standard one if None.
+    """Read columns x_mm, y_mm, force_n (shear_x_n, shear_y_n) and b1x_ut … of `pad` (None: the standard pad).
 
-    baseline: a file whose gains and ambient field apply; without it, fields have none. DataError names file, row and
-    column of what cannot be right: see docs/calibration.md.
+    baseline: a file whose gains and ambient field are removed; None: the fields have none. Raises DataError, which
+    names file, row and column of a wrong value: see docs/calibration.md.
     """
     calibration = read_labelled(path, pad, pad_size_mm, baseline)
     _require_enough(path, calibration.press)
@@ -81,7 +84,7 @@ def read_calibration_set(
 def read_labelled(
     path: Path, pad: Pad | None = None, pad_size_mm: float = PAD_SIZE_MM, baseline: Path | None = None
 ) -> CalibrationSet:
-    """The same for a test set, which may be as small as one press."""
+    """Like `read_calibration_set`, for a test set, which may have as few as one press."""
     pad = pad or standard_pad()
     table = read(path, len(pad.sensors))
     press = _labels(path, table, pad_size_mm)
@@ -105,7 +108,7 @@ def read_labelled(
 
 
 def rest_field(calibration: CalibrationSet) -> Array:
-    """(N, 3) field of the unloaded pad: as measured, else its drawing's with the remanence that the presses show."""
+    """(N, 3) field of the unloaded pad: measured, else the drawing's with the remanence estimated from the presses."""
     if calibration.rest_field_t is not None:
         return calibration.rest_field_t
     pad = calibration.pad
@@ -116,19 +119,19 @@ def rest_field(calibration: CalibrationSet) -> Array:
 
 
 def _drawn_field(pad: Pad) -> Array:
-    """(N, 3) of the unloaded pad, as it is drawn."""
+    """(N, 3) field of the unloaded pad according to its drawing."""
     return pad.sensors.to_sensor(cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet))
 
 
 def _labels(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
     shear = [name for name in SHEAR_OUTPUT_ORDER[3:] if name in table.others]
-    wanted = SHEAR_OUTPUT_ORDER if shear else OUTPUT_ORDER
-    missing = [name for name in wanted if name not in table.others]
+    labels = SHEAR_OUTPUT_ORDER if shear else OUTPUT_ORDER
+    missing = [name for name in labels if name not in table.others]
     if missing:
-        raise DataError(f"{path}: row 1 has no column {', '.join(missing)}: what each row was pressed with")
+        raise DataError(f"{path}: row 1 has no column {', '.join(missing)}: each row needs its place and force")
     columns = [
         [_label(path, line, name, cell, pad_size_mm) for line, cell in zip(table.line, table.others[name], strict=True)]
-        for name in wanted
+        for name in labels
     ]
     press = np.array(columns).T
     shear_n, force_n = np.hypot.reduce(press[:, 3:], axis=1), press[:, 2]
@@ -177,26 +180,26 @@ def _require_fields(path: Path, table: FieldTable, pad: Pad) -> None:
         raise DataError(
             f"{path}: row {table.line[row]}, columns {names[0]} … {names[-1]}: the field is {ratio:.3g} times that of "
             f"this pad's magnet at rest, in {len(wrong)} of {len(ratios)} rows; these columns are in µT (1 G = 100 µT)"
-            + (f": were they in {UNITS[unit]}?" if 0.5 < ratio / unit < 2.0 else ": is the magnet the config's?")
+            + (f": were they in {UNITS[unit]}?" if 0.5 < ratio / unit < 2.0 else ": is it the magnet of the config?")
         )
     _require_one_unit(path, table.field_t / ratios[:, None, None], drawn)
 
 
 def _require_one_unit(path: Path, field_t: Array, drawn_t: Array) -> None:
-    """No column of fields (K, N, 3), brought to the drawing's strength, is in another unit than the others."""
+    """Checks that all columns have one unit. field_t (K, N, 3): scaled to the strength of the drawing's field."""
     strong = np.abs(drawn_t) > STRONG_SHARE * np.abs(drawn_t).max()
     share = np.median(np.abs(field_t), axis=0) / np.where(strong, np.abs(drawn_t), 1.0)
     off = np.argwhere(strong & ((share > LEAST_UNIT_RATIO) | (share < 1.0 / LEAST_UNIT_RATIO)))
     if len(off):
         sensor, axis = off[0]
         raise DataError(
-            f"{path}: column b{sensor + 1}{'xyz'[axis]}_ut: in most rows {share[sensor, axis]:.2g} times what the "
-            "others let expect: is it in another unit, or is that axis of the sensor broken?"
+            f"{path}: column b{sensor + 1}{'xyz'[axis]}_ut: in most rows {share[sensor, axis]:.2g} times as much as "
+            "the other columns suggest: is it in another unit, or is that axis of the sensor broken?"
         )
 
 
 def _require_consistent(path: Path, table: FieldTable, press: Array) -> None:
-    """The same field cannot belong to two presses, nor the same press to two fields."""
+    """Checks that no field has two different labels, and no label two different fields."""
     by_field: dict[bytes, int] = {}
     by_press: dict[bytes, int] = {}
     for row in np.flatnonzero(press[:, 2] > 0.0).tolist():

@@ -1,4 +1,4 @@
-"""Make the contact models that ship, each with a report of how good it is: the same files every time.
+"""Makes the contact models that ship, and their reports; the same files every time.
 
     python -m fmfts.calibrate.default_model CALIBRATION.csv SHEARED.csv [FOLDER]
 
@@ -26,11 +26,11 @@ def main(arguments: list[str]) -> int:
         return 2
     (plain, sheared), folder = arguments[:2], Path(arguments[2]) if len(arguments) > 2 else DEFAULT_PATH.parent
     normal_set, sheared_set = (read_calibration_set(Path(path)) for path in (plain, sheared))
-    made = {
+    calibrated = {
         "default": calibrate(plain, normal_set, Options(hidden=HIDDEN), print, (sheared, sheared_set)),
         "shear": calibrate(sheared, sheared_set, Options(hidden=SHEAR_HIDDEN, shear=True), print),
     }
-    for name, one in made.items():
+    for name, one in calibrated.items():
         target = folder / f"{name}.onnx"
         target.write_bytes(one.model)
         target.with_suffix(".json").write_text(json.dumps(one.report, indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""`fmfts-daemon evaluate`: how far a contact model's answers are from a test set's labels."""
+"""`fmfts-daemon evaluate`: compares a contact model's answers with the labels of a test set."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ from fmfts.sensor.chips import NOISE_T
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """press (K, m): what the labels say; found (K, m), deviation (K, m): what the model says, in mm and N. in_range
-    (K,): presses that the model neither calls over range nor refuses, which alone have numbers to compare."""
+    """Labels and answers, in mm and N.
+
+    press (K, m): the labels. found (K, m), deviation (K, m): the model's answers and their standard deviations.
+    in_range (K,): whether the model answered, with neither "over range" nor a refusal; only these can be compared.
+    """
 
     press: Array
     found: Array
@@ -31,7 +34,7 @@ class Evaluation:
     model: str
 
     def rows(self) -> list[Row]:
-        """Errors by region, of the presses in range."""
+        """Errors of the presses in range, by region."""
         return rows(self.press[self.in_range], self.found[self.in_range], self.deviation[self.in_range])
 
     def facts(self) -> dict[str, Any]:
@@ -46,12 +49,15 @@ class Evaluation:
 def evaluate(
     labelled: CalibrationSet, source: Path, model: ContactModel, scene: Scene, noise_t: float = NOISE_T
 ) -> Evaluation:
-    """Every row of `labelled`, read from `source`, is a frame of its own. DataError for a field that is none."""
+    """Evaluate `model` on the rows of `labelled`, each as a single frame. source: its file, for error texts.
+
+    Raises DataError for a field that no magnet of this pad explains.
+    """
     return judge(labelled, solved(str(source), labelled, solver_of(labelled, scene, noise_t)), model)
 
 
 def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Evaluation:
-    """What `model` makes of the poses, beside the labels."""
+    """Evaluate `model` on poses that are solved already."""
     outputs = min(len(model.facts.outputs), labelled.press.shape[1])
     unit = CONTACT_UNIT[: len(model.facts.outputs)]
     found, deviation, in_range = [], [], []

@@ -1,4 +1,4 @@
-"""How good a contact model is: errors by region, as a table and as facts."""
+"""Computes the errors of a contact model by region, by force and by distance from the centre."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ForceBins = tuple[float, ...]
 UNITS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n")
 CENTRE_MM, RELIABLE_MM = 8.0, 11.0
 LIGHT_N, FIRM_N = 0.5, 1.2
-FORCE_BINS = (0.025, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # ends, as shares of the largest force
+FORCE_BINS = (0.025, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # upper ends, as shares of the largest force
 RADIUS_BINS_MM = (4.0, 8.0, 11.0, 12.5, 14.0, 15.5, 17.0, 18.5, 20.0)
 LEAST_ERROR = 1e-5
-STEP = 1e-4  # of a pose in mm and of its axis: central differences of a smooth function
+STEP = 1e-4  # of central differences, for a pose's position in mm and for its axis
 
 
 def regions(press: Array) -> Iterator[tuple[str, Mask]]:
-    """Name and members (K,) of each region that holds a press."""
+    """(name, members (K,)) of each region that contains a press."""
     radius, force = np.hypot(press[:, 0], press[:, 1]), press[:, 2]
     named = (
         ("all", radius >= 0.0),
@@ -42,8 +42,10 @@ def regions(press: Array) -> Iterator[tuple[str, Mask]]:
 
 
 def rows(press: Array, found: Array, deviation: Array | None = None) -> list[Row]:
-    """MAE and RMSE of `found` (K, m) against `press` (K, m) for each region; with deviations (K, m) also the rms of
-    errors in deviations, which is 1 where these are honest."""
+    """MAE and RMSE of the answers `found` (K, m) against `press` (K, m), for each region.
+
+    deviation (K, m): adds the rms of error / deviation, which is 1 where the deviations are right.
+    """
     error = found - press
     out: list[Row] = []
     for name, members in regions(press):
@@ -60,7 +62,7 @@ def rows(press: Array, found: Array, deviation: Array | None = None) -> list[Row
 
 
 def printed(table: list[Row]) -> str:
-    """The rows as aligned text, a header first."""
+    """The rows as aligned text with a header."""
     columns = list(table[0])
     cells = [columns, *([str(row.get(column, "")) for column in columns] for row in table)]
     widths = [max(len(line[index]) for line in cells) for index in range(len(columns))]
@@ -68,41 +70,43 @@ def printed(table: list[Row]) -> str:
 
 
 def metrics(press: Array, found: Array) -> dict[str, float]:
-    """The numbers of the first row: over all presses."""
+    """MAE and RMSE over all presses."""
     return {name: float(value) for name, value in rows(press, found)[0].items() if name not in ("region", "presses")}
 
 
 def force_bins(largest_n: float) -> ForceBins:
-    """Ends of the bins of force for a pad that is calibrated to `largest_n`."""
+    """Upper ends of the force bins of a pad that is calibrated up to `largest_n`."""
     inner = (float(f"{share * largest_n:.4g}") for share in FORCE_BINS[:-1])
     return (*inner, largest_n)
 
 
 def own_error(predict: Predict, samples: Samples, noisy: Samples, bins: ForceBins) -> ErrorTables:
-    """What remains of noise-free `samples`, by force and by distance from the centre; and, where it is more, what
-    `noisy` ones err by beyond what the Jacobian carries over of the noise, where they are found. A network that was
-    trained on noise answers the mean of what may have been: at the edge less than it was."""
+    """The model's own error, by force and by distance from the centre.
+
+    It is the error without noise (`samples`), or, where that is larger, the error of `noisy` samples beyond what the
+    Jacobian predicts from their noise, in the bin of the answer: a network that was trained on noise answers the mean
+    of all presses that are possible, which is too little at the edge.
+    """
     found = predict(noisy.pose)
-    carried = np.einsum("kim,kij,kjm->km", by_pose := _slope(predict, noisy.pose), noisy.covariance, by_pose)
-    still = _squares(bins, samples.press, (predict(samples.pose) - samples.press) ** 2)
-    return _tables(bins, np.maximum(still, _squares(bins, found, (found - noisy.press) ** 2 - carried)))
+    from_noise = np.einsum("kim,kij,kjm->km", by_pose := _slope(predict, noisy.pose), noisy.covariance, by_pose)
+    noise_free = _squares(bins, samples.press, (predict(samples.pose) - samples.press) ** 2)
+    return _tables(bins, np.maximum(noise_free, _squares(bins, found, (found - noisy.press) ** 2 - from_noise)))
 
 
 def _slope(predict: Predict, pose: Array) -> Array:
-    """(K, 5, m) of the answers to poses (K, 6), by their first five components."""
+    """(K, 5, m) derivatives of the answers by the first five components of poses (K, 6)."""
     steps = STEP * np.eye(5, 6)
     slope: Array = np.stack([(predict(pose + step) - predict(pose - step)) / (2.0 * STEP) for step in steps], axis=1)
     return slope
 
 
 def tables_of_squares(bins: ForceBins, press: Array, square: Array) -> ErrorTables:
-    """Root means of squared errors (K, m) in the bins of presses (K, m); a bin without any is as the
-    nearest."""
+    """Roots of the mean `square` (K, m) in the bins of presses (K, m). An empty bin takes the value of the nearest."""
     return _tables(bins, _squares(bins, press, square))
 
 
 def _tables(bins: ForceBins, square: Array) -> ErrorTables:
-    """From mean squares (forces, radii, m); shear has one table, of both its directions."""
+    """The tables of mean squares (forces, radii, m); both directions of shear share one table."""
     if square.shape[2] > 3:
         square = np.concatenate([square[:, :, :3], square[:, :, 3:].mean(axis=2, keepdims=True)], axis=2)
     root = np.maximum(np.round(np.sqrt(np.maximum(square, 0.0)), 5), LEAST_ERROR)
@@ -111,7 +115,7 @@ def _tables(bins: ForceBins, square: Array) -> ErrorTables:
 
 
 def _squares(bins: ForceBins, press: Array, square: Array) -> Array:
-    """(forces, radii, m) means of (K, m) in the bins of presses (K, m); a bin without any is as the nearest."""
+    """(forces, radii, m) means of (K, m) in the bins of presses (K, m). An empty bin takes the value of the nearest."""
     radius_mm = np.hypot(press[:, 0], press[:, 1])
     row = np.minimum(np.searchsorted(bins, press[:, 2]), len(bins) - 1)
     column = np.minimum(np.searchsorted(RADIUS_BINS_MM, radius_mm), len(RADIUS_BINS_MM) - 1)
@@ -123,8 +127,8 @@ def _squares(bins: ForceBins, press: Array, square: Array) -> Array:
     return means
 
 
-def _nearest(values: NDArray[np.intp], wanted: int) -> int:
-    return int(values[np.argmin(np.abs(values - wanted))])
+def _nearest(values: NDArray[np.intp], target: int) -> int:
+    return int(values[np.argmin(np.abs(values - target))])
 
 
 def rms(values: Array) -> float:

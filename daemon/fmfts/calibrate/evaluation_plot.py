@@ -1,4 +1,4 @@
-"""A picture of an evaluation: where on the pad errors are, and force found against force pressed."""
+"""Draws an evaluation: the errors over the pad, and the estimated force against the true one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmfts.calibrate.evaluate import Evaluation
 
 
 def draw(evaluation: Evaluation, target: Path) -> None:
-    """PNG or SVG, by the name. OSError or ValueError where it cannot be written."""
+    """Write a PNG or SVG file, by the suffix of `target`. Raises OSError or ValueError where that fails."""
     press, found = evaluation.press[evaluation.in_range], evaluation.found[evaluation.in_range]
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     place, force = figure.subplots(1, 2)

@@ -1,6 +1,6 @@
-"""Trained layers → one ONNX graph with the contact and its Jacobian.
+"""Writes trained layers as one ONNX graph with the contact and its Jacobian.
 
-Written node by node: exporters return wrong shapes for several outputs, and none gives derivatives.
+The graph is made node by node, because exporters give wrong shapes for several outputs and no derivatives.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from fmfts.contact.response import Response
 
 
 def export(network: ContactNetwork, facts: Facts, response: Response | None) -> bytes:
-    """The serialised model; raises onnx.checker.ValidationError if it is not a valid one.
+    """The serialised model. response: the pad's response, which `refine` needs; None leaves it out.
 
-    response: what the model was trained on, so that `refine` can use it; None leaves it out.
+    Raises onnx.checker.ValidationError for an invalid model.
     """
     outputs = len(network.layers.bias[-1])
     graph = helper.make_graph(

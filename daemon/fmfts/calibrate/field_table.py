@@ -1,5 +1,7 @@
-"""CSV files of fields, the offline verbs' input, and the baselines that go with them. Columns b1x_ut … bNz_ut in µT,
-sensors in the order of the config."""
+"""Reads and writes CSV files of fields, the input of the offline verbs, and reads the baselines for them.
+
+The columns are b1x_ut … bNz_ut, in µT; the sensors are in the order of the config.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from fmfts.baseline import BaselineError, Mounting
 from fmfts.pad import Array, Pad
 
 LARGEST_CHARACTERS = 200_000_000  # a day of one frame a second, or a quarter of an hour of all frames
-LARGEST_FIELD_UT = 1000.0  # 10 G: the chip's largest range ends at 8.1 G
+LARGEST_FIELD_UT = 1000.0  # 10 G; the chip's largest range is 8.1 G
 
 
 class DataError(Exception):
@@ -27,8 +29,7 @@ class DataError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class FieldTable:
-    """field_t (K, N, 3), NaN where a cell is empty; `others`: the columns that are passed through, as they were; line:
-    where in the file each row ends."""
+    """field_t (K, N, 3): NaN where a cell is empty. others: all other columns, as text. line: where each row ends."""
 
     field_t: Array
     others: dict[str, list[str]]
@@ -40,9 +41,9 @@ def field_columns(sensors: int) -> list[str]:
 
 
 def read(path: Path, sensors: int) -> FieldTable:
-    """Raises DataError: a missing column, a cell that is no number, a field no sensor could have measured."""
+    """Read a file. Raises DataError for a missing column, a cell that is not a number, or an impossible field."""
     try:
-        with path.open(encoding="utf-8-sig") as file:  # some spreadsheets put a byte order mark first
+        with path.open(encoding="utf-8-sig") as file:  # skips the byte order mark that some spreadsheets write
             text = file.read(LARGEST_CHARACTERS + 1)
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
@@ -58,8 +59,8 @@ def read(path: Path, sensors: int) -> FieldTable:
         raise DataError(
             f"{path}: row 1: columns are separated by {other[0]!r}, not by ','; numbers need a decimal point"
         )
-    wanted = field_columns(sensors)
-    missing = [name for name in wanted if name not in header]
+    fields = field_columns(sensors)
+    missing = [name for name in fields if name not in header]
     if missing:
         raise DataError(f"{path}: row 1 has no column {', '.join(missing)} ({sensors} sensors are configured)")
     rows = [(lines.line_num, row) for row in lines]
@@ -67,23 +68,23 @@ def read(path: Path, sensors: int) -> FieldTable:
         raise DataError(f"{path}: there is no row below the header")
     for line, row in rows:
         _require_as_many(path, line, row, header)
-    values = np.array([[_number(path, line, name, row[name]) for name in wanted] for line, row in rows])
+    values = np.array([[_number(path, line, name, row[name]) for name in fields] for line, row in rows])
     return FieldTable(
         field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
-        others={name: [row[name] for _, row in rows] for name in header if name not in wanted},
+        others={name: [row[name] for _, row in rows] for name in header if name not in fields},
         line=[line for line, _ in rows],
     )
 
 
 def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:
-    """The columns, which have equal lengths, as CSV."""
+    """Write columns of equal length as CSV."""
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
 
 
 def mounting_of(path: Path, pad: Pad) -> Mounting:
-    """What the baseline file at `path` says of `pad`; DataError where it cannot be used."""
+    """The mounting of `pad` from the baseline file at `path`. Raises DataError where the file cannot be used."""
     try:
         baseline = ambient.load(path, pad)
         if baseline is None:
@@ -94,7 +95,7 @@ def mounting_of(path: Path, pad: Pad) -> Mounting:
 
 
 def _require_as_many(path: Path, line: int, row: Mapping[str | None, object], header: Sequence[str]) -> None:
-    """csv.DictReader keeps what is too much under None, and gives None for what is missing."""
+    """Checks the number of cells in a row. csv.DictReader puts surplus cells under None; missing cells are None."""
     surplus = row.get(None, [])
     cells = len(header) - list(row.values()).count(None) + (len(surplus) if isinstance(surplus, list) else 0)
     if cells != len(header):

@@ -1,4 +1,4 @@
-"""A calibration set's poses, and the smooth response of the pad through them."""
+"""Solves the poses of a calibration set, and fits the pad's smooth response to them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from fmfts.calibrate.left_out import LeftOut
 from fmfts.calibrate.tracked import FrameSolver, Scene, Tracked, UnsolvedError
 from fmfts.contact.response import Response
 
-# Presses that the fit was not told may differ by so many deviations of a frame's noise, and no more: beyond, the set
-# does not determine the response, or its labels are wrong. Places to 0.1 mm and forces to 1 % leave 4.9.
+# Largest rms residual of left-out presses, in deviations of a frame's noise: with more, the set does not determine the
+# response, or its labels are wrong. Labels exact to 0.1 mm and 1 % of the force give 4.9.
 LARGEST_LEFT_OUT = 8.0
-# A field that leaves more than this unexplained is no field of this pad: noise is 0.2 µT, the dipole's error as much.
+# Largest residual of a field of this pad: the noise is 0.2 µT, the dipole's error as much.
 LARGEST_RESIDUAL_T = 5e-6
-# Baselines of a rest pose alone leave 3 µT of the ambient field in; the Earth's is 50 µT.
+# Largest ambient field left in the set: a baseline without a bare recording leaves 3 µT; the Earth's field is 50 µT.
 LARGEST_COMMON_UT = 10.0
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class LabelledPoses:
-    """A set with its poses, and the smooth response through them; shear and all, where the set has it."""
+    """A set with its poses, and the response fitted to them, with shear if the set has it."""
 
     calibration: CalibrationSet
     solver: FrameSolver
@@ -37,7 +37,7 @@ class LabelledPoses:
 
     @classmethod
     def of(cls, path: str, calibration: CalibrationSet, solver: FrameSolver, say: Say) -> LabelledPoses:
-        """`path` names the set in errors. DataError: a field that is none of this pad's."""
+        """Solve and fit a set. path: names the set in errors. Raises DataError for a field not of this pad."""
         say(f"{path}: solving {len(calibration.press)} poses; magnet of {solver.remanence_t:.4f} T")
         tracked = solved(path, calibration, solver)
         change = tracked.pose[:, :5] - solver.rest_pose[:5]
@@ -48,20 +48,20 @@ class LabelledPoses:
         say(f"presses left out of the fit differ from it by {left_out.in_deviations:.2g} deviations of a frame's noise")
         if left_out.in_deviations > LARGEST_LEFT_OUT:
             raise DataError(
-                f"{path}: {len(calibration.press)} presses do not tell this pad's response: those left out of its fit "
-                f"differ from it by {left_out.in_deviations:.3g} deviations of a frame's noise, {LARGEST_LEFT_OUT:g} "
-                "are allowed: press more places (every 2 mm) and forces, or see whether labels are as wrong as that"
+                f"{path}: {len(calibration.press)} presses do not determine this pad's response: presses left out of "
+                f"its fit differ from it by {left_out.in_deviations:.3g} deviations of a frame's noise, "
+                f"{LARGEST_LEFT_OUT:g} are allowed: press more places (every 2 mm) and forces, or check the labels"
             )
         return cls(calibration, solver, tracked, roughness, response, left_out)
 
 
 def solver_of(calibration: CalibrationSet, scene: Scene, noise_t: float) -> FrameSolver:
-    """What finds the set's poses."""
+    """The solver of the set's poses."""
     return FrameSolver(calibration.pad, rest_field(calibration), scene, noise_t, calibration.mounting)
 
 
 def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Tracked:
-    """The set's poses. DataError names the row that no magnet of this pad explains."""
+    """The set's poses. Raises DataError, which names the row, for a field that no magnet of this pad explains."""
 
     def refusal(row: int, left: str) -> DataError:
         return DataError(
@@ -82,11 +82,12 @@ def solved(path: str, calibration: CalibrationSet, solver: FrameSolver) -> Track
 
 
 def _require_subtracted(path: str, calibration: CalibrationSet, solver: FrameSolver) -> None:
-    """Free unknowns take the ambient field up, but the rest pose and the moment that were taken with it are wrong."""
+    """Checks that the ambient field was subtracted: the solver's unknowns absorb it, but rest pose and moment, which
+    were estimated with it, are wrong."""
     common_ut = solver.common_field_t(calibration.field_t[::8]) * 1e6
     if np.abs(common_ut).max() > LARGEST_COMMON_UT:
         shared = ", ".join(f"{value:.0f}" for value in common_ut)
         raise DataError(
             f"{path}: columns b1x_ut …: in most rows all sensors share ({shared}) µT, as an ambient field does: "
-            "subtract it, or give with --baseline the one that was recorded"
+            "subtract it, or give the recorded baseline with --baseline"
         )

@@ -1,4 +1,4 @@
-"""What the fit of a pad's response leaves open: the presses that it was not told, and what that costs an answer."""
+"""Estimates the error of a fitted response from presses left out of the fit, and the errors it causes in answers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from fmfts.contact.contract import ErrorTables
 from fmfts.contact.response import Response, answer_by_change
 from fmfts.pad import Array
 
-# Presses about a place that tell how well the response is known there: enough for a deviation to 15 %.
+# The response's error at a place is estimated from so many presses around it: enough for a deviation to 15 %.
 NEIGHBOURS = 24
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """press (K, 2 + L) that folds left out; residual (K, 5): what the change of pose was beyond the response's without
-    them; deviation (K, 5): of one frame's noise."""
+    """Presses that were left out of fits.
+
+    press (K, 2 + L). residual (K, 5): their change of pose minus that of the response fitted without them. deviation
+    (K, 5): standard deviation by one frame's noise.
+    """
 
     press: Array
     residual: Array
@@ -33,12 +36,12 @@ class LeftOut:
 
     @property
     def in_deviations(self) -> float:
-        """Rms of the residuals over the noise of one frame."""
+        """Rms of residual / deviation."""
         return float(np.sqrt(np.mean((self.residual / self.deviation) ** 2)))
 
     def covariance(self, press: Array) -> Array:
-        """(K, 5, 5) of the response's error under presses (K, 2 + L): as at the nearest places, in proportion to the
-        force, for an unloaded pad is exactly at rest."""
+        """(K, 5, 5) covariance of the response's error under presses (K, 2 + L): that of the nearest left-out presses,
+        in proportion to the force, because an unloaded pad is exactly at rest."""
         nearest = _nearest(self.press[:, :2], press[:, :2])
         outer = np.einsum("ki,kj->kij", self.residual, self.residual)
         share = press[:, 2] ** 2 / np.sum(self.press[nearest, 2] ** 2, axis=1)
@@ -46,15 +49,15 @@ class LeftOut:
         return covariance
 
     def error(self, response: Response, samples: Samples, bins: ForceBins) -> ErrorTables:
-        """That error as it reaches the most likely presses of `samples`, in bins."""
+        """The error of maximum-likelihood answers that the response's error causes, in bins of `samples`."""
         gain = answer_by_change(response.change_and_slope(samples.press)[1], samples.covariance)
         square = np.einsum("kmi,kij,kmj->km", gain, self.covariance(samples.press), gain)
         return tables_of_squares(bins, samples.press, square)
 
 
-def _nearest(known: Array, asked: Array) -> Array:
-    """(K, n) rows of `known` (N, 2) that are nearest to each of `asked` (K, 2)."""
+def _nearest(known: Array, queries: Array) -> Array:
+    """(K, n) rows of `known` (N, 2) that are nearest to each of `queries` (K, 2)."""
     count = min(NEIGHBOURS, len(known))
-    parts = np.array_split(asked, max(len(asked) // 1000, 1))
+    parts = np.array_split(queries, max(len(queries) // 1000, 1))
     distances = (np.linalg.norm(part[:, None] - known, axis=2) for part in parts)
     return np.concatenate([np.argpartition(distance, count - 1, axis=1)[:, :count] for distance in distances])

@@ -1,7 +1,7 @@
-"""Networks of tanh layers, trained by Levenberg–Marquardt as MATLAB's `trainlm` does, with a weight for every row.
+"""Trains networks of tanh layers by Levenberg–Marquardt, like MATLAB's `trainlm`, with a weight for every row.
 
 Hagan and Menhaj, "Training feedforward networks with the Marquardt algorithm", IEEE Trans. Neural Networks 5 (1994).
-With a thousand parameters or fewer it reaches in tens of steps what gradient descent does not in tens of thousands.
+For a thousand parameters or fewer, tens of its steps reach more than tens of thousands of gradient descent.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Layers:
 
     @classmethod
     def drawn(cls, sizes: tuple[int, ...], random: np.random.Generator) -> Self:
-        """At random, with a spread that keeps a unit input's activations in tanh's bend (Glorot)."""
+        """Random weights with a spread (Glorot) that keeps the activations in the curved part of tanh."""
         pairs = list(pairwise(sizes))
         return cls(
             tuple(random.standard_normal(pair) * np.sqrt(2.0 / sum(pair)) for pair in pairs),
@@ -47,7 +47,7 @@ class Layers:
         return np.concatenate([array.ravel() for pair in zip(self.weight, self.bias, strict=True) for array in pair])
 
     def with_vector(self, vector: Array) -> Self:
-        """The same sizes, with the parameters of `vector`."""
+        """Layers of the same sizes, with the parameters of `vector`."""
         weights, biases, position = [], [], 0
         for weight, bias in zip(self.weight, self.bias, strict=True):
             weights.append(vector[position : position + weight.size].reshape(weight.shape))
@@ -56,12 +56,12 @@ class Layers:
         return type(self)(tuple(weights), tuple(biases))
 
     def scaled(self, shift: Array, scale: Array) -> Self:
-        """The network whose outputs are `shift` + `scale` times these."""
+        """The network whose outputs are `shift` + `scale` · the outputs of this one."""
         weight, bias = (*self.weight[:-1], self.weight[-1] * scale), (*self.bias[:-1], self.bias[-1] * scale + shift)
         return type(self)(weight, bias)
 
     def beside(self, other: Layers) -> Layers:
-        """Both networks on the same inputs as one with the outputs of both."""
+        """One network with the outputs of both, on the same inputs."""
         first = np.concatenate([self.weight[0], other.weight[0]], axis=1)
         blocks = [_block_diagonal(*pair) for pair in zip(self.weight[1:], other.weight[1:], strict=True)]
         return Layers((first, *blocks), tuple(np.concatenate(pair) for pair in zip(self.bias, other.bias, strict=True)))
@@ -90,10 +90,10 @@ class Layers:
 
 
 def train(layers: Layers, inputs: Array, target: Array, weight: Array, steps: int, settled: float = 1e-4) -> Layers:
-    """`layers` fitted to target (K, m), each row and output with its weight (K, m) in the squared error.
+    """`layers` fitted to target (K, m); weight (K, m): of each row and output in the squared error.
 
-    Ends after `steps` accepted ones, or when five in a row lower the error by less than the share `settled`. On one
-    thread, so that sums are taken in one order: the same weights for the same problem.
+    Ends after `steps` accepted steps, or when five steps in a row lower the error by less than the share `settled`.
+    Runs on one thread, so that sums have one order: the same problem gives the same weights.
     """
     with threadpool_limits(1):
         root = np.sqrt(weight)

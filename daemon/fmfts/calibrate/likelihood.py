@@ -1,4 +1,4 @@
-"""Maximum likelihood: the press that explains a pose best, wherever on the pad it is. Every estimate's yardstick."""
+"""Finds the most likely press of a pose by a search over the whole pad: the reference for all other estimates."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from fmfts.pad import Array
 
 
 def invert(response: Response, change: Array, covariance: Array, across: int = 5, steps: int = 40) -> Array:
-    """(K, 2 + L) the most likely press of each change (K, 5), looked for from `across` × `across` places.
+    """(K, 2 + L) the most likely press of each change (K, 5), searched from `across` × `across` starting places.
 
-    covariance: (5, 5), or (K, 5, 5).
+    covariance: of the change, (5, 5) or (K, 5, 5).
     """
     whole = np.broadcast_to(covariance, (len(change), 5, 5))
     best = np.empty((len(change), 2 + response.loads))

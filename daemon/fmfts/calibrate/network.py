@@ -1,4 +1,4 @@
-"""The regressor that ships: pose → press, small tanh networks side by side on features that suit the pad."""
+"""Trains the network that ships: pose → press, by small tanh networks side by side, on features that suit the pad."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from fmfts.pad import Array
 
 SOFTENING = 0.05
 NOISE_IN_UNIT = 16.0
-DIRECTION_GAIN = 8.0  # directions matter most; training finds that sooner when they are the larger inputs
-# Errors below these are not worth a network's effort: places in mm, forces in N.
+DIRECTION_GAIN = 8.0  # directions matter most; training learns that sooner when they are the larger inputs
+# Training does not try to make errors smaller than these.
 WORTHWHILE_MM, WORTHWHILE_N = 0.05, 0.004
-# The bound of a force at an unknown place; at rest it would be infinite.
+# Limit of a force's bound, which would be infinite at rest, where the place is unknown.
 LARGEST_FORCE_BOUND_N = 0.5
-# Place, normal force and shear are learnt apart: each with its own weights, and small matrices to solve.
+# Place, normal force and shear have separate networks, with their own weights and smaller matrices to solve.
 GROUPS = (slice(0, 2), slice(2, 3), slice(3, 5))
 STEPS = 80
 
 
 @dataclass(frozen=True, slots=True)
 class ContactNetwork:
-    """rest_pose (6,), scale (5,): one unit of each pose component, in mm and rad; layers: of the features."""
+    """rest_pose (6,). scale (5,): the unit of each pose component, in mm and rad. layers: take the features."""
 
     rest_pose: Array
     scale: Array
@@ -36,10 +36,10 @@ class ContactNetwork:
 
 
 def features(pose: Array, rest_pose: Array, scale: Array) -> Array:
-    """(K, 10) of pose (K, 6): the scaled displacement s, and its direction 8 s/√(|s|² + ε²).
+    """(K, 10) features of poses (K, 6): the scaled displacement s, and its direction 8 s/√(|s|² + ε²).
 
-    A pad answers a push almost in proportion, so the direction tells the place whatever the force: a network that has
-    to find this out by itself is biased at light touch. ε keeps the direction of mere noise short.
+    The displacement is almost proportional to the force, so its direction tells the place at any force. A network that
+    must learn this by itself is biased at light touch. ε keeps the direction short where s is only noise.
     """
     scaled = (pose - rest_pose)[:, :5] / scale
     length = np.sqrt(np.sum(scaled**2, axis=1, keepdims=True) + SOFTENING**2)
@@ -47,8 +47,10 @@ def features(pose: Array, rest_pose: Array, scale: Array) -> Array:
 
 
 def train_network(samples: Samples, rest_pose: Array, hidden: int, steps: int = STEPS, seed: int = 0) -> ContactNetwork:
-    """Two hidden layers of `hidden` for each group of outputs, the errors weighted by the bound; the same weights for
-    the same samples."""
+    """Train two hidden layers of `hidden` for each group of outputs, with errors weighted by the bound.
+
+    The same samples give the same weights.
+    """
     scale = unit_of(samples, rest_pose)
     inputs = features(samples.pose, rest_pose, scale)
     together: Layers | None = None
@@ -64,8 +66,10 @@ def train_network(samples: Samples, rest_pose: Array, hidden: int, steps: int = 
 
 
 def unit_of(samples: Samples, rest_pose: Array) -> Array:
-    """(5,) one unit of each pose component: what a press typically moves, but many times the noise. A component that
-    is mostly noise (a magnet hardly moves sideways) would else be most of the direction."""
+    """(5,) unit of each pose component: its rms change by presses, but at least NOISE_IN_UNIT times its noise.
+
+    Otherwise a component that is mostly noise (a magnet hardly moves sideways) would dominate the direction.
+    """
     typical = np.sqrt(np.mean((samples.pose - rest_pose)[:, :5] ** 2, axis=0))
     noise = np.sqrt(np.mean(np.einsum("kii->ki", samples.covariance), axis=0))
     unit: Array = np.maximum(typical, NOISE_IN_UNIT * noise)
@@ -73,7 +77,7 @@ def unit_of(samples: Samples, rest_pose: Array) -> Array:
 
 
 def weights(samples: Samples, group: slice) -> Array:
-    """(K, m) 1/(bound² + worthwhile²), with a mean of one; the same for all outputs of a group."""
+    """(K, m) weights 1/(bound² + worthwhile²), with a mean of one; the same for all outputs of a group."""
     square = np.mean(samples.bound[:, group] ** 2, axis=1)
     if group.start == 0:
         weight = 1.0 / (square + WORTHWHILE_MM**2)
@@ -83,7 +87,7 @@ def weights(samples: Samples, group: slice) -> Array:
 
 
 def error_in_bounds(error: Array, bound: Array) -> Array:
-    """(3 or 5,) rms of errors, each over what single frames allow or what is worth telling."""
+    """(3 or 5,) rms of error / √(bound² + worthwhile²)."""
     worth = np.array([WORTHWHILE_MM] * 2 + [WORTHWHILE_N] * (error.shape[1] - 2))
     share: Array = np.sqrt(np.mean(error**2 / (bound**2 + worth**2), axis=0))
     return share

@@ -1,4 +1,4 @@
-"""The magnet poses behind a calibration set, recovered with the exact cylinder: to compare two pads' mechanics."""
+"""Recovers the magnet's poses from a calibration set with the exact field of a cylinder, to compare pads' mechanics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEP = np.array([1e-7, 1e-7, 1e-7, 1e-5, 1e-5])  # m and rad: central difference
 def recover_poses(field_t: Array, pad: Pad) -> Array:
     """Poses (K, 5) — displacement from rest in m, axis x and y — whose exact field is `field_t` (K, n, 3).
 
-    Gauss–Newton from rest, remanence held at the pad's. ValueError if a field is not explained to 2 nT.
+    Gauss–Newton from rest, with the pad's remanence. Raises ValueError if a field is not explained to 2 nT.
     """
 
     def model(pose: Array) -> Array:

@@ -1,7 +1,7 @@
-"""Regressors with one interface, to compare: fit(inputs, target, weight) → itself, predict(inputs) → target.
+"""Regressors with one interface, for comparisons: fit(inputs, target, weight) → itself, predict(inputs) → target.
 
-Inputs (K, d) may be poses or fields, whatever their units: each column is brought to ±1 as MATLAB's `mapminmax` does.
-The network that ships is another matter (fmfts.calibrate.network): it is trained with the pose's noise.
+Inputs (K, d) may be poses or fields in any unit: each column is scaled to ±1, like MATLAB's `mapminmax`. The network
+that ships is in fmfts.calibrate.network: it is trained with the pose's noise.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from fmfts.pad import Array
 
 
 class Regressor(Protocol):
-    """fit: inputs (K, d), target (K, m), weight (K,) of each row's squared error, even if None."""
+    """fit: inputs (K, d), target (K, m), weight (K,) of each row's squared error; None: equal weights."""
 
     def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self: ...
 
@@ -33,7 +33,7 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Maps each column's range to ±1; a column that does not vary to 0."""
+    """Scales each column's range to ±1; a constant column to 0."""
 
     middle: Array
     half: Array
@@ -72,9 +72,9 @@ class BackPropagation:
 
 
 class RadialBasis:
-    """The paper's RBF network: Gaussians around `centres` of the inputs, their weights by ridge regression.
+    """The paper's RBF network: Gaussians around `centres` of the inputs, with weights by ridge regression.
 
-    spread: of the Gaussians, in the inputs' ranges of ±1; None: twice the mean distance of neighbouring centres.
+    spread: of the Gaussians, for inputs scaled to ±1; None: twice the mean distance of neighbouring centres.
     """
 
     def __init__(self, centres: int = 150, spread: float | None = None, ridge: float = 1e-10, seed: int = 0) -> None:
@@ -106,9 +106,9 @@ class RadialBasis:
 
 
 class GaussianProcess:
-    """The yardstick: as good as a smooth function of so many presses can be known, at a cost no daemon could bear.
+    """A reference: as good as so many presses allow for a smooth function, but too slow for a daemon.
 
-    Of more than `most` rows an even choice is used, for the work grows with their cube. A weight is not taken.
+    Of more than `most` rows a random choice is used, because the work grows with their cube. It takes no weights.
     """
 
     def __init__(self, most: int = 600, seed: int = 0) -> None:
@@ -123,7 +123,7 @@ class GaussianProcess:
         width = inputs.shape[1]
         kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(np.ones(width), (1e-2, 1e3)) + WhiteKernel(1e-6, (1e-12, 1e0))
         self._processes = []
-        # A length that ends at its bound is a component that does not matter, which is no fault.
+        # A length that converges to its bound belongs to a component that does not matter; that is no error.
         with threadpool_limits(1), warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)
             for column in self._target.shrunk(target)[rows].T:
@@ -137,10 +137,10 @@ class GaussianProcess:
 
 
 class TableInversion:
-    """The press whose pose, in a spline table of the pad's response, is most likely the one that was found.
+    """Finds the most likely press of a pose in a spline table of the pad's response.
 
-    deviation (d,): of each component of the pose, or a whole covariance (d, d); inputs are poses (K, 5 or 6) as the
-    contact model gets them, rest_pose is the unloaded one's. Target: x_mm, y_mm, force_n, and shear where known.
+    rest_pose: of the unloaded pad. covariance (5, 5): of the pose. Inputs are poses (K, 5 or 6) as the contact model
+    gets them; the target is x_mm, y_mm, force_n, and shear if known.
     """
 
     def __init__(self, rest_pose: Array, covariance: Array, starts: int = 5) -> None:

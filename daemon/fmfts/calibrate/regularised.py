@@ -1,7 +1,7 @@
-"""Networks that know how smooth they may be: for a few hundred noise-free rows, as the paper's networks have.
+"""Trains regularised networks, for a few hundred noise-free rows, as the paper's networks have.
 
-Least squares alone bends between so few rows. Here weights are small unless the rows ask for more: how much more is
-what the rows themselves say (a tanh network), or what left-out rows say (radial bases).
+Least squares alone oscillates between so few rows. Here the weights are kept small unless the rows require more. How
+small is estimated from the rows themselves (tanh network), or from left-out rows (radial bases).
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ from fmfts.pad import Array
 FIRST_PRECISION, FIRST_DECAY = 1.0, 1e-3
 FIRST_DAMPING, DAMPING_FACTOR, MOST_DAMPING = 1e-2, 10.0, 1e10
 SETTLED, STALLED_STEPS = 1e-6, 5
-FAINTEST = 1e-9  # of the strongest component: a column that does not vary, or repeats others, is none
+FAINTEST = 1e-9  # weakest component, relative to the strongest: weaker ones are constant or repeated columns
 
 
 @dataclass(frozen=True, slots=True)
 class Components:
-    """Columns brought to ±1, then turned to their principal components, each with unit variance: MATLAB's `mapminmax`
-    and `processpca`. The twelve values of a field tell five numbers, and mostly one; this shows the faint ones too."""
+    """Scales columns to ±1, then to principal components of unit variance, like MATLAB's `mapminmax` and `processpca`.
+
+    The twelve values of a field depend on five numbers, and mostly on one; this makes the weak ones visible too.
+    """
 
     span: Span
     mean: Array
@@ -49,7 +51,8 @@ class Components:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """layers: after it. squared_error: mean, of the target's ranges. effective: parameters that the rows determine."""
+    """layers: after the step. squared_error: mean, for a target scaled to ±1. effective: number of parameters that the
+    rows determine."""
 
     layers: Layers
     squared_error: float
@@ -57,11 +60,11 @@ class Step:
 
 
 def bayesian_steps(layers: Layers, inputs: Array, target: Array) -> Iterator[Step]:
-    """Levenberg–Marquardt steps on β·(squared errors) + α·(squared weights), until they no longer help.
+    """Yields Levenberg–Marquardt steps on β·(squared errors) + α·(squared weights), until they no longer help.
 
-    α and β are those that make the rows most probable, taken again after every step: MacKay, "Bayesian interpolation",
+    After every step α and β are set to the values that make the rows most probable: MacKay, "Bayesian interpolation",
     Neural Computation 4 (1992); Foresee and Hagan, "Gauss-Newton approximation to Bayesian learning", ICNN 1997.
-    MATLAB's `trainbr` is the same.
+    MATLAB's `trainbr` does the same.
     """
     identity, vector = np.eye(layers.parameters), layers.vector()
     precision, decay, damping, stalled = FIRST_PRECISION, FIRST_DECAY, FIRST_DAMPING, 0
@@ -89,9 +92,9 @@ def bayesian_steps(layers: Layers, inputs: Array, target: Array) -> Iterator[Ste
 
 
 class BayesianNetwork:
-    """The paper's BP network with the care that a few hundred rows ask for: regularised, the best of some starts.
+    """The paper's BP network, regularised for a few hundred rows; the best of some starts.
 
-    hidden: sizes of tanh layers. decorrelated: inputs as principal components, else each column as it is.
+    hidden: sizes of tanh layers. decorrelated: scale the inputs to principal components, not column by column.
     """
 
     def __init__(
@@ -104,7 +107,7 @@ class BayesianNetwork:
         self.seed = seed
 
     def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
-        """Of the starts, that with the least generalised cross-validation error stays."""
+        """Fit, and keep the start with the smallest generalised cross-validation error."""
         if weight is not None:
             raise ValueError("a Bayesian network takes no weights: it estimates the noise itself")
         starts = [self._last_step(inputs, target, start) for start in range(self.starts)]
@@ -113,13 +116,13 @@ class BayesianNetwork:
         return self
 
     def steps_of(self, inputs: Array, target: Array, start: int = 0) -> Iterator[Step]:
-        """Training from one start; `predict` answers as of each step while it is looked at."""
+        """Yields the steps of training from one start; after each, `predict` uses its network."""
         self._inputs = scaling(inputs, self.decorrelated)
         self._target = Span.of(target)
         shrunk = self._inputs.shrunk(inputs)
         random = np.random.default_rng([self.seed, start])
         layers = Layers.drawn((shrunk.shape[1], *self.hidden, target.shape[1]), random)
-        # One thread, so that sums are taken in one order: the same weights for the same rows.
+        # One thread, so that sums have one order: the same rows give the same weights.
         with threadpool_limits(1):
             for step in islice(bayesian_steps(layers, shrunk, self._target.shrunk(target)), self.steps):
                 self.layers = step.layers
@@ -134,10 +137,10 @@ class BayesianNetwork:
 
 
 class RegularisedBasis:
-    """The paper's RBF network with a Gaussian at every row, as MATLAB's `newrbe`, kept smooth by `ridge`.
+    """The paper's RBF network with a Gaussian at every row, like MATLAB's `newrbe`, smoothed by `ridge`.
 
-    Poggio and Girosi, "Networks for approximation and learning", Proc. IEEE 78 (1990). spread: of the Gaussians, in the
-    scaled inputs' units. ridge: as a share of a Gaussian's height, for each row.
+    Poggio and Girosi, "Networks for approximation and learning", Proc. IEEE 78 (1990). spread: of the Gaussians, for
+    scaled inputs. ridge: for each row, as a share of a Gaussian's height.
     """
 
     def __init__(self, spread: float, ridge: float, decorrelated: bool = False) -> None:
@@ -167,6 +170,6 @@ def scaling(inputs: Array, decorrelated: bool) -> Components | Span:
 
 
 def _linearised(layers: Layers, inputs: Array, target: Array) -> tuple[Array, Array]:
-    """Errors (m·K,), output by output, and the outputs' derivatives (m·K, parameters)."""
+    """Errors (m·K,), output after output, and the derivatives of the outputs (m·K, parameters)."""
     values, slopes = zip(*layers.slopes(inputs), strict=True)
     return target.T.ravel() - np.concatenate(values), np.concatenate(slopes)

@@ -1,4 +1,4 @@
-"""Labelled poses to train and to judge on, drawn from a pad's response with the noise of single frames."""
+"""Draws labelled poses for training and tests from a pad's response, with the noise of single frames."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fmfts.calibrate.tracked import FrameSolver, upright
 from fmfts.contact.response import Response, bound_of
 from fmfts.pad import Array
 
-# Training goes on beyond the calibrated force, so that the found one keeps rising where "over range" has to be said.
+# Largest force of training, relative to the calibrated one: so the estimate still rises where it must be "over range".
 BEYOND = 1.3
-UNLOADED = 0.05  # share of the presses that press nothing: rest belongs to what a model knows
+UNLOADED = 0.05  # share of samples without force, from which the model learns the rest pose
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """press (K, 2 + L) in mm and N. pose (K, 6) as the model gets it, and its covariance (K, 5, 5) for the noise of one
-    frame. bound (K, 2 + L): the least deviation that an unbiased estimate of the press can have (Cramér–Rao)."""
+    """press (K, 2 + L): in mm and N. pose (K, 6): as the model gets it. covariance (K, 5, 5): of the pose, by the noise
+    of one frame. bound (K, 2 + L): smallest deviation of an unbiased estimate of the press (Cramér–Rao)."""
 
     press: Array
     pose: Array
@@ -33,14 +33,14 @@ class Samples:
 
     @classmethod
     def expected(cls, response: Response, solver: FrameSolver, press: Array) -> Self:
-        """Without noise."""
+        """Noise-free samples of presses (K, 2 + L)."""
         change, slope = response.change_and_slope(press)
         pose = np.column_stack([solver.rest_pose[:5] + change, np.zeros(len(press))])
         tracked = solver.at(upright(pose))
         return cls(press, tracked.pose, tracked.covariance, bound_of(slope, tracked.covariance))
 
     def noisy(self, copies: int, random: np.random.Generator) -> Self:
-        """Each press `copies` times, its pose with noise drawn from the covariance."""
+        """Each press `copies` times, with noise drawn from the covariance added to its pose."""
         press, pose, covariance, bound = (
             np.repeat(values, copies, axis=0) for values in (self.press, self.pose, self.covariance, self.bound)
         )
@@ -57,7 +57,7 @@ class Samples:
 
 
 def presses_in_bins(response: Response, ends_n: Sequence[float], count: int, random: np.random.Generator) -> Array:
-    """(bins · count, 2 + L): `count` presses in each bin of force, UNLOADED of the first bin's at rest."""
+    """(bins · count, 2 + L): `count` presses in each bin of force; the share UNLOADED of the first bin is at rest."""
     press = presses_within(response, len(ends_n) * count, random, beyond=1.0)
     force = np.concatenate([random.uniform(*ends, count) for ends in pairwise([0.0, *ends_n])])
     force[: int(UNLOADED * count)] = 0.0
@@ -67,8 +67,10 @@ def presses_in_bins(response: Response, ends_n: Sequence[float], count: int, ran
 
 
 def presses_within(response: Response, count: int, random: np.random.Generator, beyond: float = BEYOND) -> Array:
-    """(count, 2 + L) presses spread evenly over the response's table and from no force to `beyond` times its largest;
-    shear spread over what it was calibrated with, in proportion to the force."""
+    """(count, 2 + L) random presses, uniform over the response's table, from no force to `beyond` times its largest.
+
+    Shear is uniform over the calibrated disc, whose radius is proportional to the force.
+    """
     place = random.uniform(response.first_mm, response.last_mm, (count, 2))
     force = random.uniform(0.0, beyond * response.scale_n, count)
     force[: int(UNLOADED * count)] = 0.0

@@ -1,4 +1,4 @@
-"""How large a network has to be: presses that were left out decide, in folds."""
+"""Selects the size of the network by its error on left-out presses, in folds."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ HIDDEN = (6, 8, 12, 16, 20, 24)
 FOLDS = 3
 PRESSES, STEPS, COPIES = 4000, 30, 8
 RADIAL_CENTRES, FIRM_SHARE = 150, 0.1
-# A larger network has to be this much better to be worth its time; or than the folds differ, where that is more.
+# A larger network must be better by this share, or by the standard error over the folds, where that is larger.
 WORTH_THE_TIME = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """score (folds,): rms error of left-out presses with the noise of one frame, in units of what that allows.
-    parameters: numbers that it learns."""
+    """score (folds,): rms of `error_in_bounds` for left-out presses with the noise of one frame. parameters: number of
+    learnt numbers."""
 
     name: str
     hidden: int | None
@@ -51,8 +51,10 @@ def compare(
     presses: int = PRESSES,
     sheared: bool = False,
 ) -> list[Candidate]:
-    """Networks of each size, trained on so many presses, and what else could be used, on the same folds. sheared: of
-    five outputs; else presses with shear are left aside."""
+    """Compare networks of each size, trained on `presses` presses, and other regressors, on the same folds.
+
+    sheared: with five outputs; otherwise presses with shear are left out.
+    """
     if not sheared:
         rows = (press[:, 3:] == 0.0).all(axis=1)
         press, tracked = press[rows, :3], tracked.some(rows)
@@ -73,16 +75,16 @@ def compare(
 
 
 def smallest_within_noise(candidates: list[Candidate]) -> Candidate:
-    """The smallest network no worse than the best by more than the folds differ, or than is worth the time."""
+    """The smallest network that is worse than the best by at most WORTH_THE_TIME, or the standard error over folds."""
     networks = [candidate for candidate in candidates if candidate.hidden is not None]
     best = min(networks, key=lambda candidate: candidate.mean)
-    differ = float(best.score.std(ddof=1) / np.sqrt(len(best.score))) if len(best.score) > 1 else 0.0
-    allowed = best.mean + max(WORTH_THE_TIME * best.mean, differ)
+    standard_error = float(best.score.std(ddof=1) / np.sqrt(len(best.score))) if len(best.score) > 1 else 0.0
+    allowed = best.mean + max(WORTH_THE_TIME * best.mean, standard_error)
     return min((one for one in networks if one.mean <= allowed), key=lambda candidate: candidate.parameters)
 
 
 def _noisy(response: Response, solver: FrameSolver, press: Array, tracked: Tracked, out: Array) -> Samples:
-    """The left-out presses' own poses with noise; the bound from the response, for it alone knows the slope."""
+    """The measured poses of left-out presses, with noise added; the bound is from the response's slope."""
     expected = Samples.expected(response, solver, press)
     measured = Samples(press, tracked.pose[out], tracked.covariance[out], expected.bound)
     return measured.noisy(COPIES, np.random.default_rng(1))
@@ -98,15 +100,16 @@ def _answers(
     for hidden in sizes:
         network = train_network(training, solver.rest_pose, hidden, STEPS)
         yield f"two layers of {hidden}", hidden, network.layers.parameters, network(judged.pose)
-    # What presses nothing has no place to learn: without the weight that tells so, it would ruin the rest.
+    # At light forces the place is not in the pose. The RBF network gets weights for that; the Gaussian process takes no
+    # weights, so it gets firm presses only.
     unit, firm = unit_of(training, solver.rest_pose), training.press[:, 2] > FIRM_SHARE * response.scale_n
-    inputs, asked = (features(samples.pose, solver.rest_pose, unit) for samples in (training, judged))
+    inputs, test_inputs = (features(samples.pose, solver.rest_pose, unit) for samples in (training, judged))
     radial = RadialBasis(RADIAL_CENTRES).fit(inputs, training.press, weights(training, slice(0, 2))[:, 0])
     width = inputs.shape[1] + 1
-    yield "RBF network", None, RADIAL_CENTRES * (width + judged.press.shape[1]), radial.predict(asked)
+    yield "RBF network", None, RADIAL_CENTRES * (width + judged.press.shape[1]), radial.predict(test_inputs)
     rows = min(250, presses // 10)
     process = GaussianProcess(rows).fit(inputs[firm], training.press[firm])
-    yield "Gaussian process", None, rows * width, process.predict(asked)
+    yield "Gaussian process", None, rows * width, process.predict(test_inputs)
     found = invert(response, judged.pose[:, :5] - solver.rest_pose[:5], judged.covariance, across=3, steps=25)
     yield "table inversion", None, response.coefficient.size, found
 

@@ -1,4 +1,4 @@
-"""Presses on the simulated standard pad: exact fields, from the same mechanics that the simulated source runs on."""
+"""Computes exact fields of presses on the simulated standard pad, with the mechanics of the simulated source."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def magnet_fields(pad: Pad, displacement_m: Array, axis: Array, magnet: Magnet |
 
 
 def rest_field_of(pad: Pad, magnet: Magnet | None = None) -> Array:
-    """(N, 3) that of the unloaded pad."""
+    """(N, 3) noise-free field of the unloaded pad, in sensor axes."""
     (field,) = pressed_fields(pad, np.zeros((1, 3)), magnet)
     return np.asarray(field, dtype=np.float64)

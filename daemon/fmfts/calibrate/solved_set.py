@@ -1,10 +1,10 @@
-"""Presses solved by finite elements → a calibration set: the fields that the standard pad's sensors would see.
+"""Makes a calibration set from presses solved by finite elements: computes the fields at the standard pad's sensors.
 
     python -m fmfts.calibrate.solved_set SOLVED.csv … -o SET.csv [--mirrored] [--largest-force-n 2] [--remanence-t 1.23]
 
 SOLVED.csv has x_mm, y_mm, force_n, shear_x_n, shear_y_n and the magnet's dx_um, dy_um, dz_um, axis_x, axis_y, as
-`fmfts_lab.finite_elements.solved_presses` writes it. --mirrored adds what the square pad's mirrors and quarter turns
-make of each. --largest-force-n leaves out what presses harder.
+`fmfts_lab.finite_elements.solved_presses` writes it. --mirrored adds all mirror images and quarter turns of each press
+on the square pad. --largest-force-n leaves out presses with more force.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from fmfts.simulation.solved_table import mirrored, read_solved
 
 
 def labelled(rows: Array, pad: Pad) -> Array:
-    """(K, 5 + 3N) labels, and fields in µT of the exact cylinder."""
+    """(K, 5 + 3N) labels, and fields of the exact cylinder in µT."""
     tilt = rows[:, 8:]
     axis = np.column_stack([tilt, np.sqrt(1.0 - (tilt**2).sum(axis=1))])
     fields = magnet_fields(pad, rows[:, 5:8] * 1e-6, axis)

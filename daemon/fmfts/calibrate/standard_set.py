@@ -1,8 +1,8 @@
-"""The standard pad's calibration set: the paper's 675 presses, fields of the exact cylinder, noise-free.
+"""Makes the standard pad's calibration set: the paper's 675 presses, with noise-free fields of the exact cylinder.
 
     python -m fmfts.calibrate.standard_set tests/data/calibration_1.23T.csv
 
-The force is what a load cell under the probe reads (docs/pad-model.md).
+The force is that of a load cell under the probe (docs/pad-model.md).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ FORCE_N = (0.2827, 1.131, 1.9792)  # 10, 40 and 70 kPa on a patch of 6 mm
 
 
 def rows() -> Array:
-    """(675, 15) x, y in mm, force in N, fields in µT."""
+    """(675, 15): x, y in mm, force in N, fields in µT."""
     pad = standard_pad()
     press = np.array(list(product(PLACES_MM, PLACES_MM, FORCE_N)), dtype=np.float64)
     return np.column_stack([press, pressed_fields(pad, press).reshape(len(press), -1) * 1e6])
 
 
 def standard_set() -> CalibrationSet:
-    """The same, as a set of the standard pad."""
+    """The rows as a calibration set of the standard pad."""
     table, pad = rows(), standard_pad()
     field_t = table[:, 3:].reshape(len(table), len(pad.sensors), 3) * 1e-6
     return CalibrationSet(pad, table[:, :3], field_t, tuple(range(2, len(table) + 2)), "none", None)

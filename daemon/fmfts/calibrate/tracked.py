@@ -1,8 +1,8 @@
-"""Fields → the pose's change from rest, as a running pad's tracker would find it: many frames at once.
+"""Solves the poses of many single frames at once, as a running pad's tracker would.
 
-Scene "drifting" (the default of a pad): the ambient field is free and the moment is the baseline's: eight unknowns.
-Scene "constant": the paper's six. A running tracker also remembers the ambient field of the frame before; a single
-frame that does not is the harder case, by a few percent at the contact, and needs no history: it is what is trained on.
+Scene "drifting" (a pad's default): the ambient field is free, and the moment is the baseline's: eight unknowns. Scene
+"constant": the paper's six. A running tracker also uses the ambient field of earlier frames, which makes contacts a few
+percent more certain. Models are trained on single frames, which need no history.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from fmfts.pose.problem import MAX_ITERATIONS, VALUE, magnet_rows, measurement_r
 
 Scene = Literal["drifting", "constant"]
 UNKNOWNS = {"drifting": FREE_FIELD, "constant": FREE_PAPER}
-STOP = 1e-6  # in deviations squared: a thousandth of one, so that noise-free poses are exact to 0.01 µm
+STOP = 1e-6  # change of χ² at which the solver stops: noise-free poses are exact to 0.01 µm
 
 
 class UnsolvedError(ValueError):
-    """A field that no pose explains; `row` is the first such."""
+    """A field that no pose explains; `row` is the first of them."""
 
     def __init__(self, row: int) -> None:
         super().__init__(f"the solver finds no pose for frame {row}")
@@ -35,8 +35,8 @@ class UnsolvedError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Tracked:
-    """pose (K, 6): nominal rest + change, mm and unit axis, as the contact model gets it. covariance (K, 5, 5) of its
-    first five components. remanence_t (K,): estimated, or the held one. residual_t (K,): rms of what is unexplained."""
+    """pose (K, 6): nominal rest + change, in mm and as a unit axis, as the contact model gets it. covariance (K, 5, 5):
+    of its first five components. remanence_t (K,): estimated, or the baseline's. residual_t (K,): rms residual."""
 
     pose: Array
     covariance: Array
@@ -47,7 +47,7 @@ class Tracked:
         return len(self.pose)
 
     def some(self, rows: NDArray[np.bool_]) -> Self:
-        """Those of the chosen rows (K,)."""
+        """The poses of the rows (K,) that are True."""
         return type(self)(self.pose[rows], self.covariance[rows], self.remanence_t[rows], self.residual_t[rows])
 
     @property
@@ -58,10 +58,10 @@ class Tracked:
 
 
 class FrameSolver:
-    """Solves single frames of one pad at white noise of `noise_t`.
+    """Solves single frames of one pad, with white noise of `noise_t`.
 
-    rest_field_t (N, 3): field of the unloaded pad, ambient subtracted, from which rest pose and moment are taken as a
-    baseline does. mounting: a real baseline, which knows both, and where the sensors really are.
+    rest_field_t (N, 3): field of the unloaded pad without the ambient field; rest pose and moment are estimated from
+    it. mounting: a baseline's, with rest pose, moment and the real places of the sensors; replaces rest_field_t.
     """
 
     def __init__(
@@ -76,16 +76,16 @@ class FrameSolver:
 
     @property
     def rest_pose(self) -> Array:
-        """(6,) the drawing's, mm and unit axis."""
+        """(6,) the drawing's rest pose, in mm and as a unit axis."""
         return np.concatenate([self.pad.rest_position_m * 1e3, self.pad.rest_axis])
 
     @property
     def remanence_t(self) -> float:
-        """As the unloaded pad's field has it."""
+        """The remanence estimated from the unloaded pad."""
         return float(self._geometry.magnet.remanence_t * np.exp(self._rest.log_moment))
 
     def solved(self, field_t: Array) -> Tracked:
-        """Of fields (K, N, 3) in sensor axes, ambient subtracted. UnsolvedError names the first that has no pose."""
+        """Poses of fields (K, N, 3) in sensor axes without the ambient field. Raises UnsolvedError."""
         batch = self._solved(field_t)
         unsolved = np.flatnonzero(batch.summary[:, STATUS] != 0)
         if len(unsolved):
@@ -93,16 +93,16 @@ class FrameSolver:
         return self._tracked(batch)
 
     def common_field_t(self, field_t: Array) -> Array:
-        """(3,) what all sensors share in most of the fields (K, N, 3): the ambient field that was not subtracted.
+        """(3,) median ambient field in the fields (K, N, 3), which was not subtracted.
 
-        Only the scene "drifting" asks for it; elsewhere it is zero, and ends in what is unexplained.
+        The scene "constant" does not estimate it: there it is zero, and the ambient field adds to the residual.
         """
         states = [State.from_vector(values) for values in self._solved(field_t).state]
         common: Array = np.median([state.ambient_t for state in states], axis=0)
         return common
 
     def at(self, pose: Array) -> Tracked:
-        """What the solver would say of noise-free frames of the poses (K, 6): these, and their covariance."""
+        """The poses (K, 6) themselves, with the covariance that the solver gives for frames of them."""
         state = np.tile(self._rest.vector(), (len(pose), 1))
         state[:, :3] = pose[:, :3] * 1e-3 - self.pad.rest_position_m + self._rest.position_m
         state[:, 3:6] = pose[:, 3:] @ self._turn
@@ -137,7 +137,7 @@ class FrameSolver:
 
 
 def upright(pose: Array) -> Array:
-    """Poses (K, 6) whose axes are unit vectors again, as m and n have them."""
+    """Poses (K, 6) with p computed again from m and n, so that axes are unit vectors."""
     tilt = pose[:, 3:5]
     shrink = np.maximum(np.linalg.norm(tilt, axis=1, keepdims=True) / 0.999, 1.0)
     tilt = tilt / shrink

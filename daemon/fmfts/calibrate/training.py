@@ -1,4 +1,4 @@
-"""From a calibration set to a model file and the report beside it."""
+"""Makes a contact model and its report from a calibration set."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from fmfts.pad import Array
 from fmfts.sensor.chips import NOISE_T
 
 PRESSES, HELD_OUT, NOISY_COPIES = 20000, 12000, 4
-JUDGED_IN_A_BIN = 1500  # of force
-# Beyond this the pose of a sheared press is that of another, normal one: shear is not told there, but a little further
-# out is learnt, so that a press beyond is found to be beyond.
+JUDGED_IN_A_BIN = 1500  # samples in each bin of force
+# Beyond SHEAR_REACH_MM a sheared press has the pose of another press without shear, so shear is not estimated there.
+# Training goes a little farther, so that the model recognises presses beyond the reach.
 SHEAR_REACH_MM, SHEAR_TRAINED_MM = 8.0, 10.5
-SMALL_SHEAR = 0.1  # of the normal force: its effect is still in proportion
+SMALL_SHEAR = 0.1  # share of the normal force; its effect is still proportional
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """scene: what the pad's tracker leaves unknown. hidden: size of the layers; None: k-fold selection decides.
-    presses: how many the network is trained on. shear: tell tangential force as well, near the centre."""
+    """scene: sets the unknowns of the pad's tracker. hidden: size of the layers; None: by k-fold selection. presses:
+    number of training presses. shear: also estimate tangential force, near the centre."""
 
     scene: Scene = "drifting"
     noise_t: float = NOISE_T
@@ -66,12 +66,12 @@ def calibrate(
     say: Say,
     sheared: tuple[str, CalibrationSet] | None = None,
 ) -> Calibrated:
-    """`path` names the set in errors. DataError: a field that is none of this pad's.
+    """Make a model. path: names the set in errors.
 
-    sheared: another set of the same pad, and its path: from it a model of three outputs learns what shear does to its
-    answers, where `calibration` has none.
+    sheared: (path, set) of the same pad with shear, from which a model of three outputs gets its error by shear, if
+    `calibration` has no shear. Raises DataError for a field that is not of this pad.
     """
-    with threadpool_limits(1):  # the same file on any computer, and no fight over its cores
+    with threadpool_limits(1):  # gives the same file on any computer, and leaves other cores free
         return _calibrated(path, calibration, options, say, sheared)
 
 
@@ -84,8 +84,8 @@ def _calibrated(
         calibration = replace(calibration, press=calibration.press[:, :3])
     elif calibration.press[:, 3:].any(axis=1).all():
         raise DataError(
-            f"{path}: columns shear_x_n, shear_y_n: every row has shear, so none tells what a normal press does: add "
-            "presses without it, or make a model that tells shear (--shear)"
+            f"{path}: columns shear_x_n, shear_y_n: every row has shear, so none shows the effect of a normal press: "
+            "add presses without shear, or make a model that estimates it (--shear)"
         )
     known = _labelled_poses(path, calibration, options, say)
     solver, tracked = known.solver, known.tracked
@@ -133,9 +133,9 @@ def _labelled_poses(path: str, calibration: CalibrationSet, options: Options, sa
 
 
 def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> CalibrationSet:
-    """The presses within SHEAR_TRAINED_MM. DataError where none was sheared."""
+    """The presses within SHEAR_TRAINED_MM. Raises DataError where none has shear."""
     if calibration.press.shape[1] == 3 or not calibration.press[:, 3:].any():
-        raise DataError(f"{path}: no row has shear: a model that tells it needs columns shear_x_n and shear_y_n")
+        raise DataError(f"{path}: no row has shear: a model that estimates it needs columns shear_x_n and shear_y_n")
     inside = np.flatnonzero((np.abs(calibration.press[:, :2]) <= SHEAR_TRAINED_MM).all(axis=1))
     return replace(
         calibration,
@@ -146,14 +146,17 @@ def _where_shear_can_be_told(path: str, calibration: CalibrationSet) -> Calibrat
 
 
 def _rows_for(response: Response, press: Array) -> NDArray[np.bool_]:
-    """(K,) the presses that a model of the response's loads can know: without shear, unless it tells shear."""
+    """(K,) whether the response's loads describe each press: those without shear, or all if the response has shear."""
     if response.loads > 1:
         return np.ones(len(press), dtype=np.bool_)
     return np.asarray((press[:, 3:] == 0.0).all(axis=1), dtype=np.bool_)
 
 
 def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables | None:
-    """What a newton of shear does to the answers of a network that does not know it, on average over directions."""
+    """Error per newton of shear in the answers of a network without shear, averaged over directions.
+
+    None where `known` has no shear, or the network estimates shear.
+    """
     fitted, solver = known.response, known.solver
     if fitted.loads == 1 or len(network.layers.bias[-1]) > 3:
         return None
@@ -161,7 +164,7 @@ def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables
     press = presses_in_bins(fitted.without_shear(), bins, JUDGED_IN_A_BIN // 3, np.random.default_rng(6))
     press = press[press[:, 2] > 0.0]
     still = Samples.expected(fitted, solver, np.column_stack([press, np.zeros((len(press), 2))]))
-    # In proportion to the force, as friction is: the place that is found depends on the loads' direction.
+    # Shear proportional to the force, like friction: the estimated place depends on the direction of the whole load.
     shear_n = SMALL_SHEAR * press[:, 2:]
     errors = []
     for direction in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
@@ -171,14 +174,14 @@ def friction_error(network: ContactNetwork, known: LabelledPoses) -> ErrorTables
 
 
 def train(response: Response, solver: FrameSolver, hidden: int, presses: int) -> ContactNetwork:
-    """The network on `presses` noisy single frames of the response; the same for the same response."""
+    """Train a network on `presses` noisy single frames of the response. The same response gives the same network."""
     random = np.random.default_rng(1)
     clean = Samples.expected(response, solver, presses_within(response, presses, random))
     return train_network(clean.noisy(1, random), solver.rest_pose, hidden)
 
 
 def describe(known: LabelledPoses, response: Response, network: ContactNetwork, friction: ErrorTables | None) -> Facts:
-    """What the model of a response, all or part of the known one, says of itself."""
+    """The facts that a model's file contains. response: the known response, or its part without shear."""
     calibration, solver, tracked = known.calibration, known.solver, known.tracked
     normal, outputs = _rows_for(response, calibration.press), 2 + response.loads
     press, rest = calibration.press[:, :outputs], solver.rest_pose
@@ -213,7 +216,7 @@ def describe(known: LabelledPoses, response: Response, network: ContactNetwork, 
 
 
 def selection_table(candidates: list[Candidate], chosen: Candidate) -> str:
-    """What each candidate reached on left-out presses, and what a larger one than the chosen would gain."""
+    """A table of each candidate's error on left-out presses, also relative to the chosen one."""
     lines = ["                       parameters  error in bounds  against the chosen"]
     for one in candidates:
         mark = "  <- chosen" if one is chosen else ""

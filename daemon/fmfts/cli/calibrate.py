@@ -1,4 +1,4 @@
-"""The verbs `calibrate` and `evaluate`: their options, and what they print."""
+"""Defines the verbs `calibrate` and `evaluate`: their options and what they print."""
 
 from __future__ import annotations
 
@@ -12,25 +12,33 @@ from fmfts.common import exit_codes
 
 
 def add_to(verb: AddVerb) -> None:
-    """Add both verbs; `verb` makes a parser from a name, a handler and a line of help."""
+    """Add both verbs. verb: makes a parser from a name, a handler and a line of help."""
     calibrate = verb("calibrate", _calibrate, "make a contact model from a CSV file of labelled fields")
     calibrate.add_argument("data", type=Path, metavar="DATA.csv")
     calibrate.add_argument("-o", "--output", type=Path, metavar="MODEL.onnx", required=True)
-    calibrate.add_argument("--presses", type=int, default=20000, metavar="N", help="to train on (20000)")
-    calibrate.add_argument("--shear", action="store_true", help="tell tangential force as well, within 8 mm")
     calibrate.add_argument(
-        "--sheared", type=Path, metavar="SET.csv", help="presses with shear: what it costs who cannot tell it"
+        "--presses", type=int, default=20000, metavar="N", help="number of presses to train on (20000)"
     )
-    calibrate.add_argument("--hidden", type=int, metavar="N", help="size of its layers (default: selection decides)")
+    calibrate.add_argument("--shear", action="store_true", help="also estimate tangential force, within 8 mm")
+    calibrate.add_argument(
+        "--sheared", type=Path, metavar="SET.csv", help="presses with shear: the errors it causes in this model"
+    )
+    calibrate.add_argument(
+        "--hidden", type=int, metavar="N", help="size of the model's layers (default: found by selection)"
+    )
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
-    evaluate.add_argument("--model", default="default", metavar="MODEL.onnx", help="default: the one that ships")
-    evaluate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw where the errors are")
+    evaluate.add_argument("--model", default="default", metavar="MODEL.onnx", help="default: the model that ships")
+    evaluate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw a map of the errors")
     for added in (calibrate, evaluate):
-        added.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
+        added.add_argument(
+            "--pad", metavar="NAME", help="pad with this geometry and magnet; needed if there are several"
+        )
         added.add_argument("--pad-size-mm", type=float, default=40.0, metavar="MM", help="edge of the square pad (40)")
-        added.add_argument("--baseline", type=Path, metavar="FILE", help="fields are raw: subtract this baseline")
-        added.add_argument("--noise-ut", type=float, default=0.2, metavar="UT", help="of one field value (0.2: 2 mG)")
+        added.add_argument("--baseline", type=Path, metavar="FILE", help="the fields are raw: subtract this baseline")
+        added.add_argument(
+            "--noise-ut", type=float, default=0.2, metavar="UT", help="noise of a field value (0.2: 2 mG)"
+        )
         added.add_argument("--json", action="store_true", help="print facts as JSON")
 
 
@@ -48,7 +56,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.presses < 100:
         raise VerbError(exit_codes.USAGE, f"--presses is {options.presses}: at least 100")
     if options.shear and options.sheared is not None:
-        raise VerbError(exit_codes.USAGE, "--sheared is for models that do not tell shear: leave it or --shear out")
+        raise VerbError(exit_codes.USAGE, "--sheared is for models without shear: give --sheared or --shear, not both")
     training = Options(
         scene=pad.scene.ambient,
         noise_t=_noise_t(options),
@@ -92,30 +100,29 @@ def _evaluate(options: argparse.Namespace) -> int:
     try:
         model = ContactModel.load(options.model, pad.pad())
         labelled = read_labelled(options.data, pad.pad(), options.pad_size_mm, options.baseline)
-        found = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
+        evaluation = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
         if options.plot is not None:
-            _draw(found, options.plot)
+            _draw(evaluation, options.plot)
     except (DataError, ModelError) as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     if options.json:
-        print(json.dumps(found.facts(), indent=1))
+        print(json.dumps(evaluation.facts(), indent=1))
         return 0
-    print(f"model {found.model}, {len(found.press)} presses, {int((~found.in_range).sum())} of them over range")
-    if found.in_range.any():
-        print(printed(found.rows()))
-        print(
-            "mae, rmse: mean absolute and rms errors; in_sd: rms of errors in the model's own deviations, honest at 1"
-        )
+    over_range = int((~evaluation.in_range).sum())
+    print(f"model {evaluation.model}, {len(evaluation.press)} presses, {over_range} of them over range")
+    if evaluation.in_range.any():
+        print(printed(evaluation.rows()))
+        print("mae, rmse: mean absolute and rms errors; in_sd: rms of error / the model's deviation, ideally 1")
     return 0
 
 
-def _draw(found: object, target: Path) -> None:
+def _draw(evaluation: object, target: Path) -> None:
     try:
         from fmfts.calibrate.evaluation_plot import draw
     except ImportError as error:
         raise lacking(error, "plot") from error
     try:
-        draw(found, target)  # type: ignore[arg-type]
+        draw(evaluation, target)  # type: ignore[arg-type]
     except (OSError, ValueError) as error:
         raise VerbError(exit_codes.DATA, f"{target}: {error}") from error
 

@@ -1,4 +1,4 @@
-"""The verb `collect`: its options, and what it prints."""
+"""Defines the verb `collect`: its options and what it prints."""
 
 from __future__ import annotations
 
@@ -12,17 +12,23 @@ from fmfts.common import exit_codes
 
 
 def add_to(verb: AddVerb) -> None:
-    """Add it; `verb` makes a parser from a name, a handler and a line of help."""
+    """Add the verb. verb: makes a parser from a name, a handler and a line of help."""
     collect = verb("collect", _collect, "press a plan of places and forces, and write the calibration data")
-    collect.add_argument("plan", metavar="GRID.toml", nargs="?", help="a plan, or a preset: see docs/collecting.md")
-    collect.add_argument("-o", "--output", type=Path, metavar="DATA.csv", help="gone on with if begun")
-    collect.add_argument("--by-hand", action="store_true", help="you press; [collect.gauge] tells the force, or you do")
-    collect.add_argument("--merge", type=Path, metavar="LOG.csv", help="no plan: another machine's log of the presses")
-    collect.add_argument("--frames", type=Path, metavar="RECORDING", help="of --merge: what `record` wrote meanwhile")
     collect.add_argument(
-        "--weigh-g", type=float, nargs=2, metavar="GRAM", help="no plan: two known weights tell the load cell's scale"
+        "plan", metavar="GRID.toml", nargs="?", help="a plan's file, or a preset: see docs/collecting.md"
     )
-    collect.add_argument("--pad", metavar="NAME", help="needed where there are several")
+    collect.add_argument("-o", "--output", type=Path, metavar="DATA.csv", help="the table; continued if it exists")
+    collect.add_argument(
+        "--by-hand", action="store_true", help="you press; [collect.gauge] measures the force, or you type it"
+    )
+    collect.add_argument(
+        "--merge", type=Path, metavar="LOG.csv", help="instead of a plan: another machine's log of the presses"
+    )
+    collect.add_argument("--frames", type=Path, metavar="RECORDING", help="for --merge: what `record` wrote meanwhile")
+    collect.add_argument(
+        "--weigh-g", type=float, nargs=2, metavar="GRAM", help="instead: find the load cell's scale by two weights"
+    )
+    collect.add_argument("--pad", metavar="NAME", help="needed if there are several")
     collect.add_argument("--json", action="store_true", help="print facts as JSON")
 
 
@@ -33,12 +39,12 @@ def _collect(options: argparse.Namespace) -> int:
 
     pad = configured_pad(options)
     config, _ = load(options.config)
-    # However somebody ends it, the rod is lifted first; stopped and not ended, it would stay down.
+    # Signals that end the program lift the rod first. Ctrl-Z would stop the program with the rod down: ignore it.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler)
     signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     try:
-        facts = _done(options, config, pad)
+        facts = _carry_out(options, config, pad)
     except CollectError as error:
         code = exit_codes.DATA if isinstance(error, RefusedError) else exit_codes.UNAVAILABLE
         raise VerbError(code, str(error)) from error
@@ -50,7 +56,7 @@ def _ask(text: str) -> None:
     input(f"{text} ")
 
 
-def _done(options: argparse.Namespace, config: Any, pad: Any) -> dict[str, Any]:
+def _carry_out(options: argparse.Namespace, config: Any, pad: Any) -> dict[str, Any]:
     if options.weigh_g is not None:
         from fmfts.collect.feed import open_feed
         from fmfts.collect.weigh import weigh

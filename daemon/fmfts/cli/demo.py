@@ -1,6 +1,6 @@
-"""`make demo`: the daemon and a live listener in one terminal, on sockets and state of their own."""
+"""`make demo`: runs the daemon and a live view in one terminal, with their own sockets and state."""
 
-# What takes long to import is imported in `main`, where Ctrl-C is waited for.
+# Slow imports are in `main`, where Ctrl-C is handled.
 from __future__ import annotations
 
 import argparse
@@ -22,10 +22,10 @@ ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 @contextmanager
 def running_daemon(config: Path, folder: Path) -> Iterator[str]:
-    """`fmfts-daemon run` as its own process, with sockets, state and log in `folder`; yields the base of its endpoints.
+    """Run `fmfts-daemon run` as a process with sockets, state and log in `folder`; yield the base of its endpoints.
 
-    Ctrl-C is left to the caller, who gets a KeyboardInterrupt also when the daemon ends by itself. SystemExit, after
-    the end of its log, where it did, or did not start.
+    The caller handles Ctrl-C; it also gets a KeyboardInterrupt when the daemon ends by itself. If the daemon ends or
+    does not start, prints the end of its log and raises SystemExit.
     """
     from fmfts_client.endpoints import OVERRIDE
 
@@ -35,7 +35,7 @@ def running_daemon(config: Path, folder: Path) -> Iterator[str]:
     command = [sys.executable, "-m", "fmfts", "run", "--config", str(config)]
     serving = False
     with log.open("w") as stderr:
-        # A signal between fork and `try` would leave the daemon behind.
+        # Block signals: one between fork and `try` would leave the daemon running.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         daemon = subprocess.Popen(command, stderr=stderr, env=environment, preexec_fn=_ignore_ctrl_c)
         try:
@@ -52,7 +52,7 @@ def running_daemon(config: Path, folder: Path) -> Iterator[str]:
 
 
 def _ignore_ctrl_c() -> None:
-    """In the daemon: Ctrl-C reaches every process of a terminal, and the listener ends this one with SIGTERM."""
+    """Makes the daemon ignore Ctrl-C, which the terminal sends to all processes: it will be ended by SIGTERM."""
     signal.pthread_sigmask(signal.SIG_SETMASK, {signal.SIGINT})
 
 
@@ -68,7 +68,7 @@ def _is_serving(socket: Path, daemon: subprocess.Popen[bytes]) -> bool:
 @contextmanager
 def _interrupted_by_the_end_of(daemon: subprocess.Popen[bytes]) -> Iterator[None]:
     def interrupt(*_: object) -> None:
-        if daemon.poll() is not None:  # it may have been stopped (Ctrl-Z) only
+        if daemon.poll() is not None:  # SIGCHLD also tells of a stop (Ctrl-Z)
             raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGCHLD, interrupt)
@@ -88,7 +88,7 @@ def _stop(daemon: subprocess.Popen[bytes]) -> None:
 
 
 def _explain(log: Path, code: int | None) -> None:
-    """The log is in a folder that is about to go."""
+    """Prints the end of the log, because the log's folder will be deleted, and raises SystemExit."""
     what = f"did not serve within {START_S:g} s" if code is None else f"ended with {code}"
     lines = log.read_text().splitlines()[-LAST_LINES:]
     print(f"fmfts-daemon {what}; the end of its log:", *lines, sep="\n", file=sys.stderr)
@@ -96,7 +96,10 @@ def _explain(log: Path, code: int | None) -> None:
 
 
 def end_on_signals() -> None:
-    """From here on there is something to clear up. Ctrl-C may be ignored: make's shell passes it on as SIGTERM."""
+    """Make signals raise KeyboardInterrupt, so that the daemon is stopped and its folder deleted.
+
+    An ignored SIGINT stays ignored: then make's shell passes Ctrl-C on as SIGTERM.
+    """
     for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)

@@ -1,4 +1,4 @@
-"""Verbs that want a device for a moment: through the running daemon, or, when none runs, on the device itself."""
+"""Carries out verbs that need a device for a moment: through the running daemon, or, if none runs, on the device."""
 
 from __future__ import annotations
 
@@ -30,21 +30,24 @@ TURN_S = 0.002
 
 
 class AbsentError(Exception):
-    """Neither a daemon nor the device answers, or there is no place for the result."""
+    """Neither a daemon nor the device answers, or the result cannot be stored."""
 
 
 class RefusedError(Exception):
-    """It was tried, and the answer is no."""
+    """The daemon or the device refused the request, or the data do not allow it."""
 
 
 def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | None:
-    """The answer of the daemon that runs with `config`, None where none runs. Shows progress on a terminal."""
+    """The answer of the daemon that runs with `config`; None where none runs. Shows progress on a terminal.
+
+    Raises RefusedError or AbsentError.
+    """
     try:
         endpoints = for_client(named_base(config.bus.endpoint))
         if serving_pid(endpoints.control) is None:
             return None
-        with progress_bar(verb) as told:
-            return request(verb, endpoint=endpoints, progress=lambda facts: told(facts.get("share", 0.0)), **arguments)
+        with progress_bar(verb) as show:
+            return request(verb, endpoint=endpoints, progress=lambda facts: show(facts.get("share", 0.0)), **arguments)
     except RefusedByDaemon as error:
         raise RefusedError(str(error).removeprefix(f"{verb}: ")) from error
     except (ControlError, EndpointError, BusError) as error:
@@ -61,7 +64,7 @@ def record_baseline(
     refine: bool,
     duration_s: float | None,
 ) -> dict[str, Any]:
-    """Record on the device itself, judge, store. `pads`: all of the file."""
+    """Record a baseline on the device itself, judge and store it; returns its facts. pads: all pads of the file."""
     with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
         require_device(pad)
         work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
@@ -70,20 +73,20 @@ def record_baseline(
         except BaselineError:
             if turn or refine:
                 raise
-            # A damaged file is about to be replaced; a bare recording inside it cannot be trusted.
+            # The file is damaged and will be replaced; its bare recording cannot be trusted.
             before = None
-        with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as told:
+        with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
                 hold_still(source, mounted=not bare)
                 source.tumbling = turn
                 if refine:
                     source.finger = ScriptedFinger(seed=0)
             job = BaselineJob(work, before, source, executor)
-            return _finished(pad.name, job, _turns(source, pad_index, job.take), told)
+            return _finished(pad.name, job, _turns(source, pad_index, job.take), show)
 
 
 def restore_baseline(pad: PadConfig) -> dict[str, Any]:
-    """Bring the baseline before the last one back."""
+    """Replace the baseline by the one before it; returns its facts."""
     drawing = pad.pad()
     with _errors_named():
         require_device(pad)
@@ -91,41 +94,41 @@ def restore_baseline(pad: PadConfig) -> dict[str, Any]:
 
 
 def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bool) -> dict[str, Any]:
-    """A drift is followed by a running daemon alone, and forgotten when it ends."""
+    """Raise AbsentError: only a running daemon follows a drift, and it forgets it when it ends."""
     raise AbsentError(f"pad '{pad.name}': no daemon runs, so no drift is followed and there is nothing to undo")
 
 
 def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
-    """The self-test on the device itself."""
-    with _errors_named(), _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as told:
-        there = Collection(source, duration_s=0.0)
-        for _ in _turns(source, pad_index, there.take):
-            if there.complete:
+    """Run the self-test on the device itself; returns its facts."""
+    with _errors_named(), _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as show:
+        first_frame = Collection(source, duration_s=0.0)
+        for _ in _turns(source, pad_index, first_frame.take):
+            if first_frame.complete:
                 break
-            _require_hope(pad.name, there.problem(time.monotonic()))
+            _require_no_problem(pad.name, first_frame.problem(time.monotonic()))
         task = Selftest(pad.name, source, pad_index)
-        return _finished(pad.name, task, _turns(source, pad_index, lambda frame: None), told)
+        return _finished(pad.name, task, _turns(source, pad_index, lambda frame: None), show)
 
 
 def probe(config: Config) -> dict[str, Any]:
-    """What every device of the configuration says of itself."""
+    """Facts about every device of the configuration, as each reports them."""
     try:
         sources = open_sources(config.pad)
     except SourceError as error:
         raise AbsentError(str(error)) from error
-    seen: set[str] = set()
+    with_frames: set[str] = set()
     until = time.monotonic() + PATIENCE_S
     try:
-        while time.monotonic() < until and len(seen) < len(config.pad):
+        while time.monotonic() < until and len(with_frames) < len(config.pad):
             for source, names in sources:
-                seen |= {
+                with_frames |= {
                     names[frame.pad_index] for frame in source.poll(time.monotonic_ns()) if frame.pad_index in names
                 }
             time.sleep(TURN_S)
         silence = f"connected, but no frame within {PATIENCE_S:g} s"
         return {
             "pads": [
-                probe_facts(name, source, index, "" if name in seen else silence)
+                probe_facts(name, source, index, "" if name in with_frames else silence)
                 for source, names in sources
                 for index, name in names.items()
             ]
@@ -135,24 +138,24 @@ def probe(config: Config) -> dict[str, Any]:
             source.close()
 
 
-def _finished(pad: str, task: Task, turns: Iterator[None], told: Callable[[float], None]) -> dict[str, Any]:
-    """The task's facts, once there are any."""
+def _finished(pad: str, task: Task, turns: Iterator[None], show: Callable[[float], None]) -> dict[str, Any]:
+    """Runs `turns` until the task has its facts; returns them."""
     for _ in turns:
         facts = task.facts()
         if facts is not None:
             return facts
-        _require_hope(pad, task.problem(time.monotonic()))
-        told(task.share)
+        _require_no_problem(pad, task.problem(time.monotonic()))
+        show(task.share)
     raise AssertionError("turns never end")
 
 
-def _require_hope(pad: str, problem: str) -> None:
+def _require_no_problem(pad: str, problem: str) -> None:
     if problem:
         raise AbsentError(f"pad '{pad}': {problem}")
 
 
 def _turns(source: Source, pad_index: int, take: Callable[[Frame], None]) -> Iterator[None]:
-    """Feed the pad's frames to `take` for ever."""
+    """Passes the pad's frames to `take`, without end."""
     while True:
         time.sleep(TURN_S)
         for frame in source.poll(time.monotonic_ns()):
@@ -175,7 +178,7 @@ def _opened(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[tuple[Source,
 
 @contextmanager
 def _errors_named() -> Iterator[None]:
-    """In the two words that the command knows."""
+    """Turns errors of the baseline, the source and the state into RefusedError and AbsentError."""
     try:
         yield
     except (BaselineError, SourceError) as error:

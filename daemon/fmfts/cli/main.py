@@ -1,4 +1,4 @@
-"""The command `fmfts-daemon`: its verbs, options and exit codes. Each verb imports what it needs, and no more."""
+"""Defines the command `fmfts-daemon`: its verbs, options and exit codes. Each verb imports only what it needs."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from fmfts.cli.verb import AddVerb, VerbError, configuration, pad_named, seconds
 from fmfts.common import exit_codes
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
-LISTENERS_CONFIG = "the daemon's, where it names an endpoint; needless otherwise"
-VERBS = "fmfts.verbs"  # entry points: a function of AddVerb
+LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed otherwise"
+VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 LABORATORY = {"study": "compare methods on this pad", "pad-model": "make a simulated pad by finite elements"}
 EPILOG = """\
 A new pad: check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
-With a running daemon, probe, selftest and baseline go through it.
+If a daemon runs, probe, selftest and baseline go through it.
 
 exit codes: 0 done; 1 the self-test failed; 2 usage; 65 data, device or daemon refused; 69 device, daemon, place to
 store or a Python package absent; 78 bad configuration; 130 interrupted
@@ -34,7 +34,7 @@ store or a Python package absent; 78 bad configuration; 130 interrupted
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb; the exit code: 0, 2 usage, 65 refused data, 69 hardware or daemon absent, 78 bad configuration."""
+    """Run one verb and return its exit code, as EPILOG lists them."""
     from fmfts.service.log import configure
 
     words = sys.argv[1:] if arguments is None else arguments
@@ -53,13 +53,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        # Whoever read our output has gone: say nothing more, also not at exit.
+        # The reader of the output has ended: write nothing more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
 
 
-def _parser(asked: str | None) -> argparse.ArgumentParser:
-    """asked: the verb that stands on the command line, None where there is none."""
+def _parser(requested: str | None) -> argparse.ArgumentParser:
+    """The parser of all verbs. requested: the first word of the command line; None where there is none."""
     parser = argparse.ArgumentParser(
         prog="fmfts-daemon",
         description="Contact location and force from a magnet pad.",
@@ -81,17 +81,21 @@ def _parser(asked: str | None) -> argparse.ArgumentParser:
     verb("run", _run, "read the pads and publish contacts until stopped")
     baseline = verb("baseline", _baseline, "record the baseline of a pad, before loading it")
     kind = baseline.add_mutually_exclusive_group(required=True)
-    kind.add_argument("--bare", action="store_true", help="the pad is not mounted: the ambient field alone")
+    kind.add_argument("--bare", action="store_true", help="the pad is not mounted: record the ambient field alone")
     kind.add_argument("--rest", action="store_true", help="the pad is mounted and nothing touches it")
     kind.add_argument("--turn", action="store_true", help="turn the unloaded robot: learn the sensors' gains")
     kind.add_argument("--refine", action="store_true", help="press some 30 times anywhere: learn places and gains")
     kind.add_argument("--restore", action="store_true", help="record nothing: bring the last good baseline back")
-    kind.add_argument("--undo-drift", action="store_true", help="record nothing: forget what [pad.rebaseline] followed")
-    baseline.add_argument("--replaced", action="store_true", help="another pad than at the last baseline is mounted")
-    baseline.add_argument("--duration-s", type=seconds, help="of the recording: 0.5 to 60 (3; --turn 20; --refine 40)")
+    kind.add_argument(
+        "--undo-drift", action="store_true", help="record nothing: forget the drift followed by [pad.rebaseline]"
+    )
+    baseline.add_argument("--replaced", action="store_true", help="the pad was replaced since the last baseline")
+    baseline.add_argument(
+        "--duration-s", type=seconds, help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40)"
+    )
     selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
     for added in (baseline, selftest):
-        added.add_argument("--pad", metavar="NAME", help="needed where there are several")
+        added.add_argument("--pad", metavar="NAME", help="needed if there are several")
         facts(added)
     facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
     facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
@@ -105,29 +109,29 @@ def _parser(asked: str | None) -> argparse.ArgumentParser:
     pose_verb.add_to(verb)
     calibration_verbs.add_to(verb)
     collect_verb.add_to(verb)
-    if asked not in verbs.choices:
+    if requested not in verbs.choices:
         _add_laboratory(verb)
     return parser
 
 
 def _add_laboratory(verb: AddVerb) -> None:
-    """The verbs of another installation (lab/), which are looked for only where no verb of the robot's is asked for."""
+    """Adds the verbs of another package (lab/). Called only if the command line names none of this package's verbs."""
     from importlib.metadata import entry_points
 
-    found = {point.name: point for point in entry_points(group=VERBS)}
+    installed = {point.name: point for point in entry_points(group=VERBS)}
     for name, text in LABORATORY.items():
-        if name in found:
-            found.pop(name).load()(verb)
+        if name in installed:
+            installed.pop(name).load()(verb)
         else:
             verb(name, _without_laboratory, f"{text} (not installed)").add_argument("rest", nargs=argparse.REMAINDER)
-    for point in found.values():
+    for point in installed.values():
         point.load()(verb)
 
 
 def _without_laboratory(options: argparse.Namespace) -> int:
     raise VerbError(
         exit_codes.UNAVAILABLE,
-        f"{options.verb} is the laboratory's, which is an installation of its own: in a checkout of fmfts,\n"
+        f"{options.verb} belongs to the laboratory, a separate package; install it in a checkout of fmfts with\n"
         f"    {sys.executable} -m pip install . ./lab",
     )
 
@@ -165,11 +169,10 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _baseline(options: argparse.Namespace) -> int:
-    from fmfts.cli import direct as oneshot
-    from fmfts.cli.direct import record_baseline, restore_baseline
+    from fmfts.cli.direct import nothing_to_undo, record_baseline, restore_baseline
 
     if options.undo_drift:
-        return _through_daemon(options, "baseline", {"undo_drift": True}, oneshot.nothing_to_undo)
+        return _through_daemon(options, "baseline", {"undo_drift": True}, nothing_to_undo)
     if options.restore:
         return _through_daemon(options, "baseline", {"restore": True}, lambda pad, pads, restore: restore_baseline(pad))
     names = ("bare", "replaced", "turn", "refine", "duration_s")
@@ -184,34 +187,34 @@ def _selftest(options: argparse.Namespace) -> int:
 
 
 def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
-    """A verb on one pad's device: the running daemon does it, for it owns the device; without one, we do."""
-    from fmfts.cli import direct as oneshot
+    """Lets the running daemon carry out a verb, because it owns the device; without a daemon, calls `directly`."""
+    from fmfts.cli import direct
     from fmfts.view.facts import print_facts
 
     config = configuration(options)
     pad = pad_named(config, options.pad)
     try:
-        facts = oneshot.ask_daemon(verb, config, pad=pad.name, **arguments)
+        facts = direct.ask_daemon(verb, config, pad=pad.name, **arguments)
         if facts is None:
             facts = directly(pad, config.pad, **arguments)
-    except oneshot.RefusedError as error:
+    except direct.RefusedError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
-    except oneshot.AbsentError as error:
+    except direct.AbsentError as error:
         raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
     return 0 if facts.get("passed", True) else 1
 
 
 def _probe(options: argparse.Namespace) -> int:
-    from fmfts.cli import direct as oneshot
+    from fmfts.cli import direct
     from fmfts.view.facts import print_facts
 
     config = configuration(options)
     try:
-        facts = oneshot.ask_daemon("probe", config) or oneshot.probe(config)
-    except oneshot.RefusedError as error:
+        facts = direct.ask_daemon("probe", config) or direct.probe(config)
+    except direct.RefusedError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
-    except oneshot.AbsentError as error:
+    except direct.AbsentError as error:
         raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
     return 0 if all(pad["connected"] for pad in facts["pads"]) else exit_codes.UNAVAILABLE
@@ -242,8 +245,8 @@ def _check_config(options: argparse.Namespace) -> int:
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
-            if (doubt := other_silicone(pad)) is not None:
-                print(f"{pad.name}: warning: {doubt}", file=sys.stderr)
+            if (warning := other_silicone(pad)) is not None:
+                print(f"{pad.name}: warning: {warning}", file=sys.stderr)
     return 0
 
 

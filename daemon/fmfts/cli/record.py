@@ -1,4 +1,4 @@
-"""The verbs `record` and `replay`: their options, and what they print."""
+"""Defines the verbs `record` and `replay`: their options and what they print."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from fmfts.common import exit_codes
 
 
 def add_to(verb: AddVerb, listeners_config: str) -> None:
-    """Add both; `verb` makes a parser from a name, a handler and a line of help."""
-    record = verb("record", _record, "write what a running daemon says, raw frames included", listeners_config)
-    record.add_argument("output", type=Path, metavar="FILE.mcap", help="must not exist yet")
+    """Add both verbs. verb: makes a parser from a name, a handler and a line of help."""
+    record = verb(
+        "record", _record, "write all messages of a running daemon to a file, with raw frames", listeners_config
+    )
+    record.add_argument("output", type=Path, metavar="FILE.mcap", help="a new file")
     record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
     record.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
     record.add_argument("--json", action="store_true", help="print facts as JSON")
-    replay = verb("replay", _replay, "put a recording's frames through the pipeline again, and compare")
+    replay = verb("replay", _replay, "process a recording's frames again, and compare the contacts")
     replay.add_argument("recording", type=Path, metavar="FILE.mcap")
-    replay.add_argument("--model", action="append", default=[], metavar="FILE", help="that it was recorded with")
+    replay.add_argument("--model", action="append", default=[], metavar="FILE", help="contact model of the recording")
     replay.add_argument("--contacts", action="store_true", help="print each contact as a line of JSON")
     replay.add_argument("--json", action="store_true", help="print facts as JSON")
 

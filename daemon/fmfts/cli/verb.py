@@ -1,4 +1,4 @@
-"""What the verbs of `fmfts-daemon` share: how one is added, what --config and --pad name, and how one fails."""
+"""Functions that the verbs of `fmfts-daemon` share: --config and --pad, and errors with an exit code."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ log = logging.getLogger("fmfts")
 
 
 class VerbError(Exception):
-    """Ends the command with `code` and one sentence."""
+    """Ends the command with the exit code `code`, and prints one sentence."""
 
     def __init__(self, code: int, sentence: str) -> None:
         super().__init__(sentence)
@@ -29,7 +29,7 @@ class VerbError(Exception):
 
 
 def seconds(text: str) -> float:
-    """An option's time; argparse says what is wrong with it."""
+    """The value of an option in seconds, for argparse. Raises ArgumentTypeError unless it is positive and finite."""
     value = float(text)
     if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"{text}: must be more than 0 seconds")
@@ -37,13 +37,14 @@ def seconds(text: str) -> float:
 
 
 def lacking(error: ImportError, extra: str) -> VerbError:
-    """For a module that only an extra of the package brings; the installed package stays as it is."""
+    """The error for a missing module that an extra of the package installs; the text names the line to run."""
     return VerbError(
         exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install 'fmfts[{extra}]'"
     )
 
 
 def configuration(options: argparse.Namespace) -> Config:
+    """The configuration that `--config` names, or the default one. Raises VerbError."""
     from fmfts.config.file import ConfigError, load
 
     try:
@@ -55,14 +56,14 @@ def configuration(options: argparse.Namespace) -> Config:
 
 
 def serving_base(options: argparse.Namespace) -> str | None:
-    """Where the daemon of `--config` serves; None: at the default. Listening needs no configuration."""
+    """The endpoint base in the file that `--config` names; None: the default. A listener needs no `--config`."""
     from fmfts_client.endpoints import named_base
 
     return named_base(None if options.config is None else configuration(options).bus.endpoint)
 
 
 def pad_named(config: Config, name: str | None) -> PadConfig:
-    """VerbError where there is none, or where None leaves a choice."""
+    """The pad of that name; None: the only pad. Raises VerbError where there is none, or more than one."""
     known = {pad.name: pad for pad in config.pad}
     if name is None and len(known) == 1:
         return config.pad[0]
@@ -74,10 +75,10 @@ def pad_named(config: Config, name: str | None) -> PadConfig:
 
 
 def configured_pad(options: argparse.Namespace) -> PadConfig:
-    """The pad that `--config` and `--pad` name; VerbError where they do not."""
+    """The pad that `--config` and `--pad` name. Raises VerbError."""
     return pad_named(configuration(options), options.pad)
 
 
 def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
-    """All pads of the file."""
+    """All pads of the file that `--config` names."""
     return configuration(options).pad

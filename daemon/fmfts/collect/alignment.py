@@ -1,8 +1,8 @@
-"""The clock of another machine's log beside the clock of the frames: an offset, and a rate.
+"""Aligns the clock of another machine's log with the clock of the frames: finds an offset and a rate.
 
-Both show when the pad was pressed: the log by its force, the frames by how far the field is from rest. Over the whole
-session the lag of the best correlation is found; then the lag of each stretch, for quartzes differ by tens of parts
-per million (0.18 s in an hour at 50 ppm), and the straight line through those.
+Both show when the pad was pressed: the log by its force, the frames by the field's distance from rest. First the lag
+with the best correlation is found over the whole session; then the lag of each stretch, because quartzes differ by tens
+of parts per million (50 ppm are 0.18 s in an hour), and the straight line through those lags.
 """
 
 from __future__ import annotations
@@ -23,21 +23,22 @@ Array = NDArray[np.float64]
 
 GRID_HZ = 200.0
 LEAST_CORRELATION = 0.7  # the paper's plan with a noisy gauge and a drifting ambient field: 0.86
-# The next best lag outside the peak must be clearly worse: regular presses look alike at every period.
+# Largest correlation of any lag outside the peak, relative to the peak: regular presses fit at every period.
 AMBIGUOUS = 0.97
-PEAK_S = 0.5  # so far from the whole's lag a stretch's may be
-STRETCH_S = 30.0  # some presses at least
-EVEN_S = 0.5 * EDGE_S  # further from the straight line a stretch does not fit it
+PEAK_S = 0.5  # half width of the peak: largest difference between a stretch's lag and that of the whole session
+STRETCH_S = 30.0  # long enough for some presses
+EVEN_S = 0.5 * EDGE_S  # largest distance of a stretch's lag from the straight line
 LEAST_SHARE_EVEN = 0.8
-# A touch in a corner moves the field by a seventieth of one in the centre, and both are presses.
+# Force and field enter as log(1 + value / small): a touch in a corner moves the field by a seventieth of one in the
+# centre, and both must count as presses.
 SMALL_FORCE_N, SMALL_FIELD_T = 0.1, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """Frames' time − log's time is lag_s at log time middle_s, and grows by `rate` of each second.
+    """The frames' time minus the log's: `lag_s` at the log's time `middle_s`; it grows by `rate` seconds per second.
 
-    correlation: at the best lag of the whole, 1 at best. even: the share of stretches that fit the straight line.
+    correlation: at the best lag of the whole session; 1 is perfect. even: share of the stretches that fit the line.
     """
 
     lag_s: float
@@ -51,15 +52,18 @@ class Alignment:
 
 
 def align(log: Log, frames: Sequence[Frame], rest_t: Array) -> Alignment:
-    """`rest_t` (N, 3): the untouched pad's field. RefusedError where there is no alignment to believe."""
+    """The alignment of a log with frames. rest_t (N, 3): field of the untouched pad, in T.
+
+    Raises RefusedError where no alignment is certain.
+    """
     frame_s = np.array([frame.host_time_ns for frame in frames]) * 1e-9
     field_t = np.array([frame.field_t for frame in frames]).reshape(len(frames), -1)
-    away_t = np.linalg.norm(np.nan_to_num(field_t - rest_t.ravel()), axis=1)
+    from_rest_t = np.linalg.norm(np.nan_to_num(field_t - rest_t.ravel()), axis=1)
     force_n = np.abs(log.force_n - np.percentile(log.force_n, 5))
     pressing, begun_s = np.log1p(force_n / SMALL_FORCE_N), float(log.time_s[0])
-    moved = _on_grid(frame_s, np.log1p(away_t / SMALL_FIELD_T))
+    moved = _on_grid(frame_s, np.log1p(from_rest_t / SMALL_FIELD_T))
     rate = 0.0
-    for _ in range(2):  # a clock that runs otherwise smears a stretch's correlation: again, with it put right
+    for _ in range(2):  # a difference in rate blurs the correlation of a stretch: repeat with the rate corrected
         pressed = _on_grid(begun_s + (1.0 + rate) * (log.time_s - begun_s), pressing)
         lag, correlation = _lag_of_the_whole(pressed, moved)
         middle_s, lag_s = np.array(_lags_of_stretches(pressed, moved, lag) or [(0.0, lag / GRID_HZ)]).T
@@ -69,13 +73,13 @@ def align(log: Log, frames: Sequence[Frame], rest_t: Array) -> Alignment:
     if even < LEAST_SHARE_EVEN:
         raise RefusedError(
             f"the clocks of log and frames do not run evenly: in {1.0 - even:.0%} of the stretches of {STRETCH_S:g} s "
-            f"the log is more than {EVEN_S * 1e3:.0f} ms from where the others put it: does the log miss rows?"
+            f"the log is more than {EVEN_S * 1e3:.0f} ms off the straight line: does the log miss rows?"
         )
     return Alignment(at_zero_s + float(frame_s[0]) - begun_s, rate, begun_s, correlation, even)
 
 
 def _lag_of_the_whole(pressed: Array, moved: Array) -> tuple[int, float]:
-    """In steps of the grid, and the correlation there."""
+    """The best lag, in steps of the grid, and its correlation."""
     size = 1 << int(np.ceil(np.log2(len(pressed) + len(moved))))
     product = np.fft.rfft(moved, size) * np.conj(np.fft.rfft(pressed, size))
     correlation = np.fft.irfft(product, size) / (np.linalg.norm(pressed) * np.linalg.norm(moved) or 1.0)
@@ -96,34 +100,34 @@ def _lag_of_the_whole(pressed: Array, moved: Array) -> tuple[int, float]:
 
 
 def _lags_of_stretches(pressed: Array, moved: Array, lag: int) -> list[tuple[float, float]]:
-    """The middle of each stretch since the log began, and its own lag, both in s; none where little was pressed."""
+    """(middle, lag) of each stretch in s, the middle since the log began. Leaves out stretches with few presses."""
     reach = round(PEAK_S * GRID_HZ)
     number = max(round(len(pressed) / (STRETCH_S * GRID_HZ)), 1)
     edges = np.linspace(0, len(pressed), number + 1).astype(int)
-    found = []
+    lags = []
     for first, last in pairwise(edges.tolist()):
         begin, end = max(first, reach - lag), min(last, len(moved) - lag - reach)
         if end - begin < reach:
             continue
-        there = sliding_window_view(moved[begin + lag - reach : end + lag + reach], end - begin)
-        here = pressed[begin:end] - pressed[begin:end].mean()
-        correlation = there @ here / (np.linalg.norm(here) * there.std(axis=1) * np.sqrt(end - begin) + 1e-12)
+        windows = sliding_window_view(moved[begin + lag - reach : end + lag + reach], end - begin)
+        stretch = pressed[begin:end] - pressed[begin:end].mean()
+        correlation = windows @ stretch / (np.linalg.norm(stretch) * windows.std(axis=1) * np.sqrt(end - begin) + 1e-12)
         best = int(np.argmax(correlation))
         if correlation[best] >= LEAST_CORRELATION and 0 < best < 2 * reach:
             lag_s = (lag - reach + best + _vertex(correlation, best)) / GRID_HZ
-            found.append((0.5 * (begin + end) / GRID_HZ, lag_s))
-    return found
+            lags.append((0.5 * (begin + end) / GRID_HZ, lag_s))
+    return lags
 
 
 def _straight_line(x: Array, y: Array) -> tuple[float, float]:
-    """Slope and intercept by medians (Theil, Sen): a stretch that was aligned wrongly does not turn it."""
+    """Slope and intercept by medians (Theil–Sen), which a wrongly aligned stretch does not change."""
     first, second = np.triu_indices(len(x), 1)
     slope = float(np.median((y[second] - y[first]) / (x[second] - x[first]))) if len(first) else 0.0
     return slope, float(np.median(y - slope * x))
 
 
 def _on_grid(time_s: Array, value: Array) -> Array:
-    """Evenly sampled, without its mean."""
+    """`value` resampled at GRID_HZ, minus its mean."""
     grid = np.arange(time_s[0], time_s[-1], 1.0 / GRID_HZ)
     even = np.interp(grid, time_s, value)
     centred: Array = even - even.mean()
@@ -131,7 +135,7 @@ def _on_grid(time_s: Array, value: Array) -> Array:
 
 
 def _vertex(values: Array, at: int) -> float:
-    """Where between samples the parabola through three of them has its top, −½ to ½."""
+    """Vertex of the parabola through the values at `at` − 1, `at` and `at` + 1, relative to `at`: −½ to ½."""
     before, here, after = values[at - 1 : at + 2].tolist()
     curvature = before - 2.0 * here + after
     return 0.0 if curvature == 0.0 else 0.5 * (before - after) / curvature

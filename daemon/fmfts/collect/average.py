@@ -1,4 +1,4 @@
-"""Frames and forces of one moment become a row, or are refused: moving, saturated, not touched when they should be."""
+"""Averages the frames and forces of a row; refuses a moving or saturated field, and a pad that is not touched."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from fmfts.pad import Pad
 from fmfts.pose import FREE_FIELD, solve
 from fmfts.sensor import Frame
 
-# An untouched pad passes for a touched one, by noise alone, once in so many rows.
+# Probability that noise alone makes an untouched pad look touched.
 FALSE_TOUCH = 1e-4
-# A force that swings more than this within a row (standard deviation, relative to it) is not one force.
+# Largest standard deviation of the force within a row: relative to the force, and absolute. The larger limit counts.
 STEADY_FORCE = 0.1
 STEADY_FORCE_N = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Averaged:
-    """The mean of some frames, and of the forces meanwhile (None where there is no gauge)."""
+    """The mean of some frames, and of the forces in the same time (None where there is no gauge)."""
 
     field: Recording
     force_n: float | None
@@ -34,11 +34,11 @@ class Averaged:
 
 
 class RowError(Exception):
-    """This moment makes no row; the text says why. It may be tried again."""
+    """The frames and forces make no row; the text says why. The row may be tried again."""
 
 
 def average(frames: Sequence[Frame], readings: Sequence[Reading], tare_n: float) -> Averaged:
-    """RowError where the field is not steady or not whole, or the force is not one force."""
+    """The means of a row. Raises RowError where the field is not steady or not complete, or the force not steady."""
     try:
         field = summarise(frames)
     except BaselineError as error:
@@ -53,20 +53,20 @@ def average(frames: Sequence[Frame], readings: Sequence[Reading], tare_n: float)
 
 
 def require_touched(loaded: Averaged, unloaded: Averaged) -> None:
-    """RowError where the field is that of the untouched pad: the rod presses on something else."""
+    """Raise RowError where the field is that of the untouched pad, so that the rod presses on something else."""
     change = loaded.field.mean_t - unloaded.field.mean_t
     variance = loaded.field.mean_deviation_t**2 + unloaded.field.mean_deviation_t**2
     chi2, limit = float(np.sum(change**2 / variance)), quantile(FALSE_TOUCH, change.size)
     if chi2 < limit:
         raise RowError(
             f"the pad is not touched: the field differs from the untouched pad's by χ² = {chi2:.0f}, and noise alone "
-            f"makes up to {limit:.0f}"
+            f"gives up to {limit:.0f}"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Unmoved:
-    """How far an untouched pad may be from its baseline."""
+    """Limits of an untouched pad's deviation from its baseline."""
 
     pad: Pad
     mounting: Mounting
@@ -75,7 +75,7 @@ class Unmoved:
     ambient_limit_t: float
 
     def require(self, unloaded: Averaged) -> None:
-        """RefusedError, with the figure, where the magnet or the ambient field is not where the baseline found it."""
+        """Raise RefusedError, with the deviation, where magnet or ambient field differ too much from the baseline."""
         mounting, again = self.mounting, "record the baseline again (fmfts-daemon baseline --rest), then go on"
         field = mounting.magnet_field(unloaded.field.mean_t)
         deviation = unloaded.field.mean_deviation_t

@@ -1,4 +1,4 @@
-"""The time that collecting goes by. On a simulated bench it passes only while somebody waits."""
+"""The clock of collecting: the computer's, or a simulated one, which advances only during `sleep`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What is waited for happens during `sleep`."""
+    """A clock that a program can wait on."""
 
     def now_ns(self) -> int:
-        """As CLOCK_MONOTONIC: frames and forces bear its times."""
+        """Time on the clock of frames and forces (of the computer: CLOCK_MONOTONIC)."""
 
     def sleep(self, seconds: float) -> None:
-        """Let so much time pass."""
+        """Wait for so long."""
 
 
 class Monotonic:
-    """The computer's."""
+    """The computer's clock."""
 
     def now_ns(self) -> int:
         return time.monotonic_ns()

@@ -1,9 +1,9 @@
-"""The two dialects of G-code that hobby machines speak: what is sent, and what the answers mean.
+"""Makes the commands and reads the answers of the two dialects of G-code that hobby machines use.
 
 Marlin: https://marlinfw.org/meta/gcode/ (M112, M114, M211, M400, M410). After M410 it drops every move for a second
-(planner.cpp, quick_stop: cleaning_buffer_counter), and M400 waits for the end of that. GRBL 1.1:
+(planner.cpp, quick_stop: cleaning_buffer_counter), and M400 waits until that second has passed. GRBL 1.1:
 https://github.com/gnea/grbl/wiki, "Grbl v1.1 Interface", "Jogging" (moves are jogs: 0x85 ends them at once, and the
-position is kept). After ALARM:1 and ALARM:2 it hears nothing but 0x18 (protocol.c, "Reset to continue").
+position is kept). After ALARM:1 and ALARM:2 it accepts nothing but 0x18 (protocol.c, "Reset to continue").
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What one line says. ok: a command was taken (Marlin: done). place: where the machine says that it stands.
+    """Content of one line from the machine. ok: it accepted a command (Marlin: carried it out). place: its position.
 
-    standing: it does not move, None where the line does not tell. trouble: why it will not go on, in its own words.
-    started: it was reset.
+    standing: whether it stands still; None where the line does not tell. trouble: the machine's text why it does not
+    go on. started: it was reset.
     """
 
     ok: bool = False
@@ -31,29 +31,29 @@ class Answer:
 
 
 class Dialect(Protocol):
-    """`settle` is sent once after each move, and `ask` again until an answer is `standing`."""
+    """Commands of a dialect. `settle` is sent once after each move; `ask` is repeated until an answer is `standing`."""
 
     set_up: tuple[str, ...]
     home: tuple[str, ...]  # z goes up first: the rod may stand on the pad
     settle: tuple[str, ...]
     ask: bytes
     halt: bytes  # ends motion at once and keeps the position
-    halt_s: float  # it takes no move for so long after a halt
-    reset: bytes  # after it the machine hears again, and keeps its position; b"" where it always hears
+    halt_s: float  # time after a halt in which the machine accepts no move
+    reset: bytes  # makes it accept commands after an alarm; keeps the position. b"": not needed
     emergency: bytes  # stops everything; the machine must be reset by hand
-    unlock: tuple[str, ...]  # after an alarm, before it moves again
+    unlock: tuple[str, ...]  # sent after an alarm, before the next move
 
     def move(self, place: Place, mm_per_s: float) -> str:
-        """Straight to `place` in the machine's coordinates."""
+        """The line for a straight move to `place` in machine coordinates."""
 
     def rise(self, z_mm: float, mm_per_s: float) -> tuple[str, ...]:
-        """Straight up to that height, wherever it was halted."""
+        """The lines for a straight move up to that height, also after a halt."""
 
     def rise_by(self, way_mm: float, mm_per_s: float) -> tuple[str, ...]:
-        """Straight up by so much, where it does not know its place."""
+        """The lines for a straight move up by so much, for a machine that does not know its position."""
 
     def read(self, line: str) -> Answer:
-        """What a line of the machine says."""
+        """The content of a line from the machine."""
 
 
 GRBL_TROUBLES = {
@@ -95,17 +95,17 @@ class Marlin:
     def read(self, line: str) -> Answer:
         if line.startswith("ok"):
             return Answer(ok=True)
-        if found := self._PLACE.match(line):
-            # M114 comes after M400: nothing moves any more.
-            return Answer(place=(float(found[1]), float(found[2]), float(found[3])), standing=True)
+        if match := self._PLACE.match(line):
+            # This answers M114, which is sent after M400: the machine stands still.
+            return Answer(place=(float(match[1]), float(match[2]), float(match[3])), standing=True)
         if line == "start":
             return Answer(started=True)
         return Answer(trouble=line if self._TROUBLE.match(line) else "")
 
 
 class Grbl:
-    set_up: tuple[str, ...] = ("G21", "G90", "$10=1")  # the report tells machine positions
-    home: tuple[str, ...] = ("$H",)  # HOMING_CYCLE_0 is z
+    set_up: tuple[str, ...] = ("G21", "G90", "$10=1")  # millimetres, absolute, reports in machine positions
+    home: tuple[str, ...] = ("$H",)  # homes z first: HOMING_CYCLE_0
     settle: tuple[str, ...] = ()
     ask = b"?"
     halt = b"\x85"
@@ -129,10 +129,10 @@ class Grbl:
     def read(self, line: str) -> Answer:
         if line == "ok":
             return Answer(ok=True)
-        if found := self._STATE.match(line):
-            place = (float(found[2]), float(found[3]), float(found[4]))
-            trouble = "it is in alarm" if found[1] == "Alarm" else ""
-            return Answer(place=place, standing=found[1] not in ("Jog", "Run", "Home"), trouble=trouble)
+        if match := self._STATE.match(line):
+            place = (float(match[2]), float(match[3]), float(match[4]))
+            trouble = "it is in alarm" if match[1] == "Alarm" else ""
+            return Answer(place=place, standing=match[1] not in ("Jog", "Run", "Home"), trouble=trouble)
         if line.startswith(("error:", "ALARM:")):
             return Answer(trouble=f"{line} ({GRBL_TROUBLES.get(line, 'see the wiki of GRBL')})")
         return Answer(started=line.startswith("Grbl "))

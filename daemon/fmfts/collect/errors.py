@@ -1,14 +1,14 @@
-"""Why collecting ends before the plan does."""
+"""The errors that end collecting before the plan is done."""
 
 from __future__ import annotations
 
 
 class CollectError(Exception):
-    """Ends the work; the text says what happened and what to do. What was collected stays, and is gone on with."""
+    """Ends the work; the text says what happened and what to do. The rows stay; the same command continues."""
 
 
 class RefusedError(CollectError):
-    """The data, the plan or the pad are not what they should be (exit code 65)."""
+    """The data, the plan or the pad cannot be used (exit code 65)."""
 
 
 class AbsentError(CollectError):
@@ -16,4 +16,4 @@ class AbsentError(CollectError):
 
 
 class StoppedError(CollectError):
-    """Something happened while the rod was down: it was lifted. The text is the reason (exit code 69)."""
+    """Something went wrong while the rod was down, and the rod was lifted. The text is the reason (exit code 69)."""

@@ -1,4 +1,4 @@
-"""The pad's frames while data are collected: from a running daemon, or, when none runs, from the device itself."""
+"""Reads the pad's frames for collecting: from a running daemon, or, if none runs, from the device itself."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from fmfts_client.endpoints import for_client, named_base
 
 
 class Feed(Protocol):
-    """No call here blocks. `counts` reads the load cell of the pad's board, None where there is no way to it."""
+    """A source of one pad's frames; no call blocks. `counts` reads the load cell of the pad's board, if it can be."""
 
     description: str
     counts: Counts | None
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
-        """The pad's frames since the last call. now_ns: by the clock that frames bear."""
+        """The pad's frames since the last call. now_ns: the present time, on the frames' clock."""
 
     def board_uid(self) -> str:
-        """The 24 hex digits of the board, "" where it has none or has not told."""
+        """The board's id of 24 hex digits; "" where it is not known or the source has none."""
 
     def close(self) -> None:
-        """Give back what was opened."""
+        """Close the device or the subscription."""
 
 
 def open_feed(config: Config, pad: PadConfig) -> Feed:
-    """AbsentError where neither a daemon nor the device can be opened."""
+    """The feed of a pad. Raises AbsentError where neither a daemon nor the device can be opened."""
     endpoints = for_client(named_base(config.bus.endpoint))
     if serving_pid(endpoints.control) is not None:
         return DaemonFeed(pad, endpoints)
@@ -45,7 +45,7 @@ def open_feed(config: Config, pad: PadConfig) -> Feed:
 
 
 class DeviceFeed:
-    """The device, opened by this process."""
+    """Frames of the device, which this process opens."""
 
     def __init__(self, pad: PadConfig) -> None:
         try:
@@ -67,7 +67,7 @@ class DeviceFeed:
 
 
 class DaemonFeed:
-    """The frames that a running daemon publishes while somebody subscribes."""
+    """Frames that a running daemon publishes for this subscription."""
 
     counts: Counts | None = None
 

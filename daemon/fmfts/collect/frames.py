@@ -1,5 +1,7 @@
-"""The raw frames behind the rows of a table, as a recording (docs/recording.md): DATA.1.mcap, and the next number
-each time the work is gone on with, for a recording that was cut off is read as it is."""
+"""Records the raw frames of a table's rows in DATA.1.mcap (docs/recording.md).
+
+Each time the work is continued, a new file with the next number begins; a file that was cut off can still be read.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ from fmfts.sensor.chips import CHIPS
 
 
 class Frames:
-    """Use as a context manager. The file begins with its first frame."""
+    """A recording of frames; use it as a context manager. The first `add` makes the file."""
 
     def __init__(self, table: Path, pad: PadConfig, baseline: Baseline, clock: Clock) -> None:
         self.path = _next_path(table)
@@ -49,7 +51,7 @@ class Frames:
                 self._writer.close()
 
     def add(self, frames: Sequence[Frame]) -> None:
-        """On the disk when this returns. RefusedError where the disk does not take them."""
+        """Write frames; they are on the disk when this returns. Raises RefusedError where that fails."""
         try:
             if self._writer is None:
                 self._writer = RecordingWriter(self.path)
@@ -66,7 +68,7 @@ class Frames:
 
 
 def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
-    """What a replay begins with; None where no contact model knows such a pad yet: then frames alone are recorded."""
+    """The state from which a replay starts; None where no contact model fits the pad: then only frames are recorded."""
     drawing, scene = pad.pad(), choose(pad.scene, pad.magnet, CHIPS[pad.source.chip])
     for path in (pad.contact.model, "default"):
         try:

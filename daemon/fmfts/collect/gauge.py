@@ -1,4 +1,4 @@
-"""What measures the force: lines from a serial gauge or in datagrams, or a load cell on the pad's own board."""
+"""Reads the force: lines of a serial or UDP gauge, or the load cell on the pad's own board."""
 
 from __future__ import annotations
 
@@ -15,37 +15,40 @@ from fmfts.collect.errors import AbsentError
 from fmfts.config.collect import GaugeConfig, LoadCellGauge, SerialGauge, UdpGauge
 from fmfts.sensor.bridge import serial_port
 
-ASK_NS = 20_000_000  # a gauge that does not stream is asked so often, unless it answers sooner
+ASK_NS = 20_000_000  # interval at which a gauge that does not stream is asked again, if it has not answered
 LONGEST_LINE = 256
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """time_ns: CLOCK_MONOTONIC when the force was there."""
+    """A force. time_ns: when it acted, on CLOCK_MONOTONIC."""
 
     time_ns: int
     force_n: float
 
 
 class Gauge(Protocol):
-    """No call here ever blocks."""
+    """A force gauge; no call blocks."""
 
     description: str
-    last_unread: str  # the last line without a number, "" where there was none
+    last_unread: str  # the last line in which no number was found; "" where there was none
 
     def poll(self, now_ns: int) -> Sequence[Reading]:
-        """The readings that came since the last call. AbsentError where the gauge has gone."""
+        """The readings since the last call. Raises AbsentError where the gauge has gone."""
 
     def close(self) -> None:
-        """Give the device back."""
+        """Close the device."""
 
 
-# A load cell's counts come with the frames of the pad's board.
+# Returns (time_ns, counts) of the board's load cell since the last call; they arrive with the frames of the board.
 Counts = Callable[[], Sequence[tuple[int, int]]]
 
 
 def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:
-    """`counts`: (time_ns, counts) of the board's load cell since the last call, None where it is not at hand."""
+    """The gauge of the configuration. counts: reads the board's load cell; None where this process cannot.
+
+    Raises AbsentError where the gauge cannot be opened.
+    """
     match config:
         case SerialGauge():
             return LineGauge(config, _SerialLine(config))
@@ -54,14 +57,14 @@ def open_gauge(config: GaugeConfig, counts: Counts | None) -> Gauge:
         case LoadCellGauge():
             if counts is None:
                 raise AbsentError(
-                    'gauge type = "hx711": the load cell is on the board that carries the pad, and only who has the '
-                    "board reads it: stop fmfts-daemon, and see that the pad's source is a bridge"
+                    'gauge type = "hx711": the load cell is on the pad\'s board, and only the program that has opened '
+                    "the board can read it: stop fmfts-daemon, and see that the pad's source is a bridge"
                 )
             return LoadCell(config, counts)
 
 
 class LineGauge:
-    """Lines of text, each with one number where the pattern says. A line without a finite one is no reading."""
+    """A gauge that sends lines of text; the pattern finds the number. Lines without a finite number are left out."""
 
     def __init__(self, config: SerialGauge | UdpGauge, lines: _SerialLine | _Datagrams) -> None:
         self.description = lines.description
@@ -74,12 +77,12 @@ class LineGauge:
     def poll(self, now_ns: int) -> list[Reading]:
         readings = []
         for line in self._lines.take(now_ns):
-            found = self._pattern.search(line)
+            match = self._pattern.search(line)
             try:
-                force_n = float(found[1]) * self._newton_per_unit if found else math.nan
+                force_n = float(match[1]) * self._newton_per_unit if match else math.nan
             except (TypeError, ValueError):
                 force_n = math.nan
-            # No comparison with a limit, or with a force to be reached, holds for what is not a number.
+            # NaN must not get through: it would pass every comparison with a force limit.
             if math.isfinite(force_n):
                 readings.append(Reading(now_ns - self._delay_ns, force_n))
             else:
@@ -107,7 +110,7 @@ class LoadCell:
         ]
 
     def close(self) -> None:
-        """The board is its owner's."""
+        """Nothing to close: the feed closes the board."""
 
 
 class _SerialLine:
@@ -134,7 +137,7 @@ class _SerialLine:
         *lines, self._rest = re.split(rb"[\r\n]+", self._rest[-LONGEST_LINE:] + (data or b""))
         if self._ask and (lines or now_ns - self._asked_ns > ASK_NS):
             self._asked_ns = now_ns
-            with suppress(BlockingIOError):  # asked again soon
+            with suppress(BlockingIOError):  # the next call asks again
                 os.write(self._port.fileno(), self._ask)
         return [line.decode("ascii", "replace") for line in lines if line]
 
@@ -151,7 +154,7 @@ class _Datagrams:
             self._socket.bind((config.address, config.port))
         except OSError as error:
             self._socket.close()
-            raise AbsentError(f"gauge: UDP {config.address}:{config.port} cannot be listened on: {error}") from error
+            raise AbsentError(f"gauge: cannot listen on UDP {config.address}:{config.port}: {error}") from error
 
     def take(self, now_ns: int) -> list[str]:
         lines: list[str] = []

@@ -1,8 +1,8 @@
-"""A small process that lifts the rod when the collector ends without having done so: after `kill -9`, or a crash.
+"""Lifts the rod, in a process of its own, when the collector dies with the rod down: by `kill -9`, or a crash.
 
-It shares the machine's serial port and a pipe with the collector. As long as the collector lives, the pipe is open and
-nothing is done; "done" in it, and all was well; closed without, and the rod goes up. What it writes was made ready
-before, so that there is nothing left to go wrong. The port stays open meanwhile: closing it resets many boards.
+The guard shares the machine's serial port and a pipe with the collector. It waits until the collector closes the pipe,
+by ending or dying. If "done" came through the pipe before, it does nothing; otherwise it lifts the rod. The bytes that
+it sends were prepared before, so that little can go wrong. It keeps the port open: closing it resets many boards.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ TURN_S = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Rescue:
-    """What is sent in turn, and how long is waited after each (s)."""
+    """Bytes to send in turn, and the wait after each in s."""
 
     steps: tuple[tuple[bytes, float], ...]
 
 
 class Guard:
-    """Watches over the machine on `port` (a file descriptor) from now on, until `close`."""
+    """A guard process for the machine on `port` (a file descriptor), until `close`."""
 
     def __init__(self, port: int, rescue: Rescue) -> None:
         words = [str(port), *(f"{data.hex()}:{seconds:.3f}" for data, seconds in rescue.steps)]
-        # In a session of its own: Ctrl-C and a closed terminal reach the collector alone.
+        # A session of its own, so that Ctrl-C and a closed terminal do not end the guard.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "fmfts.collect.guard", *words],
             stdin=subprocess.PIPE,
@@ -44,16 +44,16 @@ class Guard:
         return self._process.pid
 
     def close(self, *, lift: bool = False) -> None:
-        """It is not needed any more; or, where lifting was not brought to an end, it does it now."""
+        """End the guard. lift: the rod is not lifted yet, so the guard does it first."""
         self._process.communicate(b"" if lift else DONE)
 
 
 def main(words: Sequence[str]) -> None:
     port, steps = int(words[0]), [word.split(":") for word in words[1:]]
-    heard = b""
+    received = b""
     while more := os.read(sys.stdin.fileno(), 64):
-        heard += more
-    if heard == DONE:
+        received += more
+    if received == DONE:
         return
     try:
         for data, seconds in steps:

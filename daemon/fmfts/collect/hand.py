@@ -1,4 +1,4 @@
-"""A person presses: told where and how hard, heard by the gauge, or asked for the force that a display shows."""
+"""Lets a person press: says where and how hard, and reads the gauge, or asks for the force that a display shows."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from fmfts.collect.plan import Press
 from fmfts.collect.watch import Watch
 
 RELEASED_N = 0.05
-STEADY_S = 0.3  # a hand that was on the force for so long holds it
+STEADY_S = 0.3  # the force counts as held after so long
 PATIENCE_S = 600.0
-HEARD_S = 0.1  # what the mean force of a moment is of
+MEAN_S = 0.1  # the present force is the mean of so much time
 
 
 class Hand:
-    """A Presser. typed_n: the force of the last press where it was typed, None where a gauge tells it.
+    """A Presser. typed_n: the force of the last press, if the person typed it; None where a gauge measures it.
 
-    say: where what to do is said. answers: where typed lines come from.
+    say: shows an instruction. gauge: a gauge measures the force. answers: typed lines.
     """
 
     description = "by hand"
@@ -36,7 +36,7 @@ class Hand:
         self._say_to_person = say
         self._gauge = gauge
         self._answers = answers
-        self._why_again = ""
+        self._reason_to_repeat = ""
         self._zero_is_known = False
 
     def begin(self) -> None:
@@ -67,11 +67,11 @@ class Hand:
                 self.typed_n = float(self._answer().replace(",", "."))
                 return
             except ValueError:
-                self._say("that was no number: the force in N, and Enter")
+                self._say("that was not a number: type the force in N, and press Enter")
 
     def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
-        """A person is told, and presses once more: as often as it takes."""
-        self._why_again = why
+        """Say why, and let the person press again, without a limit."""
+        self._reason_to_repeat = why
         once_more()
 
     def lift(self) -> None:
@@ -84,11 +84,11 @@ class Hand:
         """A hand needs no closing."""
 
     def _say(self, text: str) -> None:
-        self._say_to_person(f"once more ({self._why_again}): {text}" if self._why_again else text)
-        self._why_again = ""
+        self._say_to_person(f"once more ({self._reason_to_repeat}): {text}" if self._reason_to_repeat else text)
+        self._reason_to_repeat = ""
 
     def _is_let_go(self) -> bool:
-        """By the gauge's zero; before that is known by a force that stands still, and the field tells the rest."""
+        """Is the force zero? Until the zero is known: is it steady? (The field shows then that nothing presses.)"""
         if self._zero_is_known:
             return abs(self._force_n()) < RELEASED_N
         forces = self._forces(STEADY_S)
@@ -98,29 +98,29 @@ class Hand:
         return self._watch.forces_since(self._watch.clock.now_ns() - round(seconds * 1e9))
 
     def _force_n(self) -> float:
-        forces = self._forces(HEARD_S)
+        forces = self._forces(MEAN_S)
         return fmean(forces) - self._watch.tare_n if forces else float("nan")
 
     def _reading(self) -> str:
         return f"it reads {self._force_n():.3f} N; are its unit and its zero right?"
 
-    def _held(self, there: Callable[[], bool]) -> bool:
-        """Until it was so for STEADY_S without a break; whether it was."""
+    def _held(self, condition: Callable[[], bool]) -> bool:
+        """Waits until `condition` has held for STEADY_S without a break; False after PATIENCE_S."""
         begun_s: float | None = None
 
         def steady() -> bool:
             nonlocal begun_s
             now_s = self._watch.clock.now_ns() * 1e-9
-            begun_s = (begun_s or now_s) if there() else None
+            begun_s = (begun_s or now_s) if condition() else None
             return begun_s is not None and now_s - begun_s >= STEADY_S
 
         return self._watch.until(steady, PATIENCE_S)
 
     def _answer(self) -> str:
-        """The next line that is typed, while frames are still heard."""
+        """The next typed line; receives frames while it waits."""
         descriptor = self._answers.fileno()
-        waiting = lambda: bool(select.select([descriptor], [], [], 0)[0])  # noqa: E731
-        if not self._watch.until(waiting, PATIENCE_S):
+        is_typed = lambda: bool(select.select([descriptor], [], [], 0)[0])  # noqa: E731
+        if not self._watch.until(is_typed, PATIENCE_S):
             raise StoppedError(f"nobody answered for {PATIENCE_S:g} s")
         line = b""
         while not line.endswith(b"\n"):

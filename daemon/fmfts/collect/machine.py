@@ -1,4 +1,4 @@
-"""A G-code machine on a serial port: moves within its travel, tells where it stands, and can be halted at any time."""
+"""Drives a G-code machine on a serial port: moves it within its travel, reads its position, halts it at any time."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from fmfts.sensor.bridge import serial_port
 BOOT_S = 8.0  # opening the port resets many boards; a boot loader takes its time
 ANSWER_S = 1.0
 HOMING_S = 120.0
-SHORT_S = 0.05  # a move so short need not be cut off: what is sent behind it comes soon enough
-LATE_S = 2.0  # a move that takes so much longer than its way needs has stalled
+SHORT_S = 0.05  # a move so short need not be halted: the next command is carried out soon enough
+LATE_S = 2.0  # a move that takes so much longer than calculated has stalled
 ASK_S = 0.02
 HALTED_S = 0.1
-STANDS_S = 1.0  # from a halt: it slows down first
+STANDS_S = 1.0  # time to slow down after a halt
 RESET_S = 1.0
 ARRIVED_MM = 0.02
 TURN_S = 0.001
-SENT_S = 0.1  # closing the port throws away what is not sent yet, and five bytes are sent by then
+SENT_S = 0.1  # enough to send five bytes; closing the port discards unsent ones
 
 
 @dataclass(frozen=True, slots=True)
 class _UnderWay:
-    """A move that was sent: when it should end, and its lower end."""
+    """A move that was sent. ends_s: when it should end; low_mm: z of its lower end; up: it only goes up."""
 
     ends_s: float
     low_mm: float
-    up: bool  # and nothing else
+    up: bool
 
 
 class Machine:
-    """`listen` is called all the time while something is waited for, and may raise: then `halt` and `rise`."""
+    """A G-code machine. It calls `listen` all the time while it waits; after `listen` raises, call `halt` or `rise`."""
 
     def __init__(self, config: StageConfig, clock: Clock) -> None:
-        self.place: Place | None = None  # where it stands, as far as it said
-        self.homed: bool | None = None  # False while it homes, None before: then its place means nothing
+        self.place: Place | None = None  # its position, as last reported
+        self.homed: bool | None = None  # None before homing, False during it: `place` is not valid then
         self.trouble = ""
         self.listen: Callable[[], None] = lambda: None
         self._config = config
         self._clock = clock
         self._dialect: Dialect = DIALECTS[config.dialect]
         self._answers_due = 0
-        self._standing: bool | None = False  # None: it has not said yet
+        self._standing: bool | None = False  # None: it has not reported yet
         self._started = False
-        self._forgot = False  # it was reset: its coordinates are not those of before
+        self._position_lost = False  # it was reset: its coordinates are different now
         self._under_way: _UnderWay | None = None
         self._rest = b""
         try:
@@ -62,7 +62,7 @@ class Machine:
             raise AbsentError(f"stage: {config.port} {why}") from error
 
     def begin(self) -> None:
-        """Set up and home. AbsentError where it does not answer, StoppedError where it does not get home."""
+        """Set up and home. Raises AbsentError where it does not answer, StoppedError where homing fails."""
         end_s = self._now_s() + BOOT_S
         while not self._answers():
             if self._now_s() > end_s:
@@ -70,7 +70,7 @@ class Machine:
                     f"stage: {self._config.port} does not answer: is it a {self._config.dialect} machine, at "
                     f"{self._config.baud} baud?"
                 )
-        self._started = True  # from here on another start is a reset
+        self._started = True  # from here on, a start message means a reset
         self._send(*self._dialect.unlock, *self._dialect.set_up)
         self._wait(lambda: self._answers_due == 0, ANSWER_S)
         self.trouble = ""
@@ -81,9 +81,9 @@ class Machine:
     def move(
         self, x: float | None = None, y: float | None = None, z: float | None = None, mm_per_s: float = 1.0
     ) -> None:
-        """Straight to that place (mm), and stand there. What is None stays as it is.
+        """Move straight to a place (mm; None: keep this coordinate), and wait until it stands there.
 
-        RefusedError for a place outside the travel; StoppedError where it does not arrive.
+        Raises RefusedError for a place outside the travel, StoppedError where it does not arrive.
         """
         assert self.place is not None  # homed
         target = tuple(now if new is None else new for new, now in zip((x, y, z), self.place, strict=True))
@@ -97,27 +97,27 @@ class Machine:
         self._under_way = None
         if math.dist(target, self.place) > ARRIVED_MM:
             raise StoppedError(f"the stage stands at {_shown(self.place)} instead of {_shown(target)}: did it stall?")
-        self.place = (target[0], target[1], target[2])  # Marlin rounds what it tells to 0.01 mm
+        self.place = (target[0], target[1], target[2])  # exact, while Marlin reports it rounded to 0.01 mm
 
     def rescue(self, z_mm: float, mm_per_s: float) -> Rescue:
-        """What brings it up to that height from anywhere when this process is no more."""
+        """The commands that lift the rod to that height from anywhere, for the guard, after this process has died."""
         dialect, farthest_mm = self._dialect, z_mm - self._config.travel_mm[2][0]
         rise = "".join(f"{line}\n" for line in (*dialect.unlock, *dialect.rise(z_mm, mm_per_s))).encode()
-        # The guard hears no answers: GRBL is reset whether it needs that or not, and Marlin, which presses by short
-        # moves, lifts sooner without its halt.
-        freed = ((dialect.halt, 2 * HALTED_S), (dialect.reset, 2 * HALTED_S)) if dialect.reset else ()
-        return Rescue((*freed, (rise, farthest_mm / mm_per_s + LATE_S)))
+        # The guard reads no answers, so it always resets GRBL. It does not halt Marlin: Marlin presses by short moves,
+        # and lifts sooner without a halt.
+        prepare = ((dialect.halt, 2 * HALTED_S), (dialect.reset, 2 * HALTED_S)) if dialect.reset else ()
+        return Rescue((*prepare, (rise, farthest_mm / mm_per_s + LATE_S)))
 
     def fileno(self) -> int:
         return int(self._port.fileno())
 
     def lowest_mm(self) -> float:
-        """Where its z is by now, or, while it moves, the lower end of that move."""
+        """Its z, or, while it moves, z of the lower end of the move."""
         assert self.place is not None
         return self.place[2] if self._under_way is None else self._under_way.low_mm
 
     def halt(self) -> bool:
-        """End what is under way, unless it ends as soon by itself, or leads up; whether it was ended."""
+        """Halt the present move, and return True; False where none is, or where it ends soon by itself or goes up."""
         move = self._under_way
         if move is None:
             return False
@@ -128,16 +128,16 @@ class Machine:
         return True
 
     def rise(self, z_mm: float, mm_per_s: float) -> bool:
-        """End whatever moves, and go up; whether it says that it did. Listens to nobody, for nothing may prevent it."""
+        """Halt, and go up; returns whether the machine reports that it did. Does not call `listen`, which may raise."""
         self.listen = lambda: None
         locked, low_mm = bool(self.trouble), self.lowest_mm()
         way_mm, lines = z_mm - low_mm, self._dialect.rise(z_mm, mm_per_s)
-        if self._forgot:
+        if self._position_lost:
             low_mm, lines = 0.0, self._dialect.rise_by(way_mm, mm_per_s)
         try:
-            lost_s = self._dialect.halt_s if self.halt() else 0.0
+            pause_s = self._dialect.halt_s if self.halt() else 0.0
             self._under_way = self.place = None
-            end_s = self._now_s() + lost_s + way_mm / mm_per_s + LATE_S
+            end_s = self._now_s() + pause_s + way_mm / mm_per_s + LATE_S
             while self._now_s() < end_s:
                 self._make_ready(locked)
                 self._send(*lines, *self._dialect.settle)
@@ -145,15 +145,15 @@ class Machine:
                     lambda: self.place is not None and self.place[2] > low_mm + 0.5 * way_mm, end_s - self._now_s()
                 ):
                     return True
-                if self._forgot:
-                    return False  # once more would be twice as high
-                locked = True  # a switch that bounces when it is left locks GRBL once more
+                if self._position_lost:
+                    return False  # a second relative move would go twice as high
+                locked = True  # a limit switch that bounces when it is released locks GRBL again
         except AbsentError:
             return False
         return False
 
     def _make_ready(self, locked: bool) -> None:
-        """GRBL takes jogs when it stands, and hears nothing but a reset after a limit's alarm."""
+        """Makes GRBL accept a jog: waits until it stands, or resets it, which a limit's alarm makes necessary."""
         self.trouble, self._answers_due, self._standing = "", 0, None
         if not self._dialect.reset:
             return
@@ -170,36 +170,36 @@ class Machine:
         self.trouble, self._answers_due = "", 0
 
     def _insist(self, done: Callable[[], bool], seconds: float) -> None:
-        """Until `done`, whatever it complains of meanwhile, or the time is over."""
+        """Waits until `done` or until the time is over, and ignores what the machine reports as trouble."""
         end_s = self._now_s() + seconds
         while not done() and self._now_s() < end_s:
             self.trouble = ""
             self._wait(done, end_s - self._now_s())
 
     def emergency_stop(self) -> None:
-        """Cut everything off; it must be reset by hand afterwards."""
+        """Send the emergency stop. The machine must be reset by hand afterwards."""
         try:
             self._write(self._dialect.emergency)
         except AbsentError:
-            return  # it has gone: there is nobody left to tell
+            return
         self._clock.sleep(SENT_S)
 
     def close(self) -> None:
         serial_port.close(self._port)
 
     def _answers(self) -> bool:
-        """Does it by now? What is sent to a board that boots is lost."""
+        """Sends a command and returns whether it is answered. A board that boots loses commands, so call it again."""
         self._answers_due = 0
         self._send(*self._dialect.unlock, self._dialect.set_up[0])
         if not self._wait(lambda: self._answers_due == 0, ANSWER_S):
             self.trouble = ""
             return False
-        self._wait(lambda: False, HALTED_S)  # for answers to what was sent before
+        self._wait(lambda: False, HALTED_S)  # receive the answers to earlier commands
         self._answers_due = 0
         return True
 
     def _carry_out(self, lines: tuple[str, ...], seconds: float) -> None:
-        """Until it stands again. StoppedError where it says that it cannot, or does not within this time."""
+        """Sends lines and waits until the machine stands. Raises StoppedError on trouble, or after `seconds`."""
         self._standing = False
         self._send(*lines, *self._dialect.settle)
         arrived = self._wait(lambda: self._answers_due == 0 and bool(self._standing), seconds)
@@ -212,7 +212,7 @@ class Machine:
             )
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Until `done`, trouble, or the time is over."""
+        """Waits until `done`, until trouble, or until the time is over; returns `done`."""
         end_s = self._now_s() + seconds
         ask_s = self._now_s()
         while True:
@@ -263,7 +263,7 @@ class Machine:
             self._answers_due = max(0, self._answers_due - 1)
         if answer.place is not None:
             self.place = answer.place
-        # An answer to `ask` that was under way when a command was sent tells of the time before.
+        # While a command is not answered yet, an answer to `ask` may describe the time before the command.
         if answer.standing is not None and (not self._dialect.ask or self._answers_due == 0):
             self._standing = answer.standing
         if answer.trouble:
@@ -271,7 +271,7 @@ class Machine:
         if answer.started:
             if self._started and self.place is not None:
                 self.trouble = self.trouble or "it was reset"
-                self._forgot = True
+                self._position_lost = True
             self._started = True
 
 

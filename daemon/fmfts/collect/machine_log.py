@@ -1,4 +1,4 @@
-"""The force log that another machine wrote: read, and the presses in it found where force and place stand still."""
+"""Reads the force log of another machine, and finds the presses in it: plateaus where force and place are steady."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from fmfts.collect.errors import RefusedError
 
 Array = NDArray[np.float64]
 
-MEAN_S = 0.1  # a gauge's single readings scatter by more than a plateau may wander: means of so long are judged
+MEAN_S = 0.1  # means of so long are compared, because single readings scatter by more than a plateau may drift
 STEADY_FORCE = 0.02
 STEADY_FORCE_N = 0.01
 STEADY_PLACE_MM = 0.01
-NOISE_DEVIATIONS = 4.0  # of such a mean's own noise are allowed beside: an hour has 36,000 means
-EDGE_S = 0.1  # of a plateau, left out on both sides: what the lag may be off
-LONGEST_GAP = 3.0  # rows or means that are further apart are not one plateau: nobody knows what was between
+NOISE_DEVIATIONS = 4.0  # so many deviations of a mean are allowed for noise: an hour has 36,000 means
+EDGE_S = 0.1  # left out at both ends of a plateau: as much as the lag may be wrong
+LONGEST_GAP = 3.0  # a longer gap, in rows or means, ends a plateau: what happened in it is not known
 
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """time_s (K,) on the machine's clock; place_mm (K, 2); force_n (K,), by the machine's zero."""
+    """time_s (K,) on the machine's clock; place_mm (K, 2); force_n (K,), not yet corrected for the gauge's zero."""
 
     time_s: Array
     place_mm: Array
@@ -33,7 +33,7 @@ class Log:
 
 @dataclass(frozen=True, slots=True)
 class Plateau:
-    """One steady press, or a pause: rows `first` to before `end` of the log, edges left out."""
+    """A steady press, or a pause: rows `first` to `end` − 1 of the log, without the edges."""
 
     first: int
     end: int
@@ -44,7 +44,7 @@ class Plateau:
 
 
 def read_log(path: Path) -> Log:
-    """A CSV with t_s, x_mm, y_mm and force_n. RefusedError, naming row and column, where it is not."""
+    """Read a CSV file with columns t_s, x_mm, y_mm and force_n. Raises RefusedError, which names row and column."""
     names = ("t_s", "x_mm", "y_mm", "force_n")
     try:
         with path.open(encoding="utf-8-sig", newline="") as lines:
@@ -62,24 +62,24 @@ def read_log(path: Path) -> Log:
 
 
 def plateaus(log: Log, settle_s: float, least_s: float) -> list[Plateau]:
-    """Where force and place stood for at least `least_s`, after `settle_s` (silicone creeps) and without the edges."""
+    """The plateaus that are at least `least_s` long after `settle_s` (silicone creeps) and without the edges."""
     first = _first_rows(log.time_s)
     count = np.diff(first, append=len(log.time_s))
     values = np.column_stack([log.force_n, log.place_mm])
     means = np.add.reduceat(values, first) / count[:, None]
     time_s = np.add.reduceat(log.time_s, first) / count
-    # Neighbouring rows differ by the gauge's noise, but for the few where a press begins or ends.
+    # Most neighbouring rows differ only by the gauge's noise; the median ignores the few where a press begins or ends.
     noise_n = float(np.median(np.abs(np.diff(log.force_n)))) / 0.6745
     allowed_n = STEADY_FORCE_N + NOISE_DEVIATIONS * noise_n / np.sqrt(count)
     gap_s = LONGEST_GAP * max(MEAN_S, float(np.median(np.diff(log.time_s))))
 
-    found: list[Plateau] = []
+    result: list[Plateau] = []
     begin = 0
     for end in range(1, len(first) + 1):
         if end < len(first) and time_s[end] - time_s[end - 1] < gap_s:
-            so_far = means[begin:end].mean(axis=0)
-            force_off_n, *place_off_mm = np.abs(means[end] - so_far)
-            limit_n = max(STEADY_FORCE * abs(so_far[0]), allowed_n[end])
+            plateau_mean = means[begin:end].mean(axis=0)
+            force_off_n, *place_off_mm = np.abs(means[end] - plateau_mean)
+            limit_n = max(STEADY_FORCE * abs(plateau_mean[0]), allowed_n[end])
             if force_off_n <= limit_n and max(place_off_mm) < STEADY_PLACE_MM:
                 continue
         last = (first[end] if end < len(first) else len(log.time_s)) - 1
@@ -88,13 +88,13 @@ def plateaus(log: Log, settle_s: float, least_s: float) -> list[Plateau]:
         inside, after = np.searchsorted(log.time_s, [begun_s, ended_s]).tolist()
         if ended_s - begun_s >= least_s and inside < after:
             x_mm, y_mm = log.place_mm[inside:after].mean(axis=0).tolist()
-            found.append(Plateau(inside, after, begun_s, ended_s, x_mm, y_mm))
+            result.append(Plateau(inside, after, begun_s, ended_s, x_mm, y_mm))
         begin = end
-    return found
+    return result
 
 
 def _first_rows(time_s: Array) -> NDArray[np.int64]:
-    """Of each MEAN_S that has any."""
+    """The first row of each interval of MEAN_S; intervals without rows are left out."""
     number = np.floor((time_s - time_s[0]) / MEAN_S)
     return np.flatnonzero(np.diff(number, prepend=-1.0))
 

@@ -1,4 +1,4 @@
-"""`collect --merge`: what another machine logged, and what a recording holds of the pad, become a table."""
+"""`collect --merge`: makes a table from another machine's log and a recording of the pad's frames."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from fmfts.recording.file import RecordingError, read
 from fmfts.sensor import Frame
 from fmfts.sensor.chips import CHIPS
 
-ZERO_DRIFT_N = 0.05  # of the log from one pause to the next, its rod up; more is a press, or no zero to believe
+ZERO_DRIFT_N = 0.05  # largest believable drift of the log's zero between two pauses
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
-    """A plateau and what was heard meanwhile; force_n of `heard` is by the log's own zero."""
+class MeasuredPlateau:
+    """A plateau of the log, and the mean field and force in its time; the force is not corrected for the zero."""
 
     plateau: Plateau
-    heard: Averaged
+    averaged: Averaged
 
     @property
     def logged_n(self) -> float:
-        assert self.heard.force_n is not None
-        return self.heard.force_n
+        assert self.averaged.force_n is not None
+        return self.averaged.force_n
 
 
 def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, output: Path) -> dict[str, Any]:
-    """Write `output` anew; facts of it. RefusedError where log and recording make no table."""
+    """Write the new table `output`; returns its facts. Raises RefusedError where log and recording make no table."""
     if output.exists():
         raise RefusedError(f"{output} exists already: give another file with -o, or remove that one")
     settings, drawing = config.collect, pad.pad()
@@ -52,14 +52,16 @@ def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, outpu
     log, frames = read_log(log_path), _frames(recording, pad)
     mounting = unmoved.mounting
     alignment = align(log, frames, (mounting.rest_field_t + mounting.offset_t) * mounting.gain)
-    found = plateaus(log, settings.settle_s, averaging_s(settings, pad))
+    log_plateaus = plateaus(log, settings.settle_s, averaging_s(settings, pad))
     refused: list[str] = []
-    stands = list(_heard(found, log, frames, alignment, refused))
+    measured = list(_measured(log_plateaus, log, frames, alignment, refused))
     identity = Identity(unmoved.baseline_id, pad.name, "", str(recording))
-    rows = list(_rows(stands, unmoved, identity, refused))
+    rows = list(_rows(measured, unmoved, identity, refused))
     collected = sum(row.press != UNTOUCHED for row in rows)
     if not collected:
-        raise RefusedError(f"{log_path} and {recording} make no row of {len(found)} plateaus: {_first_of(refused)}")
+        raise RefusedError(
+            f"{log_path} and {recording} make no row of {len(log_plateaus)} plateaus: {_first_of(refused)}"
+        )
     fingerprint = hashlib.sha256(log_path.read_bytes()).hexdigest()[:12]
     header = Header(FORMAT, log_path.name, fingerprint, pad.name, drawing.geometry_hash)
     with Table(output, len(drawing.sensors), header) as table:
@@ -76,12 +78,12 @@ def merge(config: Config, pad: PadConfig, log_path: Path, recording: Path, outpu
     }
 
 
-def _heard(
-    found: Sequence[Plateau], log: Log, frames: Sequence[Frame], alignment: Alignment, refused: list[str]
-) -> Iterator[Stand]:
-    """The plateaus of which the recording has a steady field; `refused` gets the others."""
+def _measured(
+    log_plateaus: Sequence[Plateau], log: Log, frames: Sequence[Frame], alignment: Alignment, refused: list[str]
+) -> Iterator[MeasuredPlateau]:
+    """Yields the plateaus for which the recording has a steady field; adds the others to `refused`."""
     times_ns = [frame.host_time_ns for frame in frames]
-    for plateau in found:
+    for plateau in log_plateaus:
         begin, end = (
             bisect_left(times_ns, round(alignment.frame_time_s(at_s) * 1e9))
             for at_s in (plateau.begun_s, plateau.ended_s)
@@ -92,67 +94,75 @@ def _heard(
             for at_s, force_n in zip(log.time_s[rows].tolist(), log.force_n[rows].tolist(), strict=True)
         ]
         try:
-            yield Stand(plateau, average(frames[begin:end], readings, 0.0))
+            yield MeasuredPlateau(plateau, average(frames[begin:end], readings, 0.0))
         except RowError as error:
-            refused.append(_told(plateau, error))
+            refused.append(_refusal(plateau, error))
 
 
-def _rows(stands: Sequence[Stand], unmoved: Unmoved, identity: Identity, refused: list[str]) -> Iterator[Row]:
-    """Each pause's and each press's, in their order; `refused` gets the others. RefusedError where the pad moved."""
-    opening: Stand | None = None
-    presses: list[Stand] = []
+def _rows(
+    measured: Sequence[MeasuredPlateau], unmoved: Unmoved, identity: Identity, refused: list[str]
+) -> Iterator[Row]:
+    """Yields the rows of pauses and presses; adds presses without a known zero to `refused`.
+
+    The presses between two pauses follow when the second pause is found, before its row. Raises RefusedError where the
+    pad moved.
+    """
+    opening: MeasuredPlateau | None = None  # the last pause
+    presses: list[MeasuredPlateau] = []
     number = 0
-    for stand in stands:
-        if not _is_pause(stand, opening, unmoved):
-            presses.append(stand)
+    for each in measured:
+        if not _is_pause(each, opening, unmoved):
+            presses.append(each)
             continue
-        why = _no_zero(opening, stand)
-        refused += [_told(press.plateau, why) for press in presses if why]
-        for press in presses if not why else ():
+        problem = _zero_problem(opening, each)
+        refused += [_refusal(press.plateau, problem) for press in presses if problem]
+        for press in presses if not problem else ():
             assert opening is not None
             number += 1
-            force_n = press.logged_n - _zero_n(opening, stand, press.plateau.begun_s)
-            yield row_of(_press(number, press.plateau, force_n), press.heard, force_n, unmoved.mounting, identity)
-        yield row_of(_press(UNTOUCHED, stand.plateau, 0.0), stand.heard, 0.0, unmoved.mounting, identity)
-        opening, presses = stand, []
-    if stands and opening is None:
-        unmoved.require(min(stands, key=lambda stand: stand.logged_n).heard)
-    refused += [_told(press.plateau, "no pause follows that tells the log's zero") for press in presses]
+            force_n = press.logged_n - _zero_n(opening, each, press.plateau.begun_s)
+            yield row_of(_press(number, press.plateau, force_n), press.averaged, force_n, unmoved.mounting, identity)
+        yield row_of(_press(UNTOUCHED, each.plateau, 0.0), each.averaged, 0.0, unmoved.mounting, identity)
+        opening, presses = each, []
+    if measured and opening is None:
+        unmoved.require(min(measured, key=lambda each: each.logged_n).averaged)
+    refused += [_refusal(press.plateau, "no pause follows that tells the log's zero") for press in presses]
 
 
-def _is_pause(stand: Stand, opening: Stand | None, unmoved: Unmoved) -> bool:
-    """Whether nothing touches the pad; opening: the pause before. RefusedError where the pad moved meanwhile."""
+def _is_pause(measured: MeasuredPlateau, opening: MeasuredPlateau | None, unmoved: Unmoved) -> bool:
+    """Whether nothing touches the pad. opening: the last pause. Raises RefusedError where the pad moved since then."""
     if opening is None:
         try:
-            unmoved.require(stand.heard)
+            unmoved.require(measured.averaged)
         except RefusedError:
             return False
         return True
-    if stand.logged_n - opening.logged_n <= ZERO_DRIFT_N:
-        unmoved.require(stand.heard)
+    if measured.logged_n - opening.logged_n <= ZERO_DRIFT_N:
+        unmoved.require(measured.averaged)
         return True
     try:
-        require_touched(stand.heard, opening.heard)
-    except RowError:  # the zero has jumped, or the rod presses beside the pad: the log's force is none of the pad's
+        require_touched(measured.averaged, opening.averaged)
+    except (
+        RowError
+    ):  # the log shows a force, but the pad feels none: the zero jumped, or the rod presses beside the pad
         return True
     return False
 
 
-def _no_zero(opening: Stand | None, closing: Stand) -> str:
-    """Why presses between these pauses have no force, "" where they have."""
+def _zero_problem(opening: MeasuredPlateau | None, closing: MeasuredPlateau) -> str:
+    """Why the log's zero, and so the force of presses between these pauses, is not known; "" where it is."""
     if opening is None:
         return "no pause before it tells the log's zero"
     jump_n = closing.logged_n - opening.logged_n
     if abs(jump_n) <= ZERO_DRIFT_N:
         return ""
     return (
-        f"untouched before and after, by its field, the pad is pressed with {jump_n:+.3f} N more by the log (limit "
+        f"by its field the pad is untouched before and after, but the log's force changed by {jump_n:+.3f} N (limit "
         f"{ZERO_DRIFT_N:g} N): was the gauge tared meanwhile, or does the rod press beside the pad?"
     )
 
 
-def _zero_n(opening: Stand, closing: Stand, at_s: float) -> float:
-    """The log's zero drifts evenly from pause to pause."""
+def _zero_n(opening: MeasuredPlateau, closing: MeasuredPlateau, at_s: float) -> float:
+    """The log's zero at a time between two pauses, interpolated."""
     times_s = [opening.plateau.begun_s, closing.plateau.begun_s]
     return float(np.interp(at_s, times_s, [opening.logged_n, closing.logged_n]))
 
@@ -161,7 +171,7 @@ def _press(number: int, plateau: Plateau, force_n: float) -> Press:
     return Press(number, plateau.x_mm * 1e-3, plateau.y_mm * 1e-3, force_n)
 
 
-def _told(plateau: Plateau, why: object) -> str:
+def _refusal(plateau: Plateau, why: object) -> str:
     return f"at {plateau.begun_s:.1f} s of the log: {why}"
 
 

@@ -1,4 +1,4 @@
-"""The grid filling in: every place of the plan, what is pressed now, and the time that is left."""
+"""Shows the progress of collecting: all places of the plan, the present press, and the time that is left."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rich.text import Text
 
 from fmfts.collect.plan import Plan, Press
 
-COLUMNS, ROWS = 41, 21  # for places anywhere; a row is twice as high as a column is wide
+COLUMNS, ROWS = 41, 21  # for places that form no lattice; a row is twice as high as a column is wide
 REFRESHED_HZ = 5
 Cell = tuple[int, int]  # column and row; y points up
 DONE, PART, LEFT, NOW = ("●", "green"), ("◐", "yellow"), ("·", "bright_black"), ("◉", "bold red")
@@ -24,8 +24,10 @@ DONE, PART, LEFT, NOW = ("●", "green"), ("◐", "yellow"), ("·", "bright_blac
 
 @dataclass
 class Picture:
-    """done: the numbers of finished presses. now: the press that is under way. said: what a person is to do. force_n:
-    what presses at the moment, None where nobody knows.
+    """The state of the work, and its picture.
+
+    done: numbers of the finished presses. now: the present press. said: instruction to the person who presses.
+    force_n: returns the present force; None where it is not known.
     """
 
     plan: Plan
@@ -48,11 +50,11 @@ class Picture:
 
     @property
     def seconds_left(self) -> float | None:
-        """At the pace so far; None before the first press."""
-        made = len(self.done) - self.begun_with
-        if made == 0:
+        """Time left at the present pace; None before the first press."""
+        newly_done = len(self.done) - self.begun_with
+        if newly_done == 0:
             return None
-        return (time.monotonic() - self.begun_s) / made * (len(self.plan.presses) - len(self.done))
+        return (time.monotonic() - self.begun_s) / newly_done * (len(self.plan.presses) - len(self.done))
 
     def sentence(self) -> str:
         left_s = self.seconds_left
@@ -94,7 +96,7 @@ class Picture:
 
 @contextmanager
 def shown(picture: Picture) -> Iterator[Callable[[], None]]:
-    """Within it, call what it gives whenever the picture has changed. Where nobody looks, a line for each place."""
+    """Yields a function; call it when the picture has changed. Without a terminal it prints a line for each place."""
     if not sys.stderr.isatty():
         place: tuple[float, float] | None = None
         said = ""
@@ -115,7 +117,7 @@ def shown(picture: Picture) -> Iterator[Callable[[], None]]:
 
 
 def cells_of(plan: Plan) -> dict[int, Cell]:
-    """Where the presses of a plan are drawn, by their numbers: the rows and columns of a lattice evenly."""
+    """Number of each press → the cell where it is drawn. A lattice gets evenly spaced rows and columns."""
     xs, ys = (sorted({place[axis] for place in (press.place_m for press in plan.presses)}) for axis in (0, 1))
     if len(xs) <= ROWS and len(ys) <= ROWS:
         column, row = {x: 2 * i for i, x in enumerate(xs)}, {y: i for i, y in enumerate(reversed(ys))}

@@ -1,4 +1,4 @@
-"""GRID.toml: which places are pressed, and how hard. The paper's three plans ship as presets."""
+"""Reads a plan, GRID.toml: the places to press, and the forces. The paper's three plans ship as presets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PlanError(Exception):
 
 
 class Lattice(Section, frozen=True):
-    """Places in rows and columns, each pressed with every force."""
+    """Places in rows and columns; each is pressed with every force."""
 
     first_mm: Pair
     spacing_mm: PositiveFloat
@@ -34,7 +34,7 @@ class Lattice(Section, frozen=True):
 
 
 class RandomPresses(Section, frozen=True):
-    """Places and forces drawn evenly; the same seed draws the same."""
+    """Uniformly distributed random places and forces; the same seed gives the same ones."""
 
     presses: Count
     half_width_mm: PositiveFloat
@@ -49,7 +49,7 @@ class _File(Section, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """One row of the table to come: its number in the plan, its place in pad axes, and its force."""
+    """A press of the plan: its number, its place in pad axes, and its force."""
 
     number: int
     x_m: float
@@ -63,14 +63,14 @@ class Press:
 
 @dataclass(frozen=True)
 class Plan:
-    """Presses in the order in which they are made: place by place, at each the lightest first."""
+    """Presses in their order: place by place, the lightest force of a place first."""
 
     name: str
     presses: tuple[Press, ...]
 
     @cached_property
     def fingerprint(self) -> str:
-        """Twelve hex digits that change with any place, force or their order: whether a table may be gone on with."""
+        """Twelve hex digits of all places and forces in order, by which a table knows whether it is of this plan."""
         text = ",".join(f"{press.x_m:.6f} {press.y_m:.6f} {press.force_n:.6f}" for press in self.presses)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
@@ -80,7 +80,7 @@ class Plan:
 
 
 def read_plan(name: str) -> Plan:
-    """The plan in the file `name`, or the preset of that name. PlanError where there is none, or it makes no sense."""
+    """The plan in the file `name`, or the preset of that name. Raises PlanError where there is none, or it is wrong."""
     path = Path(name)
     if not path.exists() and (PRESETS / f"{name}.toml").exists():
         path = PRESETS / f"{name}.toml"
@@ -104,7 +104,7 @@ def read_plan(name: str) -> Plan:
 
 
 def _lattice(lattice: Lattice) -> list[tuple[float, float, float]]:
-    """Every second row backwards: the shortest way, and no long one that a loose belt would remember."""
+    """(x_m, y_m, force_n) of all presses. Every second row runs backwards, to avoid long ways back."""
     columns, rows = lattice.count
     places = [
         (column if row % 2 == 0 else columns - 1 - column, row) for row in range(rows) for column in range(columns)

@@ -1,4 +1,4 @@
-"""What every way to press looks like to the session."""
+"""The interface between a session and what presses the pad: a machine or a person."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from fmfts.collect.plan import Press
 
 
 class Presser(Protocol):
-    """Each call returns when it is done, and listens to the Watch meanwhile."""
+    """Presses the pad. Each call returns when it is done, and keeps the Watch running meanwhile."""
 
     @property
     def description(self) -> str:
         """Who presses."""
 
     def begin(self) -> None:
-        """Be ready, with the pad untouched."""
+        """Get ready, without touching the pad."""
 
     def stand_over(self, press: Press) -> None:
-        """Be over the place of a press, the pad untouched."""
+        """Go over the place of a press, without touching the pad."""
 
     def press(self, press: Press) -> None:
         """Press, and hold the force."""
 
     def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
-        """A row was refused so many times; returns when the next may be tried. RefusedError: that is enough.
+        """Prepare another attempt at a row that was refused `times` times. Raises RefusedError to give up.
 
-        once_more: the call of `stand_over` or `press` that led to it.
+        once_more: repeats the call of `stand_over` or `press` that came before the row.
         """
 
     def lift(self) -> None:
-        """Touch the pad no more."""
+        """Stop touching the pad."""
 
     def release(self) -> str:
-        """The same after something went wrong; a sentence on how that ended. Raises nothing."""
+        """Stop touching the pad after an error; returns a sentence about the outcome. Never raises."""
 
     def close(self) -> None:
-        """Give the device back."""
+        """Close the device."""

@@ -1,4 +1,4 @@
-"""The work itself: place by place, an untouched moment, then each force; a row for each, on the disk at once."""
+"""Works off a plan: at each place it records the untouched pad, then each force, and stores every row at once."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from fmfts.collect.table import UNTOUCHED, Row, Table
 from fmfts.collect.watch import Watch
 
 DISK_S = 60.0
-ARRIVAL_S = 0.03  # what a frame or a reading of this moment takes to get here
+ARRIVAL_S = 0.03  # time in which a frame or a reading arrives
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """average_s: of frames and forces behind a row; settle_s: waited before it; delay_s: of the gauge."""
+    """average_s: duration of the means of a row. settle_s: wait before them. delay_s: delay of the gauge."""
 
     average_s: float
     settle_s: float
@@ -34,7 +34,7 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What every row names. recording: the file that has its frames."""
+    """Facts that all rows share. recording: the file with their frames."""
 
     baseline: str
     pad: str
@@ -42,11 +42,11 @@ class Identity:
     recording: str
 
 
-Told = Callable[[Press, bool], None]  # before (False) and after (True) each press
+OnPress = Callable[[Press, bool], None]  # called before (False) and after (True) each press
 
 
 class Session:
-    """Presses what of the plan is not done. Whatever goes wrong, the rod is lifted before the error comes out."""
+    """Makes the presses of a plan that are not done yet. On any error it lifts the rod before it raises the error."""
 
     def __init__(
         self,
@@ -67,16 +67,16 @@ class Session:
         self._identity = identity
         self._disk = ThreadPoolExecutor(max_workers=1)
 
-    def run(self, plan: Plan, told: Told) -> None:
-        """Until all is done. CollectError where it cannot go on: the reason, and how the lifting ended."""
-        with self._disk:  # waited for when the rod is up
-            self._run(plan, told)
+    def run(self, plan: Plan, on_press: OnPress) -> None:
+        """Make all presses. Raises CollectError, with the reason and the outcome of lifting, where that fails."""
+        with self._disk:  # waits for the disk, after the rod is up
+            self._run(plan, on_press)
 
-    def _run(self, plan: Plan, told: Told) -> None:
+    def _run(self, plan: Plan, on_press: OnPress) -> None:
         try:
             self._presser.begin()
             for presses in _places(plan, self._table.done):
-                self._work_on(presses, told)
+                self._work_on(presses, on_press)
         except CollectError as error:
             raise type(error)(f"{error}; {self._presser.release()}") from error
         except KeyboardInterrupt as interrupt:
@@ -85,70 +85,70 @@ class Session:
             self._presser.release()
             raise
 
-    def _work_on(self, presses: Sequence[Press], told: Told) -> None:
-        told(presses[0], False)
+    def _work_on(self, presses: Sequence[Press], on_press: OnPress) -> None:
+        on_press(presses[0], False)
         unloaded = self._untouched(presses[0])
         self._store(Press(UNTOUCHED, *presses[0].place_m, 0.0), unloaded, 0.0)
         for press in presses:
-            told(press, False)
+            on_press(press, False)
             loaded = self._loaded(press, unloaded)
             self._store(press, loaded, self._force_n(press, loaded))
-            told(press, True)
+            on_press(press, True)
         self._presser.lift()
 
     def _untouched(self, press: Press) -> Averaged:
-        """The pad with nothing on it: where its baseline found it, and the gauge's zero."""
+        """The means of the untouched pad; checks them against the baseline, and takes the force as the gauge's zero."""
 
         def let_go() -> None:
             self._presser.stand_over(press)
 
-        def judged(begun_ns: int, ended_ns: int) -> Averaged:
+        def judge(begun_ns: int, ended_ns: int) -> Averaged:
             frames, readings = self._watch.window(begun_ns, ended_ns)
             unloaded = average(frames, readings, 0.0)
             self._unmoved.require(unloaded)
             return unloaded
 
-        unloaded = self._attempt("the untouched pad", let_go, judged)
+        unloaded = self._attempt("the untouched pad", let_go, judge)
         if unloaded.force_n is not None:
             self._watch.tare_n = unloaded.force_n
         return unloaded
 
     def _loaded(self, press: Press, unloaded: Averaged) -> Averaged:
-        def held() -> None:
+        def press_and_hold() -> None:
             self._presser.press(press)
             self._watch.wait(self._timing.settle_s)
 
-        def judged(begun_ns: int, ended_ns: int) -> Averaged:
+        def judge(begun_ns: int, ended_ns: int) -> Averaged:
             loaded = average(*self._watch.window(begun_ns, ended_ns), self._watch.tare_n)
             require_touched(loaded, unloaded)
             if loaded.force_n is not None and loaded.force_n < 0.5 * press.force_n:
                 raise RowError(f"the gauge reads {loaded.force_n:.3f} N where {press.force_n:.3f} N should press")
             return loaded
 
-        return self._attempt(f"press {press.number}", held, judged)
+        return self._attempt(f"press {press.number}", press_and_hold, judge)
 
-    def _attempt(self, what: str, get_there: Callable[[], None], judged: Callable[[int, int], Averaged]) -> Averaged:
-        """Listen for a row's time, and judge; again where it made none, as often as who presses bears it."""
-        get_there()
+    def _attempt(self, what: str, prepare: Callable[[], None], judge: Callable[[int, int], Averaged]) -> Averaged:
+        """Records for a row's time, and judges it; repeats a refused row until the presser gives up."""
+        prepare()
         times = 0
         while True:
             begun_ns = self._watch.clock.now_ns()
             self._watch.wait(self._timing.average_s + self._timing.delay_s + ARRIVAL_S)
             try:
-                return judged(begun_ns, begun_ns + round(self._timing.average_s * 1e9))
+                return judge(begun_ns, begun_ns + round(self._timing.average_s * 1e9))
             except RowError as error:
                 times += 1
-                self._presser.refused(f"{what}: {error}", times, get_there)
+                self._presser.refused(f"{what}: {error}", times, prepare)
 
     def _store(self, press: Press, averaged: Averaged, force_n: float) -> None:
         row = row_of(press, averaged, force_n, self._unmoved.mounting, self._identity)
 
-        def keep() -> None:
+        def write() -> None:
             self._frames.add(averaged.frames)
             self._table.add(row)
 
-        # A disk may take seconds, and the rod is down: what is heard must be listened to meanwhile.
-        stored = self._disk.submit(keep)
+        # A disk may take seconds while the rod is down: the watch must keep running meanwhile.
+        stored = self._disk.submit(write)
         if not self._watch.until(stored.done, DISK_S):
             raise StoppedError(f"the disk of {self._table.path} did not take press {press.number} in {DISK_S:g} s")
         stored.result()
@@ -157,12 +157,12 @@ class Session:
         typed_n = getattr(self._presser, "typed_n", None)
         force_n = loaded.force_n if typed_n is None else typed_n
         if force_n is None or not np.isfinite(force_n):
-            raise StoppedError(f"press {press.number}: nobody told its force")
+            raise StoppedError(f"press {press.number}: its force is not known")
         return float(force_n)
 
 
 def row_of(press: Press, averaged: Averaged, force_n: float, mounting: Mounting, identity: Identity) -> Row:
-    """The line of the table: the magnet's share of the mean field, and what it belongs to."""
+    """The table's row of a press: the magnet's part of the mean field, the force, and where they come from."""
     return Row(
         press=press.number,
         x_mm=press.x_m * 1e3,
@@ -183,7 +183,7 @@ def row_of(press: Press, averaged: Averaged, force_n: float, mounting: Mounting,
 
 
 def _places(plan: Plan, done: set[int]) -> Iterator[list[Press]]:
-    """What is left of the plan, place by place."""
-    left = (press for press in plan.presses if press.number not in done)
-    for _, presses in groupby(left, key=lambda press: press.place_m):
+    """Yields the presses that are not done, place by place."""
+    remaining = (press for press in plan.presses if press.number not in done)
+    for _, presses in groupby(remaining, key=lambda press: press.place_m):
         yield list(presses)

@@ -1,4 +1,4 @@
-"""A G-code machine as the hand that presses: places taken up without backlash, forces approached in small steps."""
+"""Presses the pad with a G-code machine: goes to places without backlash, and approaches forces in small steps."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from fmfts.collect.plan import Press
 from fmfts.collect.watch import Watch
 from fmfts.config.collect import StageConfig
 
-TOUCH_N = 0.03  # a gauge of ±5 mN does not read so much by chance
-NEAR_MM = 0.3  # above the surface that the last press found, steps begin
-TILT = 0.05  # and by so much higher for each mm that it was pressed away from here: pads lie askew
-READINGS = 3  # behind each step's force
+TOUCH_N = 0.03  # more than a gauge of ±5 mN reads by chance
+NEAR_MM = 0.3  # the steps begin so far above the surface that the last press found
+TILT = 0.05  # and higher by this for each mm of distance from the last press: pads lie askew
+READINGS = 3  # the force after a step is the mean of so many
 PATIENCE_S = 1.0
 ATTEMPTS = 3  # at one row
 MOST_STEPS = 400  # from the first touch on
-SMALLEST_FORCE_ERROR_N = 0.01  # what less means, a gauge of ±5 mN does not tell
-LONGER = 4.0  # than step_mm a step may be where the stiffness is known
-CAUTION = 0.8  # of the step that a straight line would need: silicone stiffens
+SMALLEST_FORCE_ERROR_N = 0.01  # a gauge of ±5 mN cannot show less
+LONGER = 4.0  # longest step, in step_mm, where the stiffness is known
+CAUTION = 0.8  # share of the step that a linear spring would need: silicone stiffens
 
 
 class Stage:
-    """A Presser. `tolerance`: of a reached force, relative."""
+    """A Presser. tolerance: of a reached force, relative."""
 
     def __init__(self, config: StageConfig, watch: Watch, tolerance: float) -> None:
         self._config = config
@@ -43,9 +43,9 @@ class Stage:
         return f"the {self._config.dialect} stage on {self._config.port}"
 
     def begin(self) -> None:
-        """Home, and go up where nothing is touched."""
+        """Home, go up to where nothing is touched, and start the guard."""
         if self._watch.readings:
-            self._watch.tare_n += self._settled_force_n()  # what the rod weighs presses nothing
+            self._watch.tare_n += self._settled_force_n()  # the weight of the rod
         self._machine.listen = lambda: self._watch.turn(moving=True)
         self._machine.begin()
         self.lift()
@@ -53,7 +53,7 @@ class Stage:
         self._guard = Guard(self._machine.fileno(), rescue)
 
     def refused(self, why: str, times: int, once_more: Callable[[], None]) -> None:
-        """It holds what it holds: listening again is all that may help."""
+        """Let the session record the row again, ATTEMPTS times; the machine holds its force anyway."""
         if times == ATTEMPTS:
             raise RefusedError(f"refused {ATTEMPTS} times: {why}")
 
@@ -64,7 +64,7 @@ class Stage:
         self._down = False
 
     def stand_over(self, press: Press) -> None:
-        """Over its place with the rod up, reached from the lower side of both axes."""
+        """Go over the place of a press with the rod up; approach it from below in x and y, against backlash."""
         x, y = machine_place(self._config, press)
         speed, before = self._config.travel_mm_per_s, self._config.overshoot_mm
         if before:
@@ -72,7 +72,7 @@ class Stage:
         self._machine.move(x=x, y=y, mm_per_s=speed)
 
     def press(self, press: Press) -> None:
-        """Down until its force is reached. StoppedError where it cannot be."""
+        """Go down until the force is reached. Raises StoppedError where it cannot be reached."""
         self._watch.on_guard = self._down = True
         if self._last is None and self._surface is not None:
             self._machine.move(z=self._near_mm(self._surface), mm_per_s=self._config.lift_mm_per_s)
@@ -85,15 +85,15 @@ class Stage:
             self._learn(force_n)
             steps += force_n >= TOUCH_N
             self._creep(self._step_mm(force_n, error_n), force_n)
-        raise StoppedError(f"{press.force_n:.3f} N was not reached in {MOST_STEPS} steps: it swings about the force")
+        raise StoppedError(f"{press.force_n:.3f} N was not reached in {MOST_STEPS} steps: the force swings about it")
 
     def release(self) -> str:
-        """Lift whatever happens, and say how that ended."""
-        ended = self._lifted()
+        """Lift the rod, by an emergency stop if nothing else works; returns a sentence about the outcome."""
+        outcome = self._lift_anyway()
         self._down = False
-        return ended
+        return outcome
 
-    def _lifted(self) -> str:
+    def _lift_anyway(self) -> str:
         place = self._machine.place
         self._watch.on_guard = False
         if self._machine.homed is None:
@@ -127,7 +127,7 @@ class Stage:
         return min(surface[2] + NEAR_MM + TILT * away_mm, self._config.clear_z_mm)
 
     def _creep(self, deeper_mm: float, force_n: float) -> None:
-        """In moves so short that a rise need not cut one off: Marlin takes no move for a second after its halt."""
+        """Goes down in moves so short that a rise need not halt them, after which Marlin is deaf for a second."""
         assert self._machine.place is not None
         from_mm, low_mm = self._machine.place[2], self._config.travel_mm[2][0]
         if force_n < TOUCH_N and from_mm - deeper_mm < low_mm:
@@ -140,7 +140,7 @@ class Stage:
             self._machine.move(z=from_mm - deeper_mm * number / moves, mm_per_s=self._config.press_mm_per_s)
 
     def _settled_force_n(self) -> float:
-        """The mean of READINGS that are younger than the last move; the first may still have felt its end."""
+        """Mean of READINGS readings from after the last move, without the first: it may still show the move's end."""
         since_ns = self._watch.clock.now_ns()
         watch = self._watch
 
@@ -149,19 +149,20 @@ class Stage:
         return sum(watch.forces_since(since_ns)[-READINGS:]) / READINGS - watch.tare_n
 
     def _learn(self, force_n: float) -> None:
-        """How stiff it is, and where the surface lies, from this step and the last."""
+        """Estimates the stiffness and the height of the surface from this step and the last."""
         assert self._machine.place is not None
         z_mm = self._machine.place[2]
         if self._last is not None:
-            deeper_mm, more_n = self._last[0] - z_mm, force_n - self._last[1]
-            if abs(more_n) > SMALLEST_FORCE_ERROR_N and more_n * deeper_mm > 0.0 and force_n > TOUCH_N:
-                self._n_per_mm = more_n / deeper_mm
+            depth_change_mm, force_change_n = self._last[0] - z_mm, force_n - self._last[1]
+            rises = force_change_n * depth_change_mm > 0.0
+            if abs(force_change_n) > SMALLEST_FORCE_ERROR_N and rises and force_n > TOUCH_N:
+                self._n_per_mm = force_change_n / depth_change_mm
         if force_n < TOUCH_N:
-            self._surface = self._machine.place  # or deeper: the next step tells
+            self._surface = self._machine.place  # the surface is here or deeper
         self._last = (z_mm, force_n)
 
     def _step_mm(self, force_n: float, error_n: float) -> float:
-        """How much deeper, at most a step; higher where it is too much."""
+        """The next step down in mm; negative where the force is too large."""
         step_mm = self._config.step_mm
         if force_n < TOUCH_N or not self._n_per_mm:
             return math.copysign(step_mm, error_n)
@@ -170,7 +171,7 @@ class Stage:
 
 
 def machine_place(config: StageConfig, press: Press) -> tuple[float, float]:
-    """Machine x, y (mm) of a press."""
+    """Machine coordinates x, y (mm) of a press."""
     turn = math.radians(config.turn_deg)
     x_mm, y_mm = press.x_m * 1e3, press.y_m * 1e3
     return (
@@ -180,7 +181,7 @@ def machine_place(config: StageConfig, press: Press) -> tuple[float, float]:
 
 
 def require_within_reach(config: StageConfig, presses: Sequence[Press]) -> None:
-    """RefusedError for what would have to be refused while the rod is under way."""
+    """Raise RefusedError for a press beyond the travel or the force limit, before anything moves."""
     for press in presses:
         for axis, value, (low, high) in zip("xy", machine_place(config, press), config.travel_mm[:2], strict=True):
             if not low <= value - config.overshoot_mm <= value <= high:

@@ -1,7 +1,7 @@
-"""What was collected, on the disk: DATA.csv, and what it belongs to; its frames are in recordings beside it.
+"""Writes the collected table DATA.csv, and DATA.collection.json with its plan and pad. Recordings hold the frames.
 
-A row is on the disk before the next press begins, its frames before the row: whatever ends the program, a finished row
-is there once, and only once. What a killed program left half written is cut off when the work is gone on with.
+Frames are on the disk before their row, and the row before the next press: however the program ends, each finished row
+is there exactly once. When the work is continued, a row that a killed program wrote only in part is removed.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from fmfts.collect.errors import RefusedError
 from fmfts.service.state import write_atomically
 
 FORMAT = 2
-UNTOUCHED = 0  # what stands for `press` in the rows of the unloaded pad: calibration needs its field, too
+UNTOUCHED = 0  # the `press` of rows of the unloaded pad, whose field calibration needs too
 LABELS = ("press", "x_mm", "y_mm", "force_n")
 FACTS = ("force_sd_n", "frames", "temperature_c", "utc", "baseline", "pad", "board")
 FRAMES = ("recording", "first_frame_ns", "last_frame_ns")
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a table belongs to; gone on with only by the same."""
+    """The plan and the pad of a table; only work with the same ones may continue it."""
 
     format: int
     plan: str
@@ -37,21 +37,21 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     geometry_hash: str
 
     def require_same(self, other: Header, path: Path) -> None:
-        """RefusedError, naming what differs."""
+        """Raise RefusedError, which names the difference, unless both are the same. path: the table of `other`."""
         for name in self.__struct_fields__:
-            ours, theirs = getattr(self, name), getattr(other, name)
-            if ours != theirs and name != "plan":
+            value, other_value = getattr(self, name), getattr(other, name)
+            if value != other_value and name != "plan":
                 what = "plan" if name == "fingerprint" else name.removesuffix("_hash")
-                named = other.plan if name == "fingerprint" else theirs
+                shown = other.plan if name == "fingerprint" else other_value
                 raise RefusedError(
-                    f"{path} was begun with another {what} ({named}): give another file with -o, or remove that one"
+                    f"{path} was begun with another {what} ({shown}): give another file with -o, or remove that one"
                 )
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One line of DATA.csv; field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes.
+    """One line of DATA.csv. field_ut: the magnet's field, x y z of each sensor in turn, in the sensors' own axes.
 
-    recording: the file that has its frames, by their host_time_ns from first_frame_ns to last_frame_ns.
+    recording: the file with its frames, whose host_time_ns are from first_frame_ns to last_frame_ns.
     """
 
     press: int
@@ -80,10 +80,10 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Table:
-    """Use as a context manager. `done`: the numbers of the presses that are finished."""
+    """A table on the disk; use it as a context manager. done: numbers of the finished presses."""
 
     def __init__(self, path: Path, sensors: int, header: Header) -> None:
-        """Opens a new one, or goes on with the one that is there. RefusedError where that is another's, or damaged."""
+        """Make a new table, or continue an existing one. Raises RefusedError if that is of other work, or damaged."""
         self.path = path
         self.header_path = path.with_suffix(".collection.json")
         columns = [*LABELS, *field_columns(sensors), *FACTS, *FRAMES]
@@ -108,7 +108,7 @@ class Table:
         os.close(self._rows)
 
     def add(self, row: Row) -> None:
-        """On the disk when this returns. RefusedError where the disk does not take it."""
+        """Write a row; it is on the disk when this returns. Raises RefusedError where that fails."""
         assert row.press not in self.done
         try:
             self._append(self._rows, _line(row.cells()))
@@ -136,23 +136,23 @@ class Table:
             before = msgspec.json.decode(self.header_path.read_bytes(), type=Header)
         except (OSError, msgspec.DecodeError) as error:
             raise RefusedError(
-                f"{self.path} exists, and {self.header_path} does not tell whose it is: {error}"
+                f"{self.path} exists, but its plan and pad cannot be read from {self.header_path}: {error}"
             ) from error
         header.require_same(before, self.path)
 
     def _mend(self, columns: list[str]) -> set[int]:
-        """Cut off what was not finished; the presses that were."""
+        """Removes an unfinished row from the file; returns the numbers of the finished presses."""
         lines = _whole_lines(self.path)
         if lines and lines[0] != ",".join(columns):
             raise RefusedError(f"{self.path}: its first line is not the header that belongs there")
         numbers = [self._number(at, line, len(columns)) for at, line in enumerate(lines[1:], start=2)]
         done = [number for number in numbers if number != UNTOUCHED]
         if len(done) != len(set(done)):
-            raise RefusedError(f"{self.path}: a press stands there twice: was it edited?")
+            raise RefusedError(f"{self.path}: it contains a press twice: was it edited?")
         return set(done)
 
     def _number(self, at: int, line: str, columns: int) -> int:
-        """Which press that line has."""
+        """The number of the press in a line. at: number of the line."""
         try:
             (cells,) = csv.reader([line])
             number = int(cells[0])
@@ -160,14 +160,14 @@ class Table:
             cells, number = [], -1
         if len(cells) != columns or number < UNTOUCHED:
             raise RefusedError(
-                f"{self.path}, line {at}: {line[:40]!r} is no row of a press: was it edited? Mend that line, or remove "
-                "it to press its row again"
+                f"{self.path}, line {at}: {line[:40]!r} is not a row of a press: was it edited? Correct that line, or "
+                "remove it, and its press will be repeated"
             )
         return number
 
 
 def _whole_lines(path: Path) -> list[str]:
-    """The finished lines of a file, which holds no other afterwards."""
+    """The complete lines of a file; removes an incomplete last line from it."""
     if not path.exists():
         return []
     data = path.read_bytes()

@@ -1,4 +1,4 @@
-"""What is heard while the pad is pressed, and what must end the pressing: nothing here may wait for anything."""
+"""Receives frames and forces while the pad is pressed, and stops the pressing if something is wrong. Never blocks."""
 
 from __future__ import annotations
 
@@ -17,45 +17,46 @@ from fmfts.sensor import Frame
 
 TURN_S = 0.001
 KEPT_S = 30.0
-LISTEN_S = 1.0  # to a gauge, for its rate
-LEAST_READINGS = 2  # within the time that counts as silence: a single one may be lost on the way
-FIRST_S = 3.0  # a board says hello within a second of being opened
-# Whoever did not run for so long cannot tell silence from its own sleep: what waits is read first.
+LISTEN_S = 1.0  # shortest time to measure a gauge's rate
+LEAST_READINGS = 2  # in the time that counts as silence: one may be lost
+FIRST_S = 3.0  # a board reports within a second after it is opened
+# If this process was not run for so long, old data may wait unread, so silence is not judged in that turn.
 SLEPT_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """force_n: more ends the work, None where a person presses. silence_s: of the board, and of the gauge if any."""
+    """force_n: largest force; None where a person presses. silence_s: longest silence of the board and of the gauge."""
 
     force_n: float | None
     silence_s: float
 
 
 class Watch:
-    """Hears frames and forces at once. On guard, whatever must not happen under a rod raises StoppedError."""
+    """Receives frames and forces. While `on_guard`, because the rod is down, it raises StoppedError where one of the
+    limits is exceeded, frames are lost, or a device has gone."""
 
     def __init__(self, feed: Feed, gauge: Gauge | None, limits: Limits, clock: Clock | None = None) -> None:
         self.frames: deque[Frame] = deque()
-        self.readings: deque[Reading] = deque()  # as the gauge gives them
+        self.readings: deque[Reading] = deque()  # as the gauge gives them, without tare_n subtracted
         self.tare_n = 0.0
         self.on_guard = False
         self.clock = clock or Monotonic()
         self._feed = feed
         self._gauge = gauge
         self._limits = limits
-        self._heard_frame_s = self._heard_force_s = self._turned_s = self._now_s()
+        self._last_frame_s = self._last_force_s = self._last_turn_s = self._now_s()
         self._sequence: int | None = None
 
     def turn(self, *, moving: bool = False) -> None:
-        """Take in what has come. StoppedError on guard; AbsentError where a device has gone.
+        """Receive what has arrived. Raises StoppedError where `on_guard`, AbsentError where a device has gone.
 
-        moving: the rod may meet something. Then force and silence are guarded anyway, but a lost frame spoils no row.
+        moving: the machine moves outside a press: check force and silence too, but not lost frames, which spoil no row.
         """
         now_ns = self.clock.now_ns()
         now_s = now_ns * 1e-9
-        slept = now_s - self._turned_s > SLEPT_S
-        self._turned_s = now_s
+        slept = now_s - self._last_turn_s > SLEPT_S
+        self._last_turn_s = now_s
         lost = self._take_frames(now_ns)
         self._take_readings(now_ns)
         self._forget(now_s)
@@ -63,11 +64,11 @@ class Watch:
             self._judge(lost if self.on_guard else "", now_s, slept)
 
     def wait(self, seconds: float) -> None:
-        """Listen for so long."""
+        """Receive for so long."""
         self.until(lambda: False, seconds)
 
     def until(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Listen until `done`, at most for so long; whether it was done."""
+        """Receive until `done`, at most for so long; returns whether it was done."""
         end_s = self._now_s() + seconds
         while True:
             self.turn()
@@ -78,7 +79,7 @@ class Watch:
             self.clock.sleep(TURN_S)
 
     def begin(self) -> None:
-        """Wait until both are there. AbsentError where one does not come."""
+        """Wait for the first frame and the first force. Raises AbsentError where one does not come."""
         if not self.until(lambda: bool(self.frames), FIRST_S):
             raise AbsentError(f"no frame from {self._feed.description} within {FIRST_S:g} s: see fmfts-daemon probe")
         if self._gauge is not None and not self.until(lambda: bool(self.readings), FIRST_S):
@@ -90,20 +91,20 @@ class Watch:
             self._require_often(self._gauge)
 
     def _require_often(self, gauge: Gauge) -> None:
-        """RefusedError for readings that come so seldom, or so many at once, that the gauge seems silent meanwhile."""
+        """Raises RefusedError where readings arrive so rarely, or so many at once, that the gauge seems silent."""
         silence_s = self._limits.silence_s
         listen_s = max(LISTEN_S, 5 * silence_s)
-        heard_s = {self._heard_force_s}
+        arrivals_s = {self._last_force_s}
 
-        def over() -> bool:
-            heard_s.add(self._heard_force_s)
+        def count() -> bool:
+            arrivals_s.add(self._last_force_s)
             return False
 
-        self.until(over, listen_s)
-        rate_hz, needed_hz = (len(heard_s) - 1) / listen_s, LEAST_READINGS / silence_s
+        self.until(count, listen_s)
+        rate_hz, needed_hz = (len(arrivals_s) - 1) / listen_s, LEAST_READINGS / silence_s
         if rate_hz + 1.0 / listen_s < needed_hz:
             slower_ms = LEAST_READINGS / rate_hz * 1e3 if rate_hz else math.inf
-            longer = f", or collect.silence_ms to {slower_ms:.0f}: the rod stays down so much longer if it dies"
+            longer = f", or collect.silence_ms to {slower_ms:.0f}: if the gauge dies, the rod stays down for that long"
             raise RefusedError(
                 f"{gauge.description} is heard {rate_hz:.1f} times a second, and collect.silence_ms = "
                 f"{silence_s * 1e3:g} needs {needed_hz:g}: set the gauge to a higher rate"
@@ -115,7 +116,7 @@ class Watch:
         return f"; the last line without a number was {line!r}" if line else ""
 
     def forces_since(self, since_ns: int) -> list[float]:
-        """As the gauge gave them, in their order."""
+        """The forces since that time, in their order, without tare_n subtracted."""
         newest = takewhile(lambda reading: reading.time_ns >= since_ns, reversed(self.readings))
         return [reading.force_n for reading in newest][::-1]
 
@@ -123,7 +124,7 @@ class Watch:
         return self.readings[-1].force_n - self.tare_n if self.readings else None
 
     def window(self, begun_ns: int, ended_ns: int) -> tuple[list[Frame], list[Reading]]:
-        """The frames and readings of that time."""
+        """The frames and readings from begun_ns to before ended_ns."""
         return (
             [frame for frame in self.frames if begun_ns <= frame.host_time_ns < ended_ns],
             [reading for reading in self.readings if begun_ns <= reading.time_ns < ended_ns],
@@ -133,7 +134,7 @@ class Watch:
         return self.clock.now_ns() * 1e-9
 
     def _take_frames(self, now_ns: int) -> str:
-        """What was lost on the way, "" where nothing was."""
+        """Receives frames; returns a sentence about lost ones, "" where none were."""
         lost = ""
         for frame in self._feed.poll(now_ns):
             if self._sequence is not None and frame.sequence != self._sequence + 1:
@@ -141,7 +142,7 @@ class Watch:
                 lost = f"{missing} frames were lost" if missing > 0 else "the board was reset"
             self._sequence = frame.sequence
             self.frames.append(frame)
-            self._heard_frame_s = now_ns * 1e-9
+            self._last_frame_s = now_ns * 1e-9
         return lost
 
     def _take_readings(self, now_ns: int) -> None:
@@ -155,7 +156,7 @@ class Watch:
             raise
         if readings:
             self.readings.extend(readings)
-            self._heard_force_s = now_ns * 1e-9
+            self._last_force_s = now_ns * 1e-9
 
     def _judge(self, lost: str, now_s: float, slept: bool) -> None:
         if lost:
@@ -166,10 +167,10 @@ class Watch:
         if slept:
             return
         limit_ms = self._limits.silence_s * 1e3
-        silent_ms = (now_s - self._heard_frame_s) * 1e3
+        silent_ms = (now_s - self._last_frame_s) * 1e3
         if silent_ms > limit_ms:
             raise StoppedError(f"no frame for {silent_ms:.0f} ms (limit {limit_ms:.0f} ms): see fmfts-daemon probe")
-        silent_ms = (now_s - self._heard_force_s) * 1e3
+        silent_ms = (now_s - self._last_force_s) * 1e3
         if self._gauge is not None and silent_ms > limit_ms:
             raise StoppedError(
                 f"the gauge is silent for {silent_ms:.0f} ms (limit {limit_ms:.0f} ms): check its plug and supply"

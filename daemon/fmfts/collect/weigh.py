@@ -1,4 +1,4 @@
-"""What one count of the load cell is worth, from two known weights."""
+"""Finds the force per count of the load cell from two known weights."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import numpy as np
 from fmfts.collect.errors import AbsentError, RefusedError
 from fmfts.collect.feed import Feed
 
-GRAVITY_M_S2 = 9.80665  # standard; 0.3 % less at the equator than here, 0.2 % more at the poles
+GRAVITY_M_S2 = 9.80665  # standard; 0.3 % less at the equator, 0.2 % more at the poles
 LISTEN_S = 2.0
-FEWEST = 80  # a second of an HX711 at 80 Hz
-STEADY = 0.002  # of the difference between both weights: a weight that still swings makes more
+FEWEST = 80  # readings: one second of an HX711 at 80 Hz
+STEADY = 0.002  # largest spread of the counts, relative to the difference of both weights: then no weight swings
 TURN_S = 0.002
 
 
 def weigh(feed: Feed, weights_g: Sequence[float], ready: Callable[[str], None]) -> dict[str, Any]:
-    """Facts, `newton_per_count` among them. `ready` asks for a weight, and returns when it hangs there.
+    """Measure two weights (g); returns facts with `newton_per_count`. ready: asks for a weight, and waits for it.
 
-    AbsentError where the board has no load cell; RefusedError where the weights make no scale.
+    Raises AbsentError where the board has no load cell, RefusedError where the weights do not give a scale.
     """
     if feed.counts is None:
         raise AbsentError("only a board behind a bridge has a load cell, and only while no fmfts-daemon runs on it")
@@ -51,7 +51,7 @@ def weigh(feed: Feed, weights_g: Sequence[float], ready: Callable[[str], None]) 
 def _listen(feed: Feed) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     assert feed.counts is not None
     feed.poll(time.monotonic_ns())
-    feed.counts()  # what came before the weight
+    feed.counts()  # discard the counts from before the weight
     counts: list[int] = []
     end_s = time.monotonic() + LISTEN_S
     while time.monotonic() < end_s:

@@ -1,4 +1,4 @@
-"""`fmfts-daemon collect`: everything opened, the plan worked off, everything closed."""
+"""`fmfts-daemon collect`: opens the pad, the gauge and the machine, works off a plan, and closes them."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from fmfts.config import Config, PadConfig
 from fmfts.config.collect import CollectConfig
 from fmfts.pad import Pad
 
-FRAMES_A_ROW = 64  # a mean of fewer is refused
+FRAMES_A_ROW = 64  # `average` refuses fewer
 
 
 def collect(
     config: Config, pad: PadConfig, plan_name: str, output: Path, by_hand: bool, clock: Clock | None = None
 ) -> dict[str, Any]:
-    """Work off what of the plan is not in `output` yet; facts of what there is then. CollectError ends it early.
+    """Make the presses of the plan that are not in `output` yet; returns facts of the table. Raises CollectError.
 
     clock: None for the computer's.
     """
@@ -44,14 +44,14 @@ def collect(
     settings, drawing = config.collect, pad.pad()
     stage = None if by_hand else settings.stage
     if stage is None and not by_hand:
-        raise RefusedError("there is no [collect.stage] in the configuration: describe the machine, or say --by-hand")
+        raise RefusedError("there is no [collect.stage] in the configuration: describe the machine, or use --by-hand")
     if stage is not None:
         require_within_reach(stage, plan.presses)
     unmoved = unmoved_since_baseline(drawing, settings)
     header = Header(FORMAT, plan.name, plan.fingerprint, pad.name, drawing.geometry_hash)
     with (
         Table(output, len(drawing.sensors), header) as table,
-        _heard(config, pad, by_hand, clock) as (watch, board_uid),
+        _opened(config, pad, by_hand, clock) as (watch, board_uid),
     ):
         picture = Picture(plan, table.done, force_n=watch.newest_force_n)
         frames = Frames(output, pad, recorded_rest(drawing), watch.clock)
@@ -59,12 +59,12 @@ def collect(
             watch.begin()
             identity = Identity(unmoved.baseline_id, pad.name, board_uid(), frames.path.name)
             session = Session(watch, presser, table, frames, unmoved, _timing(settings, pad), identity)
-            session.run(plan, _telling(picture, draw))
+            session.run(plan, _drawing(picture, draw))
         return _facts(plan, table)
 
 
 def recorded_rest(drawing: Pad) -> Baseline:
-    """RefusedError where the rest of the pad is not recorded."""
+    """The pad's baseline. Raises RefusedError where it has no recording of the pad at rest."""
     try:
         baseline = stored(drawing)
     except (BaselineError, StateError) as error:
@@ -77,7 +77,7 @@ def recorded_rest(drawing: Pad) -> Baseline:
 
 
 def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
-    """RefusedError as from recorded_rest."""
+    """The limits of the pad's deviation from its baseline. Raises RefusedError like recorded_rest."""
     baseline = recorded_rest(drawing)
     return Unmoved(
         drawing,
@@ -89,8 +89,8 @@ def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
 
 
 @contextmanager
-def _heard(config: Config, pad: PadConfig, by_hand: bool, clock: Clock | None) -> Iterator[tuple[Watch, Any]]:
-    """Frames and forces; who presses by hand is warned by nothing and needs no limit."""
+def _opened(config: Config, pad: PadConfig, by_hand: bool, clock: Clock | None) -> Iterator[tuple[Watch, Any]]:
+    """Opens the pad and the gauge; yields their Watch and the board's id function. A hand has no force limit."""
     settings = config.collect
     feed = open_feed(config, pad)
     gauge: Gauge | None = None
@@ -128,16 +128,16 @@ def _timing(settings: CollectConfig, pad: PadConfig) -> Timing:
 
 
 def averaging_s(settings: CollectConfig, pad: PadConfig) -> float:
-    """How long a row is listened to."""
+    """Duration of the means of a row: at least FRAMES_A_ROW frames."""
     return max(settings.average_s, FRAMES_A_ROW / pad.source.rate_hz)
 
 
-def _telling(picture: Picture, draw: Any) -> Any:
-    def told(press: Press, done: bool) -> None:
+def _drawing(picture: Picture, draw: Any) -> Any:
+    def on_press(press: Press, done: bool) -> None:
         picture.now = press
         draw()
 
-    return told
+    return on_press
 
 
 def _facts(plan: Plan, table: Table) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Vectors of doubles whose parts have names: the tables of tables.h, which both languages read and write."""
+"""A vector of doubles with named parts, which Python and C both read and write; the C side declares the parts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Numbers = NDArray[np.float64] | NDArray[np.int64] | NDArray[np.uint8] | float
 
 
 class Named:
-    """`values` in the order of `layout` (name → how many); `named["gain"]` is a view of a part."""
+    """`values` holds the parts in the order of `layout` (name → number of doubles); `table["gain"]` views one part."""
 
     def __init__(self, layout: Mapping[str, int]) -> None:
         self.values = np.zeros(sum(layout.values()))
@@ -30,10 +30,11 @@ class Named:
         return self._part[name]
 
     def number(self, name: str) -> float:
+        """The first double of a part."""
         return float(self._part[name][0])
 
     def put(self, name: str, value: Numbers) -> None:
-        """The first places of a part; ValueError where there are too few."""
+        """Writes `value` to the start of a part; raises ValueError where the part is too short."""
         flat = np.ravel(np.asarray(value, dtype=np.float64))
         if len(flat) > len(self._part[name]):
             raise ValueError(f"{name}: {len(flat)} values, room for {len(self._part[name])}")

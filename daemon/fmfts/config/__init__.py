@@ -1,6 +1,6 @@
-"""The configuration file: what may stand in it, with units in the names. See config.toml for every key explained.
+"""Defines the tables and keys of the configuration file; names end in their unit. config.toml explains every key.
 
-`file.load` reads one, `checks.problem_in` knows what types cannot tell.
+`file.load` reads a file; `checks.problem_in` finds errors that the types here do not exclude.
 """
 
 from __future__ import annotations
@@ -23,20 +23,22 @@ from fmfts.sensor.wire.packets import MAX_PADS
 Vector = tuple[float, float, float]
 FASTEST_HZ = max(chip.free_rate_hz for chip in CHIPS.values())
 BoardUid = Annotated[str, Meta(pattern=r"^[0-9A-Fa-f]{24}$")]
-# Thinner is not made; thicker is no fingertip. Whoever writes less means metres.
+# Magnets in mm: thinner ones are not made (a smaller number was meant in metres), thicker ones fit no fingertip.
 MagnetSize = Annotated[float, Meta(ge=0.2, le=50.0)]
 PadName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
 
 class BusConfig(_Section, frozen=True):
+    """Where the daemon serves clients."""
+
     endpoint: str | None = None  # a base as in FMFTS_BUS (fmfts_client.endpoints); None: the default
-    keys: str | None = None  # folder of the keys that tcp is served with
+    keys: str | None = None  # folder of the keys for tcp
 
 
 class ServiceConfig(_Section, frozen=True):
-    """What the daemon asks of the system."""
+    """Real-time settings, which the daemon requests from the operating system."""
 
-    realtime_priority: Annotated[int, Meta(ge=0, le=99)] = 0  # of SCHED_FIFO; 0: an ordinary process
+    realtime_priority: Annotated[int, Meta(ge=0, le=99)] = 0  # of SCHED_FIFO; 0: a normal process
     lock_memory: bool = False
 
 
@@ -49,7 +51,7 @@ class _HardwareSource(_Section, frozen=True):
 
 class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type", kw_only=True):
     port: str
-    uid: BoardUid | None = None  # binds this pad to one board whatever the port is called
+    uid: BoardUid | None = None  # accepts only this board, whatever the port's name is
     pad_index: Annotated[int, Meta(ge=0, lt=MAX_PADS)] = 0
     baud: Annotated[int, Meta(ge=9600)] = 460800
 
@@ -72,7 +74,7 @@ class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="
 
 class ReplaySource(_HardwareSource, frozen=True, tag="replay", tag_field="type", kw_only=True):
     file: str
-    pad: PadName | None = None  # its name in the recording; None: as here
+    pad: PadName | None = None  # the pad's name in the recording; None: the same as here
     loop: bool = False
     speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
 
@@ -95,7 +97,7 @@ class MagnetConfig(_Section, frozen=True):
 
 
 class ToleranceConfig(_Section, frozen=True):
-    """How well a pad is built: one standard deviation of each error; the priors of the baseline's estimate."""
+    """Standard deviations of a pad's building errors: the priors of the baseline's estimate."""
 
     sensor_position_mm: NonNegativeFloat = 0.1
     magnet_position_mm: NonNegativeFloat = 0.1
@@ -122,7 +124,7 @@ class SceneConfig(_Section, frozen=True):
 
 
 class PlacementConfig(_Section, frozen=True):
-    """Where the pad's axes lie in a frame that all pads share; needed where pads are neighbours."""
+    """The pad's place in a frame that all pads share; needed where pads are neighbours."""
 
     position_mm: Vector = (0, 0, 0)
     rotation_deg: Vector = (0, 0, 0)
@@ -130,8 +132,8 @@ class PlacementConfig(_Section, frozen=True):
 
     def si(self) -> Placement:
         """The same facts in SI."""
-        turn = rotation_from_vector(np.deg2rad(np.array(self.rotation_deg, dtype=float)))
-        return Placement(np.array(self.position_mm, dtype=float) * 1e-3, turn, self.tolerance_mm * 1e-3)
+        rotation = rotation_from_vector(np.deg2rad(np.array(self.rotation_deg, dtype=float)))
+        return Placement(np.array(self.position_mm, dtype=float) * 1e-3, rotation, self.tolerance_mm * 1e-3)
 
 
 class ContactConfig(_Section, frozen=True):
@@ -142,7 +144,7 @@ class ContactConfig(_Section, frozen=True):
 
 
 class RebaselineConfig(_Section, frozen=True):
-    """Whether, how fast and how far the baseline follows a slow drift by itself: see docs/drift.md."""
+    """Whether, how fast and how far the baseline follows a slow drift automatically: see docs/drift.md."""
 
     enabled: bool = False
     quiet_s: Annotated[float, Meta(ge=5.0)] = 60.0
@@ -169,7 +171,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     rebaseline: RebaselineConfig = field(default_factory=RebaselineConfig)
 
     def pad(self) -> Pad:
-        """The same facts in SI."""
+        """The nominal pad, in SI."""
         positions = np.array(self.geometry.sensors_mm, dtype=float) * 1e-3
         sensors = SensorArray.aligned(positions)
         if self.geometry.sensor_rotations_deg:

@@ -1,4 +1,4 @@
-"""What a configuration must satisfy beyond its types: chips, geometry, names, and who reads which sensor."""
+"""Checks a configuration beyond its types: rates of chips and buses, geometry, names, and sensors read twice."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
 Key = str | int
-Problem = tuple[tuple[Key, ...], str]  # keys that lead to the value, and what is wrong with it
+Problem = tuple[tuple[Key, ...], str]  # the path of keys to a value, and what is wrong with it
 
 FEWEST_SENSORS = 3
-CLOSEST_MM = 2.0  # a magnet this near has touched the chip
-FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: whoever writes this means another unit
+CLOSEST_MM = 2.0  # a nearer magnet would touch the chip
+FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: a larger number was meant in another unit
 SENSOR_SPACING_MM = 1.0
 FIRST_MUX = 0x70
-MOST_NEIGHBOURS = 3  # four magnets are what the solver's state holds
-MAGNETS_APART_MM = 5.0  # nearer, they would be in each other's rubber
+MOST_NEIGHBOURS = 3  # the solver's state holds four magnets
+MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
 
 
 def problem_in(config: Config) -> Problem | None:
-    """The first problem in reading order, None where there is none."""
+    """The first problem of `config`; None where there is none."""
     return next(_problems(config), None)
 
 
@@ -142,7 +142,10 @@ def _model(pad: PadConfig) -> Iterator[Problem]:
 
 
 def other_silicone(pad: PadConfig) -> str | None:
-    """What is to be said of a simulated slab that the model was not made for; nothing in a model tells its own."""
+    """A warning where a shipped model is used with another simulated slab than it was made for, else None.
+
+    A model's file does not tell the mechanics that it was made for.
+    """
     source = pad.source
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and pad.contact.model in SHIPPED_PATHS:
         return (
@@ -183,7 +186,7 @@ def _magnets_apart_mm(one: PadConfig, other: PadConfig) -> float:
 
 
 def _sensor_addresses(source: SourceConfig) -> set[tuple[Key, ...]]:
-    """What a source reads, so that two pads that read the same are found: the second would take the first's frames."""
+    """Addresses of the sensors that a source reads. Two pads must not share any: each would take the other's frames."""
     if isinstance(source, BridgeSource):
         return {(source.uid.lower() if source.uid else source.port, source.pad_index)}
     if isinstance(source, I2cSource):

@@ -1,4 +1,4 @@
-"""`[collect]`: what presses the pad and what measures the force while calibration data are collected."""
+"""Defines and checks `[collect]`: the machine that presses the pad, and the gauge that measures the force."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class _Gauge(Section, frozen=True):
 
 class _AsciiGauge(_Gauge, frozen=True):
     pattern: str = DECIMAL  # a regular expression for one line; its first group is the number
-    newton_per_unit: float = 1.0  # negative where pressing counts down
+    newton_per_unit: float = 1.0  # negative where pressing makes the number smaller
 
 
 class SerialGauge(_AsciiGauge, frozen=True, kw_only=True, tag="serial", tag_field="type"):
     port: str
     baud: Annotated[int, Meta(ge=300)] = 9600
-    ask: str = ""  # sent whenever a reading is wanted, for gauges that do not stream
+    ask: str = ""  # sent for each reading, to gauges that do not stream
 
 
 class UdpGauge(_AsciiGauge, frozen=True, kw_only=True, tag="udp", tag_field="type"):
@@ -46,36 +46,36 @@ GaugeConfig = SerialGauge | UdpGauge | LoadCellGauge
 
 
 class StageConfig(Section, frozen=True):
-    """A G-code machine. Places are the machine's own coordinates after homing; its z grows away from the pad."""
+    """A G-code machine. Places are machine coordinates after homing; z points away from the pad."""
 
     port: str
     dialect: Literal["marlin", "grbl"]
-    travel_mm: tuple[Span, Span, Span]  # x, y, z: the rod is never sent beyond; no default, nobody else can know
-    force_limit_n: PositiveFloat  # beyond it the rod is lifted and the work ends; no default either
+    travel_mm: tuple[Span, Span, Span]  # x, y, z: limits of the rod's travel; required, because only the user knows it
+    force_limit_n: PositiveFloat  # above it the rod is lifted and the work ends; required too
     origin_mm: Span  # machine x, y at which the rod stands above the pad's origin
-    clear_z_mm: float  # here the rod touches nothing wherever it travels
+    clear_z_mm: float  # height at which the rod can travel without touching anything
     baud: Annotated[int, Meta(ge=1200)] = 115200
-    turn_deg: float = 0.0  # of the pad's x axis against the machine's
+    turn_deg: float = 0.0  # angle from the machine's x axis to the pad's
     travel_mm_per_s: PositiveFloat = 20.0  # sideways, clear of the pad
-    lift_mm_per_s: PositiveFloat = 4.0  # up, and down to the pad: not more than the machine's z can (M203, $112)
+    lift_mm_per_s: PositiveFloat = 4.0  # up, and down to the pad; within the machine's limit for z (M203, $112)
     press_mm_per_s: PositiveFloat = 2.0
     step_mm: PositiveFloat = 0.1  # the longest step towards a force
-    overshoot_mm: NonNegativeFloat = 0.2  # each place is reached from its lower side: takes up backlash of so much
+    overshoot_mm: NonNegativeFloat = 0.2  # each place is approached from so much below in x and y, against backlash
 
 
 class CollectConfig(Section, frozen=True):
     gauge: GaugeConfig | None = None
     stage: StageConfig | None = None
-    average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # of frames and forces behind each row
-    settle_s: NonNegativeFloat = 0.3  # after the force is reached: silicone creeps
+    average_s: Annotated[float, Meta(ge=0.3, le=10)] = 0.3  # each row is the mean of so much time
+    settle_s: NonNegativeFloat = 0.3  # wait after the force is reached: silicone creeps
     silence_ms: Annotated[float, Meta(gt=0, le=LONGEST_SILENCE_MS)] = 100.0  # of gauge or board; then the rod is lifted
     force_tolerance: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # of a reached force, relative to the plan's
-    moved_limit_mm: PositiveFloat = 0.05  # of the unloaded magnet since the baseline
-    ambient_limit_ut: PositiveFloat = 2.0  # of the field of the unloaded pad since the baseline, µT
+    moved_limit_mm: PositiveFloat = 0.05  # for the unloaded magnet, from its place in the baseline
+    ambient_limit_ut: PositiveFloat = 2.0  # for the unloaded pad's field, from the baseline's, in µT
 
 
 def problems(collect: CollectConfig) -> Iterator[Problem]:
-    """What the types cannot tell."""
+    """Yields the problems that the types do not exclude."""
     gauge, stage = collect.gauge, collect.stage
     if isinstance(gauge, SerialGauge | UdpGauge):
         try:
@@ -93,7 +93,7 @@ def problems(collect: CollectConfig) -> Iterator[Problem]:
     if stage is None:
         return
     if gauge is None:
-        yield ("stage",), "a stage needs a [collect.gauge]: without one it cannot know when to stop pressing"
+        yield ("stage",), "a stage needs a [collect.gauge], without which it cannot know when to stop pressing"
     for axis, (low, high) in zip("xyz", stage.travel_mm, strict=True):
         if not low < high:
             yield ("stage", "travel_mm"), f"{axis} goes from {low:g} to {high:g}: the lower end comes first"

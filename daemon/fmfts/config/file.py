@@ -1,4 +1,4 @@
-"""Finding and reading the configuration file; every error names file, table, key, value and what is allowed."""
+"""Finds and reads the configuration file. Every error names the file, table, key and value, and what is allowed."""
 
 from __future__ import annotations
 
@@ -43,11 +43,9 @@ class ConfigError(Exception):
 
 
 def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> tuple[Config, Path]:
-    """The configuration and the file that it came from: `path`, else $FMFTS_CONFIG, else DEFAULT_PATHS in order.
+    """The configuration, and the file that it was read from: `path`, else $FMFTS_CONFIG, else DEFAULT_PATHS in order.
 
-    A relative path of a contact model, a recording or the keys is taken from the file's own folder, and comes back
-    absolute.
-    Raises ConfigError.
+    Relative paths in the file are relative to its folder, and are absolute in the result. Raises ConfigError.
     """
     file = _find(path, environ)
     data = _read(file)
@@ -76,13 +74,14 @@ def _find(path: Path | None, environ: Mapping[str, str]) -> Path:
             return candidate
     raise ConfigError(
         f"no configuration found: neither --config nor ${ENVIRONMENT} is given, and there is no "
-        f"{' or '.join(map(str, DEFAULT_PATHS))}: describe your pads in one of them, as the config.toml does that ships"
+        f"{' or '.join(map(str, DEFAULT_PATHS))}: describe your pads in one of them; the config.toml that ships is an "
+        "example"
     )
 
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        text = file.read_text(encoding="utf-8-sig")  # some editors put a byte order mark first
+        text = file.read_text(encoding="utf-8-sig")  # skips the byte order mark that some editors write
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -118,7 +117,7 @@ def _with_absolute_paths(config: Config, folder: Path) -> Config:
 
 
 def _explain(data: dict[str, Any], error: str) -> str:
-    """msgspec's "what - at `$.pad[0].source.rate_hz`" in the words of somebody who edits the file."""
+    """Rewrites msgspec's "what - at `$.pad[0].source.rate_hz`" for a person who edits the file."""
     what, _, path = error.partition(" - at ")
     keys: list[Key] = [int(index) if index else name for name, index in re.findall(r"\.(\w[\w-]*)|\[(\d+)\]", path)]
     if missing := re.search(r"missing required field `(.*)`", what):
@@ -139,7 +138,7 @@ def _nearest(data: dict[str, Any], keys: Sequence[Key], unknown: str) -> str:
 
 
 def _place(data: dict[str, Any], keys: Sequence[Key]) -> str:
-    """`pad 'left' (second [[pad]]): geometry.sensors_mm[1]`"""
+    """The path of a key in words, like `pad 'left' (second [[pad]]): geometry.sensors_mm[1]`."""
     if len(keys) >= 2 and keys[0] == "pad" and isinstance(keys[1], int):
         number = keys[1]
         name = _value_at(data, ["pad", number, "name"])
@@ -178,22 +177,22 @@ def _numbers(value: Any, keys: tuple[Key, ...] = ()) -> Iterator[tuple[tuple[Key
 
 
 def _type_at(data: Any, keys: Sequence[Key]) -> inspect.Type:
-    found: inspect.Type = inspect.type_info(Config)
+    kind: inspect.Type = inspect.type_info(Config)
     for key in keys:
-        if isinstance(found, inspect.UnionType):
-            found = _chosen(found, data)
+        if isinstance(kind, inspect.UnionType):
+            kind = _chosen(kind, data)
         data = _value_at(data, [key])
-        if isinstance(found, inspect.VarTupleType):
-            found = found.item_type
-        elif isinstance(found, inspect.TupleType) and isinstance(key, int):
-            found = found.item_types[key]
+        if isinstance(kind, inspect.VarTupleType):
+            kind = kind.item_type
+        elif isinstance(kind, inspect.TupleType) and isinstance(key, int):
+            kind = kind.item_types[key]
         else:
-            found = _field_type(found, str(key))
-    return _chosen(found, data) if isinstance(found, inspect.UnionType) else found
+            kind = _field_type(kind, str(key))
+    return _chosen(kind, data) if isinstance(kind, inspect.UnionType) else kind
 
 
 def _chosen(union: inspect.UnionType, data: Any) -> inspect.Type:
-    """The table that `type = …` names, or what stands beside null; the union itself where nothing names one."""
+    """The table type that `type = …` in `data` names, or the type beside None; `union` where `type` names none."""
     tables = [each for each in union.types if isinstance(each, inspect.StructType)]
     if not tables:
         return next(each for each in union.types if not isinstance(each, inspect.NoneType))
@@ -233,5 +232,5 @@ def _bounds(kind: inspect.IntType | inspect.FloatType) -> str:
     if kind.ge is not None and kind.le is not None:
         return f" from {kind.ge} to {kind.le}"
     words = {"greater than": kind.gt, "at least": kind.ge, "at most": kind.le, "less than": kind.lt}
-    said = [f"{word} {bound}" for word, bound in words.items() if bound is not None]
-    return " " + " and ".join(said) if said else ""
+    limits = [f"{word} {bound}" for word, bound in words.items() if bound is not None]
+    return " " + " and ".join(limits) if limits else ""

@@ -1,4 +1,4 @@
-"""What every table of the configuration file is made of."""
+"""Defines the base class of all tables of the configuration file, and its number types."""
 
 from __future__ import annotations
 
@@ -11,4 +11,4 @@ NonNegativeFloat = Annotated[float, Meta(ge=0)]
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the file: unknown keys are errors."""
+    """A table of the file; an unknown key in it is an error."""

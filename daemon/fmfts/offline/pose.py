@@ -1,4 +1,4 @@
-"""`fmfts-daemon pose`: fields in a CSV file → poses in another."""
+"""`fmfts-daemon pose`: solves the pose of each row of a CSV file of fields."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ UNKNOWNS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD, 9: np.union1d(FREE_PAPER
 
 @dataclass(frozen=True, slots=True)
 class PoseOptions:
-    """baseline: a file whose ambient field and gains apply, None where the table has neither. sequence: each row is
-    started from the one before, not from rest. noise_t: standard deviation of a field value.
+    """baseline: a file with the ambient field and the gains; None: the table's fields need neither. sequence: start
+    each row from the pose before, not from rest. noise_t: standard deviation of a field value.
 
     unknowns: the pose alone (5), with the moment (6, the paper's), with the ambient field (8), with both (9). octupole:
-    the magnet is a cylinder. gradient_t_per_m: standard deviation of the ambient field's gradient, about zero.
-    neighbours: magnets of other pads, whose rest field was subtracted as the ambient field was.
+    model the magnet as a cylinder. gradient_t_per_m: standard deviation of the ambient field's gradient about zero.
+    neighbours: magnets of other pads, whose field at rest was subtracted with the ambient field.
     """
 
     baseline: Path | None = None
@@ -53,8 +53,10 @@ class PoseOptions:
 
 
 def solve_table(table: FieldTable, pad: Pad, options: PoseOptions) -> dict[str, list[str]]:
-    """The table's other columns, then pose, remanence, residual and status, with a standard deviation for each; and the
-    ambient field where it is unknown."""
+    """The table's other columns, then pose, remanence, residual and status, with standard deviations.
+
+    The ambient field is added where it is unknown. Raises DataError where the baseline cannot be used.
+    """
     mounting = None if options.baseline is None else mounting_of(options.baseline, pad)
     geometry = pad if mounting is None else mounting.mounted(pad)
     rest = State.at_rest(geometry) if mounting is None else mounting.rest
@@ -92,19 +94,19 @@ def _columns(estimates: list[PoseEstimate], names: Sequence[str]) -> dict[str, l
         name: [] for name in (*names, "residual_ut", "status", *(f"{name}_sd" for name in names))
     }
     for estimate in estimates:
-        solved = estimate.status is Status.CONVERGED
+        converged = estimate.status is Status.CONVERGED
         state = estimate.state
         values = (*(state.position_m * 1e3), *state.axis, estimate.remanence_t, *(state.ambient_t * 1e6))
         for name, value, deviation in zip(names, values, _deviations(estimate), strict=False):
-            columns[name].append(f"{value:.6f}" if solved else "")
-            columns[f"{name}_sd"].append(f"{deviation:.6f}" if solved else "")
-        columns["residual_ut"].append(f"{estimate.residual_t * 1e6:.6f}" if solved else "")
+            columns[name].append(f"{value:.6f}" if converged else "")
+            columns[f"{name}_sd"].append(f"{deviation:.6f}" if converged else "")
+        columns["residual_ut"].append(f"{estimate.residual_t * 1e6:.6f}" if converged else "")
         columns["status"].append(estimate.status.value)
     return columns
 
 
 def _deviations(estimate: PoseEstimate) -> list[float]:
-    """Of a_mm … ambient_z_ut. Where the residuals are larger than the noise, they tell the errors better than it."""
+    """Standard deviations of a_mm … ambient_z_ut, scaled up where the residuals are larger than the noise."""
     freedom = max(estimate.degrees_of_freedom, 1)
     scale = np.sqrt(max(1.0, estimate.chi2 / freedom))
     pose = np.sqrt(np.diagonal(estimate.pose_covariance)) * scale

@@ -1,4 +1,4 @@
-"""A recording's frames through the pipeline once more: the same contacts, bit for bit, where nothing else changed."""
+"""Processes a recording's frames again, and compares the contacts; they are the same bit for bit if nothing changed."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from fmfts.scene.tracking import around, choose
 from fmfts.sensor.chips import CHIPS
 
 Key = tuple[str, str, int]  # boot, pad, number
-# What is said while no frame can be used comes of the source's silence, which is no frame: it is taken as it was.
+# Health of contacts that the source's silence causes, not a frame: a replay repeats them as recorded.
 SILENT = ("stale", "disconnected")
-# What arithmetic on a state says where it is not one.
-OF_A_WRONG_VALUE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-# A contact's own time of leaving.
-OF_THE_MOMENT = ("boot", "t_publish_ns", "utc_ns")
+# Errors that a damaged state can cause.
+DAMAGED_STATE_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+# Fields that differ in every run.
+FIELDS_OF_A_RUN = ("boot", "t_publish_ns", "utc_ns")
 
 
 def essence(contact: ContactMessage) -> dict[str, Any]:
-    """All of it but the run and the moment of sending."""
-    return {key: value for key, value in msgspec.to_builtins(contact).items() if key not in OF_THE_MOMENT}
+    """The fields of a contact that a replay must repeat: all but the run and the time of sending."""
+    return {key: value for key, value in msgspec.to_builtins(contact).items() if key not in FIELDS_OF_A_RUN}
 
 
 @dataclass(slots=True)
 class Comparison:
-    """Recorded contacts beside replayed ones. different: pad, number, and the fields of the first few that differ."""
+    """Compares recorded contacts with replayed ones. different: (pad, number, names of the fields that differ)."""
 
     identical: int = 0
     different: list[tuple[str, int, list[str]]] = field(default_factory=list)
-    _recorded: dict[Key, ContactMessage] = field(default_factory=dict)  # without their other, up to now
-    _replayed: dict[Key, ContactMessage] = field(default_factory=dict)
-    _compared: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)  # boot, pad: first and last number
+    _recorded: dict[Key, ContactMessage] = field(default_factory=dict)  # not replayed yet
+    _replayed: dict[Key, ContactMessage] = field(default_factory=dict)  # not recorded yet
+    _compared: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)  # (boot, pad) → first, last number
 
     def recorded(self, contact: ContactMessage) -> None:
         self._add(contact, self._recorded, self._replayed)
@@ -58,7 +58,7 @@ class Comparison:
     def _add(
         self, contact: ContactMessage, waiting: dict[Key, ContactMessage], others: dict[Key, ContactMessage]
     ) -> None:
-        """They are compared when both are there."""
+        """Compares the contact with its counterpart, or keeps it until that arrives."""
         key = (contact.boot, contact.pad, contact.seq)
         other = others.pop(key, None)
         if other is None:
@@ -74,25 +74,25 @@ class Comparison:
 
     @property
     def alone(self) -> int:
-        """Contacts of one kind without their other: at both ends of a recording there are some."""
+        """Number of contacts without a counterpart; there are some at both ends of a recording."""
         return len(self._recorded) + len(self._replayed)
 
     @property
     def unreplayed(self) -> int:
-        """Recorded contacts between the first and the last that were compared that no frame gave again."""
+        """Number of recorded contacts, between the first and the last compared one, that the replay did not give."""
         ranges = [(self._compared.get(key[:2]), key[2]) for key in self._recorded]
         return sum(compared is not None and compared[0] < number < compared[1] for compared, number in ranges)
 
     @property
     def is_the_same(self) -> bool:
-        """False also where nothing could be compared."""
+        """Were all compared contacts identical, and none missing? False where nothing could be compared."""
         return self.identical > 0 and not self.different and not self.unreplayed
 
 
 class Replay:
-    """The pads of a recording. model_paths: where to look for contact models besides those that ship.
+    """A replay of all pads of a recording. model_paths: files of contact models to use besides those that ship.
 
-    RecordingError where it holds no state, or another model than these made it.
+    Raises RecordingError where the recording has no state, or was made with none of these models.
     """
 
     def __init__(self, path: Path, model_paths: Sequence[str] = ()) -> None:
@@ -101,7 +101,7 @@ class Replay:
         self._model_paths = (*SHIPPED_PATHS, *model_paths)
         self._pipelines: dict[str, PadPipeline] = {}
         self._boot = ""
-        self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → its first state
+        self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → first state
         self._silences: dict[tuple[str, str, int], ContactMessage] = {}
         self.solvers: set[str] = set()
         self._digest = hashlib.sha256()
@@ -112,13 +112,13 @@ class Replay:
             elif isinstance(one.message, ContactMessage) and one.message.health in SILENT:
                 self._silences[one.message.boot, one.pad, one.message.seq] = one.message
         if not self._first:
-            cut = "" if is_whole(path) else ", as far as it goes before it is cut off"
+            cut = "" if is_whole(path) else ", up to where it is cut off"
             raise RecordingError(
-                f"{path} holds no state of a pad{cut}: `fmfts-daemon record` while frames come makes one"
+                f"{path} holds no state of a pad{cut}: make a recording with `fmfts-daemon record` while frames arrive"
             )
 
     def contacts(self) -> Iterator[ContactMessage]:
-        """What the pipeline makes of each frame."""
+        """Yields the contact of each frame, as the pipeline computes it now."""
         for contact in self._contacts():
             self._digest.update(msgspec.json.encode(essence(contact)))
             yield contact
@@ -134,7 +134,7 @@ class Replay:
                 self.comparison.recorded(message)
 
     def facts(self) -> dict[str, Any]:
-        """Of the comparison, after the last contact."""
+        """The result of the comparison; call it after the last contact."""
         compared, whole = self.comparison, is_whole(self.path)
         return {
             "recording": str(self.path) + ("" if whole else " (cut off: its last chunk is missing)"),
@@ -146,7 +146,7 @@ class Replay:
             "without_their_other": compared.alone,
             "recorded_with": sorted(self.solvers),
             "replayed_with": SOLVER,
-            "sha256": self._digest.hexdigest(),  # of all that was replayed, the same on every processor
+            "sha256": self._digest.hexdigest(),  # of all replayed contacts; the same on every processor
         }
 
     def _replayed(self, pipeline: PadPipeline, message: FrameMessage) -> Iterator[ContactMessage]:
@@ -159,37 +159,37 @@ class Replay:
         yield contact
 
     def _put(self, state: StateMessage) -> None:
-        """From here on as the daemon stood there."""
+        """Sets the pad's pipeline to a recorded state."""
         if state.boot != self._boot:
             self._boot, self._pipelines = state.boot, {}
             self._build(list(self._first[state.boot].values()))
         pipeline = self._pipelines[state.pad]
-        with self._believed(state):
+        with self._errors_of(state):
             baseline = None if state.baseline is None else msgspec.convert(state.baseline, Baseline)
             if baseline is not None and (pipeline.baseline is None or pipeline.baseline.id != baseline.id):
                 pipeline.use(baseline)
             restore(pipeline, state.memory)
 
     @contextmanager
-    def _believed(self, state: StateMessage) -> Iterator[None]:
-        """While work is done with what a state says, which may be anything."""
+    def _errors_of(self, state: StateMessage) -> Iterator[None]:
+        """Turns errors that a damaged state causes into RecordingError."""
         try:
             yield
-        except (msgspec.MsgspecError, BaselineError, *OF_A_WRONG_VALUE) as error:
+        except (msgspec.MsgspecError, BaselineError, *DAMAGED_STATE_ERRORS) as error:
             raise RecordingError(
                 f"{self.path}: the state of pad '{state.pad}' is damaged or another version's: "
                 f"{type(error).__name__}: {error}: replay it with the daemon that made it"
             ) from error
 
     def _build(self, states: list[StateMessage]) -> None:
-        """All pads at once: neighbours count with each other from their first frame on."""
+        """Makes all pads' pipelines at once, because neighbours use each other's poses from the first frame on."""
         configs = []
         for state in states:
-            with self._believed(state):
+            with self._errors_of(state):
                 configs.append(msgspec.convert(state.config, PadConfig))
                 self._pipelines[state.pad] = self._pipeline(configs[-1], state)
         for config, state in zip(configs, states, strict=True):
-            with self._believed(state):
+            with self._errors_of(state):
                 for neighbour in around(config, configs):
                     if neighbour.is_felt:
                         self._pipelines[config.name].feel(self._pipelines[neighbour.name], neighbour.placement)
@@ -201,7 +201,7 @@ class Replay:
         return PadPipeline(config.pad(), self._model(config, state), state.boot, config.source.rate_hz, scene.tracking)
 
     def _model(self, config: PadConfig, state: StateMessage) -> ContactModel:
-        """By its hash: no path that stands in a recording is ever opened."""
+        """The contact model with the recorded hash. Never opens a path that is written in the recording."""
         for path in self._model_paths:
             try:
                 model = model_of(config, path)

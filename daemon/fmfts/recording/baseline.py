@@ -1,4 +1,4 @@
-"""The baseline of a pad that is a recording: the one that is in it, and no other."""
+"""Reads the baseline of a pad whose source is a recording: the one in the recording."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmfts.sensor import Source
 
 
 def recorded_baseline(source: Source, pad_index: int) -> Baseline | None:
-    """None where the pad had none. BaselineError where it is not one of this version."""
+    """The recorded baseline; None where the pad had none. Raises BaselineError where it is of another version."""
     from fmfts.recording.source import Replayed
 
     assert isinstance(source, Replayed)
@@ -22,6 +22,6 @@ def recorded_baseline(source: Source, pad_index: int) -> Baseline | None:
 
 
 def require_device(pad: PadConfig) -> None:
-    """BaselineError where there is none: what is stored for a pad of this name must not come from its past."""
+    """Raise BaselineError where the pad is a recording: a baseline made of old frames must not be stored for it."""
     if isinstance(pad.source, ReplaySource):
         raise BaselineError(f"pad '{pad.name}' is a recording, and its baseline is in it: there is nothing to record")

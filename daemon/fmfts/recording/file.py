@@ -1,6 +1,6 @@
-"""A recording as a file: MCAP (mcap.dev), every message as JSON under the schema of docs/messages.md.
+"""Writes and reads recordings: MCAP files (mcap.dev) with each message as JSON, in the schema of docs/messages.md.
 
-What is written is on its way to the disk a second later: a recorder that is killed loses its last chunk at most.
+A recorder that is killed loses its last chunk at most, which is a second of messages.
 """
 
 from __future__ import annotations
@@ -42,13 +42,15 @@ class RecordingError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
+    """A message of a recording. kind: a key of KINDS."""
+
     kind: str
     pad: str
     message: AnyMessage
 
 
 class RecordingWriter:
-    """A new file at `path`; RecordingError where there is one already, or no place."""
+    """Writes a new file. Raises RecordingError where it exists already, or cannot be made."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -63,14 +65,14 @@ class RecordingWriter:
             self.flush()
         except FileExistsError as error:
             raise RecordingError(
-                f"{path}: {error.strerror}: no recording is written over; give another name"
+                f"{path}: {error.strerror}: a recording is never overwritten; give another name"
             ) from error
         except OSError as error:
             absent = "" if path.parent.is_dir() else f": there is no folder {path.parent}: make it first"
             raise RecordingError(f"{path}: {error.strerror}{absent}") from error
 
     def add(self, kind: str, pad: str, body: dict[str, Any]) -> None:
-        """body: the message as it came from the bus. RecordingError where the disk is full."""
+        """Write a message. body: as it arrived from the bus. Raises RecordingError where the disk is full."""
         with _disk(self.path):
             channel = self._channels.get((kind, pad))
             if channel is None:
@@ -83,24 +85,24 @@ class RecordingWriter:
             self.messages += 1
 
     def flush(self) -> None:
-        """End the chunk: what was added so far outlives this process. RecordingError where the disk is full."""
+        """End the chunk: its messages survive the end of this process. Raises RecordingError where the disk is full."""
         with _disk(self.path):
             self._writer.flush()
 
     def sync(self) -> None:
-        """The same, and it outlives this computer."""
+        """Like flush, but the messages also survive a power cut."""
         self.flush()
         with _disk(self.path):
             self._output.sync()
 
     def finish(self) -> None:
-        """Add the index. A file without one can be read as well."""
+        """Write the index, and end the file. A file without an index can be read too."""
         with _disk(self.path):
             self._writer.finish()
             self._output.sync()
 
     def discard(self) -> None:
-        """No recording after all: its name is free again."""
+        """Close and delete the file."""
         self.close()
         self.path.unlink(missing_ok=True)
 
@@ -109,9 +111,9 @@ class RecordingWriter:
 
 
 def read(path: Path) -> Iterator[Recorded]:
-    """The messages in their order, up to where the file is cut off, if it is (`is_whole` tells).
+    """Yields the messages in their order; of a file that was cut off (see `is_whole`), those before the cut.
 
-    RecordingError where it is no recording, or damaged within.
+    Raises RecordingError where the file is not a recording, or damaged.
     """
     topics: dict[int, str] = {}
     for record, end in _records(path):
@@ -120,7 +122,7 @@ def read(path: Path) -> Iterator[Recorded]:
 
 
 def is_whole(path: Path) -> bool:
-    """Was it brought to its end?"""
+    """Is the file complete, with index and end?"""
     ended = any(isinstance(record, Footer) for record, _ in _records(path))
     with path.open("rb") as file:
         file.seek(-len(MCAP0_MAGIC), os.SEEK_END)
@@ -128,33 +130,33 @@ def is_whole(path: Path) -> bool:
 
 
 def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
-    """Each with the byte at which it ends."""
+    """Yields each record with the position of its end."""
     end = 0
     try:
         with path.open("rb") as file:
             if os.fstat(file.fileno()).st_size == 0:
                 raise RecordingError(f"{path} is empty: its recorder has only just begun, or was stopped at once")
             try:
-                until = cast(IO[bytes], _UpToItsEnd(file))
-                for record in StreamReader(until, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
+                present = cast(IO[bytes], _PresentContent(file))
+                for record in StreamReader(present, emit_chunks=True, record_size_limit=LARGEST_RECORD).records:
                     end = file.tell()
                     yield record, end
             except (EndOfFile, struct.error):
-                if until.read(1) or file.tell() < HEADER_BYTES:  # else it is cut off, and what came before is good
+                if present.read(1) or file.tell() < HEADER_BYTES:  # otherwise it is cut off, and good up to here
                     raise
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
     except InvalidMagic as error:
         raise RecordingError(f"{path} is no recording: it does not begin as an MCAP file does") from error
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
-        raise RecordingError(f"{path} is no recording, or damaged after byte {end}: {_told(error)}") from error
+        raise RecordingError(f"{path} is not a recording, or damaged after byte {end}: {_text_of(error)}") from error
 
 
-class _UpToItsEnd:
-    """A file as long as it was when reading began.
+class _PresentContent:
+    """The content that a file had when reading began.
 
-    A recorder may be at work on it. The MCAP reader takes what it gets of a chunk for all of it, if the rest comes a
-    moment later: a chunk that is only not whole yet would be called damaged.
+    A recorder may still be writing the file. The MCAP reader would take the first part of a new chunk for the whole
+    chunk, and report damage.
     """
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -167,7 +169,7 @@ class _UpToItsEnd:
         return data
 
 
-def _told(error: Exception) -> str:
+def _text_of(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
@@ -178,13 +180,13 @@ def _messages(path: Path, chunk: Chunk, end: int, topics: dict[int, str]) -> Ite
         elif isinstance(record, Message):
             kind, _, pad = topics.get(record.channel_id, "").partition("/")
             if kind not in KINDS or len(record.data) > LARGEST_MESSAGE:
-                continue  # somebody else's channel: MCAP files may be merged
+                continue  # another program's channel: MCAP files may be merged
             try:
                 message = msgspec.json.decode(record.data, type=KINDS[kind])
             except (msgspec.DecodeError, ValueError) as error:
                 raise RecordingError(f"{path}: a message of {kind}/{pad}: {error}") from error
             if message.pad != pad:
-                raise RecordingError(f"{path}: a message of {kind}/{pad} speaks of pad {message.pad!r}")
+                raise RecordingError(f"{path}: a message of {kind}/{pad} is for pad {message.pad!r}")
             yield Recorded(kind, pad, message)
 
 
@@ -192,14 +194,14 @@ def _unpacked(path: Path, chunk: Chunk, end: int) -> list[McapRecord]:
     try:
         size = zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else chunk.uncompressed_size
         if max(size, chunk.uncompressed_size) > LARGEST_CHUNK:
-            raise ValueError(f"a chunk of {size} bytes is none of this program's")
+            raise ValueError(f"this program does not write a chunk of {size} bytes")
         return breakup_chunk(chunk, validate_crc=True)
     except (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError) as error:
-        raise RecordingError(f"{path} is damaged in the chunk that ends at byte {end}: {_told(error)}") from error
+        raise RecordingError(f"{path} is damaged in the chunk that ends at byte {end}: {_text_of(error)}") from error
 
 
 class _Output:
-    """A file that either takes all of a chunk or raises: an MCAP writer looks at no length."""
+    """A file that writes all data or raises, because the MCAP writer does not check how much was written."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -219,7 +221,7 @@ class _Output:
         return self._written
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Nothing to do: `write` does not buffer."""
 
     def sync(self) -> None:
         os.fsync(self._descriptor)
@@ -235,4 +237,4 @@ def _disk(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}: what was recorded before is in it, and can be read") from error
+        raise RecordingError(f"{path}: {error.strerror}: the messages before can be read from it") from error

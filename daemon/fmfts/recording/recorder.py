@@ -1,4 +1,4 @@
-"""`fmfts-daemon record`: a subscriber like any other, in a process of its own, so that a slow disk delays nobody."""
+"""`fmfts-daemon record`: subscribes to a daemon, in a process of its own, so that a slow disk does not delay it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ BATCH = 1000
 
 
 class Recorder:
-    """Writes what a daemon says, from each pad's state on: frames before it could not be replayed."""
+    """Writes a daemon's messages. Leaves out a pad's frames before its first state: they could not be replayed."""
 
     def __init__(self, output: Path, pad: str | None, endpoint: str | Endpoints | None) -> None:
-        """pad: None for all; else it and all that it feels. EndpointError, RecordingError."""
+        """pad: record this pad and its neighbours; None: all pads. Raises EndpointError or RecordingError."""
         self._pad = pad
         self._group = None if pad is None else with_neighbours(pad, endpoint)
         pad = pad if self._group == {pad} else None
-        # The bus first: then every frame that is recorded has its contact.
+        # Subscribe to contacts first: then every recorded frame has its contact.
         self._bus = Subscription(("contact", "event", "status"), pad, endpoint)
         try:
             self._frames = Subscription(("frame", "state"), pad, endpoint)
@@ -41,18 +41,18 @@ class Recorder:
         self._with_state: set[str] = set()
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missed = 0
-        self._told_to_end = False
+        self._stop_requested = False
 
     def run(self, seconds: float | None) -> dict[str, Any]:
-        """Until `seconds` are over (None: for ever) or an interrupt; the facts of the recording.
+        """Record for `seconds` (None: for ever) or until a signal; returns facts of the recording.
 
-        RecordingError where there is nothing to record, or no room for it.
+        Raises RecordingError where nothing arrives, or the disk is full.
         """
-        # An exception amid a write would leave it open how much of the chunk is in the file.
+        # The signals set a flag: an exception during a write would leave a chunk unfinished.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._end)
         begun_s = flushed_s = time.monotonic()
-        while not self._told_to_end and (seconds is None or time.monotonic() - begun_s < seconds):
+        while not self._stop_requested and (seconds is None or time.monotonic() - begun_s < seconds):
             self._turn()
             now_s = time.monotonic()
             if not self._writer.messages and now_s - begun_s > PATIENCE_S:
@@ -80,7 +80,7 @@ class Recorder:
         self._bus.close()
 
     def _end(self, *_: object) -> None:
-        self._told_to_end = True
+        self._stop_requested = True
 
     def _turn(self) -> None:
         self._poller.poll(round(TURN_S * 1e3))
@@ -106,8 +106,11 @@ class Recorder:
 
 
 def with_neighbours(pad: str, endpoint: str | Endpoints | None) -> set[str]:
-    """A pad, its neighbours, theirs and so on: each one's contacts depend on where its neighbours' magnets are, so that
-    none could be replayed without the others. A pad that sends no frames tells nobody of its neighbours."""
+    """A pad, its neighbours, their neighbours and so on.
+
+    A pad's contacts depend on its neighbours' magnets, so that a replay needs all of them. The neighbours of a pad that
+    sends no frames are not known.
+    """
     group, asked = {pad}, set[str]()
     while unasked := group - asked:
         name = min(unasked)

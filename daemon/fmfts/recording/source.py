@@ -1,4 +1,4 @@
-"""A recording in the place of a device: its frames come again in the time in which they once came."""
+"""Plays a recording in place of a device: gives its frames at the times at which they once arrived."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import SourceError, SourceState
 
-# A recording can wait: what fell due while this computer stood still comes when it goes on.
+# After a longer stall of this computer, playing goes on where it was, later, without skipping frames.
 LONGEST_STALL_NS = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Coming:
-    """The next frame, its time on the host's clock that it was recorded by counted on through all laps."""
+class _NextFrame:
+    """The next frame. recorded_ns: its time on the recording host's clock, continued through all laps."""
 
     frame: Frame
     recorded_ns: int
 
 
 class Replayed:
-    """A Source of one recording for those of its pads that a config names; they stay in step. states: by pad index,
-    what the recording says of each pad before its first frame.
+    """A Source of one recording, for those of its pads that the config names; they stay synchronous.
 
-    Of a file that spans several runs of the daemon, the first that has all these pads is played.
+    states: the recorded state of each pad before its first frame, by pad index. Of a recording of several runs of the
+    daemon, it plays the first run that has all these pads.
     """
 
     def __init__(self, pads: Mapping[int, PadConfig]) -> None:
-        """SourceError: no recording, no such pad in it, or of another structure than the config's."""
+        """Raises SourceError: no recording, no such pad in it, or a pad of another structure than the config's."""
         source = _source_of(next(iter(pads.values())))
         self._path, self._loop, self._speed = Path(source.file), source.loop, source.speed
         self._indices = {_source_of(pad).pad or pad.name: index for index, pad in pads.items()}
         if len(self._indices) < len(pads):
             names = ", ".join(pad.name for pad in pads.values())
-            raise SourceError(f"two of the pads {names} are the same pad of {self._path}: say another source.pad")
+            raise SourceError(f"two of the pads {names} are the same pad of {self._path}: set another source.pad")
         try:
             by_name = _first_states(self._path, set(self._indices))
         except RecordingError as error:
@@ -53,7 +53,7 @@ class Replayed:
             _require_same_structure(pad, self.states[index], self._path)
         self.state = SourceState(description=f"recording {self._path}")
         self._played = self._frames()
-        self._next: _Coming | None = None
+        self._next: _NextFrame | None = None
         self._start_ns: int | None = None
         self._first_ns = 0
 
@@ -66,7 +66,7 @@ class Replayed:
         return None if self._next is None else self._due_ns(self._next)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
-        """The frames that fell due. At the end of the recording, and where it is damaged, the source disconnects."""
+        """The frames that are due. The source disconnects where the recording ends or is damaged."""
         if self._start_ns is None:
             self._start_ns = now_ns
             self.state.connect(now_ns)
@@ -91,8 +91,8 @@ class Replayed:
         self._next = None
         self.state.connected, self.state.reason = False, "closed"
 
-    def _due_ns(self, coming: _Coming) -> int:
-        return (self._start_ns or 0) + round((coming.recorded_ns - self._first_ns) / self._speed)
+    def _due_ns(self, frame: _NextFrame) -> int:
+        return (self._start_ns or 0) + round((frame.recorded_ns - self._first_ns) / self._speed)
 
     def _advance(self, now_ns: int) -> None:
         try:
@@ -102,10 +102,10 @@ class Replayed:
             self.state.disconnect(str(error), now_ns)
             return
         if self._next is None:
-            self.state.disconnect("it is at its end (loop = true in [pad.source] begins anew)", now_ns)
+            self.state.disconnect("it is at its end (loop = true in [pad.source] repeats it)", now_ns)
 
-    def _frames(self) -> Generator[_Coming, None, None]:
-        """Lap by lap; in each the clocks and numbers go on from where the one before ended."""
+    def _frames(self) -> Generator[_NextFrame, None, None]:
+        """Yields the frames lap by lap; the clocks and numbers of each lap continue those of the lap before."""
         later_ns, numbers = 0, dict.fromkeys(self._indices, 0)
         chips = {index: CHIPS[_config_of(state).source.chip] for index, state in self.states.items()}
         while True:
@@ -120,7 +120,7 @@ class Replayed:
                     sequence=message.sequence + numbers[message.pad],
                     device_time_us=message.device_time_us + later_ns // 1000,
                 )
-                yield _Coming(frame, message.host_time_ns + later_ns)
+                yield _NextFrame(frame, message.host_time_ns + later_ns)
             if not self._loop or not first:
                 return
             for name, message in first.items():
@@ -136,7 +136,7 @@ class Replayed:
             if isinstance(message, FrameMessage):
                 yield message
             elif isinstance(message, StateMessage) and message.baseline != self.states[self._indices[one.pad]].baseline:
-                self.state.warnings[one.pad] = f"from here on pad '{one.pad}' had another baseline when it was recorded"
+                self.state.warnings[one.pad] = f"from here on, pad '{one.pad}' was recorded with another baseline"
 
 
 def _source_of(pad: PadConfig) -> ReplaySource:
@@ -149,18 +149,20 @@ def _config_of(state: StateMessage) -> PadConfig:
 
 
 def _first_states(path: Path, names: set[str]) -> dict[str, StateMessage]:
-    of_runs: dict[str, dict[str, StateMessage]] = {}
+    states_of_runs: dict[str, dict[str, StateMessage]] = {}
     for one in read(path):
         if isinstance(one.message, StateMessage):
-            states = of_runs.setdefault(one.message.boot, {})
+            states = states_of_runs.setdefault(one.message.boot, {})
             states.setdefault(one.pad, one.message)
             if names <= states.keys():
                 return {name: states[name] for name in names}
-    there = sorted({name for states in of_runs.values() for name in states})
-    if not there:
-        raise SourceError(f"{path} holds no frames of a pad: `fmfts-daemon record` while frames come makes one")
-    missing = ", ".join(sorted(names - set(there))) or f"all of {', '.join(sorted(names))} at one time"
-    raise SourceError(f"{path} holds no pad {missing}, but {', '.join(there)}: say source.pad = one of these")
+    present = sorted({name for states in states_of_runs.values() for name in states})
+    if not present:
+        raise SourceError(
+            f"{path} holds no frames of a pad: make a recording with `fmfts-daemon record` while frames arrive"
+        )
+    missing = ", ".join(sorted(names - set(present))) or f"all of {', '.join(sorted(names))} at one time"
+    raise SourceError(f"{path} holds no pad {missing}, but {', '.join(present)}: set source.pad to one of these")
 
 
 def _require_same_structure(pad: PadConfig, state: StateMessage, path: Path) -> None:
@@ -174,7 +176,7 @@ def _require_same_structure(pad: PadConfig, state: StateMessage, path: Path) -> 
             f"{msgspec.to_builtins(recorded.geometry)}, its [pad.magnet] {msgspec.to_builtins(recorded.magnet)}"
         )
     for key in ("rate_hz", "chip"):
-        theirs = getattr(recorded.source, key)
-        if getattr(pad.source, key) != theirs:
-            said = f'"{theirs}"' if isinstance(theirs, str) else theirs
-            raise SourceError(f"pad '{pad.name}': {path} was recorded with {key} = {said}: say so in [pad.source]")
+        value = getattr(recorded.source, key)
+        if getattr(pad.source, key) != value:
+            shown = f'"{value}"' if isinstance(value, str) else value
+            raise SourceError(f"pad '{pad.name}': {path} was recorded with {key} = {shown}: set it in [pad.source]")

@@ -1,4 +1,4 @@
-"""What a scene needs: every model's error at the contact, and the smallest model that is enough."""
+"""Finds the smallest tracking model that is sufficient for a pad's scene, from the contact error of each model."""
 
 from fmfts.scene.advice import WORTH, WORTH_OF_TERM, advice, configured, placed_beside, recommended
 from fmfts.scene.candidate import AMBIENT_CHANGE_T, Cost, Model, Surroundings

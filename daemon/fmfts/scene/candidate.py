@@ -1,4 +1,4 @@
-"""What is compared: models of what a frame holds, what each costs, and what surrounds a pad."""
+"""Defines what is compared: tracking models, the cost of each, and the surroundings of a pad."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from fmfts.scene.tracking import HOTTER_K, MOMENT_DEVIATION, MOMENT_WALK_PER_S, 
 from fmfts.sensor.chips import CHIPS, NOISE_T
 
 UNKNOWNS = {5: FREE_POSE, 6: FREE_PAPER, 8: FREE_FIELD, 9: np.arange(9)}
-# What a running pad tracks with. To hold the moment in a constant field serves until it has aged; to free it in a field
-# that drifts leaves height, moment and field unknown together.
+# Numbers of unknowns that a running pad may have. The others fail in time: 5, because a held moment ages; 9, because
+# height, moment and field cannot be told apart.
 RUNNING = (6, 8)
-# A baseline serves for a shift; the Earth's field turns by up to twice its half gauss.
+# A baseline is used for a shift. When the pad turns over, the Earth's field of half a gauss changes by twice that.
 BASELINE_AGE_S = 8 * 3600.0
 AMBIENT_CHANGE_T = 5e-5
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """unknowns: 5 (pose), 6 (with the moment), 8 (with the ambient field), 9 (with both). cylinder: the field's next
-    term after the dipole. neighbours: names of pads whose magnets are part of the state."""
+    """unknowns: 5 (pose), 6 (with the moment), 8 (with the ambient field), 9 (with both). cylinder: with the term of
+    the field after the dipole. neighbours: names of pads whose magnets are part of the state."""
 
     unknowns: int
     cylinder: bool
@@ -46,9 +46,11 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Rms over presses of place (mm) and force (N). In bounds, the noise that each press has where moment and field are
-    known: bias_of: cause → what of the bias it makes; error: rms of noise and of every bias that some running model
-    would do without."""
+    """Errors of a model: rms over presses, of the place in mm and of the force in N.
+
+    error, bias_of are relative to the noise with a known moment and field. error: rms of the noise and of every bias
+    that some running model avoids. bias_of: cause → its part of the bias.
+    """
 
     model: Model
     noise_mm: float
@@ -61,7 +63,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """noise_t: of one sample. others: the pads whose magnets could be felt, and the places of theirs."""
+    """noise_t: of one sample. others: the pads whose magnets may be felt."""
 
     config: PadConfig
     response: Response
@@ -70,12 +72,12 @@ class Surroundings:
 
     @property
     def drifts(self) -> bool:
-        """Does the ambient field change, so that no running model can tell the moment?"""
+        """Does the ambient field change, so that no running model can estimate the moment?"""
         return self.config.scene.ambient == "drifting" or self.config.scene.steel_nearby
 
     @property
     def moment_deviation(self) -> float:
-        """Of a moment that is held, when the baseline is as old as it may be."""
+        """Standard deviation of a held moment (relative), when the baseline is BASELINE_AGE_S old."""
         magnet, variance = self.config.magnet, MOMENT_DEVIATION**2 + MOMENT_WALK_PER_S * BASELINE_AGE_S
         if CHIPS[self.config.source.chip].thermometer is None:
             variance += (magnet.temperature_coefficient_per_k * UNSEEN_WARMING_K) ** 2

@@ -1,8 +1,8 @@
-"""Noise and bias of every model at the contact, to first order.
+"""Computes the noise and the bias of every model at the contact, to first order.
 
-A model errs in two ways. What it leaves unknown costs noise: with Jacobian J of the field by its unknowns, the pose has
-the covariance P = σ²(JᵀJ)⁻¹, and a press whose pose changes by S per unit the covariance C = (SᵀP⁻¹S)⁻¹. What it takes
-for known and is not, a change δ of the field that no unknown explains, costs bias: C SᵀP⁻¹ (JᵀJ)⁻¹Jᵀδ.
+Unknowns cause noise: with the Jacobian J of the field by the unknowns, the pose has the covariance P = σ²(JᵀJ)⁻¹, and a
+press that changes the pose by S per unit has the covariance C = (SᵀP⁻¹S)⁻¹. Effects that the model neglects cause bias:
+a change δ of the field that no unknown explains causes the bias C SᵀP⁻¹ (JᵀJ)⁻¹Jᵀδ.
 """
 
 from __future__ import annotations
@@ -29,19 +29,23 @@ PLACES_MM, LOAD_SHARES = (-8.0, -4.0, 0.0, 4.0, 8.0), (0.15, 0.5, 1.0)
 
 
 def costs(around: Surroundings, thorough: bool = True) -> list[Cost]:
-    """Of every model, the smallest first; if not thorough, of those that run, from a fifth of the presses."""
+    """The costs of all models, the smallest model first.
+
+    thorough: False takes only models that can run, and every fifth press.
+    """
     names = [other.name for other in around.others]
     neighbours = [tuple(names[:count]) for count in range(len(names) + 1)]
     models = [Model(*each) for each in product(UNKNOWNS if thorough else RUNNING, (False, True), neighbours)]
     pad, poses = around.config.pad(), list(_pressed(around))[:: 1 if thorough else 5]
     reference = [_Frame.of(pad, pose, around.noise_t, Model(5, True)).noise for pose in poses]
-    made = [_cost(around, pad, poses, model, np.array(reference)) for model in models]
-    return sorted(made, key=lambda cost: cost.model.size)
+    all_costs = [_cost(around, pad, poses, model, np.array(reference)) for model in models]
+    return sorted(all_costs, key=lambda cost: cost.model.size)
 
 
 @dataclass(frozen=True, slots=True)
 class _Pressed:
-    """state: of the magnet; slope (5, 3): of its change by the press; turn (3, 3): drawing's axes ← rest axis' own."""
+    """state: of the magnet. slope (5, 3): derivative of its pose by the press. turn (3, 3): from axes with z along the
+    rest axis to the drawing's axes."""
 
     state: State
     slope: Array
@@ -49,7 +53,7 @@ class _Pressed:
 
 
 def _pressed(around: Surroundings) -> Iterator[_Pressed]:
-    """Presses all over the pad, from light to full scale, and the poses they make."""
+    """Yields the poses of presses all over the pad, from light to full force."""
     pad = around.config.pad()
     loads = np.array(LOAD_SHARES) * around.response.scale_n
     press = np.array(list(product(PLACES_MM, PLACES_MM, loads)))
@@ -64,7 +68,7 @@ def _pressed(around: Surroundings) -> Iterator[_Pressed]:
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """noise (3,): deviations of the press; to_press (3, 3N): its error per unmodelled field."""
+    """noise (3,): standard deviations of the press. to_press (3, 3N): its error per unmodelled field."""
 
     noise: Array
     to_press: Array
@@ -74,7 +78,7 @@ class _Frame:
         rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, noise_t)
         _, jacobian = predict(rows, _magnets(pad.magnet, model), pressed.state)
         jacobian = jacobian[:, UNKNOWNS[model.unknowns]]
-        # Columns differ by ten powers of ten: brought to one length before they are inverted.
+        # Columns differ by ten powers of ten: scale them to one length before inverting.
         length = np.linalg.norm(jacobian, axis=0)
         inverse = np.linalg.pinv(jacobian / length, rcond=1e-12) / length[:, None]
         to_pose = np.zeros((CHANGE, CHANGE))
@@ -91,29 +95,29 @@ def _cost(around: Surroundings, pad: Pad, poses: Sequence[_Pressed], model: Mode
     noise, bias = [], []
     for pressed in poses:
         frame = _Frame.of(pad, pressed, around.noise_t, model)
-        there = _causes(around, pad, pressed.state, model)
-        # What the baseline saw of the cylinder at rest, it took away.
-        there["cylinder"] = there["cylinder"] - rest["cylinder"]
+        causes = _causes(around, pad, pressed.state, model)
+        # The baseline has removed the cylinder's term at rest.
+        causes["cylinder"] = causes["cylinder"] - rest["cylinder"]
         noise.append(frame.noise)
-        bias.append([np.sqrt(np.sum((frame.to_press @ field) ** 2, axis=1)) for field in there.values()])
+        bias.append([np.sqrt(np.sum((frame.to_press @ field) ** 2, axis=1)) for field in causes.values()])
     noises, biases = np.array(noise), np.array(bias)
-    whole = np.sqrt(np.sum(biases**2, axis=1))
+    total_bias = np.sqrt(np.sum(biases**2, axis=1))
     avoidable = [not (around.drifts and cause == "moment") for cause in rest]
     errors = np.sqrt(noises**2 + np.sum(biases[:, avoidable] ** 2, axis=1))
     by_cause = np.sqrt(np.mean((biases / reference[:, None]) ** 2, axis=(0, 2)))
     return Cost(
         model,
         rms(noises[:, :2]),
-        rms(whole[:, :2]),
+        rms(total_bias[:, :2]),
         rms(noises[:, 2]),
-        rms(whole[:, 2]),
+        rms(total_bias[:, 2]),
         rms(errors / reference),
         dict(zip(rest, by_cause.tolist(), strict=True)),
     )
 
 
 def _causes(around: Surroundings, pad: Pad, state: State, model: Model) -> dict[str, Array]:
-    """Cause → (3N, n) changes of the field, one deviation each, that no unknown of `model` stands for."""
+    """Cause → (3N, n) changes of the field by one standard deviation, which no unknown of `model` explains."""
     rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, around.noise_t)
     field, _ = predict(rows, _magnets(pad.magnet, replace(model, cylinder=True)), state)
     modelled, _ = predict(rows, _magnets(pad.magnet, model), state)
@@ -131,17 +135,16 @@ def _causes(around: Surroundings, pad: Pad, state: State, model: Model) -> dict[
 
 
 def _of_neighbour(config: PadConfig, other: PadConfig, rows: Array) -> Array:
-    """(3N, 5) of its hardest press: along each direction of its magnet's pose, so that together they make one."""
-    there, magnet = other.placement.si().seen_from(config.placement.si()), other.pad()
-    axis = there.rotation @ magnet.rest_axis
-    rest = Neighbour(there.point(magnet.rest_position_m), axis, 0.0)
+    """(3N, 5) changes of the field by the neighbour's hardest press, along each direction of its magnet's pose."""
+    placement, pad = other.placement.si().seen_from(config.placement.si()), other.pad()
+    axis = placement.rotation @ pad.rest_axis
+    rest = Neighbour(placement.point(pad.rest_position_m), axis, 0.0)
     size = np.array([REACH_M / np.sqrt(3.0)] * 3 + [REACH_RAD / np.sqrt(2.0)] * 2)
     columns = []
     for direction in np.eye(CHANGE) * size:
         moved = rest.stepped(np.append(direction, 0.0))
         ends = [
-            dipole_field(rows[:, :3], where.position_m, where.axis, magnet.magnet.strength_t_m3)
-            for where in (rest, moved)
+            dipole_field(rows[:, :3], place.position_m, place.axis, pad.magnet.strength_t_m3) for place in (rest, moved)
         ]
         columns.append(np.sum(rows[:, DIRECTION] * (ends[1] - ends[0]), axis=1))
     return np.stack(columns, axis=1)

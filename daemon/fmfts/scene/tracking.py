@@ -1,4 +1,4 @@
-"""From what the config says of a pad's place to what is unknown there: no larger model runs than the scene needs."""
+"""Chooses the unknowns of a pad's tracker from its scene in the config: the smallest set that the scene allows."""
 
 from __future__ import annotations
 
@@ -30,42 +30,44 @@ from fmfts.pose import (
 from fmfts.pose.neighbour import REACH_M, REACH_RAD, NeighbourView, Seen, Sighting
 from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 
-# A hand that turns at 1 rad/s in the Earth's half gauss changes the field by 2 mG from frame to frame; twice that.
+# Random walk of the ambient field: twice what a hand that turns at 1 rad/s in the Earth's half gauss causes (2 mG from
+# frame to frame).
 AMBIENT_WALK_T2_PER_S = square(5e-7) * 220.0
-# Right after a baseline, what is subtracted is the ambient field to within this.
+# Error of the subtracted ambient field right after a baseline.
 AMBIENT_DEVIATION_T = 1e-6
-# What a magnet's moment does by itself: ageing, and the hysteresis of warming, 0.1 % in an hour.
+# Changes of a magnet's moment by ageing and by hysteresis of warming, 0.1 % in an hour.
 MOMENT_DEVIATION = 5e-4
 MOMENT_WALK_PER_S = square(1e-3) / 3600.0
-# Without a thermometer, a board may be so much warmer after so long.
+# Warming of a board without a thermometer, and the time that it takes.
 UNSEEN_WARMING_K, UNSEEN_WARMING_S = 3.0, 600.0
-# With one that has not been read yet, or was not at the baseline: what a board warms from start to steady.
+# Warming of a board from start to steady state, for a thermometer not read yet, or not at the baseline.
 UNREAD_WARMING_K = 20.0
-# A magnet beside a hot motor, beyond what its board's thermometer says.
+# How much hotter than its board a magnet beside a hot motor may be.
 HOTTER_K = 10.0
-# The temperature coefficient of a grade of magnet is known to about a fifth.
+# Relative uncertainty of the temperature coefficient of a grade of magnet.
 COEFFICIENT_SHARE = 0.2
-# Five deviations of height are then what 0.28 N do to the standard pad, the lightest press of the paper.
+# Largest acceptable deviation of the position: five of them in height are the effect of 0.28 N, the paper's lightest
+# press, on the standard pad.
 UNCERTAIN_M = 6e-5
 
 
 @dataclass(frozen=True, slots=True)
 class SceneModel:
-    """The tracking model, and a sentence for the log: what was chosen and why."""
+    """A tracking model, and a sentence for the log that says what was chosen and why."""
 
     tracking: TrackingModel
     why: str
 
 
 def choose(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DEFAULT_CHIP) -> SceneModel:
-    """The smallest set of unknowns that the scene allows.
+    """The tracking model with the smallest set of unknowns that the scene allows.
 
-    Moment and ambient field are never both estimated: along (height, moment, vertical field) the measurements say
-    nothing at rest, and a filter would invent it. Where the field drifts, the moment is held at the baseline's, and its
-    error is counted. The field's gradient is no part of a running model either: carried from frame to frame it bends a
-    press into a tilt (700 µm in simulation, claiming 90); it serves to tell steel from a broken sensor.
-    Where the field is constant, each frame tells the moment. To hold it would make contacts an eighth more certain
-    (0.84 for 0.95 mm at 0.28 N) until it may have aged by a tenth of a percent, an hour later, and less from then on.
+    Moment and ambient field are never both estimated: at rest, one combination of height, moment and vertical field is
+    not observable, and a filter would invent it. Where the field drifts, the moment is the baseline's, and its error is
+    included in the deviations. The field's gradient is not estimated either: carried from frame to frame it turns a
+    press into a tilt (700 µm in simulation, with a claimed deviation of 90); it only distinguishes steel from a broken
+    sensor. Where the field is constant, each frame determines the moment. Holding it would make contacts an eighth more
+    certain (0.84 instead of 0.95 mm at 0.28 N) for an hour, until it may have aged by 0.1 %, and less certain later.
     """
     if scene.ambient == "constant" and not scene.steel_nearby:
         why = "6 unknowns (pose, moment): the ambient field is constant, as the baseline saw it"
@@ -87,7 +89,7 @@ def choose(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DEFAULT_CHIP) 
 
 
 def blind(pad: Pad, tracking: TrackingModel) -> list[str]:
-    """A sentence for what the sensors, as they are laid out, cannot tell of a resting magnet with these unknowns."""
+    """Warnings about what this layout of sensors cannot observe of a magnet at rest with these unknowns."""
     rest, parts = State.at_rest(pad), np.where(tracking.parts == Part.PRIOR, Part.FREE, tracking.parts).astype(np.uint8)
     field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
     estimate = solve(
@@ -100,21 +102,21 @@ def blind(pad: Pad, tracking: TrackingModel) -> list[str]:
     )
     advice = "place the sensors around the magnet, about as far from its axis as it is above them"
     if estimate.status is not Status.CONVERGED:
-        apart = ", ".join(estimate.unobservable)
-        return [f"these sensors cannot tell {apart} of a resting magnet apart: every frame will be lost; {advice}"]
+        names = ", ".join(estimate.unobservable)
+        return [f"these sensors cannot tell {names} of a resting magnet apart: every frame will be lost; {advice}"]
     deviation = np.sqrt(np.diagonal(estimate.covariance)[POSITION])
     return [
-        f"the {name} of a resting magnet is known to {known * 1e3:.2g} mm only, from one frame: {advice}"
-        for name, known in zip(("x", "y", "height"), deviation.tolist(), strict=True)
-        if known > UNCERTAIN_M
+        f"the {name} of a resting magnet is known to {sd_m * 1e3:.2g} mm only, from one frame: {advice}"
+        for name, sd_m in zip(("x", "y", "height"), deviation.tolist(), strict=True)
+        if sd_m > UNCERTAIN_M
     ]
 
 
 @dataclass(frozen=True, slots=True)
 class SceneNeighbour:
-    """A neighbour, its pad's place in this one's axes, and how much its hardest press can change the field here.
+    """A neighbouring pad. placement: in this pad's axes. change_t: largest change of the field here, by pressing it.
 
-    noise_t: of one sample here. Measured (docs/pose.md): a neighbour that changes the field by less leaves no trace.
+    noise_t: of one sample here. A neighbour that changes the field by less has no measurable effect (docs/pose.md).
     """
 
     name: str
@@ -129,7 +131,7 @@ class SceneNeighbour:
 
     @property
     def why(self) -> str:
-        chosen = "its magnet is part of the state, where its own pad saw it last" if self.is_felt else "left out"
+        chosen = "its magnet is part of the state, at its own pad's last estimate" if self.is_felt else "left out"
         return (
             f"pad '{self.name}' is {self.distance_m * 1e3:.0f} mm away, and pressing it changes the field by up to "
             f"{self.change_t * 1e6:.2g} µT (a sample's noise is {self.noise_t * 1e6:g} µT): {chosen}"
@@ -137,25 +139,25 @@ class SceneNeighbour:
 
 
 def around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[SceneNeighbour]:
-    """The neighbours that `pad` names."""
+    """Yields the neighbours that `pad` names."""
     drawing = pad.pad()
     sensors = drawing.sensors.position_m
     for other in neighbours_of(pad, pads):
         placement, magnet = other.placement.si().seen_from(pad.placement.si()), other.pad().magnet
         place = placement.point(other.pad().rest_position_m)
         distance = float(lengths(sensors - place).min())
-        # Of a dipole's field B at a distance r, a step s changes 3s/r, and a turn as much as its angle.
+        # A step s changes a dipole's field at a distance r by a share of 3s/r, and a turn by a share of its angle.
         change = magnet.strength_t_m3 / power(distance, 3) * (3.0 * REACH_M / distance + REACH_RAD)
         apart = length(place - drawing.rest_position_m)
         yield SceneNeighbour(other.name, placement, apart, change, drawing.chip.noise_t)
 
 
 def unseen(pad: PadConfig, pads: Sequence[PadConfig]) -> list[Seen]:
-    """The neighbours that `pad` names, at rest as far as anybody knows."""
-    seen = []
+    """The neighbours that `pad` names, with the uncertainty of magnets that no pad has observed yet."""
+    views = []
     for other in neighbours_of(pad, pads):
         magnet, rest = other.pad().magnet, State.at_rest(other.pad())
-        seen.append(
+        views.append(
             NeighbourView(Sighting.unseen(magnet, rest), other.placement.si().seen_from(pad.placement.si())).at(0)
         )
-    return seen
+    return views

@@ -1,4 +1,4 @@
-"""The log on stderr: for the journal with its priorities, for people with the time."""
+"""Configures the log on stderr: lines with priorities for systemd's journal, or with the time for people."""
 
 from __future__ import annotations
 
@@ -12,52 +12,51 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TextIO
 
-# syslog(3); the journal reads the number in front of a line (sd-daemon(3))
+# Priorities of syslog(3), which the journal reads in front of a line (sd-daemon(3))
 PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (logging.DEBUG, 7))
 
 
 class JournalFormatter(logging.Formatter):
-    """`<4>text`: every line of a traceback needs the number again, for the journal splits at lines."""
+    """Writes `<4>text`. Each line of a traceback gets the number, because the journal treats lines as records."""
 
     def format(self, record: logging.LogRecord) -> str:
         priority = next((number for level, number in PRIORITIES if record.levelno >= level), 7)
         return "\n".join(f"<{priority}>{line}" for line in super().format(record).splitlines() or [""])
 
 
-LINES_WAITING = 1000
-# A service's stop may take longer; a person's patience not much.
-LAST_LINES_S = 1.0
+LONGEST_QUEUE = 1000  # lines
+FLUSH_S = 1.0  # longest wait at exit for the last lines
 
 
 class PatientHandler(logging.Handler):
-    """Lines are written by a thread of their own: a disk or a journal that stalls for seconds holds up no contact.
+    """Writes lines in its own thread, so that a disk or journal that stalls for seconds does not delay contacts.
 
-    What would wait behind LINES_WAITING others is left out and counted.
+    Drops and counts the lines that would wait behind LONGEST_QUEUE others.
     """
 
     def __init__(self, descriptor: int) -> None:
         super().__init__()
         self._descriptor = descriptor
-        # A signal's handler logs too, and may do so amid another line's put: this queue takes that, queue.Queue hangs.
+        # A signal handler may log while its thread is inside put(): SimpleQueue allows that, queue.Queue deadlocks.
         self._lines: queue.SimpleQueue[str | threading.Event] = queue.SimpleQueue()
         self._left_out = 0
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        if self._lines.qsize() >= LINES_WAITING:
+        if self._lines.qsize() >= LONGEST_QUEUE:
             self._left_out += 1
             return
-        self._tell_left_out()
+        self._report_left_out()
         self._lines.put(self.format(record))
 
     def flush(self) -> None:
-        """Called at exit, too: until all is written, or nobody takes it for a second."""
-        self._tell_left_out()
+        """Waits until all lines are written, FLUSH_S at most. Also called at exit."""
+        self._report_left_out()
         written = threading.Event()
         self._lines.put(written)
-        written.wait(LAST_LINES_S)
+        written.wait(FLUSH_S)
 
-    def _tell_left_out(self) -> None:
+    def _report_left_out(self) -> None:
         left_out, self._left_out = self._left_out, 0
         if left_out:
             text = f"{left_out} lines were left out here: the log was not taken in time"
@@ -71,9 +70,10 @@ class PatientHandler(logging.Handler):
                 line.set()
                 continue
             data = memoryview(f"{line}\n".encode(errors="backslashreplace"))
-            with suppress(OSError):  # there is nobody to be told that the log cannot be written
+            with suppress(OSError):  # the log cannot be written, and there is no other place to report that
                 while data:
-                    select.select([], [self._descriptor], [])  # who shares a terminal may have made it non-blocking
+                    # Another program that shares the terminal may have made it non-blocking.
+                    select.select([], [self._descriptor], [])
                     data = data[os.write(self._descriptor, data) :]
 
 
@@ -84,9 +84,10 @@ def configure(
     *,
     command: str = "",
 ) -> None:
-    """Send the log to `stream` (stderr). Replaces what an earlier call set up.
+    """Send the log to `stream` (default: stderr). Replaces the configuration of an earlier call.
 
-    command: which a person waits for; what it has to say bears its name, not the time. "": a service.
+    command: name of a command for which a person waits; its lines begin with that name, not with the time. "": the
+    service.
     """
     stream = sys.stderr if stream is None else stream
     handler = logging.StreamHandler(stream) if command else PatientHandler(stream.fileno())
@@ -100,12 +101,12 @@ def configure(
 
 
 def is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
-    """Does `stream` end in the journal? systemd gives device and inode of the stream that it connected.
+    """Does `stream` go to the journal? $JOURNAL_STREAM holds device and inode of the stream that systemd connected.
 
-    The variable alone proves nothing: every shell in a desktop session inherits one.
+    That the variable is set proves nothing: every shell in a desktop session inherits it.
     """
     try:
-        found = os.fstat(stream.fileno())
+        status = os.fstat(stream.fileno())
     except (OSError, ValueError):  # a stream without a descriptor
         return False
-    return environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+    return environ.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"

@@ -1,4 +1,4 @@
-"""Telling systemd how the service is doing (the datagram protocol of sd_notify(3))."""
+"""Reports the state of the service to systemd (the datagram protocol of sd_notify(3))."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ log = logging.getLogger(__name__)
 
 
 class Notifier:
-    """Speaks to $NOTIFY_SOCKET; says nothing where there is none. Never blocks and never raises."""
+    """Sends to $NOTIFY_SOCKET; does nothing where it is not set. Never blocks and never raises."""
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
         address = environ.get("NOTIFY_SOCKET", "")
@@ -24,15 +24,15 @@ class Notifier:
         self.watchdog_interval_s = _watchdog_interval_s(environ)
 
     def ready(self, status: str = "") -> None:
-        """The bus is bound and the pipeline runs."""
+        """Report that the bus is bound and the pipeline runs."""
         self._send("READY=1", *([f"STATUS={status}"] if status else []))
 
     def status(self, text: str) -> None:
-        """One line for `systemctl status`."""
+        """Set the line that `systemctl status` shows."""
         self._send(f"STATUS={text}")
 
     def watchdog(self) -> None:
-        """Still alive: call at least every `watchdog_interval_s`."""
+        """Report that the service is alive: call it at least every `watchdog_interval_s`."""
         self._send("WATCHDOG=1")
 
     def stopping(self) -> None:
@@ -50,14 +50,14 @@ class Notifier:
             self._socket.sendto("\n".join(line.replace("\n", " ") for line in lines).encode(), self._address)
         except OSError as error:
             if not self._failed:
-                log.warning("systemd cannot be told %s: %s: %s", lines[0], self._address.replace("\0", "@"), error)
+                log.warning("cannot send %s to systemd: %s: %s", lines[0], self._address.replace("\0", "@"), error)
             self._failed = True
 
 
 def _watchdog_interval_s(environ: Mapping[str, str]) -> float | None:
-    """Half of the time after which systemd would kill this process, None where it does not watch."""
+    """Half of the time after which systemd kills a silent process; None where systemd does not watch this process."""
     microseconds = environ.get("WATCHDOG_USEC", "")
-    watched = environ.get("WATCHDOG_PID") or str(os.getpid())
-    if not microseconds.isdecimal() or int(microseconds) == 0 or watched != str(os.getpid()):
+    watched_pid = environ.get("WATCHDOG_PID") or str(os.getpid())
+    if not microseconds.isdecimal() or int(microseconds) == 0 or watched_pid != str(os.getpid()):
         return None
     return int(microseconds) * 1e-6 / 2

@@ -1,4 +1,4 @@
-"""Before everything else on this computer, where the configuration asks for it: SCHED_FIFO, and memory that stays."""
+"""Gives the daemon real-time priority (SCHED_FIFO) and locks its memory, where the configuration asks for it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pathlib import Path
 
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # <sys/mman.h>
 TASKS = Path("/proc/self/task")
-BUS_THREAD = "ZMQbg"  # what libzmq calls its threads: without them a message waits after all
+BUS_THREAD = "ZMQbg"  # libzmq's name for its threads, which send the messages and so need the priority too
 BUS_THREADS = 2  # the reaper, and one for the sockets
-NAMED_WITHIN_S = 5.0  # a thread gives itself its name, on a busy computer only after a while
+NAMED_WITHIN_S = 5.0  # each thread names itself when it first runs; on a busy computer that takes a while
 
 
 class RealtimeError(Exception):
-    """The system does not permit it; the text says what to grant."""
+    """The system does not permit real-time priority or locked memory; the text says what to grant."""
 
 
 def lock_memory() -> None:
-    """No page that was touched is ever swapped out, nor are those to come (mlockall(2)).
+    """Keep every page of this process in memory from its first use on, also future ones (mlockall(2)).
 
-    Untouched pages, such as the rest of a thread's stack, take no memory. Raises RealtimeError.
+    Unused pages, such as the rest of a thread's stack, take no memory. Raises RealtimeError.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0:
@@ -36,7 +36,7 @@ def lock_memory() -> None:
 
 
 def _why_not_locked(code: int) -> str:
-    """ENOMEM is a limit that is too low (mlock(2)): the computer's memory may be almost empty."""
+    """The reason in words. ENOMEM means that the limit is too low, not that memory is short (mlock(2))."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     if code not in (errno.ENOMEM, errno.EPERM) or limit == resource.RLIM_INFINITY:
         return os.strerror(code)
@@ -44,7 +44,7 @@ def _why_not_locked(code: int) -> str:
 
 
 def take_priority(priority: int) -> None:
-    """This thread and the bus's run before every normal process (sched(7)); what they start later does not.
+    """Run this thread and libzmq's before all normal processes (sched(7)). Threads started later are not included.
 
     Raises RealtimeError.
     """
@@ -53,8 +53,8 @@ def take_priority(priority: int) -> None:
     while len(threads := _bus_threads()) < BUS_THREADS:
         if time.monotonic() > until:
             raise RealtimeError(
-                f"service.realtime_priority = {priority}: the bus's threads ({BUS_THREAD}…) were not found among this "
-                "process's: libzmq was built without their names; set it to 0"
+                f"service.realtime_priority = {priority}: this process has no threads named {BUS_THREAD}…: this libzmq "
+                "was built without thread names, so its threads cannot get the priority; set it to 0"
             )
         time.sleep(1e-3)
     for thread in threads:
@@ -62,12 +62,12 @@ def take_priority(priority: int) -> None:
 
 
 def take_thread_priority(priority: int) -> None:
-    """This thread alone, as `take_priority`. Raises RealtimeError."""
+    """Like `take_priority`, for this thread alone. Raises RealtimeError."""
     _set_priority(threading.get_native_id(), priority)
 
 
 def thread_priority() -> int:
-    """Of the thread that asks, 1 to 99; 0: an ordinary one."""
+    """Real-time priority of the calling thread, 1 to 99; 0: a normal thread."""
     return os.sched_getparam(0).sched_priority
 
 

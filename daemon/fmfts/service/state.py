@@ -1,4 +1,4 @@
-"""Where the daemon keeps what must outlive it, and how it writes there."""
+"""Finds the directory of the daemon's state, and writes files there so that a power cut does not damage them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNFINISHED_S = 60.0
 
 
 def state_directory(environ: Mapping[str, str] = os.environ) -> Path:
-    """Made when missing: what systemd gave ($STATE_DIRECTORY), else $XDG_STATE_HOME/fmfts, else ~/.local/state/fmfts.
+    """$STATE_DIRECTORY (set by systemd), else $XDG_STATE_HOME/fmfts, else ~/.local/state/fmfts; made when missing.
 
     Raises OSError where it cannot be made.
     """
@@ -30,9 +30,9 @@ def state_directory(environ: Mapping[str, str] = os.environ) -> Path:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """After this, and after a power cut during it, `path` holds either all of `content` or what it held before.
+    """Replace the content of `path`. A power cut leaves either all of `content` there or all of the old content.
 
-    Raises OSError and leaves no temporary file.
+    On an error it raises OSError and leaves no temporary file.
     """
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -50,7 +50,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def _remove_unfinished(path: Path) -> None:
-    """What writers left that were killed; a young one may still be at work."""
+    """Removes temporary files of killed writers. A file younger than UNFINISHED_S may belong to a running writer."""
     for temporary in path.parent.glob(f".{path.name}.*.tmp"):
         with suppress(FileNotFoundError):
             if time.time() - temporary.stat().st_mtime > UNFINISHED_S:
@@ -58,7 +58,7 @@ def _remove_unfinished(path: Path) -> None:
 
 
 def _sync_directory(directory: Path) -> None:
-    """The new name is on the disk only when its directory is."""
+    """Writes the directory to the disk, without which a power cut may lose the new name."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

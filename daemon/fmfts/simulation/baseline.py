@@ -1,4 +1,4 @@
-"""The baseline of a simulated pad: bare and at rest, in its own fast time, before anything touches it."""
+"""Records the baseline of a simulated pad, bare and at rest, faster than real time, before anything touches it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmfts.simulation.source import Simulated
 
 
 def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> Baseline:
-    """Of the very pad that `config` simulates: the same seed builds the same pad. `beside`: pads that it feels."""
+    """The baseline of the pad that `config` simulates; the same seed builds the same pad. beside: pads it feels."""
     bare = BaselineRequest(config.pad(), config.tolerance.si(), bare=True, replaced=False)
     rest = BaselineRequest(config.pad(), config.tolerance.si(), bare=False, replaced=False)
     before, _ = bare.make(_frames(config, beside, mounted=False), None)
@@ -21,7 +21,7 @@ def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> B
 
 
 def hold_still(source: Simulated, mounted: bool) -> None:
-    """As a person would for a baseline: nothing touches, the robot stands, and the pad is there or is not."""
+    """Stop everything, as a person does for a baseline: nothing touches any pad, and the robot stands still."""
     source.finger = no_finger
     for neighbour in source.neighbours:
         neighbour.finger = no_finger

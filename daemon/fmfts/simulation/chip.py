@@ -1,7 +1,7 @@
-"""Chips as a host sees them: counts at a gain, with noise, a range that ends, and a clock of their own.
+"""Simulates chips: counts at a gain, with noise, saturation, and a clock in each chip.
 
-The data sheet tells the noise of the smallest range. It is taken as the field noise at every range, to which the
-coarser steps of the wider ranges add their own. That it does not grow with the range is an assumption.
+Noise: that of the smallest range (data sheet), taken as the field noise in every range. The coarser steps of wider
+ranges add to it. That it does not grow with the range is an assumption.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fmfts.sensor.chips import TESLA_PER_GAUSS, Chip
 
 
 class ChipArray:
-    """N chips. `trigger` "free": each converts at `rate_hz` by its own clock; "simultaneous": all when told to."""
+    """N chips. trigger "free": each converts by its own clock, at `rate_hz` ± 3 %; "simultaneous": all on command."""
 
     def __init__(
         self,
@@ -38,15 +38,15 @@ class ChipArray:
             self._first_s = np.full(count, -chip.single_conversion_s)
 
     def newest_conversion(self, time_s: float | Array) -> NDArray[np.int64]:
-        """(…, N) number of each chip's newest conversion at `time_s`, a number or (…, 1)."""
+        """(…, N) number of each chip's newest conversion. time_s: a number, or (…, 1)."""
         return np.floor((time_s - self._first_s) / self._period_s).astype(np.int64)
 
     def time_of(self, conversion: NDArray[np.int64]) -> Array:
-        """(…, N) seconds."""
+        """(…, N) times of the conversions (…, N), in s."""
         return self._first_s + conversion * self._period_s
 
     def counts(self, field_t: Array, gain_code: int, warming_k: float) -> NDArray[np.int16]:
-        """Readings (…, N, 3) of `field_t` (…, N, 3) in each chip's own axes, `warming_k` above 25 °C."""
+        """Readings (…, N, 3) of `field_t` (…, N, 3) in each chip's own axes, at 25 °C + `warming_k`."""
         noisy = field_t + self._noise_t * self._random.standard_normal(field_t.shape)
         nominal = np.array(self._chip.counts_per_gauss[gain_code])
         sensitivity = (1.0 + self._chip.sensitivity_per_k * warming_k) * nominal / TESLA_PER_GAUSS

@@ -1,4 +1,4 @@
-"""The field of a finite, axially magnetised cylinder, exact: what the solver's dipole is measured against.
+"""Computes the exact field of a finite, axially magnetised cylinder, the reference for the solver's dipole.
 
 N. Derby, S. Olbert, "Cylindrical magnets and ideal solenoids", Am. J. Phys. 78 (2010) 229, doi:10.1119/1.3256157,
 Eqs. 2–8; the same formulas in A. Caciagli et al., J. Magn. Magn. Mater. 456 (2018) 423.
@@ -40,7 +40,7 @@ def generalized_elliptic_integral(kc: Array, p: Array, c: Array, s: Array) -> Ar
 def cylinder_field(point_m: Array, position_m: Array, axis: Array, magnet: Magnet) -> Array:
     """Field in tesla (…, 3) at `point_m` (…, 3) of a cylinder centred at `position_m` (…, 3) along unit `axis` (…, 3).
 
-    The three broadcast against each other. Valid everywhere but on the edges of the two end faces.
+    The three arrays broadcast against each other. Not valid on the edges of the two end faces.
     """
     radius = magnet.diameter_m / 2.0
     offset = point_m - position_m

@@ -1,6 +1,6 @@
-"""A finger that taps, presses, slides and once squeezes too hard, the same way for the same seed.
+"""Simulates a finger that taps, presses, slides and once squeezes too hard; the same seed repeats it.
 
-Time is in seconds since the pad was switched on. Any function from time to Touch serves as a finger.
+Time is in seconds since the pad was switched on. Any function from time to Touch can be a finger.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from fmfts.config import SimulatedSource
 from fmfts.pad import Array
 
-UNLOADED_AT_START_S = 4.0  # so that a baseline can be recorded before anything touches
+UNLOADED_AT_START_S = 4.0  # time for a baseline before anything touches
 CYCLE_S = 12.0
-REACH_M = 8e-3  # the script stays where this pad's estimates are good
+REACH_M = 8e-3  # the script touches only where this pad's estimates are good
 SQUEEZE_N = 2.6  # beyond the 1.98 N up to which the pad was calibrated
 
 
@@ -34,7 +34,7 @@ Finger = Callable[[float], Touch]
 
 
 def columns(touches: Sequence[Touch]) -> list[Array]:
-    """x, y, force (K,), and shear along x and y where there is any: what a pad's mechanics takes."""
+    """The arguments of a pad's mechanics: x, y, force (K,), and shear along x and y if there is any."""
     press = np.array(touches).T
     return list(press if press[3:].any() else press[:3])
 
@@ -44,16 +44,16 @@ def no_finger(time_s: float) -> Touch:
 
 
 def steady_finger(x_m: float, y_m: float, force_n: float) -> Finger:
-    """A finger that never lets go."""
+    """A finger that presses without end, always the same."""
     touch = Touch(x_m, y_m, force_n)
     return lambda time_s: touch
 
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """One contact: ramps of `ramp_s` at both ends of `duration_s`, moving evenly from `start_m` to `end_m`.
+    """One contact of `duration_s`, with force ramps of `ramp_s` at both ends, at even speed from `start_m` to `end_m`.
 
-    friction: share of its force with which it drags the surface along.
+    friction: shear in the direction of its motion, as a share of its force.
     """
 
     begin_s: float
@@ -75,14 +75,14 @@ class Stroke:
 
     @property
     def _direction(self) -> tuple[float, float]:
-        """Of its motion; none where it stands."""
+        """Unit vector of its motion; zero where it does not move."""
         x, y = (end - start for start, end in zip(self.start_m, self.end_m, strict=True))
         way = hypot(x, y)
         return (x / way, y / way) if way > 0.0 else (0.0, 0.0)
 
 
 class ScriptedFinger:
-    """Three taps, a press, a slide, a light touch and a squeeze in every twelve seconds, with rests between.
+    """Three taps, a press, a slide, a light touch and a squeeze every twelve seconds, with rests between.
 
     friction: of the slide.
     """
@@ -101,13 +101,13 @@ class ScriptedFinger:
 
 
 def finger_of(source: SimulatedSource) -> Finger:
-    """The one that the config asks for."""
+    """The finger that the config names."""
     return ScriptedFinger(source.seed, source.finger_friction) if source.finger == "script" else no_finger
 
 
 @lru_cache(maxsize=64)
 def _strokes(seed: int, cycle: int, friction: float) -> tuple[Stroke, ...]:
-    """One cycle; the places and most forces differ from cycle to cycle."""
+    """The strokes of one cycle; the places and most forces differ from cycle to cycle."""
     random = np.random.default_rng((seed, cycle))
 
     def stroke(begin_s: float, duration_s: float, ramp_s: float, force_n: float, slides: bool = False) -> Stroke:

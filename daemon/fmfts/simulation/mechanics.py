@@ -1,8 +1,8 @@
-"""How the magnet moves when the pad is pressed: a smooth table of presses solved by finite elements.
+"""Computes how the magnet moves when the pad is pressed, from a table of presses solved by finite elements.
 
-Between its places: cubic splines over x and y; a polynomial in the force through zero, so an unloaded pad is exactly at
-rest. Beyond the largest force the displacement goes on along its tangent; beyond the grid's edge a press counts as one
-on the edge. Where the standard pad's table comes from, and how far it errs: docs/pad-model.md.
+It interpolates by cubic splines over x and y, and by a polynomial in the force through zero, so that an unloaded pad is
+exactly at rest. Beyond the largest force the displacement continues along its tangent. A press beyond the grid counts
+as one on its edge. docs/pad-model.md tells where the standard pad's table comes from, and how accurate it is.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from fmfts.pad import Array
 class Mechanics:
     """Displacement of a pad's magnet: splines over x and y of a polynomial in F, Ftx, Fty.
 
-    `exponents` (T, 3) of the polynomial's terms; `coefficient` (X+2, X+2, T, 5) of their B-splines. `sheared`: what
-    shear adds, on a grid of its own.
+    exponents (T, 3): of the polynomial's terms. coefficient (X+2, X+2, T, 5): of their B-splines. sheared: the
+    additional displacement by shear, on its own grid.
     """
 
     first_m: float
@@ -34,7 +34,8 @@ class Mechanics:
 
     @classmethod
     def from_table(cls, grid_m: Array, force_n: Array, response: Array) -> Self:
-        """From `response` (X, X, L, 5) at `grid_m` (X,) × `grid_m` × `force_n` (L,): dx, dy, dz in m, axis x, y."""
+        """Make it from `response` (X, X, L, 5), which is dx, dy, dz in m, axis x, y, at `grid_m` (X,) × `grid_m` ×
+        `force_n` (L,)."""
         degree = np.arange(1, len(force_n) + 1, dtype=np.intp)
         powers = np.asarray(np.linalg.solve(force_n[:, None] ** degree, response), dtype=np.float64)
         exponents = np.stack([degree, 0 * degree, 0 * degree], axis=1)
@@ -42,7 +43,7 @@ class Mechanics:
 
     @classmethod
     def from_terms(cls, grid_m: Array, largest_force_n: float, exponents: NDArray[np.intp], terms: Array) -> Self:
-        """From the polynomial's terms (X, X, T, 5) at an evenly spaced grid (X,), X ≥ 5, the same along x and y."""
+        """Make it from the polynomial's terms (X, X, T, 5) on an evenly spaced grid (X,), X ≥ 5, for both x and y."""
         spline = np.linalg.inv(_spline_collocation(len(grid_m)))[:, 1:-1]
         coefficient = np.einsum("ai,bj,ijpc->abpc", spline, spline, terms)
         return cls(float(grid_m[0]), float(grid_m[1] - grid_m[0]), len(grid_m), largest_force_n, exponents, coefficient)
@@ -50,7 +51,7 @@ class Mechanics:
     def displacement(
         self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
     ) -> tuple[Array, Array]:
-        """The magnet's displacement in m (K, 3) and unit axis (K, 3), its rest axis being +z, of presses (K,)."""
+        """The magnet's displacement in m (K, 3) and unit axis (K, 3) under presses (K,); its rest axis is +z."""
         response = self.response(x_m, y_m, force_n, shear_x_n, shear_y_n)
         tilt = response[:, 3:]
         upright = np.sqrt(1.0 - np.sum(tilt * tilt, axis=1, keepdims=True))
@@ -59,7 +60,7 @@ class Mechanics:
     def response(
         self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
     ) -> Array:
-        """(K, 5) displacement in m, and what tilt adds to the unit axis' x and y."""
+        """(K, 5) displacement in m, and the unit axis' x and y (of a table of shear: what shear adds to both)."""
         column, along_x = self._stencil(x_m)
         row, along_y = self._stencil(y_m)
         patch = self.coefficient[column[:, :, None], row[:, None, :]]
@@ -70,7 +71,7 @@ class Mechanics:
         return response
 
     def _terms(self, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None) -> Array:
-        """(K, T) powers of the load, those of the normal force continued along their tangent where the table ends."""
+        """(K, T) powers of the load; beyond the largest force, those of the normal force continue as tangents."""
         of_force, of_x, of_y = self.exponents.T
         inside = np.minimum(force_n, self.largest_force_n)[:, None]
         term: Array = inside**of_force
@@ -91,7 +92,7 @@ class Mechanics:
 
 
 def _spline_collocation(count: int) -> Array:
-    """Matrix (count+2, count+2): B-spline coefficients → values at the knots, between two not-a-knot conditions."""
+    """Matrix (count+2, count+2): B-spline coefficients → values at the knots, not-a-knot conditions at both ends."""
     matrix = np.zeros((count + 2, count + 2))
     for knot in range(count):
         matrix[knot + 1, knot : knot + 3] = 1 / 6, 4 / 6, 1 / 6

@@ -1,4 +1,4 @@
-"""A pad as it was really built: near its drawing, and not on it. What a baseline has to find out."""
+"""Simulates a built pad, which differs from its drawing by building errors; a baseline has to estimate them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EARTH_T = 0.5e-4
 
 @dataclass(frozen=True, slots=True)
 class MountedPad:
-    """A built pad. `rest_axis_from_z` (3, 3): pad axes ← axes in which the unloaded magnet points along +z."""
+    """A built pad. rest_axis_from_z (3, 3): from axes in which the unloaded magnet points along +z to pad axes."""
 
     pad: Pad
     gain: Array
@@ -32,7 +32,7 @@ class MountedPad:
 
     @classmethod
     def built(cls, drawing: Pad, random: np.random.Generator, mechanics: Mechanics | None = None) -> Self:
-        """One of the pads that a workshop makes after `drawing`, in the Earth's field."""
+        """A pad with random building errors, in the Earth's field of random direction."""
         tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
         turn = _rotation_from_z(drawing.rest_axis) @ rotation_from_vector(tilt)
         sensors = drawing.sensors
@@ -53,27 +53,27 @@ class MountedPad:
 
     @classmethod
     def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> Self:
-        """The drawing itself, far from any other field."""
+        """A pad without building errors and without an ambient field."""
         gain, turn = np.ones((len(drawing.sensors), 3)), _rotation_from_z(drawing.rest_axis)
         return cls(drawing, gain, np.zeros(3), turn, mechanics or standard_mechanics())
 
     def pose(self, *press: Array) -> tuple[Array, Array]:
-        """Position in m (K, 3) and unit axis (K, 3) of the magnet under presses (K,): x, y in m, force, shear x, y."""
+        """Position in m (K, 3) and unit axis (K, 3) of the magnet. press: x, y in m, force, shear x, y, each (K,)."""
         displacement, axis = self.mechanics.displacement(*press)
         return self.pad.rest_position_m + displacement, axis @ self.rest_axis_from_z.T
 
     def magnet_field(self, *press: Array, magnet: Magnet | None = None) -> Array:
-        """Field (N, 3) in tesla at the sensors in pad axes, sensor i under the i-th of N presses; no ambient."""
+        """The magnet's field (N, 3) in tesla at the sensors, in pad axes: at sensor i under the i-th of N presses."""
         position_m, axis = self.pose(*press)
         return cylinder_field(self.pad.sensors.position_m, position_m, axis, magnet or self.pad.magnet)
 
     def sensed(self, field_t: Array) -> Array:
-        """What the sensors make of a field (N, 3) in pad axes: in their own axes, with their own gains."""
+        """A field (N, 3) in pad axes → the same in the sensors' axes, times their gains."""
         return self.gain * self.pad.sensors.to_sensor(field_t)
 
 
 def _rotation_from_z(axis: Array) -> Array:
-    """The shortest rotation that takes +z to unit `axis`."""
+    """The shortest rotation from +z to unit `axis`."""
     across = np.array([-axis[1], axis[0], 0.0])
     sine = float(np.linalg.norm(across))
     if sine == 0.0:

@@ -1,4 +1,4 @@
-"""A magnet of another pad near by, with a finger of its own: what a simulated pad feels of its neighbours."""
+"""Simulates the magnet of a neighbouring pad, with its own finger, as a simulated pad feels it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fmfts.simulation.pad_file import mechanics_of
 
 @dataclass(slots=True)
 class NeighbourMagnet:
-    """`placement`: of its pad, in the axes of the pad that feels it. `finger` may be replaced at any time."""
+    """placement: of the magnet's pad, in the axes of the pad that feels it. finger: may be replaced at any time."""
 
     built: MountedPad
     placement: Placement
@@ -26,18 +26,18 @@ class NeighbourMagnet:
 
     @classmethod
     def beside(cls, pad: PadConfig, neighbour: PadConfig, source: SimulatedSource) -> Self:
-        """The magnet of `neighbour`, fed by `source`, as `pad` feels it: not quite where the config says."""
-        drawn = neighbour.placement.si().seen_from(pad.placement.si())
+        """The magnet of `neighbour` as `pad` feels it, with a random error of its place. source: of `neighbour`."""
+        nominal = neighbour.placement.si().seen_from(pad.placement.si())
         random = seeded(source, f"beside {pad.name}")
         placement = Placement(
-            drawn.position_m + random.normal(0.0, drawn.tolerance_m, 3), drawn.rotation, drawn.tolerance_m
+            nominal.position_m + random.normal(0.0, nominal.tolerance_m, 3), nominal.rotation, nominal.tolerance_m
         )
         built = MountedPad.built(neighbour.pad(), seeded(source, "pad"), mechanics_of(neighbour, source))
         finger = finger_of(source)
         return cls(built, placement, neighbour.magnet.temperature_coefficient_per_k, finger)
 
     def field(self, place_m: Array, sampled_s: Array, warming_k: float) -> Array:
-        """(N, 3) in tesla at places (N, 3) in the axes of the pad that feels it, each at its own time (N,)."""
+        """Field (N, 3) in tesla at places (N, 3), in the axes of the pad that feels it, each at its own time (N,)."""
         position_m, axis = self.built.pose(*columns([self.finger(moment) for moment in sampled_s.tolist()]))
         turn, magnet = self.placement.rotation, self.built.pad.magnet
         warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self.remanence_per_k * warming_k))
@@ -45,5 +45,5 @@ class NeighbourMagnet:
 
 
 def seeded(source: SimulatedSource, what: str) -> np.random.Generator:
-    """Independent streams, so that a change of the chips leaves the pad as it was built."""
+    """A generator for one purpose, independent of the others: for example, new chips do not change the built pad."""
     return np.random.default_rng([source.seed, *what.encode()])

@@ -1,4 +1,4 @@
-"""A simulated pad's table as a file: what `pad-model` writes, and a simulated source reads with NumPy alone."""
+"""Writes and reads the table of a simulated pad: `pad-model` makes the file, a simulated source reads it with NumPy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REMEDY = "`fmfts-daemon pad-model -o FILE.npz` makes one"
 
 
 def write_pad_file(path: Path, mechanics: Mechanics, slab: Slab) -> None:
-    """OSError where it cannot be written."""
+    """Write the file. Raises OSError."""
     with path.open("wb") as file:
         np.savez_compressed(
             file,
@@ -35,25 +35,25 @@ def write_pad_file(path: Path, mechanics: Mechanics, slab: Slab) -> None:
 
 
 def read_pad_file(path: Path) -> tuple[Mechanics, Slab]:
-    """OSError where there is none, ValueError where the file is not one."""
+    """Read the file. Raises OSError where it cannot be read, ValueError where it is not a pad model."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             if str(file["format"]) != FORMAT:
                 raise ValueError(f"its format is {str(file['format'])!r}, not {FORMAT!r}")
             count, exponents, coefficient = int(file["count"]), file["exponents"], file["coefficient"]
             if count < 5 or coefficient.shape != (count + 2, count + 2, len(exponents), 5):
-                raise ValueError("its table is not as large as it says")
+                raise ValueError("its table has another size than it says")
             if not np.all(np.isfinite(coefficient)):
-                raise ValueError("its table holds what is no number")
+                raise ValueError("its table contains NaN or infinity")
             first_m, spacing_m = float(file["first_m"]), float(file["spacing_m"])
             mechanics = Mechanics(first_m, spacing_m, count, float(file["largest_force_n"]), exponents, coefficient)
             return mechanics, Slab(**json.loads(str(file["slab"])))
     except (KeyError, TypeError, ValueError, IndexError, EOFError, BadZipFile) as error:
-        raise ValueError(f"{path}: is no pad model ({error}): {REMEDY}") from error
+        raise ValueError(f"{path}: is not a pad model ({error}): {REMEDY}") from error
 
 
 def mechanics_of(pad: PadConfig, source: SimulatedSource) -> Mechanics:
-    """The table that the config names for `pad`. ValueError says why it cannot be used."""
+    """The table that the config names for `pad`. Raises ValueError where it cannot be used."""
     if source.mechanics == "standard":
         return standard_mechanics()
     try:

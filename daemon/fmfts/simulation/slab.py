@@ -1,4 +1,4 @@
-"""The pad as a solid: a silicone slab on a rigid rim, a magnet inside, a round patch pressed from above."""
+"""Describes the pad as a solid: a silicone slab on a rigid rim, a magnet inside, and a round patch pressed on top."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RADII, ANGLES = 8, 40  # points under the probe: a finer rule moves the magnet b
 
 
 class Press(NamedTuple):
-    """One load: the patch's centre in m, the normal force and the shear in N (the probe pushes along +x, +y)."""
+    """A load: the patch's centre in m, the normal force and the shear in N (the probe pushes along +x, +y)."""
 
     x_m: float
     y_m: float
@@ -43,7 +43,7 @@ class Slab:
     bulk_pa: float = 20.30201e6
 
     def __post_init__(self) -> None:
-        """ValueError names the first length or modulus that makes no pad."""
+        """Raises ValueError, which names the first impossible length or modulus."""
         for name in self.__slots__:
             value = getattr(self, name)
             if not (np.isfinite(value) and (value > 0.0 or (name == "c01_pa" and value == 0.0))):
@@ -61,16 +61,16 @@ class Slab:
 
     @property
     def shear_modulus_pa(self) -> float:
-        """Of small strains: µ = 2 (C10 + C01)."""
+        """µ = 2 (C10 + C01), for small strains."""
         return 2.0 * (self.c10_pa + self.c01_pa)
 
     @property
     def reach_m(self) -> float:
-        """How far from the centre a patch along x or y still lies within the rim."""
+        """Largest distance along x or y at which a patch lies within the rim."""
         return (self.width_m - self.patch_diameter_m) / 2.0 - self.rim_m
 
     def patch_points(self, x_m: float, y_m: float) -> Array:
-        """(P, 2) places in m that share a load of the patch about (x, y) equally: rings of equal area."""
+        """(P, 2) places in m, in rings of equal area, that share the load of the patch about (x, y) equally."""
         radius_m = self.patch_diameter_m / 2.0 * np.sqrt((np.arange(RADII) + 0.5) / RADII)
         angle = 2.0 * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -1,4 +1,4 @@
-"""Solved presses of a square pad → its table: mirrored, and the powers of the load fitted at each place of a grid."""
+"""Makes a square pad's table from solved presses: mirrors them, and fits powers of the load at each place of a grid."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLUMNS = ("x_mm", "y_mm", "force_n", "shear_x_n", "shear_y_n", "dx_um", "dy_um"
 PRESS, RESPONSE = slice(0, 5), slice(5, 10)
 PLANAR = ((0, 1), (3, 4), (5, 6), (8, 9))  # pairs of columns that are vectors in the plane
 SI = np.array([1e-6, 1e-6, 1e-6, 1.0, 1.0])
-# Powers of (F, Ft_x, Ft_y) that shear adds to the response.
+# Exponents of (F, Ft_x, Ft_y) in the terms that shear adds to the response.
 SHEAR_EXPONENTS = np.array(
     [(of_force, *linear) for of_force in range(3) for linear in ((1, 0), (0, 1))]
     + [(of_force, *quadratic) for of_force in range(2) for quadratic in ((2, 0), (1, 1), (0, 2))],
@@ -29,13 +29,13 @@ PRESSED_PATH, CENTRE_PATH, SHEARED_PATH = (
 
 
 def read_solved(path: Path) -> Array:
-    """(K, 10) rows in the order of COLUMNS. OSError, or ValueError where a column or a number is missing."""
+    """(K, 10) rows in the order of COLUMNS. Raises OSError, or ValueError where a column or a number is missing."""
     with path.open(newline="", encoding="utf-8") as lines:
         rows = list(csv.DictReader(lines))
     try:
         return np.array([[float(row[name]) for name in COLUMNS] for row in rows]).reshape(-1, len(COLUMNS))
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: no table of solved presses ({type(error).__name__}: {error})") from error
+        raise ValueError(f"{path}: not a table of solved presses ({type(error).__name__}: {error})") from error
 
 
 def mirrored(rows: Array) -> Array:
@@ -55,10 +55,10 @@ def mirrored(rows: Array) -> Array:
 
 
 def normal_mechanics(octant: Array, centre: Array | None = None) -> Mechanics:
-    """From rows (K, 10) without shear: places of one octant of an even grid, each with the same forces.
+    """The table for loads without shear. octant: rows (K, 10) on an even grid in one octant, with equal forces.
 
-    `centre`: rows at the same forces on a grid twice as fine, wherever there are any. Elsewhere the finer table is the
-    coarser one: its splines are among those of the finer grid.
+    centre: rows at the same forces on some places of a grid twice as fine. At all other places the finer table repeats
+    the coarser one exactly, because its splines are among those of the finer grid.
     """
     rows = mirrored(octant)
     grid_mm, force_n = np.unique(rows[:, 0]), np.unique(rows[:, 2])
@@ -78,7 +78,7 @@ def normal_mechanics(octant: Array, centre: Array | None = None) -> Mechanics:
 
 
 def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
-    """What shear adds to `normal`, from rows (K, 10) at places of one octant of an even grid (see `shear_grid`)."""
+    """The table of what shear adds to `normal`. octant: rows (K, 10) on an even grid in one octant."""
     rows = mirrored(octant)
     x_m, y_m, force_n, *shear_n = (*(rows[:, :2] * 1e-3).T, *rows[:, 2:5].T)
     added = rows[:, RESPONSE] * SI - normal.response(x_m, y_m, force_n)
@@ -88,13 +88,13 @@ def sheared_mechanics(octant: Array, normal: Mechanics) -> Mechanics:
     for i, x_mm in enumerate(grid_mm):
         for j, y_mm in enumerate(grid_mm):
             here = (rows[:, 0] == x_mm) & (rows[:, 1] == y_mm)
-            # A term that symmetry forbids moves none of the mirrored rows: least squares leaves it at zero.
+            # A term that symmetry forbids explains none of the mirrored rows: least squares leaves it at zero.
             terms[i, j] = np.linalg.lstsq(power[here], added[here], rcond=1e-9)[0]
     return Mechanics.from_terms(grid_mm * 1e-3, float(force_n.max()), SHEAR_EXPONENTS, terms)
 
 
 @cache
 def standard_mechanics() -> Mechanics:
-    """The standard pad's table, of the presses that ship."""
+    """The standard pad's table, made from the presses that ship."""
     normal = normal_mechanics(read_solved(PRESSED_PATH), read_solved(CENTRE_PATH))
     return replace(normal, sheared=sheared_mechanics(read_solved(SHEARED_PATH), normal))

@@ -1,4 +1,4 @@
-"""A pad that exists only in numbers, read as a real one is: raw counts of chips that run on their own clocks."""
+"""A Source that simulates a pad: raw counts of chips that run on their own clocks, like a real one's."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.neighbour import NeighbourMagnet, seeded
 from fmfts.simulation.pad_file import mechanics_of
 
-CATCH_UP_FRAMES = 4  # what a board's transmit queue holds: after a longer stall the older frames are lost
+CATCH_UP_FRAMES = 4  # as many as a board's transmit queue holds; after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
 TURNING_AXIS = np.array([0.48, 0.6, 0.64])
 ACROSS_TURNING_AXIS, TUMBLE_S = np.array([0.8, 0.0, -0.6]), 20.0
 ROOM_C = 25.0
-WARMEST_K = 15.0  # a warming board comes to rest somewhere
+WARMEST_K = 15.0  # final warming of a board
 
 
 class Simulated:
-    """A Source of one simulated pad, the same frames for the same seed and start.
+    """A Source of one simulated pad; the same seed and start give the same frames.
 
-    `mounted = False` takes the magnet away (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `tumbling`
-    turns it through all directions in twenty seconds, `finger` may be replaced at any time. The clock is whatever
-    `poll` is given: a test or a baseline may run it faster than real time. It starts at the first poll.
+    `mounted = False` removes the magnet (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `tumbling`
+    turns it through all directions in twenty seconds, `finger` may be replaced at any time. The time is that given to
+    `poll`, so that a test or a baseline can run faster than real time. It starts at the first poll.
     """
 
     def __init__(
@@ -45,9 +45,9 @@ class Simulated:
         noise_t: float | None = None,
         perfect: bool = False,
     ) -> None:
-        """`beside`: pads whose magnets are felt, if they are simulated too. `noise_t`: of a sample; None: the chip's.
-        `perfect`: exactly as drawn, far from the Earth's field. ValueError unless the source is a simulated one;
-        SourceError: its pad model cannot be used."""
+        """beside: pads whose magnets it feels, if they are simulated too. noise_t: of a sample; None: the chip's.
+        perfect: without building errors and ambient field. Raises ValueError unless the source is simulated,
+        SourceError where its pad model cannot be used."""
         source = config.source
         if not isinstance(source, SimulatedSource):
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
@@ -88,7 +88,7 @@ class Simulated:
 
     @property
     def built(self) -> MountedPad:
-        """The pad as it really is, which a test knows and a daemon does not."""
+        """The pad as it was built, with its errors, for tests; a daemon must not use it."""
         return self._built
 
     def fileno(self) -> None:
@@ -98,7 +98,7 @@ class Simulated:
         return 0 if self._start_ns is None else self._due_ns(self._sequence)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
-        """The frames that fell due; after a stall the newest few, and a gap in the sequence for the others."""
+        """The frames that are due; after a stall only the newest few, with a gap in the sequence for the others."""
         if self._start_ns is None:
             self._start_ns = now_ns
             self.state.connected, self.state.reason, self.state.since_ns = True, "", now_ns
@@ -111,11 +111,11 @@ class Simulated:
         return frames
 
     def truth(self, host_time_ns: int) -> tuple[float, float, float]:
-        """Where the finger is (m, m) and how hard it presses (N) at a time of this source's clock."""
+        """The finger's x and y (m) and its force (N) at a time of this source's clock."""
         return self.finger(self._seconds(host_time_ns))[:3]
 
     def request_selftest(self, pad_index: int) -> None:
-        """Strap currents both ways, the unbiased field subtracted (data sheet, self-test operation)."""
+        """Simulate strap currents of both signs, and subtract the unbiased field (data sheet, self-test operation)."""
         strap, saturated_count = self._chip.bias_strap, self._chip.saturated_count
         now_s = self._sequence / self._rate_hz
         warming_k = self._warming_k(now_s)
@@ -162,7 +162,7 @@ class Simulated:
         )
 
     def _field(self, sampled_s: Array, warming_k: float) -> Array:
-        """(N, 3) what each sensor's own axes and gain make of the field at its own time."""
+        """(N, 3) field of each sensor at its own time, in its own axes and times its gain."""
         ambient = self._ambient(sampled_s)
         for other in self.neighbours:
             ambient = ambient + other.field(self._built.pad.sensors.position_m, sampled_s, warming_k)
@@ -171,7 +171,7 @@ class Simulated:
         return self._built.sensed(ambient + self._magnet_field(sampled_s, warming_k))
 
     def _magnet_field(self, sampled_s: Array, warming_k: float) -> Array:
-        """(N, 3) of the magnet, computed again only when the finger, the pad or its warmth is another."""
+        """(N, 3) field of the magnet; computed again only when the finger, the pad or the temperature changes."""
         touches = [self.finger(moment) for moment in sampled_s.tolist()]
         pressed, field_t = self._pressed
         if pressed is None or pressed[0] is not self._built or pressed[1:] != (touches, warming_k):
@@ -182,7 +182,7 @@ class Simulated:
         return field_t
 
     def _ambient(self, sampled_s: Array) -> Array:
-        """(N, 3) the Earth's field as the pad sees it while the robot turns about an axis askew to everything."""
+        """(N, 3) the Earth's field in pad axes, while the robot turns about an axis along no symmetry of the pad."""
         if self.tumbling:
             return np.array([_tumbled(moment) @ self._built.ambient_t for moment in sampled_s])
         if self.turning_rad_per_s == 0.0:
@@ -204,18 +204,18 @@ class Simulated:
         return (host_time_ns - (self._start_ns or 0)) * 1e-9
 
     def _due_ns(self, sequence: int) -> int:
-        # Rounded up, so that a caller who wakes at the deadline finds the frame due.
+        # Rounded up, so that the frame is due for a caller who wakes at the deadline.
         return (self._start_ns or 0) - (-sequence * SECOND_NS // self._rate_hz)
 
 
 def _tumbled(moment_s: float) -> Array:
-    """About one axis, while that one is tilted about another: the Earth's field points everywhere."""
+    """Rotation (3, 3) about an axis that itself is tilted about another: the Earth's field gets all directions."""
     angle = 2.0 * np.pi * moment_s / TUMBLE_S
     tilt = 1.2 * np.sin(2.0 * angle) * ACROSS_TURNING_AXIS
     return rotation_from_vector(tilt) @ rotation_from_vector(TURNING_AXIS * 2.0 * angle)
 
 
 def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16], saturated_count: int) -> list[Axes]:
-    """Counts less the field's own; a saturated axis stays marked as one."""
+    """Counts minus the unbiased ones; a saturated axis stays marked as saturated."""
     saturated = (counts == saturated_count) | (unbiased == saturated_count)
     return [(x, y, z) for x, y, z in np.where(saturated, saturated_count, counts - unbiased).tolist()]

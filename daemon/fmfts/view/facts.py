@@ -1,4 +1,4 @@
-"""Facts for a person (units as in a workshop) or for a program (JSON, SI)."""
+"""Prints facts for a person (in millimetres, milligauss and degrees) or for a program (JSON, SI units)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 class Unit(NamedTuple):
     name: str
     factor: float
-    decimals: int  # what a person can use, and a measurement is worth
+    decimals: int  # as many as the measurement is accurate to
 
 
 PLAIN = Unit("", 1.0, 4)
-# Suffix of a key → what a person reads. Millimetres and gauss only where a person looks.
+# Suffix of a key → the unit that a person reads.
 UNITS = {
     "_remanence_t": Unit("T", 1.0, 4),
     "_remanence_sd_t": Unit("T", 1.0, 4),
@@ -25,7 +25,7 @@ UNITS = {
     "_s": Unit("s", 1.0, 2),
     "_c": Unit("°C", 1.0, 1),
 }
-HEXADECIMAL = ("address",)  # as it stands on the board and in the data sheet
+HEXADECIMAL = ("address",)  # keys whose value is written as boards and data sheets do
 
 
 def print_facts(facts: dict[str, Any], as_json: bool) -> None:
@@ -61,9 +61,7 @@ def _number(value: Any, unit: Unit) -> str:
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "–"}[value]
     if isinstance(value, float):
-        return (
-            f"{round(value * unit.factor, unit.decimals) + 0.0:.{unit.decimals}f}"  # + 0.0: there is no minus nothing
-        )
+        return f"{round(value * unit.factor, unit.decimals) + 0.0:.{unit.decimals}f}"  # + 0.0 turns −0 into 0
     if isinstance(value, list | tuple) and value and isinstance(value[0], str):
         return "; ".join(value)
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""`fmfts-daemon listen`: contacts as they come, for people in a terminal, in a log, or for machines."""
+"""`fmfts-daemon listen`: shows contacts as they arrive, as a picture in a terminal, as lines of a log, or as JSON."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 
 class _Output(Protocol):
-    """How messages are shown; `interval_s` is how often `refresh` is wanted."""
+    """A way to show messages; `interval_s`: time between calls of `refresh`."""
 
     interval_s: float
 
@@ -56,8 +56,8 @@ def listen(
 ) -> int:
     """Show `pad` (None: all) for `seconds` (None: until Ctrl-C), then a summary. Returns the exit code.
 
-    0, or UNAVAILABLE when there is nothing to listen to: no place to meet, a daemon of another schema, or not one
-    message in `seconds`.
+    0, or UNAVAILABLE when there is nothing to listen to: no endpoint can be found, the daemon has another schema, or
+    no message arrived in `seconds`.
     """
     out = sys.stdout if out is None else out
     try:
@@ -66,7 +66,7 @@ def listen(
     except (EndpointError, SchemaError) as error:
         log.error("%s", error)
         return exit_codes.UNAVAILABLE
-    except BrokenPipeError:  # `listen | head` has seen enough; what is still buffered has nowhere to go
+    except BrokenPipeError:  # the reader of a pipe ended (`listen | head`): discard what is still buffered
         os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
         return 0
 
@@ -97,7 +97,7 @@ def _listen(subscription: Subscription, pad: str | None, seconds: float | None, 
 
 
 def _messages(subscription: Subscription, output: _Output, end: float | None) -> Iterator[Message]:
-    """Messages until `end`; lets the output refresh in between."""
+    """Yields messages until `end`, and refreshes the output in between."""
     refresh = time.monotonic()
     while end is None or time.monotonic() < end:
         if time.monotonic() >= refresh:
@@ -141,7 +141,7 @@ def _summarise(
 
 @contextmanager
 def _stopped_by_signals() -> Iterator[None]:
-    """SIGTERM ends like Ctrl-C, so that the terminal gets its cursor back."""
+    """Makes SIGTERM end like Ctrl-C, so that the terminal's cursor is shown again."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

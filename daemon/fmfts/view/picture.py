@@ -1,4 +1,4 @@
-"""One contact as a picture: the pad from above, and every figure beside it.
+"""Draws a contact: the pad from above, and all its numbers beside it.
 
 `python -m fmfts.view.picture OUT.svg` draws the first touch that a running daemon reports.
 """
@@ -20,8 +20,8 @@ from rich.text import Text
 from fmfts.common import exit_codes
 from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
 
-HALF_WIDTH_M = 0.020  # the pad is not described on the bus: what is farther out is drawn at the edge
-HALF_COLUMNS = 20  # one column is 1 mm wide; a row is twice as high as a column is wide
+HALF_WIDTH_M = 0.020  # the bus does not tell the pad's size; a contact farther out is drawn at the edge
+HALF_COLUMNS = 20  # a column is 1 mm wide; a row is twice as high
 FULL_BAR_N = 5.0
 BAR_COLUMNS = 20
 MAGNET_RADIUS_M = 0.002
@@ -34,8 +34,10 @@ def render_contact(
     arrival_s: float | None = None,
     compact: bool = False,
 ) -> RenderableType:
-    """The picture of one contact. `status` adds the configured rate; `rate_hz` is what the listener counted,
-    `arrival_s` how old the sample was when the message arrived there.
+    """The picture of one contact.
+
+    status: adds the configured rate. rate_hz: as the listener counted it. arrival_s: age of the sample when its message
+    arrived at the listener. compact: half as wide, for several pads.
     """
     table = Table.grid(padding=(0, 1))
     surface = _surface(contact, HALF_COLUMNS // 2 if compact else HALF_COLUMNS)
@@ -44,7 +46,7 @@ def render_contact(
 
 
 def tilt_deg(axis: tuple[float, float, float]) -> float:
-    """Angle between the magnet's axis and the pad's normal."""
+    """Angle between the magnet's axis and the pad's normal, in degrees."""
     return math.degrees(math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2])))
 
 
@@ -94,14 +96,14 @@ def _surface(contact: Contact, half_columns: int) -> Text:
 
 
 def _ground(column: int, row: int, half_columns: int) -> str:
-    """A cross in the middle, and dots every 10 mm of a full picture."""
+    """The background: a cross in the middle, and dots every 10 mm in a full picture."""
     if column == row == 0:
         return "+"
     return "·" if column % (half_columns // 2) == 0 and row % (half_columns // 4) == 0 else " "
 
 
 def _disc(x_m: float, y_m: float, radius_m: float, column_m: float) -> list[tuple[int, int]]:
-    """Cells (column, row) of a disc; the one in its middle always."""
+    """Cells (column, row) of a disc, always with the cell of its centre."""
     half_columns = round(HALF_WIDTH_M / column_m)
     middle = round(x_m / column_m), round(y_m / (2 * column_m))
     column = min(max(middle[0], -half_columns), half_columns)
@@ -163,7 +165,7 @@ def _bar(contact: Contact) -> Text:
 
 
 def as_svg(renderable: RenderableType, title: str) -> str:
-    """The picture for a page, with whatever monospaced font the reader has: nothing is fetched."""
+    """The picture as SVG, in the reader's own monospaced font: its page loads no font from the network."""
     console = Console(record=True, width=80, file=io.StringIO(), force_terminal=True)
     console.print(renderable)
     return re.sub(r"@font-face\s*\{[^}]*\}\s*", "", console.export_svg(title=title))

@@ -1,4 +1,4 @@
-"""A progress bar on the terminal for what takes seconds; nothing where nobody looks."""
+"""Shows a progress bar on a terminal; does nothing where stderr is not a terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
-    """Within it, call what it gives with the share that is done, 0 to 1."""
+    """Yields a function; call it with the share of the work that is done, 0 to 1."""
     if not sys.stderr.isatty():
         yield lambda share: None
         return

@@ -1,4 +1,4 @@
-"""Why a listener heard nothing: the daemon is asked, and where it does not answer, what can be seen from here."""
+"""Finds out why a listener received nothing: asks the daemon, or, if it does not answer, examines the endpoint."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ ANSWER_S = 0.5
 
 
 def why_nothing_came(endpoints: Endpoints, pad: str | None) -> str:
-    """Of `pad`, None: of any."""
+    """The reason, as a sentence, why no message of `pad` (None: of any pad) arrived."""
     try:
         known = [each["pad"] for each in request("pads", endpoint=endpoints, timeout_s=ANSWER_S)["pads"]]
     except ControlError:

@@ -1,4 +1,4 @@
-"""`fmfts-daemon status`: how the pads of a running daemon are."""
+"""`fmfts-daemon status`: prints the last status of each pad of a running daemon."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def status(*, as_json: bool = False, out: TextIO | None = None, endpoint: str | 
 
 
 def render_status(reports: list[Status]) -> Table:
-    """A column for each pad."""
+    """A table with a column for each pad."""
     table = Table()
     table.add_column("")
     for report in reports:

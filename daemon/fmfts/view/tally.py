@@ -1,4 +1,4 @@
-"""What a listener counts of one pad while it listens."""
+"""Counts the messages of one pad, and summarises them."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Tally:
         self._published_ns.append(contact.t_publish_ns)
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
             self._published_ns.popleft()
-        said_before = before is not None and contact.t_sample_ns == before.t_sample_ns
-        if contact.t_sample_ns and not said_before:
+        same_sample = before is not None and contact.t_sample_ns == before.t_sample_ns
+        if contact.t_sample_ns and not same_sample:
             self._latencies_s.append((contact.t_publish_ns - contact.t_sample_ns) * 1e-9)
         if before is not None:
             self._compare(before, contact)
@@ -60,7 +60,7 @@ class Tally:
 
     @property
     def rate_hz(self) -> float | None:
-        """Over the last second of messages."""
+        """Rate of the messages of the last second."""
         if len(self._published_ns) < 2:
             return None
         return (len(self._published_ns) - 1) * 1e9 / (self._published_ns[-1] - self._published_ns[0])
@@ -72,12 +72,12 @@ class Tally:
         return (self.messages - 1) * 1e9 / (self.contact.t_publish_ns - self._first_ns)
 
     def latency_s(self, share: float) -> float | None:
-        """Sample to publish: the value that `share` of the messages stay within."""
+        """Quantile `share` of the latency from sample to publishing."""
         ordered = sorted(self._latencies_s)
         return ordered[min(int(share * len(ordered)), len(ordered) - 1)] if ordered else None
 
     def facts(self) -> dict[str, object]:
-        """The summary, for machines."""
+        """The summary, for programs."""
         return {
             "pad": self.pad,
             "messages": self.messages,
@@ -111,7 +111,7 @@ class Tally:
 
 
 def now_line(tally: Tally) -> str:
-    """How the pad is now, on one line."""
+    """The pad's present state, on one line."""
     contact = tally.contact
     if contact is None or not tally.alive:
         return f"{tally.pad}: nothing arrives"
