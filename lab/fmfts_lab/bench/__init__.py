@@ -1,1 +1,1 @@
-"""What the solver costs and what it is worth, measured: `python -m fmfts_lab.bench speed | accuracy | convergence`."""
+"""Measures speed and quality of solver, tracker, contact model and daemon: `python -m fmfts_lab.bench --help`."""

@@ -1,4 +1,4 @@
-"""python -m fmfts_lab.bench VERB: what solver, tracker, baselines and contact model cost, and how good they are."""
+"""python -m fmfts_lab.bench VERB: measures what solver, tracker, baselines and contact model cost, and their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How near the solver comes to what the noise allows: Monte Carlo against the Cramér–Rao bound."""
+"""Compares the errors of the solver with the Cramér–Rao bound, by Monte Carlo."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run(options: Namespace) -> None:
             rest[:, :7] = [*pad.rest_position_m, *pad.rest_axis, 0.0]
             batch = batch_of(rows, pad, unknowns, octupole, rest)
             batch.solve(STOP_CHI2, MAX_ITERATIONS)
-            # No iteration: the covariance at the truth, which is the bound.
+            # Without iterations the solver returns the covariance at the true pose, which is the bound.
             bound = batch_of(rows, pad, unknowns, True, poses.states())
             bound.solve(STOP_CHI2, 0)
             _report(unknowns, octupole, batch, bound, poses)
@@ -41,7 +41,7 @@ def _report(unknowns: int, octupole: bool, batch: Batch, bound: Batch, poses: Po
     steps = _errors(batch, poses)[solved][:, free]
     variance = np.diagonal(bound.covariance, axis1=1, axis2=2)[solved][:, free]
     ratio = np.sqrt((steps**2).mean(axis=0) / variance.mean(axis=0))
-    # Each error in its own pose's deviation, so that no pose weighs more.
+    # Each error is in the deviation of its own pose, so that all poses have the same weight.
     whole = np.sqrt((steps**2 / variance).mean())
     information = np.linalg.inv(batch.covariance[solved][:, free[:, None], free])
     nees = np.einsum("ki,kij,kj->k", steps, information, steps).mean() / len(free)
@@ -55,7 +55,7 @@ def _report(unknowns: int, octupole: bool, batch: Batch, bound: Batch, poses: Po
 
 
 def _errors(batch: Batch, poses: Poses) -> Array:
-    """(K, 14) step from each estimate to the truth, in the estimate's tangent plane as its covariance is."""
+    """(K, 14) step from each estimate to the truth, in the estimate's tangent plane, like its covariance."""
     truth, steps = poses.states(), np.zeros((len(batch.state), SIZE))
     steps[:, POSITION] = truth[:, 0:3] - batch.state[:, 0:3]
     steps[:, LOG_MOMENT] = truth[:, 6] - batch.state[:, 6]

@@ -1,4 +1,4 @@
-"""What each baseline is worth at the contact: pads within their tolerances, exact fields, no noise in the press."""
+"""Contact errors after each kind of baseline, for pads within their tolerances, with exact fields and no noise."""
 
 from __future__ import annotations
 

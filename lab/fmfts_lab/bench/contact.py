@@ -1,4 +1,4 @@
-"""How good the contact model is, on new presses of the simulated pad, beside maximum likelihood on the same frames."""
+"""Errors of the contact model on new presses of the simulated pad, and of maximum likelihood on the same frames."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SCENES: tuple[Scene, ...] = ("drifting", "constant")
 SPEED_RUNS = 3000
 PLACE_MM, LIGHTEST_N, FIRMEST_N = 14.0, 0.28, 1.98
 CENTRE_MM, RELIABLE_MM = 8.0, 11.0
-REFINING_STEPS = 20  # from the true press: the table's own error, whatever the search
+REFINING_STEPS = 20  # start from the true press, so that only the table's own error remains
 REMANENCES_T = (0.6, 0.9, 1.23, 1.28, 1.5)
 HEADER = "                                              x (mm)   y (mm)    F (N)"
 
@@ -54,7 +54,7 @@ def run(options: Namespace) -> None:
     }
     if plain.has_shear:
         parts = {"shear": lambda: contact_shear.shear(options.model, random), "speed": parts["speed"]}
-    if options.part == "sizes":  # trains eight networks three times: only where it is asked for
+    if options.part == "sizes":  # only on request: it trains eight networks three times
         parts = {"sizes": contact_sizes.sizes}
     facts = {name: part() for name, part in parts.items() if options.part in (None, name)}
     if options.out is not None:
@@ -62,7 +62,7 @@ def run(options: Namespace) -> None:
 
 
 def speed(path: str) -> dict[str, Any]:
-    """Processor time of an inference and of what refine adds, in one run."""
+    """Processor time of an inference, and the additional time of refine."""
     pad = standard_pad()
     models = {name: ContactModel.load(path, pad, refine=name == "refined") for name in ("network", "refined")}
     facts: dict[str, Any] = {}
@@ -134,7 +134,7 @@ def _beside_likelihood(
 
 
 def _remanences(pad: Pad, press: Array, noise: Array, model: ContactModel) -> dict[str, list[float]]:
-    """Error × remanence over that at 1.23 T, the same presses and noise for every magnet."""
+    """Error × remanence divided by that at 1.23 T, with the same presses and noise for every magnet."""
     scene: Scene = model.facts.scene
     errors = {}
     for remanence_t in REMANENCES_T:

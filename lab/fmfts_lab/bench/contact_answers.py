@@ -1,4 +1,4 @@
-"""A contact model's answers to solved poses, one frame at a time as a running pad asks."""
+"""A contact model's answers to solved poses, one frame at a time, as in a running pad."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a running pad does with touches: the smallest that is seen, moving fingers, and squeezes that are too hard."""
+"""How a running pad handles touches: the smallest one it detects, moving fingers, and presses that are too hard."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AT_ONCE = 50_000
 
 
 def touch(hours: float, random: np.random.Generator) -> dict[str, Any]:
-    """False contacts in so many hours of unloaded frames, the smallest touch by place, and the onset at twice it."""
+    """False contacts in `hours` of unloaded frames; the smallest touch by place; the delay of the onset at twice it."""
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     onset = TouchDetector(RATE_HZ).onset_chi2
@@ -56,7 +56,7 @@ def touch(hours: float, random: np.random.Generator) -> dict[str, Any]:
 
 
 def _chi2(pad: Pad, solver: FrameSolver, press: Array, random: np.random.Generator) -> Array:
-    """(K,) squared displacement from rest in deviations, of one noisy frame of each press (K, 3)."""
+    """(K,) squared displacement from rest in deviations, for one noisy frame of each press (K, 3)."""
     field = pressed_fields(pad, press)
     tracked = solver.solved(field + random.normal(0.0, NOISE_T, field.shape))
     change = tracked.pose[:, :5] - solver.rest_pose[:5]
@@ -65,7 +65,7 @@ def _chi2(pad: Pad, solver: FrameSolver, press: Array, random: np.random.Generat
 
 
 def _smallest(pad: Pad, solver: FrameSolver, x_mm: float, y_mm: float, onset: float) -> float:
-    """The force whose expected χ², five degrees of freedom of noise included, is the onset's."""
+    """The force whose expected χ² (with that of the noise, five degrees of freedom) reaches the onset's."""
     forces = np.geomspace(2e-3, 2.0, 200)
     press = np.column_stack([np.full(200, x_mm), np.full(200, y_mm), forces])
     tracked = solver.solved(pressed_fields(pad, press))
@@ -75,14 +75,14 @@ def _smallest(pad: Pad, solver: FrameSolver, x_mm: float, y_mm: float, onset: fl
 
 
 def _delay(pad: Pad, solver: FrameSolver, press: Array, onset: float, random: np.random.Generator) -> tuple[float, int]:
-    """Frames from the first that is pressed to the one that is called a contact, of 200 presses: median and worst."""
+    """Frames from the first pressed one to the onset, over 200 presses: median and worst."""
     seen = _chi2(pad, solver, np.tile(press, (200 * 8, 1)), random).reshape(200, 8) > onset
     waited = np.where(seen.any(axis=1), seen.argmax(axis=1), 8)
     return float(np.median(waited)), int(waited.max())
 
 
 def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
-    """A finger that moves at 10 mm/s through the pad's centre, tracked frame by frame, smoothed and not."""
+    """Errors for a finger that moves at 10 mm/s through the pad's centre, with and without smoothing."""
     pad = standard_pad()
     rest = solve(rest_field_of(pad), pad, stop_chi2=STOP_CONVERGED).state
     time_s = np.arange(int(RATE_HZ * 1.6)) / RATE_HZ
@@ -117,7 +117,7 @@ def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
 
 
 def squeezes(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
-    """Presses beyond the calibrated force, anywhere on the pad: how many are flagged, and whether the bound holds."""
+    """Presses beyond the calibrated force, anywhere on the pad: how many are over range, and does the bound hold?"""
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     facts = {}

@@ -1,4 +1,4 @@
-"""Shear: what a model of five outputs can tell of it, by place; and what it does to one of three, which cannot."""
+"""Shear: how well a model with five outputs measures it, by place; and the errors it causes in one with three."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ STEP_MM = 2.0
 FRICTION = 0.2
 FRAMES = 200
 SOLVED_TEST, NOISY = SHEARED_PATH.with_name("test_shear.csv"), 20
-# What a model of three outputs is asked: what presses slips at this share of its force, or at none.
+# Coefficients of friction, of the finger and in the model's settings: each combination is tested with three outputs.
 COEFFICIENTS = (0.0, 0.3)
 SLIPPING_FRAMES, RELIABLE_MM, LIGHTEST_N, FIRMEST_N = 2000, 11.0, 0.28, 1.98
 WRONG_DEVIATIONS = 5.0
 
 
 def shear(path: str, random: np.random.Generator) -> dict[str, Any]:
-    """Maps over one quarter of the pad, x to the right: an even press of FORCE_N. ValueError for another model."""
+    """Maps over one quarter of the pad, x to the right, for an even press of FORCE_N. ValueError without shear."""
     pad = standard_pad()
     model = ContactModel.load(path, pad, refine=True)
     if not model.has_shear or model.refiner is None:
@@ -69,7 +69,7 @@ def shear(path: str, random: np.random.Generator) -> dict[str, Any]:
 
 
 def solved(path: str, random: np.random.Generator) -> dict[str, Any]:
-    """Errors on presses that were solved one by one, sheared by up to half their force, within ±8 mm."""
+    """Errors on presses within ±8 mm that finite elements solved one by one, with shear up to half their force."""
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     rows = labelled(read_solved(SOLVED_TEST), pad)
@@ -103,7 +103,7 @@ def solved(path: str, random: np.random.Generator) -> dict[str, Any]:
 
 
 def _condition(response: Response, press: Array) -> float:
-    """Of the slope, each component of the pose in the deviation that it has at rest."""
+    """Condition of the slope, with each component of the pose in its deviation at rest."""
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     _, slope = response.change_and_slope(press)
@@ -112,7 +112,7 @@ def _condition(response: Response, press: Array) -> float:
 
 
 def friction(path: str, random: np.random.Generator) -> dict[str, Any]:
-    """Errors of a model of three outputs under shear up to the cone of friction, beside what it says of them."""
+    """Errors of a model with three outputs under shear within the cone of friction, and its published deviations."""
     pad = standard_pad()
     solver = FrameSolver(pad, rest_field_of(pad), "drifting", NOISE_T)
     facts: dict[str, Any] = {}
@@ -139,7 +139,7 @@ def friction(path: str, random: np.random.Generator) -> dict[str, Any]:
 
 
 def _slipping(coefficient: float, random: np.random.Generator) -> Array:
-    """(K, 5) presses spread over the disc, shear over the cone's."""
+    """(K, 5) presses: places spread over the disc, shear over the cone of friction."""
     radius, angle = RELIABLE_MM * np.sqrt(random.uniform(0, 1, SLIPPING_FRAMES)), _angles(random)
     force_n, towards = random.uniform(LIGHTEST_N, FIRMEST_N, SLIPPING_FRAMES), _angles(random)
     shear_n = coefficient * force_n * np.sqrt(random.uniform(0, 1, SLIPPING_FRAMES))

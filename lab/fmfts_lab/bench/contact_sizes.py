@@ -1,4 +1,4 @@
-"""How large a contact network has to be: the paper's presses in three folds, beside what each size costs to run."""
+"""How large must a contact network be? Errors on the paper's presses in three folds, and the cost of each size."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from fmfts.contact import ContactModel
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.workspace import standard_pad
 
-LARGER = (28, 32)  # what `calibrate` does not try: they gain nothing, and take as long as all the others
+LARGER = (28, 32)  # `calibrate` does not try these: they gain nothing, and take as long as all the others
 RUNS = 2000
 
 
 def sizes(hidden: tuple[int, ...] = (*HIDDEN, *LARGER), presses: int = PRESSES) -> dict[str, Any]:
-    """Every candidate's error on left-out presses; parameters, file and processor time of those that are networks."""
+    """Every candidate's error on left-out presses; for networks also parameters, file size and processor time."""
     calibration = standard_set()
     solver = solver_of(calibration, "drifting", NOISE_T)
     tracked = solved("the standard set", calibration, solver)
@@ -57,7 +57,7 @@ def _line(one: Candidate, chosen: Candidate) -> str:
 
 
 def cost(hidden: int, shipped: ContactModel) -> tuple[int, float]:
-    """Bytes of the file and µs of an inference, which do not depend on what the weights are."""
+    """Bytes of the file and µs of an inference; the values of the weights do not matter for them."""
     assert shipped.refiner is not None
     place, force = (Layers.drawn((10, hidden, hidden, outputs), np.random.default_rng(0)) for outputs in (2, 1))
     network = ContactNetwork(shipped.rest_pose, np.ones(5), place.beside(force))

@@ -1,4 +1,4 @@
-"""Whether a cold start can go wrong unnoticed."""
+"""Can a cold start give a wrong pose that is not flagged?"""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from fmfts.pose.problem import VALUE, magnet_rows, measurement_rows
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.workspace import MODELS, anywhere, standard_pad
 
-# Of right answers, one in a million misfits more than this.
+# The share of right answers that count as misfits.
 FALSE_ALARM = 1e-6
-# As large an error as one right answer in so many has by its noise alone: of a million draws, one is beyond the first.
+# An error counts as rare, or wrong, if noise alone makes one as large in this share of right answers.
 RARE, WRONG = 1e-6, 1e-9
 EARTH_T = 5e-5
 # Half the box of starts about the rest pose: beyond the workspace on every side.

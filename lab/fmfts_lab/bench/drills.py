@@ -1,4 +1,4 @@
-"""What can go wrong with a pad, as counts and fields: the same healthy pad, and one thing that breaks it."""
+"""The faults of a pad as changed counts and fields: a healthy pad with one fault at a time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FieldFault = Callable[[float, MountedPad, Touch], Array]
 
 RATE_HZ = 220
 FRAME_NS = round(1e9 / RATE_HZ)
-TURNING_DEG_PER_S = 60.0  # of the robot, where the field drifts
+TURNING_DEG_PER_S = 60.0  # the robot's turn, if the scene's field drifts
 LAST_COUNT, SATURATED = DEFAULT_CHIP.largest_count, DEFAULT_CHIP.saturated_count
 MAGNETIC_CONSTANT = 4e-7 * pi
 AXES = "xyz"
@@ -36,9 +36,9 @@ AXES = "xyz"
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """kind: what the table calls it. sensor: the one to be named, None where the field itself is foreign.
+    """kind: its name in the table. sensor: the one that the daemon must name, None if the field itself is foreign.
 
-    counts, field: what it does; valid: whether the sensor still answers.
+    counts, field: its effect. valid: whether the sensor still answers.
     """
 
     kind: str
@@ -49,7 +49,7 @@ class Fault:
 
 
 def pad_config(ambient: Ambient, seed: int) -> PadConfig:
-    """A pad whose gains a self-test has brought to ±0.5 %."""
+    """A pad whose gains are good to ±0.5 % after a self-test."""
     turning = TURNING_DEG_PER_S if ambient == "drifting" else 0.0
     return PadConfig(
         name="drill",
@@ -60,7 +60,7 @@ def pad_config(ambient: Ambient, seed: int) -> PadConfig:
 
 
 def live_finger(time_s: float) -> Touch:
-    """Pressed beside the centre by 1 N, and as unsteady as a hand: a sensor that stands still shows."""
+    """1 N beside the centre, as unsteady as a hand, so that a sensor with constant readings can be noticed."""
     rise = min(max((time_s - 0.1) / 0.3, 0.0), 1.0)
     force = 0.5 * (1.0 - np.cos(pi * rise)) * (1.0 + 0.2 * sin(2 * pi * 0.9 * (time_s - 0.4)))
     return Touch(2e-3, -1.5e-3, float(force))
@@ -70,7 +70,7 @@ FINGERS: dict[str, Finger] = {"rest": no_finger, "pressed": live_finger}
 
 
 class DrillSource(Simulated):
-    """A simulated pad with a field that is not its own, from `begin_s` on."""
+    """A simulated pad with a foreign field from `begin_s` on."""
 
     def __init__(
         self, config: PadConfig, field: FieldFault | None = None, begin_s: float = 0.0, end_s: float = inf
@@ -113,7 +113,7 @@ def spoiled(frames: Sequence[Frame], fault: Fault, begin: int, end: int) -> list
 
 
 def sensor_faults(sensors: Sequence[int], axes: Sequence[int]) -> list[Fault]:
-    """Each sensor and axis in turn."""
+    """All kinds of sensor fault, for each of these sensors and axes."""
     faults = [Fault("invalid", sensor, valid=False) for sensor in sensors]
     for sensor in sensors:
         for axis in axes:
@@ -151,7 +151,7 @@ def _scaled(factor: float) -> Callable[[int, int], float]:
 
 
 def field_faults() -> list[Fault]:
-    """What is wrong with the place, not with a sensor."""
+    """The faults of the surroundings, not of a sensor."""
     faults = [
         Fault(f"neighbour {distance_mm} mm, {how}", field=_neighbour(distance_mm * 1e-3, how == "moving"))
         for distance_mm in (30, 45, 60, 80, 100)
@@ -166,7 +166,7 @@ def field_faults() -> list[Fault]:
 
 
 def _neighbour(distance_m: float, moving: bool) -> FieldFault:
-    """An equal magnet beside this one; moving: pressed down and tilted twice a second, as its own finger does it."""
+    """An equal magnet beside this one; moving: a finger of its own presses and tilts it twice a second."""
 
     def field(time_s: float, built: MountedPad, touch: Touch) -> Array:
         down = (1.0 - np.cos(4 * pi * time_s)) / 2.0 if moving else 0.0
@@ -178,7 +178,7 @@ def _neighbour(distance_m: float, moving: bool) -> FieldFault:
 
 
 def _steel(time_s: float, built: MountedPad, touch: Touch) -> Array:
-    """A ball of 10 mm from 80 to 30 mm in a second: 3V/µ0 times the field, of this magnet and the Earth, at its place.
+    """A steel ball of 10 mm that comes from 80 to 30 mm in a second. Its moment is 3V/µ0 times the field at its place.
 
     J. D. Jackson, Classical Electrodynamics, 5.11: a sphere of µ ≫ 1 in a uniform field.
     """
@@ -197,7 +197,7 @@ def _step(gauss: float) -> FieldFault:
 
 
 def _turning(deg_per_s: float) -> FieldFault:
-    """The robot begins to turn in the Earth's field: what a constant scene rules out."""
+    """The robot begins to turn in the Earth's field, which a constant scene excludes."""
 
     def field(time_s: float, built: MountedPad, touch: Touch) -> Array:
         turn = rotation_from_vector(TURNING_AXIS * np.deg2rad(deg_per_s) * time_s)

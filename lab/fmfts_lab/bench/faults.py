@@ -1,4 +1,4 @@
-"""What the whole chain below the bus says of broken sensors and foreign fields, and how often it is wrong."""
+"""How the daemon's pipeline reports broken sensors and foreign fields, and how often it is wrong."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from fmfts_lab.bench.drills import (
 from fmfts_lab.bench.tapped import Well, pipeline_of, tapped, without_baseline
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 
-# After it: mean residuals forget in half a second, and a field that has moved is told of for a second more.
+# AFTER_S: mean residuals forget a fault in half a second; a moved field is reported for a second more.
 WARM_S, FAULT_S, AFTER_S = 0.7, 1.2, 2.0
 GRACE_S = 0.5
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
@@ -38,7 +38,7 @@ AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
 
 @dataclass(slots=True)
 class Outcome:
-    """One kind of fault in one situation, over all sensors and axes. Times in ms; shares of frames from 0 to 1."""
+    """The results for one kind of fault in one situation, over all sensors and axes. Times in ms, shares 0 to 1."""
 
     kind: str
     ambient: str
@@ -81,7 +81,7 @@ def _spread(times: Sequence[float]) -> str:
 
 
 class Healthy:
-    """A mounted pad that is well, with a pipeline that has followed it until the fault begins."""
+    """A healthy mounted pad, with a pipeline that has tracked it up to the beginning of the fault."""
 
     def __init__(self, ambient: Ambient, touch: str, seed: int, model: ContactModel) -> None:
         self.ambient, self.touch = ambient, touch
@@ -99,7 +99,7 @@ class Healthy:
         self._baseline, self._mounting, self._memory = before.baseline, before.mounting, snapshot(before)
 
     def pipeline(self) -> PadPipeline:
-        """As it is when the fault begins."""
+        """A copy of the pipeline, in its state when the fault begins."""
         pipeline = without_baseline(self.config, self.model)
         assert self._baseline is not None
         pipeline.use(self._baseline, self._mounting)
@@ -184,10 +184,10 @@ def run(options: Namespace) -> None:
 
 
 def _only(kinds: Sequence[str], faults: list[Fault]) -> list[Fault]:
-    """Those whose name begins with one of `kinds`; all if there is none."""
+    """The faults whose kind begins with one of `kinds`; all of them if `kinds` is empty."""
     return [fault for fault in faults if fault.kind.startswith(tuple(kinds or ("",)))]
 
 
 def as_json(outcomes: list[Outcome], wells: list[Well]) -> bytes:
-    """The facts behind the printed lines; an infinite number of deviations is null."""
+    """The data of the printed lines; an infinite number of deviations becomes null."""
     return msgspec.json.format(msgspec.json.encode({"faults": outcomes, "healthy": wells}), indent=1) + b"\n"

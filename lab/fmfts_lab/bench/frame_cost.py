@@ -1,6 +1,6 @@
-"""Time of one frame by stage: hot, in a loop, and cold, with other data read before each stage.
+"""Time of one frame by stage: hot (in a loop), and cold (other data is read before each stage).
 
-Cold is what a frame every 4.5 ms meets on a computer that does other things: its caches are full of those.
+A running pad is nearer to cold: between frames, 4.5 ms apart, other programs fill the caches.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import pad_of
 
 OTHER_BYTES = 48_000_000  # more than the last cache holds
-SETTLED = 300  # frames, until the pad is followed
+SETTLED = 300  # so many frames at the beginning are not measured
 HOT_FRAMES, COLD_FRAMES = 1500, 300
 PERIOD_NS = round(1e9 / rig.RATE_HZ)
 
 
 def run(options: argparse.Namespace) -> None:
-    """The median is said: on a busy computer some frames are interrupted."""
+    """Print the medians: on a busy computer some frames are interrupted."""
     del options
     simulated, other = pad_of(0), np.zeros(OTHER_BYTES // 8)
     config = msgspec.structs.replace(simulated, source=BridgeSource(port="bench"))
@@ -91,9 +91,9 @@ def costs(
 
 
 class Whole:
-    """A pad whose frames go from their bytes to the bus in one call, as the daemon does where it can."""
+    """A pad whose frames go from their bytes to the bus in one call, as in the daemon's fast path."""
 
-    LINE = 0  # none that is read
+    LINE = 0  # stands for a descriptor; nothing reads it
 
     def __init__(self, config: PadConfig, publisher: Publisher) -> None:
         self._clock, self._topic = DeviceClock(), contact_topic(config.name)
@@ -108,7 +108,7 @@ class Whole:
         return self._lane is not None and self._loop.take(self.LINE, line, arrival_ns)
 
     def take_in_python(self, line: bytes, arrival_ns: int) -> None:
-        """What no lane took; the next frames may."""
+        """Process in Python a line that C did not take; C may take the next ones."""
         if self._lane is not None:
             self._loop.end(self.LINE)
             self._pipeline.end(self._lane)
@@ -120,7 +120,7 @@ class Whole:
 
 
 def pipeline_of(config: PadConfig) -> PadPipeline:
-    """With its baseline."""
+    """The pad's pipeline, with its simulated baseline in use."""
     pad, scene = config.pad(), choose(config.scene, config.magnet)
     pipeline = PadPipeline(pad, model_of(config), "bench", float(rig.RATE_HZ), scene.tracking)
     pipeline.use(simulated_baseline(pad_of(0)))

@@ -1,7 +1,7 @@
-"""From the bytes of a frame to its message: how long it takes and what it costs, beside an echo that only copies.
+"""Latency and processor time from the bytes of a frame to its message, compared with an echo that only copies.
 
-A frame is *there* when its last byte is handed to the pty. What comes before, the wire and the age of samples that
-chips on their own clocks are interpolated to, is told apart. Echo and daemon take turns at the same boards.
+A frame counts as *there* when its last byte is handed to the pty. The time before that (the wire, and the age of the
+interpolated samples) is reported separately. Echo and daemon are measured by turns with the same boards.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency_run import WARM_UP_S, Run, lateness, matched, measured_from
 
-LATEST_S = 1.0  # after the last frame: what is not heard by then counts as unheard
+LATEST_S = 1.0  # a message that comes later than this after the last frame counts as unheard
 COLUMNS = (
     *("pads", "who", "publish p50", "p99", "p99.9", "max", "subscriber p50", "p99", "p99.9", "max"),
     *("CPU", "main µs", "others µs", "boards late p99", "RSS", "grew", "no room", "unheard"),
@@ -38,7 +38,7 @@ COLUMNS = (
 
 @dataclass
 class Rig:
-    """The processes around one measured one, in a folder of their own."""
+    """The processes around the measured one (boards, subscriber), in their own folder."""
 
     count: int
     lines: list[bytes]
@@ -57,7 +57,7 @@ class Rig:
         multiprocessing.connection.wait([board.sentinel], WARM_UP_S)
         cpu_ns, rss_mb, begun_ns = np.array(cpu_by_thread(pid)), rss_of(pid), time.monotonic_ns()
         written_ns, lost = board_pipe.recv()
-        # At the nominal rate: on a busy computer the boards fall behind.
+        # Time per frame times the nominal rate: on a busy computer the boards themselves fall behind that rate.
         frames = max(int((written_ns >= begun_ns).sum()) - lost, 1)
         main_ns, others_ns = ((cpu_by_thread(pid) - cpu_ns) / frames).tolist()
         cpu_share = (main_ns + others_ns) * 1e-9 * rig.RATE_HZ * self.count
@@ -107,7 +107,7 @@ class Rig:
 
 
 def spawn(target: Callable[..., None], *args: Any) -> tuple[Any, Any]:
-    """Our end of a pipe, and the process that got the other one."""
+    """Start a process with one end of a pipe. Returns the other end, and the process."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=target, args=(theirs, *args), daemon=True)
@@ -153,12 +153,12 @@ def store_baselines(folder: Path, count: int) -> None:
 
 
 def cpu_of(pid: int) -> int:
-    """Nanoseconds that all threads of a process have run."""
+    """Processor time (ns) of all threads of a process."""
     return sum(cpu_by_thread(pid))
 
 
 def cpu_by_thread(pid: int) -> tuple[int, int]:
-    """Nanoseconds that the main thread of a process has run, and all others."""
+    """Processor time (ns) of a process: of the main thread, and of all others."""
     ran_ns = {
         int(task.name): int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir()
     }
@@ -173,7 +173,7 @@ def rss_of(pid: int) -> float:
 
 
 def row(name: str, count: int, run: Run) -> str:
-    """A line of the table in Markdown whose head is COLUMNS."""
+    """A line of the Markdown table with the head COLUMNS."""
     times_us = [
         f"{value:.0f}"
         for times_ns in (run.to_publish_ns, run.to_subscriber_ns)

@@ -1,4 +1,4 @@
-"""How latency and processor time grow with the pads, as a chart."""
+"""A chart of latency and processor time by number of pads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmfts_lab.bench.latency_run import Run
 
 
 def draw(runs: dict[str, list[tuple[int, Run]]], file: Path) -> None:
-    """SVG or PNG by the file's suffix. SystemExit where matplotlib is not installed."""
+    """Write an SVG or PNG, by the file's suffix. SystemExit if matplotlib is not installed."""
     try:
         import matplotlib
     except ImportError:

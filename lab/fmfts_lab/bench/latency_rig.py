@@ -1,4 +1,4 @@
-"""What stands around the daemon while its latency is measured, each a process: boards on ptys, echo, subscriber."""
+"""The processes around the daemon when its latency is measured: boards on ptys, echo, subscriber."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from fmfts.sensor.wire.packets import Hello, HelloPad, HelloSensor, Reply, Reque
 from fmfts.simulation.source import Simulated
 
 RATE_HZ = 220
-# A frame's number stands in its temperature, so that a message tells which frame it is about: 37 s of them, and 64 K.
+# The frame's temperature carries its number, so that each message shows its frame. The numbers last 37 s and span 64 K.
 NUMBERS = 8192
 RAW_PER_K = 128.0
 ROOM_C = 25.0
-CYCLE_S = 16.0  # of the scripted finger
+CYCLE_S = 16.0  # period of the scripted finger
 READ_BYTES = 65536
 
 
 def samples(config: PadConfig, seconds: float) -> list[Sample]:
-    """What a board sends of a pad that is tapped, pressed and slid on, number by number; repeated after CYCLE_S."""
+    """The samples that a board sends while a finger taps, presses and slides; they repeat after CYCLE_S."""
     source = Simulated(config)
     found: list[Sample] = []
     period_ns = round(1e9 / RATE_HZ)
@@ -56,8 +56,8 @@ def samples(config: PadConfig, seconds: float) -> list[Sample]:
 
 
 def boards(pipe: Connection, lines: list[bytes], count: int) -> None:
-    """`count` boards with the same frames, each in its own phase. Sends the ports, waits for "go", sends when each
-    frame's bytes were handed to the pty (count, frames) in ns, and how many found no room."""
+    """`count` boards with the same frames, each in its own phase. Sends the ports and waits for "go". Then sends the
+    times (count, frames) in ns at which each frame's bytes were handed to the pty, and how many found no room."""
     ends, answers = _ptys(count)
     pipe.send([os.ttyname(theirs) for _, theirs in ends])
     while not pipe.poll(0.02):
@@ -99,14 +99,14 @@ def steady_boards(pipe: Connection, cycle: list[Sample], count: int) -> None:
 
 
 def repeated(cycle: list[Sample], number: int) -> Sample:
-    """The frame of that number, the cycle being sent over and over."""
+    """The frame with this number, when the cycle is repeated."""
     rounds, place = divmod(number, len(cycle))
     passed_us = rounds * round(len(cycle) * 1e6 / RATE_HZ)
     return replace(cycle[place], sequence=number, time_us=cycle[place].time_us + passed_us)
 
 
 def _ptys(count: int) -> tuple[list[tuple[int, int]], dict[int, Decoder]]:
-    """Our end and theirs of each, and what reads the requests that come."""
+    """Both ends of each pty, and a decoder of the requests to each board."""
     ends = [os.openpty() for _ in range(count)]
     for ours, theirs in ends:
         tty.setraw(theirs)
@@ -115,7 +115,7 @@ def _ptys(count: int) -> tuple[list[tuple[int, int]], dict[int, Decoder]]:
 
 
 def _answer(answers: dict[int, Decoder]) -> None:
-    """Every request is done at once; a board that says who it is is asked for nothing more."""
+    """Answer every request at once. After the hello the daemon asks for nothing more."""
     hello = encode(
         Hello(
             (1, 0, 0), 1, 1, bytes(12), RATE_HZ, DEFAULT_CHIP.gain_code_for_range(2.5), 0, 1,
@@ -133,8 +133,8 @@ def _answer(answers: dict[int, Decoder]) -> None:
 
 
 def echo(pipe: Connection, endpoint: str, ports: list[str], size: int) -> None:
-    """Reads what the daemon reads, finds the packets in it, and publishes a message of `size` for each: the least that
-    anything written in Python on the same sockets can take."""
+    """Reads the same bytes as the daemon, finds the packets, and publishes a message of `size` bytes for each: no
+    Python program on the same sockets can take less time."""
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.XPUB)
     socket.bind(endpoint)
     epoll = select.epoll()
@@ -144,7 +144,7 @@ def echo(pipe: Connection, endpoint: str, ports: list[str], size: int) -> None:
         epoll.register(descriptor, select.EPOLLIN)
         topics[descriptor], seen[descriptor] = f"contact/p{index}".encode(), 0
     rest = bytes(size - 16)
-    epoll.register(pipe.fileno(), select.EPOLLIN)  # asking the pipe each time takes longer than all else
+    epoll.register(pipe.fileno(), select.EPOLLIN)  # polling the pipe each time would take longer than all else
     while True:
         events = epoll.poll(0.05)
         if not events and not any(seen.values()):
@@ -161,7 +161,7 @@ def echo(pipe: Connection, endpoint: str, ports: list[str], size: int) -> None:
 
 
 def subscriber(pipe: Connection, endpoint: str, count: int) -> None:
-    """Sends "ready" when every pad was heard, and at the end [(pad, arrival in ns, payload), …]."""
+    """Sends "ready" when a message of every pad has come, and at the end [(pad, arrival in ns, payload), …]."""
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.SUB)
     socket.setsockopt(zmq.RCVHWM, 0)
     socket.connect(endpoint)

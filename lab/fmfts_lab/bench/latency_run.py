@@ -1,4 +1,4 @@
-"""What one run of the rig measured: each frame with the message that was about it."""
+"""The result of one run of the rig: each frame with its message."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Times = NDArray[np.int64]
 
 @dataclass
 class Run:
-    """Nanoseconds of each frame, (frames,): to publish, to the subscriber; age_ns: how old it was when it was there.
+    """Times (frames,) in ns from each frame to its publication and to the subscriber. age_ns: age of its samples then.
 
-    cpu_ns: processor time of each frame, of the main thread and of all others (ZeroMQ's). boards_late_ns: how much
-    later than due each frame was handed to the pty: what comes late comes in bursts. lost: of `sent`, what found no
-    room on the pty. unheard: of those after the warm-up, what no message was about.
+    cpu_ns: processor time of each frame, of the main thread and of all others (ZeroMQ's). boards_late_ns: how much too
+    late each frame was handed to the pty (late frames come in bursts). lost: frames of `sent` without room on the pty.
+    unheard: frames after the warm-up without a message.
     """
 
     to_publish_ns: Times
@@ -37,12 +37,12 @@ class Run:
 
 
 def measured_from(written_ns: Times) -> int:
-    """When the warm-up is over."""
+    """The time at which the warm-up ends."""
     return int(written_ns.min()) + round(WARM_UP_S * 1e9)
 
 
 def lateness(written_ns: Times) -> Times:
-    """How much later than due each frame after the warm-up was handed over, (frames,); `boards` has the times."""
+    """(frames,) how much too late each frame after the warm-up was handed over, from the times of `boards`."""
     pads, frames = written_ns.shape
     due_ns = (np.arange(frames) + np.arange(pads)[:, None] / pads) * 1e9 / rig.RATE_HZ
     behind_ns = written_ns - due_ns
@@ -51,7 +51,7 @@ def lateness(written_ns: Times) -> Times:
 
 
 def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo: bool) -> tuple[Times, Times, Times]:
-    """Each frame after the warm-up that a message was about: to publish, to the subscriber, age (frames,)."""
+    """(frames,) for each frame after the warm-up with a message: times to publication and subscriber, and age."""
     rows: dict[tuple[int, int], tuple[int, int, int]] = {}
     start_ns = measured_from(written_ns)
     for topic, arrived_ns, payload in messages:
@@ -68,7 +68,7 @@ def matched(messages: list[tuple[bytes, int, bytes]], written_ns: Times, is_echo
             published_ns, sampled_ns = message["t_publish_ns"], message["t_sample_ns"]
         pad = int(topic.removeprefix(b"contact/p"))
         written = written_ns[pad]
-        # The last one of its number that was there before the message came.
+        # The last frame with this number that was there before the message came.
         frame = int(np.searchsorted(written, arrived_ns)) - 1
         frame -= (frame - number) % rig.NUMBERS
         if frame >= 0 and written[frame] >= start_ns:

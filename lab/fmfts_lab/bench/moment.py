@@ -1,4 +1,4 @@
-"""What following the magnet's moment at rest would bring, and cost: a pad that has warmed, and a light touch on it."""
+"""What would following the magnet's moment at rest gain, and hide? Tried on a warmed pad, with and without a touch."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from fmfts_lab.bench.workspace import Array, standard_pad
 
 RATE_HZ = 55.0
 WARM_K, WARMING_S, TOUCHED_S, END_S, SHOWN_S = 20.0, 60.0, 90.0, 120.0, 20.0
-COEFFICIENT_ERROR = 0.2  # of the temperature coefficient: one deviation of what the scene allows
-DEPTH_M_PER_N = 0.8e-3  # of the magnet, under a press on the centre
+COEFFICIENT_ERROR = 0.2  # relative error of the temperature coefficient: one deviation of what the scene allows
+DEPTH_M_PER_N = 0.8e-3  # how far a press on the centre moves the magnet down
 WINDOW_FRAMES = 220
-UNTOUCHED = 0.01  # share of untouched windows that are taken for touched ones
+UNTOUCHED = 0.01  # share of untouched windows that count as touched
 
 
 @dataclass
 class Follower:
-    """Where the mean pose is that of rest, as far as the moment's uncertainty tells, the pad is taken for untouched,
-    and what is left of the mean for the moment's error."""
+    """If the mean pose agrees with rest within the moment's uncertainty, the pad counts as untouched; then the rest of
+    the difference counts as the moment's error."""
 
     rest: State
-    error: float = 0.0  # of the log moment that is held
+    error: float = 0.0  # estimated error of the log moment that the tracker holds
     variance: float = 0.0
     held_variance: float = 0.0
     changes: list[Array] = field(default_factory=list)
 
     def see(self, estimate: PoseEstimate) -> float:
-        """The height (m) that the moment's error accounts for."""
+        """The height (m) that the moment's error causes."""
         held = float(estimate.covariance[LOG_MOMENT, LOG_MOMENT])
         self.variance += max(held - self.held_variance, 0.0)
         self.held_variance = max(held, self.held_variance)
@@ -74,7 +74,7 @@ def run(options: Namespace) -> None:
 
 
 def _warmed(force_n: float, since_s: float, random: np.random.Generator) -> tuple[Array, Array]:
-    """Mean error and deviation (2,) in mN of the last seconds: with the moment held, and with it followed."""
+    """Mean error and deviation (2,) in mN over the last seconds, with the moment held and with the moment followed."""
     pad, rest = standard_pad(), State.at_rest(standard_pad())
     model = choose(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
     tracker, follower, shown = Tracker(pad, rest, model, 25.0), Follower(rest), []

@@ -1,4 +1,4 @@
-"""Two pads side by side, both pressed by fingers of their own: what each reads, told of the other and not told."""
+"""Two pads side by side, each pressed by its own finger: errors with and without knowledge of the other pad."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 
 DISTANCES_MM = (20, 30, 60, 100, 200)
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
-# The second pad is rolled against the first, as two fingertips are, and its finger comes while the first rests.
+# The second pad is rolled against the first, like two fingertips. Its finger presses while the first one rests.
 TURN_DEG = (8.0, 0.0, 0.0)
 LATER_S = 3.7
 
 
 @dataclass(slots=True)
 class Outcome:
-    """Both pads of one pair. errors: of place and force where they are published, in their published deviations.
-    answers: of each frame the errors of x and y (mm) and force (N), NaN where none is published, and the true force."""
+    """Results of both pads of a pair. errors: of published places and forces, in their published deviations. answers:
+    for each frame the errors of x, y (mm) and force (N), NaN if none is published, and the true force."""
 
     frames: int = 0
     wrong: int = 0
@@ -66,7 +66,7 @@ def pair(distance_mm: float, ambient: Ambient, seed: int) -> tuple[PadConfig, Pa
 
 
 def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) -> Outcome:
-    """Both pads in step. told: whether each counts with the other's magnet."""
+    """Run both pads in step. told: whether each takes the other's magnet into account."""
     fingers = {pads[0].name: _later(pads[0], 0.0), pads[1].name: _later(pads[1], LATER_S)}
     sources = {pad.name: _source(pad, pads, fingers) for pad in pads}
     pipelines = {pad.name: _pipeline(pad, pads) for pad in pads}

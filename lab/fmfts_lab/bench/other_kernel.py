@@ -1,6 +1,6 @@
-"""Another build of the kernel beside this one, in one run: `bench speed --beside OTHER/_kernel.abi3.so`.
+"""Compares the speed of another build of the kernel with this one: `bench speed --beside OTHER/_kernel.abi3.so`.
 
-Turns alternate, solve by solve of the same batch, so that whatever else the computer does holds up both alike.
+Both solve the same batch by turns, so that other work of the computer delays both alike.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TURNS = 600
 
 
 def loaded(path: Path) -> ModuleType:
-    """ImportError where it is none."""
+    """Load a kernel from its file. ImportError if the file is no kernel."""
     loader = ExtensionFileLoader("_kernel", str(path))
     spec = spec_from_loader("_kernel", loader)
     assert spec is not None
@@ -30,7 +30,7 @@ def loaded(path: Path) -> ModuleType:
 
 
 def ratio(batch: Batch, other: ModuleType) -> tuple[float, float]:
-    """Time of this kernel over the other's: of the fastest turn of each, and the median over pairs of turns."""
+    """Time of this kernel divided by the other's: for the fastest turn of each, and the median over pairs of turns."""
     own, taken = vars(kernel)["_kernel"], np.empty((TURNS, 2))
     try:
         for turn in range(TURNS):

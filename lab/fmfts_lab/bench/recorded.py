@@ -1,4 +1,4 @@
-"""What a built pad's baselines record, and the mounting that follows from each: exact fields, means of noisy frames."""
+"""The baselines of a built pad, and the mounting from each: exact fields, as means of noisy frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ KINDS = ("rest only", "bare + rest", "+ turn", "+ refine", "+ turn + refine")
 def mountings(
     built: MountedPad, drawing: Pad, tolerance: Tolerance, random: np.random.Generator, noise_t: float = NOISE_T
 ) -> dict[str, Mounting]:
-    """One for each of KINDS. noise_t: of one frame; what the recordings say of theirs is NOISE_T."""
+    """One mounting for each of KINDS. noise_t: the real noise of one frame; the recordings state NOISE_T."""
     _, alone = bare_and_rest(built, drawing, tolerance, random, noise_t, with_bare=False)
     both, mounting = bare_and_rest(built, drawing, tolerance, random, noise_t)
     turn, presses = _turned(built, random, noise_t), _pressed(built, random, noise_t)
@@ -47,13 +47,13 @@ def bare_and_rest(
 
 
 def pressed_field(built: MountedPad, *press: float, ambient_t: Array | None = None) -> Array:
-    """(N, 3) in sensor axes, without noise. press: x, y in m, force, and shear x, y where there is any."""
+    """(N, 3) field of a pressed pad in sensor axes, without noise. press: x, y in m, force, and shear x, y if any."""
     at = (np.full(len(built.pad.sensors), value) for value in press)
     return built.sensed(built.magnet_field(*at) + (built.ambient_t if ambient_t is None else ambient_t))
 
 
 def _turned(built: MountedPad, random: np.random.Generator, noise_t: float) -> Means:
-    """Attitudes at random."""
+    """The means that a turn through random attitudes gives."""
     attitudes = [rotation_from_vector(random.normal(0.0, 2.0, 3)) for _ in range(ORIENTATIONS)]
     strength, drawn = random.normal(0.0, UNEVEN, (3, 3)), []
     for attitude in attitudes:

@@ -1,4 +1,4 @@
-"""Does the daemon grow? Its resident memory, minute by minute, with boards on ptys that press on and on."""
+"""Does the daemon's memory grow? Its resident memory, minute by minute, while pads on ptys are pressed all the time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import zmq
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import cpu_of, pad_of, rss_of, spawn, start_daemon
 
-SETTLING_S = 60.0  # first status, first touch, first events: what all of them need is there by then
+SETTLING_S = 60.0  # by then the memory for the first status, touch and events is allocated
 
 
 def run(options: argparse.Namespace) -> None:
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def watch(pid: int, endpoint: str, seconds: float, every_s: float) -> None:
-    """A row for each `every_s`, and the growth from SETTLING_S on as the slope of a line."""
+    """Print a row every `every_s`, and the growth after SETTLING_S as the slope of a line."""
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.SUB)
     socket.connect(endpoint)
     socket.subscribe(b"contact/")
@@ -64,7 +64,7 @@ def watch(pid: int, endpoint: str, seconds: float, every_s: float) -> None:
 
 
 def heard(socket: zmq.Socket[bytes], until_s: float) -> Counter[str]:
-    """Contacts until then, by their health."""
+    """Count the contacts until `until_s`, by their health."""
     found: Counter[str] = Counter()
     while (left_s := until_s - time.monotonic()) > 0.0:
         if socket.poll(round(left_s * 1e3)):

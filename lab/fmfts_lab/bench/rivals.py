@@ -1,4 +1,4 @@
-"""SciPy's solvers on the paper's six unknowns: what a pose costs without a kernel of its own."""
+"""SciPy's solvers on the paper's six unknowns, to compare their time and error with those of the kernel."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fmfts.pose import Problem
 from fmfts.pose.problem import NOISE, VALUE
 from fmfts_lab.bench.workspace import Array
 
-# Units in which the unknowns are of one size: 10 mm, and the nominal moment.
+# Units in which all unknowns are about one: 10 mm, and the nominal moment.
 POSITION_UNIT_M = 1e-2
 
 
 def moment_vector_solvers(pad: Pad) -> dict[str, Callable[[Problem], object]]:
-    """Solvers of position and moment vector, as a user of SciPy would write them, for sensors along the pad's axes."""
+    """Solvers for position and moment vector, as a user of SciPy would write them, for sensors along the pad's axes."""
     place, strength = pad.sensors.position_m, pad.magnet.strength_t_m3
 
     def residuals(unknowns: Array, field: Array, weight: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What a solve costs, beside other solvers, in one run."""
+"""Measures the time of a solve, and of other solvers in the same run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PADS = 256
 REPEATS = 40
 # From one frame to the next at 220 Hz: a press to 1 N within 0.2 s moves the magnet half a millimetre and 0.1 rad.
 MOVED_M, MOVED_RAD = 11e-6, 2.3e-3
-# And a tap of 50 ms.
+# The same for a tap of 50 ms.
 TAPPED_M, TAPPED_RAD = 45e-6, 9e-3
 # Unknowns, octupole, prior.
 MODELS = [(5, False, False), (6, False, False), (8, False, False), (6, True, False), (8, True, False), (8, True, True)]
@@ -93,7 +93,7 @@ def _warm(
     batch = batch_of(readings(poses, pad, random), pad, unknowns, octupole, displaced(poses, metres, radians, random))
     if not prior:
         return batch
-    # The frame before: its own covariance, grown by the motion.
+    # Solve the frame before; its covariance, enlarged by the motion, is the prior.
     batch.solve(STOP_CHI2, MAX_ITERATIONS)
     columns = np.arange(columns_of(1))
     grown = batch.covariance.copy()
@@ -114,7 +114,7 @@ def _timed(batch: Batch) -> float:
 
 
 def _call(batch: Batch, count: int) -> float:
-    """Microseconds of a call for one pad of the batch, or for none: the rest is a solve on its own."""
+    """Microseconds of a call for `count` pads of the batch. A call for no pad shows the cost of the call itself."""
     names = [field.name for field in fields(batch) if getattr(batch, field.name) is not None]
     singles = [
         replace(batch, **{name: getattr(batch, name)[pad : pad + count] for name in names})
@@ -131,13 +131,13 @@ def _call(batch: Batch, count: int) -> float:
 def _iterations(unknowns: int, octupole: bool, prior: bool, random: np.random.Generator) -> str:
     batch = _warm(unknowns, octupole, prior, random, pads=20000)
     batch.solve(STOP_CHI2, MAX_ITERATIONS)
-    # The last step, which needs no look at the model, counts.
+    # + 1 for the last step, which does not evaluate the model.
     median, most = np.percentile(batch.summary[:, ITERATIONS] + 1, [50, 99.9])
     return f"{median:14.0f} {most:5.0f}"
 
 
 def _beside(kernel_us: float, random: np.random.Generator) -> None:
-    """The same six unknowns, fields and starts by other solvers."""
+    """Solve the same six unknowns, from the same fields and starts, by other solvers."""
     batch, pad = _warm(6, False, False, random, pads=32), standard_pad()
     problems = [
         Problem(rows, magnet_rows(pad.magnet, octupole=False), parts, State.from_vector(start))
@@ -164,7 +164,7 @@ def _many_sensors(count: int, random: np.random.Generator) -> float:
 
 
 def _many_magnets(count: int, random: np.random.Generator) -> float:
-    """Neighbours 60 mm away, known from their own pads to what a frame tells them."""
+    """Time of a solve with neighbours 60 mm away, which are known as well as a frame of their own pads tells."""
     pad, poses = standard_pad(), in_workspace(64, random)
     rows, start = readings(poses, pad, random), displaced(poses, MOVED_M, MOVED_RAD, random)
     places = np.array([[60e-3, 0.0, 12e-3], [-60e-3, 0.0, 12e-3], [0.0, 60e-3, 12e-3]])[: count - 1]
@@ -186,7 +186,7 @@ def _many_magnets(count: int, random: np.random.Generator) -> float:
 
 
 def _median(action: Callable[[], object]) -> float:
-    """Microseconds."""
+    """Median time of `action` in microseconds."""
     taken = []
     for _ in range(9):
         begun = process_time()

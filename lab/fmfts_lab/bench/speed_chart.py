@@ -1,4 +1,4 @@
-"""How the time of a solve grows with sensors and magnets, as a chart."""
+"""A chart of the time of a solve by number of sensors and magnets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def draw_growth(sensors_us: dict[int, float], magnets_us: dict[int, float], file: Path) -> None:
-    """SVG or PNG by the file's suffix. SystemExit where matplotlib is not installed."""
+    """Write an SVG or PNG, by the file's suffix. SystemExit if matplotlib is not installed."""
     try:
         import matplotlib
     except ImportError:

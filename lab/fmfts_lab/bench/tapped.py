@@ -1,4 +1,4 @@
-"""How often a healthy pad that is tapped says that it is not: false alarms per pad-hour, and availability."""
+"""How often does a healthy pad report a fault while it is tapped? False alarms per pad-hour, and availability."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def tapping(time_s: float) -> Touch:
 
 @dataclass(slots=True)
 class Well:
-    """A healthy pad that is tapped. alarms: episodes, each a run of messages that are not ok."""
+    """The results for a healthy pad that is tapped. alarms: episodes, each a run of messages that are not ok."""
 
     ambient: str
     frames: int = 0
@@ -56,7 +56,7 @@ class Well:
         )
 
     def saw(self, messages: list[ContactMessage], deviations: Array, was_ok: bool) -> None:
-        """The next messages of a pad; was_ok: the one before them."""
+        """Count the next messages of a pad. was_ok: whether the message before them was ok."""
         alarmed = np.array([message.health != "ok" for message in messages])
         self.frames += len(messages)
         self.not_ok += int(alarmed.sum())
@@ -77,7 +77,7 @@ def without_baseline(config: PadConfig, model: ContactModel) -> PadPipeline:
 
 
 def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
-    """Frames as a board sends them, through the path that the daemon takes: in C while nothing is wrong."""
+    """Run frames as a board sends them through the daemon's own path: in C while nothing is wrong."""
     well = Well(ambient)
     for seed in seeds:
         config = pad_config(ambient, seed)
@@ -95,7 +95,7 @@ def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
 
 
 class ManyFrames(Simulated):
-    """The frames that as many polls would bring, at a tenth of the cost: no neighbours, and no warming."""
+    """Makes the frames of many polls at once, in a tenth of the time. Without neighbours and warming."""
 
     def batches(self, count: int) -> Iterator[list[WireFrame]]:
         self._start_ns = 0
@@ -108,7 +108,7 @@ class ManyFrames(Simulated):
         fresh = conversion != np.concatenate([self._delivered[None], conversion[:-1]])
         sampled_s = self._chips.time_of(conversion)
         counts = self._chips.counts(self._fields(sampled_s), self._gain_code, 0.0)
-        # What is not fresh stays as it was.
+        # A reading that is not fresh keeps its last value.
         newest = np.maximum.accumulate(np.where(fresh, np.arange(count)[:, None] + 1, 0))
         counts = np.take_along_axis(np.concatenate([self._counts[None], counts]), newest[:, :, None], axis=0)
         self._sequence += count
@@ -116,7 +116,7 @@ class ManyFrames(Simulated):
         return _wire_frames(sequence, sampled_s, fresh, counts, self._gain_code)
 
     def _fields(self, sampled_s: Array) -> Array:
-        """(K, N, 3) as each sensor of each frame senses it, at its own time (K, N)."""
+        """(K, N, 3) field at each sensor of each frame, at its own sample time (K, N)."""
         built, shape = self._built, (*sampled_s.shape, 3)
         press = columns([self.finger(moment) for moment in sampled_s.ravel().tolist()])
         position_m, axis = (vectors.reshape(shape) for vectors in built.pose(*press))

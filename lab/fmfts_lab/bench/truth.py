@@ -1,4 +1,4 @@
-"""Whether what is published is true."""
+"""Compares published messages with the truth of the simulated pad."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ PUBLISHED = ("ok", "degraded")
 
 
 class Truth:
-    """What a simulated pad really is at a moment, and how far a message is from it."""
+    """The true state of a simulated pad at a moment, and the errors of messages."""
 
     def __init__(self, built: MountedPad, finger: Finger) -> None:
         self._built = built
         self._finger = finger
 
     def deviations(self, message: ContactMessage) -> float:
-        """The largest error of a number that is published as good, in its published deviations."""
+        """The largest error of the published numbers, in their published deviations."""
         return float(self.all_deviations([message])[0])
 
     def all_deviations(self, messages: Sequence[ContactMessage]) -> Array:
-        """The same of each message (K,)."""
+        """(K,) `deviations` of each message."""
         worst = np.zeros(len(messages))
         posed, poses, touches = [], [], []
         for number, message in enumerate(messages):
@@ -37,7 +37,7 @@ class Truth:
             touch = self._finger(message.t_sample_ns * 1e-9)
             worst[number] = max(self._contact_errors(message, touch), default=0.0)
             if message.force_min_n is not None and message.force_min_n > touch.force_n:
-                # A bound has three deviations in it already, and none beside it.
+                # A lower bound of the force already includes three deviations, so any violation counts as infinite.
                 worst[number] = np.inf
             if message.pose is not None:
                 posed.append(number)
@@ -48,7 +48,7 @@ class Truth:
         return worst
 
     def contact_errors(self, message: ContactMessage) -> list[float]:
-        """Errors of place and force in their published deviations, of those that are published."""
+        """Errors of the published places and forces, in their published deviations."""
         return self._contact_errors(message, self._finger(message.t_sample_ns * 1e-9))
 
     def _contact_errors(self, message: ContactMessage, touch: Touch) -> list[float]:
@@ -63,7 +63,7 @@ class Truth:
         position_m, axis = self._built.pose(*columns(touches))
         away = np.abs(np.array([pose.position_m for pose in poses]) - position_m)
         away /= np.array([pose.position_sd_m for pose in poses])
-        # Two directions share the deviation: a turn of both at once is √2 of it.
+        # The deviation is that of one direction; an error in both directions together is √2 times as large.
         cosine = np.sum(np.array([pose.axis for pose in poses]) * axis, axis=1)
         turned = np.arccos(np.minimum(cosine, 1.0)) / (np.sqrt(2.0) * np.array([pose.axis_sd_rad for pose in poses]))
         worst: Array = np.maximum(away.max(axis=1), turned)

@@ -1,4 +1,4 @@
-"""A pressed pad on a robot that turns in the Earth's field: what the drifting field costs, and what warmth does."""
+"""A pressed pad on a robot that turns in the Earth's field: the errors from the drifting field, and from warming."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ SELFTESTED, UNTESTED = 0.005, 0.05
 FRAME_S = 1.0 / 220.0
 SETTLE_FRAMES = 110
 PRESS_S, PAUSE_S = 1.0, 1.0
-# Five quiet frames end a contact, and χ² below its release is quiet: one of 100 frames is not.
+# RELEASE_FRAMES quiet frames end a contact (quiet: χ² below the release). By noise alone one frame in 100 is not quiet.
 RELEASE_S = 2 * RELEASE_FRAMES * FRAME_S
-TURN_FRAMES = 20 * 220  # what `baseline --turn` asks for
+TURN_FRAMES = 20 * 220  # as many as `baseline --turn` records
 
 
 def run(options: Namespace) -> None:
@@ -65,22 +65,22 @@ def run(options: Namespace) -> None:
 
 
 def _drawn(pad: Pad, deviation: float, random: np.random.Generator) -> Gains:
-    """Gains that are off by that much, and known no better."""
+    """Random gains with this deviation; the tracker knows only the deviation."""
     count = len(pad.sensors)
     return replace(Gains.untested(count, deviation), mean=1.0 + deviation * random.standard_normal((count, 3)))
 
 
 def _within(pad: Pad, most: float, random: np.random.Generator) -> Gains:
-    """Gains that are off by at most that."""
+    """Random gains that are wrong by at most `most`."""
     count = len(pad.sensors)
     return replace(Gains.untested(count, most / np.sqrt(3.0)), mean=1.0 + random.uniform(-most, most, (count, 3)))
 
 
 def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
-    """What `baseline --turn` leaves of such gains, in a field as uneven as it counts with.
+    """The errors of gains that remain after `baseline --turn`, in a field as uneven as it assumes.
 
-    Its strength goes with the attitude, through which a hand swings the pad to another place: what differs so between
-    x, y and z no turn can tell from gains.
+    The field's strength depends on the attitude, because a hand that turns the pad also moves it. A difference between
+    x, y and z that arises so cannot be told from gains by any turn.
     """
     count, at_rest = len(pad.sensors), _field(pad, State.at_rest(pad))
     true = _drawn(pad, UNTESTED, random).mean
@@ -117,12 +117,12 @@ def _turned(label: str, ambient: Ambient, pads: Sequence[Gains], frames: int, ra
 def _turn(
     ambient: Ambient, gains: Gains, frames: int, health: Counter[str], random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """(K, 5) errors over the bound, and (K,) their squares in published deviations.
+    """(K, 5) errors divided by the bound, and (K,) their squares in published deviations.
 
-    By the tracker alone against fields of the model that it solves, so that the bound is the yardstick.
+    The tracker alone solves fields of its own model, so that the errors can be compared with the bound.
 
-    Gains are off, the baseline has made rest agree: what remains is their error on what changed since. gains: what a
-    sensor reads of a change (mean), and how well that is known.
+    The gains are wrong. The baseline makes the field at rest agree, so only the change since then has their error.
+    gains: the true gains for a change (mean), and how well they are known.
     """
     pad, rest = standard_pad(), State.at_rest(standard_pad())
     tracker = Tracker(pad, rest, choose(SceneConfig(ambient=ambient), MagnetConfig()).tracking, 25.0)
@@ -143,7 +143,7 @@ def _turn(
 
 
 def _bound(pad: Pad, truth: State) -> Array:
-    """(5,) deviations of one frame's pose at the truth, its ambient field free."""
+    """(5,) deviations of one frame's pose at the true pose, with the ambient field unknown."""
     exact = solve(_field(pad, truth), pad, truth, deviation_t=NOISE_T, free=FREE_FIELD)
     return np.sqrt(np.diagonal(exact.covariance)[:5])
 
@@ -155,13 +155,13 @@ def _field(pad: Pad, state: State) -> Array:
 
 
 def _pressed(rest: State, frame: int) -> State:
-    """Pressed and let go every 1.5 s: 0.9 mm deep, 0.1 rad tilted."""
+    """The pose of a pad that is pressed every 1.5 s: 0.9 mm deep, 0.1 rad tilted."""
     depth = 0.5 * (1.0 - np.cos(2 * np.pi * max(frame * FRAME_S - 0.3, 0.0) / 1.5))
     return rest.stepped(depth * np.array([3e-4, -2e-4, -9e-4, 0.08, 0.05]))
 
 
 def _earth(frame: float) -> Array:
-    """What turning has changed of the Earth's field: about an axis that goes round itself."""
+    """The change of the Earth's field by turning about an axis that itself turns."""
     angle = frame * FRAME_S
     turn = rotation_from_vector(np.array([0.0, 0.0, 0.31 * angle])) @ rotation_from_vector(
         np.array([0.95 * angle, 0, 0])
@@ -170,7 +170,7 @@ def _earth(frame: float) -> Array:
 
 
 def _presses(time_s: float) -> Touch:
-    """A second's press of 0.8 N, a second's pause, wandering over the pad."""
+    """Presses of 0.8 N for a second with pauses of a second, at changing places."""
     cycle, within_s = divmod(time_s, PRESS_S + PAUSE_S)
     if within_s < PAUSE_S:
         return Touch(0.0, 0.0, 0.0)
@@ -179,7 +179,7 @@ def _presses(time_s: float) -> Touch:
 
 
 class Warming(Simulated):
-    """A pad that warms evenly by 20 K, with the magnet inside, whose temperature coefficient is its grade's roughly."""
+    """A pad that warms evenly by 20 K with its magnet, whose temperature coefficient is about that of its grade."""
 
     def __init__(self, config: PadConfig, minutes: float, seed: int) -> None:
         super().__init__(config)
@@ -192,7 +192,7 @@ class Warming(Simulated):
 
 @dataclass(slots=True)
 class Warm:
-    """What warm pads published. squares: of place and force errors in their deviations, each pad's mean."""
+    """The results of warming pads. squares: each pad's mean square of place and force errors, in their deviations."""
 
     frames: int = 0
     false_contacts: int = 0
@@ -203,7 +203,7 @@ class Warm:
 
 
 def _warm(minutes: float, seeds: Sequence[int]) -> None:
-    """The whole chain: mounted pads, chips on their own clocks, gains ±0.5 %, turning by 20° a second."""
+    """Run the whole chain: mounted pads, free-running chips, gains ±0.5 %, turning by 20° a second."""
     warm = Warm()
     for seed in seeds:
         _warm_pad(minutes, seed, warm)

@@ -1,4 +1,4 @@
-"""The pad and the poses that every benchmark uses: those of the paper's geometry, at the data sheet's noise."""
+"""The pad and the poses of all benchmarks: the paper's geometry, with the data sheet's noise."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def standard_pad() -> Pad:
 
 
 def in_workspace(count: int, random: np.random.Generator) -> Poses:
-    """Where a pad's magnet goes: ±1 mm sideways, 9–12.5 mm high, tilted to 45°."""
+    """The range of a pad's magnet: ±1 mm sideways, 9–12.5 mm high, tilted up to 45°."""
     position = random.uniform([-1e-3, -1e-3, 9e-3], [1e-3, 1e-3, 12.5e-3], (count, 3))
     tilt, azimuth = random.uniform(0.0, np.pi / 4, count), random.uniform(0.0, 2 * np.pi, count)
     axis = np.stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)], axis=1)
@@ -50,7 +50,7 @@ def in_workspace(count: int, random: np.random.Generator) -> Poses:
 
 
 def anywhere(count: int, random: np.random.Generator, ambient_t: float) -> Poses:
-    """A workspace twice as wide, any axis, an ambient field of up to `ambient_t` in each direction."""
+    """Poses in twice that range, with any axis, and an ambient field of up to `ambient_t` in each direction."""
     position = random.uniform([-2e-3, -2e-3, 7.25e-3], [2e-3, 2e-3, 14.25e-3], (count, 3))
     axis = random.normal(size=(count, 3))
     axis /= np.linalg.norm(axis, axis=1)[:, None]
@@ -58,7 +58,7 @@ def anywhere(count: int, random: np.random.Generator, ambient_t: float) -> Poses
 
 
 def displaced(poses: Poses, metres: float, radians: float, random: np.random.Generator) -> Array:
-    """(K, 15) states that far away, one deviation in each direction; the ambient as it is."""
+    """(K, 15) states displaced at random by these deviations in each direction, with the same ambient field."""
     values = poses.states()
     values[:, 0:3] += random.normal(0.0, metres, (len(values), 3))
     values[:, 3:6] += random.normal(0.0, radians, (len(values), 3))

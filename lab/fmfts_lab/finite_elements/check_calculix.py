@@ -1,4 +1,4 @@
-"""One press solved again by CalculiX (Debian: calculix-ccx), which shares no line with felupe: how far they differ.
+"""Solves one press again with CalculiX (Debian: calculix-ccx), which shares no code with felupe, and compares.
 
 python -m fmfts_lab.finite_elements.check_calculix [--x-mm 8] [--y-mm 6] [--force-n 1] [--element-mm 1]
 
@@ -58,7 +58,7 @@ def deck(slab: Slab, mesh: SlabMesh, press: Press) -> str:
 
 
 def quadratic(mesh: SlabMesh) -> tuple[Array, np.ndarray]:
-    """Points (P, 3) with those amid the edges after the mesh's own, and cells (C, 20) in CalculiX's order."""
+    """Points (P, 3), the mesh's own and then the middles of edges, and cells (C, 20) in CalculiX's order."""
     edges = mesh.cells[:, EDGES]
     each, number = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
     points = np.concatenate([mesh.points_mm, mesh.points_mm[each].mean(axis=1)])
@@ -95,7 +95,7 @@ def _set(name: str, points: Iterable[int]) -> Iterator[str]:
 
 
 def solved(slab: Slab, mesh: SlabMesh, press: Press) -> tuple[Array, Array]:
-    """The magnet's displacement (3,) in m and axis (3,). RuntimeError with CalculiX's last words where it gave up."""
+    """The magnet's displacement (3,) in m and axis (3,). RuntimeError with CalculiX's last output if it failed."""
     with TemporaryDirectory() as folder:
         Path(folder, f"{JOB}.inp").write_text(deck(slab, mesh, press))
         said = subprocess.run(["ccx", JOB], cwd=folder, capture_output=True, text=True, check=False).stdout

@@ -1,4 +1,4 @@
-"""The same presses on finer and finer elements: how far the standard pad's table is from the limit.
+"""Solves the same presses with finer and finer elements, to see how far the standard pad's table is from the limit.
 
 python -m fmfts_lab.finite_elements.check_mesh [--element-mm 2 1.33 1 0.8] [--force-n 1]
 

@@ -1,4 +1,4 @@
-"""The shipped table, and Maxwell–Betti reciprocity, against presses that finite elements solved one by one.
+"""Compares the shipped table, and Maxwell–Betti reciprocity, with presses that finite elements solved one by one.
 
 python -m fmfts_lab.finite_elements.check_table
 """
@@ -16,11 +16,11 @@ from fmfts.simulation.solved_table import PRESSED_PATH, RESPONSE, SI, normal_mec
 from fmfts_lab.finite_elements.reciprocity import Influence
 
 FORCES_N = (0.3, 0.8, 2.0)
-CENTRAL_MM = 1.0  # where a tilt that comes to nothing is no measure of its error
+CENTRAL_MM = 1.0  # nearer to the centre the tilt is almost zero, so its relative error means nothing
 
 
 def errors(mechanics: Mechanics, rows: Array) -> Array:
-    """(K, 5) table less finite elements, in m and as numbers, of rows as `read_solved` gives them."""
+    """(K, 5) table minus finite elements, displacement in m and axis, for rows of `read_solved`."""
     found = mechanics.response(*(rows[:, :2] * 1e-3).T, *rows[:, 2:5].T)
     return np.asarray(found - rows[:, RESPONSE] * SI, dtype=np.float64)
 
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 def _shares(error: Array, rows: Array) -> tuple[Array, Array, Array]:
-    """Errors of the way and of the tilt as shares of both, and of the tilt as a number (K,)."""
+    """(K,) relative errors of the displacement and of the tilt, and the absolute error of the tilt."""
     way_m, tilt = np.linalg.norm(rows[:, 5:8], axis=1) * 1e-6, np.linalg.norm(rows[:, 8:], axis=1)
     tilt_error = np.linalg.norm(error[:, 3:], axis=1)
     share = np.divide(tilt_error, tilt, out=np.zeros_like(tilt), where=tilt > 0.0)

@@ -1,12 +1,13 @@
 """Finite elements of a pressed slab: finite strain, a rigid magnet, a dead load on the patch. Offline only.
 
-felupe (GPL-3; extra `pad-model`, never imported by the daemon) makes element and residual: hexahedra Q1P0, one mean
-pressure per element, so that nearly incompressible silicone does not lock. In mm, N, MPa; the public functions are SI.
+felupe (GPL-3; extra `pad-model`, never imported by the daemon) computes elements and residual: hexahedra Q1P0, with one
+mean pressure per element, so that nearly incompressible silicone does not lock. Internally in mm, N, MPa; the public
+functions use SI.
 
-The load is a dead one: the force (Ft_x, Ft_y, −Fn) is spread evenly over the patch as it was before the press, and
-keeps its direction. Its resultant is then exactly what a load cell under the probe reads, however the patch turns and
-stretches. A dead load is conservative, so the tangent is symmetric; a factorised one serves until it is too old, and
-Anderson's acceleration (J. ACM 12 (1965) 547) makes up for its age.
+The load is a dead load: the force (Ft_x, Ft_y, −Fn) is spread evenly over the undeformed patch and keeps its direction.
+So its resultant is exactly the reading of a load cell under the probe, however the patch turns and stretches. A dead
+load is conservative, so the tangent is symmetric. One factorised tangent is used for many iterations, with Anderson's
+acceleration (J. ACM 12 (1965) 547), until a new one costs less time.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from fmfts_lab.finite_elements.slab_mesh import SlabMesh
 
 MAGNET_STIFFNESS = 1e3  # times the silicone's: the magnet bends by a thousandth of what surrounds it
 MPA = 1e-6
-RESIDUAL = 1e-5  # of the load, where an equilibrium counts as found: the pose is then right to 1e-8
-NO_LOAD = 1e-9  # N: what counts as none where nothing presses
+RESIDUAL = 1e-5  # relative to the load: below it the equilibrium is found, and the pose is accurate to 1e-8
+NO_LOAD = 1e-9  # N: a residual below it counts as zero when nothing presses
 MEMORY, ITERATIONS = 8, 150
 PATIENCE = 25  # iterations after which a fresh tangent costs less than going on
 
 
 class MooneyRivlin:
-    """Isochoric part of W: felupe's interface of a material. `stiffness` (C,): a factor for each cell."""
+    """The isochoric part of W, with felupe's interface of a material. `stiffness` (C,): a factor for each cell."""
 
     def __init__(self, c10_mpa: float, c01_mpa: float, stiffness: Array) -> None:
         self.c10, self.c01, self.stiffness = c10_mpa, c01_mpa, stiffness
@@ -52,12 +53,12 @@ class MooneyRivlin:
         return [stress, history]
 
     def hessian(self, x: list[Array], **_: Any) -> list[Array]:
-        """Neo-Hooke's of the same shear modulus: exact where nothing is strained, near enough elsewhere."""
+        """The stiffness of a neo-Hookean solid of the same shear modulus: exact without strain, else an estimate."""
         return [self._unstrained.hessian(x)[0] * self.stiffness]
 
 
 class PressedSlab:
-    """A meshed slab. Each press starts from the last one's answer."""
+    """A meshed slab. Each press starts from the solution of the last one."""
 
     def __init__(self, slab: Slab, element_m: float = ELEMENT_M) -> None:
         self.slab = slab
@@ -99,7 +100,7 @@ class PressedSlab:
         raise ArithmeticError(f"the finite elements found no equilibrium in {ITERATIONS} iterations: {press}")
 
     def linear(self, load: Array) -> Array:
-        """Displacement (P, 3) in mm that nodal forces `load` (P, 3) in N would cause in a slab of small strains."""
+        """Displacement (P, 3) in mm under nodal forces `load` (P, 3) in N, for small strains."""
         u = np.zeros(load.size)
         u[self._free] = self._rest_factor.solve(load.reshape(-1)[self._free])
         return u.reshape(-1, 3)
@@ -111,13 +112,13 @@ class PressedSlab:
 
     def _inner_force(self, displacement_mm: Array) -> Array:
         self._field[0].values[:] = displacement_mm
-        with np.errstate(invalid="ignore"):  # an element turned inside out: the caller sees that it is not finite
+        with np.errstate(invalid="ignore"):  # an element turned inside out gives NaN; the caller checks for it
             force: Array = self._body.assemble.vector(self._field).toarray()[:, 0]
         return force
 
 
 class Anderson:
-    """Fixed-point iteration u ← u + step(u), its last few steps combined to the smallest (Anderson 1965, type II)."""
+    """Fixed-point iteration u ← u + step(u) with the best combination of its last steps (Anderson 1965, type II)."""
 
     def __init__(self) -> None:
         self._at: list[Array] = []

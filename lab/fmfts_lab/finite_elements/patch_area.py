@@ -1,4 +1,4 @@
-"""How a pressed patch shrinks, seen from above: by so much a pressure weighs less than on the area at rest.
+"""How much a pressed patch shrinks, seen from above: a pressure on it makes less force than on the area at rest.
 
 python -m fmfts_lab.finite_elements.patch_area
 """
@@ -18,7 +18,7 @@ CORNERS = 360
 
 
 def seen_area(pressed: PressedSlab, press: Press) -> float:
-    """Share of the patch's area at rest that it has, seen along z, once pressed."""
+    """The area of the pressed patch, seen along z, divided by its area at rest."""
     pressed.solve(press)
     line, top = pressed.mesh.line_mm, pressed.mesh.on_top(pressed.displacement_mm)
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS

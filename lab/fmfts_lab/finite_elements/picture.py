@@ -1,4 +1,4 @@
-"""A picture of a pad's table: how far and which way the magnet goes under a newton at each place."""
+"""A picture of a pad's table: how far and in which direction 1 N at each place moves the magnet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FORCE_N = 1.0
 
 
 def draw(mechanics: Mechanics, target: Path) -> None:
-    """PNG, SVG or PDF, by the name. OSError or ValueError where it cannot be written."""
+    """Write a PNG, SVG or PDF, by the name's suffix. OSError or ValueError if that fails."""
     figure = Figure(figsize=(11, 4.8), layout="constrained")
     depth, tilt = figure.subplots(1, 2)
     reach_mm = -mechanics.first_m * 1e3

@@ -1,8 +1,8 @@
-"""How the magnet answers any light load on the surface, from what loads on the magnet do to the surface.
+"""Computes how any light load on the surface moves the magnet, from the effect of loads on the magnet on the surface.
 
-Maxwell–Betti: in a linear solid, load A works on the displacement of load B as B does on that of A. So three unit
-forces and two unit couples on the magnet, each solved once, tell the magnet's displacement and tilt under every
-distribution of force on the top face. Small strains: see docs/pad-model.md for how far that reaches.
+Maxwell–Betti: in a linear solid, load A does the same work on the displacement of load B as B on that of A. So five
+solutions (three unit forces and two unit couples on the magnet) give the magnet's displacement and tilt under every
+distribution of force on the top face. It holds for small strains; docs/pad-model.md says how far.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ SI = np.array([1.0 / MM, 1.0 / MM, 1.0 / MM, 1.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Influence:
-    """`response` (T, 3, 5): what a newton along x, y, z at each point of the top face does to the magnet: displacement
-    in m, and the unit axis' x and y."""
+    """response (T, 3, 5): movement of the magnet by 1 N along x, y, z at each point of the top face: displacement in m,
+    and x and y of the unit axis."""
 
     slab: Slab
     mesh: SlabMesh
@@ -35,7 +35,7 @@ class Influence:
 
     @classmethod
     def of(cls, slab: Slab, element_m: float = ELEMENT_M, show: Callable[[float], None] = lambda share: None) -> Self:
-        """`show` is told the share that is done."""
+        """`show` is called with the share that is done."""
         pressed = PressedSlab(slab, element_m)
         surface = []
         for done, load in enumerate(magnet_loads(pressed.mesh)):
@@ -44,12 +44,12 @@ class Influence:
         return cls(slab, pressed.mesh, np.stack(surface, axis=-1) * SI)
 
     def of_patch(self, x_m: float, y_m: float) -> Array:
-        """(3, 5) under a newton along x, y, z spread evenly over the patch about (x, y)."""
+        """(3, 5) movement by 1 N along x, y, z, spread evenly over the patch around (x, y)."""
         share = self.mesh.top_face_shares(MM * self.slab.patch_points(x_m, y_m))
         return np.asarray(np.tensordot(share, self.response, axes=1), dtype=np.float64)
 
     def mechanics(self) -> Mechanics:
-        """The table of patches that lie within the rim. Its forces know no limit: it is linear."""
+        """The table for patches within the rim. It is linear, so it has no largest force."""
         reach_m = self.slab.reach_m
         grid_m = np.linspace(-reach_m, reach_m, 2 * max(round(reach_m / TABLE_SPACING_M), 2) + 1)
         per_newton = np.array([[self.of_patch(x, y) for y in grid_m.tolist()] for x in grid_m.tolist()])
@@ -58,9 +58,9 @@ class Influence:
 
 
 def magnet_loads(mesh: SlabMesh) -> Array:
-    """(5, P, 3) nodal forces whose work is the magnet's displacement along x, y, z, and its axis' turn towards x and y.
+    """(5, P, 3) nodal forces whose work is the magnet's displacement along x, y, z and the turn of its axis to x and y.
 
-    They are the linearised `SlabMesh.magnet_pose`: the mean, and the rotation that leaves the least squares.
+    They are `SlabMesh.magnet_pose` linearised: the mean, and the rotation with the least squares.
     """
     points = np.unique(mesh.cells[mesh.magnet_cells])
     arm = mesh.points_mm[points] - mesh.points_mm[points].mean(axis=0)

@@ -1,4 +1,4 @@
-"""Hexahedra for a slab with a magnet inside: straight lines, made round where the magnet is. In mm."""
+"""A mesh of hexahedra for a slab with a magnet inside: straight grid lines, bent round the magnet. In mm."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fmfts.pad import Array
 from fmfts.simulation.slab import Press, Slab
 
 MM = 1e3
-# Factors of the stiffness grow with the square of the mesh: 0.67 mm (21,600 points) needs over 6 GB.
+# The memory for the factorised stiffness grows with the square of the points: 0.67 mm (21,600 points) needs over 6 GB.
 MOST_POINTS = 25_000
 
 
 @dataclass(frozen=True, slots=True)
 class SlabMesh:
-    """P points (x slowest, z fastest), C cells of eight points; the lines in the plane and in height they lie on."""
+    """P points (x slowest, z fastest), C cells of eight points, and the grid lines in the plane and in height."""
 
     points_mm: Array
     cells: NDArray[np.intp]
@@ -30,7 +30,7 @@ class SlabMesh:
 
     @classmethod
     def of(cls, slab: Slab, element_m: float) -> Self:
-        """Elements of about `element_m`; the magnet's faces and the rim's edge lie on lines."""
+        """Elements of about `element_m`. The magnet's faces and the rim's edge lie on grid lines."""
         radius, half_width = MM * slab.magnet_diameter_m / 2.0, MM * slab.width_m / 2.0
         span = half_width - MM * slab.rim_m
         bottom, top = (MM * (slab.magnet_height_m + sign * slab.magnet_length_m / 2.0) for sign in (-1, 1))
@@ -69,7 +69,7 @@ class SlabMesh:
         return load
 
     def top_face_shares(self, place_mm: Array) -> Array:
-        """(T,) how much of a unit load spread equally over `place_mm` (Q, 2) each point of the top face carries."""
+        """(T,) the share of each point of the top face in a unit load spread equally over `place_mm` (Q, 2)."""
         count = len(self.line_mm)
         cell = np.clip(np.searchsorted(self.line_mm, place_mm, side="right") - 1, 0, count - 2)
         along = (place_mm - self.line_mm[cell]) / np.diff(self.line_mm)[cell]
@@ -81,7 +81,7 @@ class SlabMesh:
         return share.ravel()
 
     def on_top(self, values: Array) -> Array:
-        """Of `values` (P, …) at all points those of the top face, (X, X, …)."""
+        """The `values` (P, …) at the points of the top face, (X, X, …)."""
         count = len(self.line_mm)
         return values[self._top()].reshape(count, count, *values.shape[1:])
 
@@ -100,7 +100,7 @@ class SlabMesh:
 
 
 def _divided(edges: list[float], longest: float) -> Array:
-    """Lines through all `edges`, evenly dividing what is longer than `longest` between two of them."""
+    """Grid lines at all `edges`, with evenly spaced lines between them where the gap is longer than `longest`."""
     parts = []
     for start, end in pairwise(edges):
         parts.append(np.linspace(start, end, max(round((end - start) / longest), 1), endpoint=False))
@@ -108,9 +108,9 @@ def _divided(edges: list[float], longest: float) -> Array:
 
 
 def _rounded(place: Array, radius: float, line: Array) -> Array:
-    """`place` (P, 2) with squares about the centre turned into circles at the magnet and left as they are at 2 radii.
+    """Moves `place` (P, 2): squares around the centre become circles at the magnet, and stay squares at two radii.
 
-    The polygon that stands for the magnet's circle gets the circle's area.
+    The polygon that represents the magnet's circle gets the circle's area.
     """
     reach = np.max(np.abs(place), axis=1)
     distance = np.maximum(np.hypot(place[:, 0], place[:, 1]), 1e-12)

@@ -1,4 +1,4 @@
-"""Presses of the standard pad solved by finite elements, kept as CSV: the grids of the table, and sets to test it with.
+"""Solves presses of the standard pad by finite elements, as CSV: the grids of the table, and sets to test it with.
 
 python -m fmfts_lab.finite_elements.solved_presses SET OUT.csv
 
@@ -26,39 +26,39 @@ from fmfts_lab.finite_elements.finite_element import PressedSlab
 GRID_MM = range(0, 16, 2)
 FORCE_N = (0.3, 0.8, 1.4, 2.0, 2.8, 4.0)
 CENTRE_MM = 4
-SHEARED_MM = 10  # shear can be told within 8 mm: one ring more for the splines
+SHEARED_MM = 10  # shear can be measured within 8 mm; the splines need one ring more
 SHEARED_FORCE_N = (1.0, 2.0)
-SHEAR_ALONE_N = 0.1  # without normal force, where the response is all but linear
-SHEAR_SHARE = 0.4  # of the normal force: within what skin and silicone transmit, large enough to show its curvature
-SHEAR_DIRECTIONS = 5  # as many as a quadratic form without constant has terms
-RAMP_N = 1.0  # a longer step than this is walked in two
+SHEAR_ALONE_N = 0.1  # shear without normal force, where the response is almost linear
+SHEAR_SHARE = 0.4  # of the normal force: a finger can transmit it, and it is large enough to show the curvature
+SHEAR_DIRECTIONS = 5  # the number of terms of a quadratic form without constant
+RAMP_N = 1.0  # a larger step of force is made in two
 HALVINGS = 4
 SEED = 20260719
 
 
 def octant(largest_mm: int = GRID_MM[-1]) -> Iterator[tuple[float, float]]:
-    """Places (mm) 0 ≤ y ≤ x ≤ `largest_mm`: mirrors and quarter turns make the whole grid of them."""
+    """Places (mm) 0 ≤ y ≤ x ≤ `largest_mm`; mirrored and turned by quarters they make the whole grid."""
     return ((float(x), float(y)) for x in GRID_MM for y in GRID_MM if y <= x <= largest_mm)
 
 
 def normal_grid(reach_m: float = GRID_MM[-1] * 1e-3) -> list[Press]:
-    """On as many places of a smaller or larger pad."""
+    """The normal presses of the table. Another `reach_m` scales the grid to a smaller or larger pad."""
     unit_m = reach_m / GRID_MM[-1]
     return [Press(x * unit_m, y * unit_m, force_n) for x, y in octant() for force_n in FORCE_N]
 
 
 def centre_grid() -> list[Press]:
-    """About the magnet, where its tilt turns over: places of a 1 mm grid that `normal_grid` leaves out."""
+    """Presses around the magnet, where its tilt changes sign: places of a 1 mm grid that are not in `normal_grid`."""
     places = [(x, y) for x in range(CENTRE_MM + 1) for y in range(x + 1) if x % 2 or y % 2]
     return [Press(x * 1e-3, y * 1e-3, force_n) for x, y in places for force_n in FORCE_N]
 
 
 def shear_grid() -> list[Press]:
-    """Fewest presses that tell, with the normal ones, what is linear and what is quadratic in the shear."""
+    """The fewest presses that determine, with the normal ones, the linear and quadratic terms of shear."""
     presses = []
     for x, y in octant(SHEARED_MM):
         directions = shear_directions(x, y)
-        # What is linear has two terms, and a direction askew to a mirror plane tells both.
+        # There are two linear terms, and a direction oblique to a mirror plane determines both.
         alone = directions[:2] if len(directions) == SHEAR_DIRECTIONS else directions[-2:][:1]
         loads = [(0.0, SHEAR_ALONE_N * direction) for direction in alone]
         loads += [
@@ -69,7 +69,7 @@ def shear_grid() -> list[Press]:
 
 
 def shear_directions(x_mm: float, y_mm: float) -> Array:
-    """Unit vectors (D, 2) evenly about the place, without mirror images in the planes that the place lies on."""
+    """Unit vectors (D, 2) evenly in all directions, without mirror images in the symmetry planes through the place."""
     on_axis, on_diagonal = y_mm == 0.0, y_mm == x_mm
     count = 1 if on_axis and on_diagonal else SHEAR_DIRECTIONS // 2 + 1 if on_axis or on_diagonal else SHEAR_DIRECTIONS
     angle = 2.0 * np.pi / SHEAR_DIRECTIONS * np.arange(count) + (np.pi / 4.0 if on_diagonal and not on_axis else 0.0)
@@ -77,7 +77,7 @@ def shear_directions(x_mm: float, y_mm: float) -> Array:
 
 
 def normal_test(count: int = 90) -> list[Press]:
-    """Off the grid: places even in ±14 mm, forces in 0.28–1.98 N."""
+    """Test presses off the grid: places uniform in ±14 mm, forces in 0.28–1.98 N."""
     random = np.random.default_rng(SEED)
     place_m, force_n = (
         np.round(random.uniform(-14e-3, 14e-3, (count, 2)), 6),
@@ -87,7 +87,7 @@ def normal_test(count: int = 90) -> list[Press]:
 
 
 def shear_test(count: int = 60) -> list[Press]:
-    """Off the grid, where shear can be told: places in ±8 mm, shear in any direction up to half the normal force."""
+    """Test presses off the grid: places in ±8 mm, shear in any direction up to half the normal force."""
     random = np.random.default_rng(SEED + 1)
     place_m, force_n = (
         np.round(random.uniform(-8e-3, 8e-3, (count, 2)), 6),
@@ -113,9 +113,9 @@ SETS = {
 def solve_into(
     path: Path, presses: Sequence[Press], slab: Slab, element_m: float, show: Callable[[float], None]
 ) -> None:
-    """Append to the CSV at `path` the rows of `presses` that it lacks; `show` is told the share that is done.
+    """Append to the CSV at `path` the rows of `presses` that it lacks. `show` is called with the share that is done.
 
-    Slab and element size stand beside it, as .json. ValueError where they are others, or not told.
+    Slab and element size are kept beside it as .json. ValueError if they differ, or if that file is missing.
     """
     _require_same(path, json.dumps({"slab": asdict(slab), "element_m": element_m}, indent=1) + "\n")
     _drop_incomplete_line(path)
@@ -152,14 +152,14 @@ def _require_same(path: Path, made_of: str) -> None:
 
 
 def _drop_incomplete_line(path: Path) -> None:
-    """What was being written when a run was ended."""
+    """Remove the line that an interrupted run was writing."""
     if path.exists():
         content = path.read_bytes()
         path.write_bytes(content[: content.rfind(b"\n") + 1])
 
 
 def _stepped(solved: PressedSlab, before: Press, press: Press, halvings: int = HALVINGS) -> tuple[Array, Array]:
-    """From the press `before`, where `solved` is; by the middle where a step is long, or leads nowhere."""
+    """Solve `press` starting from `before`, the state of `solved`; in two halves if the step is long or fails."""
     if abs(press.force_n - before.force_n) <= RAMP_N:
         try:
             return solved.solve(press)

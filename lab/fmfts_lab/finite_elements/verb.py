@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 
 def add_to(verb: AddVerb) -> None:
-    """Add it; `verb` makes a parser from a name, a handler and a line of help."""
+    """Add the verb; `verb` makes a parser from a name, a handler and a line of help."""
     model = verb("pad-model", _pad_model, "make a simulated pad of any size and stiffness, by finite elements")
     model.add_argument("-o", "--output", type=Path, metavar="PAD.npz", required=True)
     model.add_argument("--picture", type=Path, metavar="FILE", help="PNG, SVG or PDF (PAD.png)")
-    model.add_argument("--pad", metavar="NAME", help="whose magnet; needed where there are several")
+    model.add_argument("--pad", metavar="NAME", help="the pad with this magnet; needed if there are several")
     for name, default, text in (
         ("width-mm", 40.0, "edge of the square slab (40)"),
         ("thickness-mm", 4.0, "of the slab (4)"),
-        ("rim-mm", 3.0, "of the bottom face that is fixed (3)"),
-        ("magnet-height-mm", None, "of its centre above the slab's bottom (half the thickness)"),
-        ("patch-mm", 6.0, "diameter of what presses (6)"),
+        ("rim-mm", 3.0, "width of the fixed rim of the bottom face (3)"),
+        ("magnet-height-mm", None, "height of the magnet's centre above the slab's bottom (half the thickness)"),
+        ("patch-mm", 6.0, "diameter of the pressing patch (6)"),
         ("c10-mpa", 0.162416, "Mooney-Rivlin (0.162416)"),
         ("c01-mpa", 0.040604, "Mooney-Rivlin (0.040604)"),
         ("bulk-mpa", 20.30201, "bulk modulus (20.30201)"),

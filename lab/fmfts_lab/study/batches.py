@@ -1,4 +1,4 @@
-"""What many pads at once save: the same solves and inferences in batches of 1 and 64."""
+"""How much time batches save: the same solves and inferences in batches of 1 and 64."""
 
 from __future__ import annotations
 

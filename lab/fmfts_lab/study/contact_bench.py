@@ -1,4 +1,4 @@
-"""What every way to a contact starts from: a world, what its baseline says of it, and its model."""
+"""What every contact method gets: a world, its recorded baseline, and its contact model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TRAINING_STEPS = 60
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """A world with the baseline that was recorded of it, and the model that the pad's config names."""
+    """A world with its recorded baseline, and the contact model in the pad's config."""
 
     world: World
     mounting: Mounting
@@ -29,7 +29,7 @@ class Bench:
 
     @classmethod
     def of(cls, world: World) -> Bench:
-        """ModelError where the config's model is not this pad's."""
+        """The bench of a world. ModelError if the config's model is not for this pad."""
         mounting = world.baseline(np.random.default_rng(SEED)).mounting(world.drawing)
         path = world.config.contact.model
         plain, refining = (ContactModel.load(path, world.drawing, refine=refine) for refine in (False, True))
@@ -37,7 +37,7 @@ class Bench:
 
     @property
     def mounted(self) -> World:
-        """The world as its baseline tells of it."""
+        """The world with the mounting that the baseline estimated."""
         pad = self.mounting.mounted(self.world.drawing)
         magnet = pad.magnet.with_remanence(self.mounting.remanence_t(self.world.drawing))
         return replace(self.world, drawing=replace(pad, magnet=magnet))
@@ -48,12 +48,12 @@ class Bench:
         return self.refining.refiner.response
 
     def field(self, sample: Sample) -> Array:
-        """(N, 3) the magnet's, by the baseline."""
+        """(N, 3) the magnet's field, by the baseline."""
         return self.mounting.magnet_field(sample.frame.field_t)
 
 
 class ContactFinder(Protocol):
-    """`ask` is what is timed; `told` the press (3,) in mm and N, None where it says none."""
+    """Only `ask` is timed. `told` converts its result to a press (3,) in mm and N, None if there is none."""
 
     def ask(self, sample: Sample) -> Any: ...
 

@@ -1,4 +1,4 @@
-"""Ways from the field to the contact that find no pose."""
+"""Contact methods that go from the field to the contact without a pose."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fmfts_lab.study.world import Sample
 
 
 class FromField:
-    """A learned function from field to press. What the baseline knows of the rest field is put right beforehand."""
+    """A learned function from field to press. The field is first corrected with the baseline's field at rest."""
 
     def __init__(self, bench: Bench, function: Callable[[Array], Array]) -> None:
         self._bench, self._function = bench, function
@@ -50,7 +50,7 @@ def network(kind: str, size: tuple[int, ...], bench: Bench) -> ContactFinder:
 
 @lru_cache(maxsize=64)
 def _trained_on_fields(kind: str, size: tuple[int, ...], config: PadConfig) -> BackPropagation | RadialBasis:
-    """As those on poses: with noise, and light presses weighted as what they can tell."""
+    """A regressor trained like those on poses: with noise, and each press weighted by what a frame can tell of it."""
     known, random = known_of(config), np.random.default_rng(SEED)
     some = slice(None, None, len(known.press) // TRAINED_ON)
     inputs = (known.inputs + random.normal(0.0, NOISE_T, known.inputs.shape))[some]
@@ -59,8 +59,8 @@ def _trained_on_fields(kind: str, size: tuple[int, ...], config: PadConfig) -> B
 
 
 class OneStep:
-    """Place and force straight from the field: a look-up, and one Gauss–Newton step from it, ambient field and moment
-    as nuisances; the ambient a random walk, the moment known to half a per cent."""
+    """Place and force directly from the field: a look-up, then one Gauss–Newton step. Ambient field (a random walk) and
+    moment (known to half a per cent) are nuisance unknowns."""
 
     MOMENT = 5e-3
 
@@ -84,7 +84,7 @@ class OneStep:
         to_step[:3, :3], to_step[3:, 3:] = 1e-3 * np.eye(3), tangent_basis(axis).T @ tangent_basis(self._pad.rest_axis)
         slope = np.concatenate([jacobian[:, :5] @ to_step @ by_press[:, :3], jacobian[:, 5:9]], axis=1)
         self._variance = self._variance + AMBIENT_WALK_T2_PER_S * sample.elapsed_s
-        # Place and force are all but free: half the pad, and as much force as there is.
+        # A weak prior for place and force: half the pad, and the whole range of force.
         prior = np.r_[[1.0 / 20.0**2] * 2, 1.0 / 2.0**2, self.MOMENT**-2, 1.0 / self._variance]
         normal = slope.T @ slope / self._noise_t**2 + np.diag(prior)
         covariance = np.linalg.inv(normal)

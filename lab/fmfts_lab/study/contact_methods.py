@@ -1,4 +1,4 @@
-"""Every way to a contact that the studies compare: through the pose that the daemon's solver finds, or straight on."""
+"""The contact methods that the studies compare: through the pose of the daemon's solver, or directly from the field."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from fmfts_lab.study.world import Sample
 
 
 class Whole:
-    """The daemon: frame → packed message."""
+    """The whole daemon, from frame to packed message."""
 
     def __init__(self, refine: bool, bench: Bench) -> None:
         config = bench.world.config
@@ -50,8 +50,8 @@ class Whole:
 
 
 class ThroughPose:
-    """The daemon's solver and model of the scene, then a function from the pose (6,), mm and unit axis on the drawing's
-    pad, and its covariance (5, 5) to the press."""
+    """The daemon's solver and model of the scene; then a function from the pose (6,) (mm and unit axis, for the pad as
+    drawn) and its covariance (5, 5) to the press."""
 
     def __init__(self, bench: Bench, contact: Callable[[Array, Array], Array]) -> None:
         self._bench, self._contact = bench, contact
@@ -71,7 +71,7 @@ class ThroughPose:
 
 
 def _shipped(refine: bool, bench: Bench) -> ContactFinder:
-    """The config's model alone: no envelope, no deviations."""
+    """Only the network of the config's model, without envelope and deviations."""
     model = bench.refining if refine else bench.model
 
     def contact(pose: Array, covariance: Array) -> Array:
@@ -100,7 +100,7 @@ def _by_regressor(kind: str, size: tuple[int, ...], precision: type[np.floating[
 
 @lru_cache(maxsize=64)
 def _trained_on_poses(kind: str, size: tuple[int, ...], config: PadConfig) -> BackPropagation | RadialBasis:
-    """On poses with the noise of single frames, each press weighted by what a frame can tell of it."""
+    """Trained on poses with the noise of single frames, each press weighted by what a frame can tell of it."""
     pad, random = config.pad(), np.random.default_rng(SEED)
     model = ContactModel.load(config.contact.model, pad, refine=True)
     assert model.refiner is not None
@@ -112,7 +112,7 @@ def _trained_on_poses(kind: str, size: tuple[int, ...], config: PadConfig) -> Ba
 
 
 def _weight(bound: Array) -> Array:
-    """(K,) of each press, by the bound of its place; 0.2 mm is as good as any."""
+    """(K,) weight of each press, from the bound of its place plus 0.2 mm (in squares): better places count alike."""
     square: Array = np.mean(bound[:, :2] ** 2, axis=1)
     return 1.0 / (square + 0.2**2)
 

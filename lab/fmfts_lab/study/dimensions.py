@@ -1,4 +1,4 @@
-"""The dimensions of `study stability`: why methods fail in each, and which setting avoids it."""
+"""The dimensions of `study stability`: why methods fail in each, and which setting avoids that."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's experiment (Table 4) in simulation: one pad calibrates, others are pressed, and what each cause costs."""
+"""The paper's experiment (Table 4) in simulation: one pad calibrates, others are pressed; the error by each cause."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from fmfts_lab.study.paper_networks import training_curve
 PAPER_PATH = Path(__file__).with_name("paper_table4.csv")
 REMANENCES_T = (1.046, 1.068)
 FRAMES, STIFFNESS = 660, 0.03
-# What the paper calibrated its first sensor with: 2 mm apart, 0.5 to 4 N. It tested with as hard presses.
+# The presses with which the paper calibrated its first sensor: 2 mm apart, 0.5 to 4 N. It tested with the same forces.
 PLACES_MM, FORCES_N = np.linspace(-14.0, 14.0, 15), np.linspace(0.5, 4.0, 8)
 LIGHTEST_N = 0.25
-# A subtracted ambient field is all that the paper has of a baseline: the pad counts as its drawing.
+# The paper's baseline only subtracts the ambient field, and takes the pad as drawn.
 DRAWING = "drawing"
 BASELINES = (*recorded.KINDS, DRAWING)
 HIDDEN, TRAINED_ON = 16, 8000  # small: two steps of the table bring the answer to the most likely one
-# Each alone, all of them, and none: a pad that is its drawing.
+# Each cause alone, all together, and none (a pad exactly as drawn).
 CAUSES = ("noise", "gains", "sensors placed", "magnet placed", "tilt", "stiffness", "remanence")
 ERRORS = ("mae_x_mm", "mae_y_mm", "mae_f_n")
 COLUMNS = ("kind", "baseline", "causes", "pad", *ERRORS, "presses", "case", "size", "trained_mse", "left_out_mse")
@@ -127,7 +127,7 @@ def printed(facts: Facts) -> str:
 
 
 def calibrate_first_pad(target: Path, quick: bool) -> None:
-    """The paper's 1800 presses of its first sensor, here without noise, as `fmfts-daemon calibrate` learns them."""
+    """Make a model as `fmfts-daemon calibrate` does, from the 1800 presses of the paper's first sensor, noise-free."""
     pad = standard_pad(REMANENCES_T[0])
     press = first_pad_presses()
     known = CalibrationSet(
@@ -143,7 +143,7 @@ def first_pad_presses() -> Array:
 
 
 def _rows(path: Path, name: str, causes: tuple[str, ...], number: int, presses: int, seed: int) -> Iterator[Row]:
-    """The same presses, errors and noise for each baseline, and for each cause those that it has among all."""
+    """Every baseline gets the same presses, errors and noise; each single cause has the same error as among all."""
     drawing = replace(standard_pad(REMANENCES_T[0]), name="second")
     made = Made.with_causes(drawing, causes, np.random.default_rng([seed, number]))
     random = np.random.default_rng([seed, number, 1])
@@ -162,7 +162,7 @@ def _rows(path: Path, name: str, causes: tuple[str, ...], number: int, presses: 
 
 
 def _training_rows(request: Request) -> Iterator[Row]:
-    """The paper's Figure 11: its network along its training, on the grid of the first pad, one noisy frame each."""
+    """The paper's Figure 11: errors of its network during training, on the first pad's grid, one noisy frame each."""
     random, pad = np.random.default_rng(request.seed), standard_pad(REMANENCES_T[0])
     press = first_pad_presses()
     field = pressed_fields(pad, press)
@@ -173,7 +173,7 @@ def _training_rows(request: Request) -> Iterator[Row]:
 
 
 def _as_drawn(drawing: Pad, built: MountedPad) -> Mounting:
-    """As in the paper: the ambient field is taken away, and the drawing is believed but for the magnet's strength."""
+    """The mounting as in the paper: the ambient field subtracted, and all as drawn except the magnet's strength."""
     bare = built.sensed(np.tile(built.ambient_t, (len(drawing.sensors), 1)))
     rest = recorded.pressed_field(built, 0.0, 0.0, 0.0)
     believed = Tolerance(1e-9, 1e-9, 1e-9, 0.0, TOLERANCE.remanence)
@@ -186,7 +186,7 @@ def _recording(mean: Array) -> Recording:
 
 
 def _answer(model: ContactModel, drawing: Pad, mounting: Mounting, field: Array) -> Array:
-    """x, y (mm) and force (N) of one frame, as a pad whose ambient field drifts has them."""
+    """x, y (mm) and force (N) from one frame, solved with the unknowns of a drifting ambient field."""
     estimate = solve(mounting.magnet_field(field), mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
     found = model.estimate(*as_drawn(estimate, mounting.rest, drawing))
     return np.array([found.x_m * 1e3, found.y_m * 1e3, found.force_n])

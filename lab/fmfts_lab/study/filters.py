@@ -1,8 +1,8 @@
-"""Kalman filters without iteration, as a textbook has them: extended, and unscented.
+"""Textbook Kalman filters without iteration: extended, and unscented.
 
-Plain and of our own, for filterpy has had no release since 2018. Their settings are generous: the moment is known, the
-ambient field is a random walk of the daemon's own rate where it drifts, the pose one of as much as a fast tap moves it
-from frame to frame, and a χ² gate on the innovation flags what does not fit.
+They are written here because filterpy has had no release since 2018. Their settings are favourable: the moment is
+known; a drifting ambient field is a random walk with the daemon's rate; the pose is a random walk as large as a fast
+tap from frame to frame; a χ² gate on the innovation flags samples that do not fit.
 
 R. E. Kalman's filter about the last estimate (extended), and S. J. Julier, J. K. Uhlmann, "Unscented filtering and
 nonlinear estimation", Proc. IEEE 92 (2004) 401, with α = 1, β = 0, κ = 3 − n.
@@ -37,7 +37,7 @@ class Updated(NamedTuple):
 
 
 class ExtendedKalman:
-    """Pose and, where it drifts, the ambient field; linearised once about the prediction."""
+    """Estimates the pose and, if it drifts, the ambient field; linearises once around the prediction."""
 
     def __init__(self, world: World) -> None:
         self._drifts = world.config.scene.ambient == "drifting"
@@ -74,8 +74,8 @@ class ExtendedKalman:
         return self._gained(innovation, slope @ cross, cross)
 
     def _gained(self, innovation: Array, spread: Array, cross: Array) -> tuple[Updated, Array, Array]:
-        """What an innovation of covariance `spread` + noise, and `cross` with the state, says: the step, and the
-        covariance after it."""
+        """The step and the new covariance from an innovation with covariance `spread` + noise, and covariance `cross`
+        with the state."""
         spread = spread + self._noise * np.eye(len(innovation))
         gain = np.linalg.solve(spread, cross.T).T
         chi2 = float(innovation @ np.linalg.solve(spread, innovation)) if len(innovation) else np.inf
@@ -84,7 +84,7 @@ class ExtendedKalman:
 
 
 class UnscentedKalman(ExtendedKalman):
-    """The same state; 2n + 1 points in place of a derivative."""
+    """The same state, with 2n + 1 points instead of a derivative."""
 
     def __init__(self, world: World) -> None:
         super().__init__(world)

@@ -1,4 +1,4 @@
-"""Fields that are not the pad's own: steel, a motor, another pad's magnet."""
+"""Foreign fields: steel, a motor, another pad's magnet."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fmfts_lab.study.world import Path, drawn_world
 
 
 def steel(config: PadConfig, random: np.random.Generator, seconds: float) -> Iterator[Cell]:
-    """A ball of 10 mm in the fields of magnet and Earth (J. D. Jackson, Classical Electrodynamics, 5.11)."""
+    """A steel ball of 10 mm in the fields of magnet and Earth (J. D. Jackson, Classical Electrodynamics, 5.11)."""
     world = drawn_world(config)
     for distance_mm in (20, 30, 40, 60, 80):
 
@@ -47,7 +47,7 @@ def motor(config: PadConfig, random: np.random.Generator, seconds: float) -> Ite
 
 
 def neighbour(config: PadConfig, random: np.random.Generator, seconds: float) -> Iterator[Cell]:
-    """An equal magnet that its own finger presses twice a second, and that nobody was told of."""
+    """An equal magnet that its own finger presses twice a second; the methods do not know of it."""
     world = drawn_world(config)
     for distance_mm in (20, 30, 45, 60, 100, 150):
 
@@ -57,7 +57,7 @@ def neighbour(config: PadConfig, random: np.random.Generator, seconds: float) ->
             axis = np.stack([np.sin(0.2 * down), 0 * down, np.cos(0.2 * down)], axis=1)
             magnet, sensors = built.pad.magnet, built.pad.sensors.position_m
             moving = cylinder_field(sensors, place[:, None], axis[:, None], magnet)
-            # What it is at rest, the baseline has subtracted.
+            # The baseline has subtracted the neighbour's field at rest.
             return moving - cylinder_field(sensors, place[:1, None], axis[:1, None], magnet)
 
         changed = replace(world, foreign=(foreign,))
@@ -66,7 +66,7 @@ def neighbour(config: PadConfig, random: np.random.Generator, seconds: float) ->
 
 
 def _approaching(path: Path, end_m: float) -> Array:
-    """(K, 3) a place that comes from 60 mm farther within half a second."""
+    """(K, 3) places of something that approaches from 60 mm farther away within half a second."""
     share = np.clip((path.time_s - BEGIN_S) / 0.5, 0.0, 1.0)
     x = np.where(path.time_s < BEGIN_S, 10.0, end_m + 60e-3 * (1.0 - share))
     return np.stack([x, 0 * x, 0 * x + 10e-3], axis=1)

@@ -1,4 +1,4 @@
-"""What every study has in common: points that survive an interruption, a summary of facts, charts."""
+"""Common to every study: results that survive an interruption, a summary of facts, charts."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ POINT, ROWS_OF_POINT = "point", "rows_of_point"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What was asked for: whose pad, where the files go, how thoroughly, and with which random numbers.
+    """The options of a study: the pad, the folder for the files, how thorough it is, and the random seed.
 
-    pads: all of the file that `pad` stands in.
+    pads: all pads of the configuration that contains `pad`.
     """
 
     pad: PadConfig
@@ -50,12 +50,12 @@ class Request:
 class Study:
     """One run of a study: `NAME.csv` (a row for each measurement), `NAME.json`, `NAME….png` and `.svg` in `out`.
 
-    A run that was interrupted is gone on with by the same command: points of the CSV whose rows are all there are not
-    measured again. Other settings, or another version, begin afresh.
+    The same command continues an interrupted run: points whose rows are all in the CSV are not measured again. With
+    other settings, or another version, it starts again.
     """
 
     def __init__(self, name: str, request: Request, columns: Sequence[str]) -> None:
-        """OSError where `out` cannot be written."""
+        """OSError if `out` cannot be written."""
         self.name = name
         self.request = request
         self._columns = (POINT, ROWS_OF_POINT, *columns)
@@ -76,7 +76,7 @@ class Study:
         self._write_json(finished=False, facts={})
 
     def measure(self, points: Mapping[str, Callable[[], Iterable[Row]]]) -> list[Row]:
-        """Rows of all points, in their order. A point's rows are kept as soon as it is done, and at least one each."""
+        """Rows of all points, in their order. A point's rows (at least one) are written as soon as it is done."""
         waiting = [point for point in points if point not in self._rows]
         with progress_bar(f"study {self.name}") as show:
             for done, point in enumerate(waiting):
@@ -89,11 +89,11 @@ class Study:
         return [row for point in points for row in self._rows[point]]
 
     def conclude(self, facts: Facts) -> Facts:
-        """Write the summary; what it holds."""
+        """Write the summary, and return its content."""
         return self._write_json(finished=True, facts=facts)
 
     def draw(self, figure: Figure, suffix: str = "") -> None:
-        """PNG and SVG. Dense artists of the figure should be `rasterized`, so that the SVG stays small."""
+        """Write PNG and SVG. Dense artists of the figure should be `rasterized`, so that the SVG stays small."""
         import matplotlib
 
         for kind in ("png", "svg"):
@@ -133,12 +133,12 @@ class Study:
 
 
 def machine() -> Facts:
-    """What figures of time depend on."""
+    """The facts about this computer on which measured times depend."""
     return {"processor": _processor(), "cores": os.cpu_count(), "system": platform.platform(), "solver": SOLVER}
 
 
 def versions() -> Facts:
-    """Of the package, Python, and what the studies compute with."""
+    """The versions of the package, of Python, and of the libraries that the studies use."""
     return {"fmfts": __version__, "python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 
 
@@ -156,7 +156,7 @@ def _processor() -> str:
 
 
 def _read_json(path: Path) -> Facts:
-    """Empty where there is none, or it was cut off while it was written."""
+    """The content of a JSON file; empty if it does not exist, or is incomplete."""
     try:
         known = json.loads(path.read_text())
     except (FileNotFoundError, ValueError):
@@ -165,7 +165,7 @@ def _read_json(path: Path) -> Facts:
 
 
 def _read_rows(path: Path, columns: tuple[str, ...]) -> dict[str, list[Row]]:
-    """Point → its rows, of points that are whole."""
+    """Point → its rows, for the points that are complete."""
     if not path.exists():
         return {}
     with path.open(newline="") as file:
@@ -183,7 +183,7 @@ def _read_rows(path: Path, columns: tuple[str, ...]) -> dict[str, list[Row]]:
 
 
 def _value(text: str) -> Value:
-    """What `csv` wrote as `text`."""
+    """The value that `csv` wrote as `text`."""
     if text in ("", "True", "False"):
         return None if text == "" else text == "True"
     for kind in (int, float):

@@ -1,4 +1,4 @@
-"""Where methods may fail: each a dimension of conditions, from harmless to hopeless, and why, and what helps."""
+"""The hazards where methods may fail. Each is a dimension of conditions, from harmless to hopeless."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from fmfts_lab.study.world import Counts, Path, World, drawn_world, frame_times,
 
 Mask = NDArray[np.bool_]
 
-BEGIN_S = 0.3  # when what is wrong begins
-EVERY_REST = 4  # of a path that jumps: three samples at rest, then one elsewhere
+BEGIN_S = 0.3  # when the fault begins
+EVERY_REST = 4  # a path that jumps has three samples at rest, then one elsewhere
 MILLIGAUSS = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One condition. healthy: nothing is wrong that the scene's settings exclude, so that any flag is a false alarm.
-    judged (K,): samples that count. second: of dimensions with two axes."""
+    """One condition. healthy: the condition is within the scene's settings, so that any flag is a false alarm.
+    judged (K,): samples that count. second: the position on the second axis, of dimensions with two axes."""
 
     dimension: str
     condition: str
@@ -42,7 +42,7 @@ class Cell:
 
 
 class Hazard(NamedTuple):
-    """why: methods fail there; avoided: by which setting."""
+    """why: the reason why methods fail there. avoided: the setting that avoids it."""
 
     dimension: str
     cells: Callable[[PadConfig, np.random.Generator, float], Iterator[Cell]]
@@ -69,12 +69,12 @@ def pressing(world: World, random: np.random.Generator, seconds: float) -> Path:
 
 
 def _jumping(world: World, random: np.random.Generator, seconds: float, far_m: float, turn_rad: float) -> Path:
-    """From rest to somewhere so far away and so much turned, in one frame, and back."""
+    """A path that jumps from rest to a pose `far_m` away and turned by `turn_rad`, within one frame, and back."""
     time_s = frame_times(seconds, world.rate_hz)
     count = len(time_s)
     jumps = np.arange(count) % EVERY_REST == EVERY_REST - 1
     away, across = random.normal(size=(count, 3)), random.uniform(0.0, 2.0 * np.pi, count)
-    away[:, 2] = np.abs(away[:, 2])  # off the sensors
+    away[:, 2] = np.abs(away[:, 2])  # upward, away from the sensors
     position = world.drawing.rest_position_m + (
         far_m * jumps[:, None] * away / np.linalg.norm(away, axis=1, keepdims=True)
     )
@@ -129,7 +129,7 @@ def saturation(config: PadConfig, random: np.random.Generator, seconds: float) -
 
 
 def _set(path: Path, axes: list[tuple[int, int]], count: int) -> Callable[[Counts], Counts]:
-    """Axes (sensor, axis) read `count` from when it begins."""
+    """These axes (sensor, axis) read `count` from the beginning of the fault on."""
     begin = int(np.searchsorted(path.time_s, BEGIN_S))
 
     def broken(counts: Counts) -> Counts:
@@ -176,7 +176,7 @@ def remanence(config: PadConfig, random: np.random.Generator, seconds: float) ->
 
 
 def distance(config: PadConfig, random: np.random.Generator, seconds: float) -> Iterator[Cell]:
-    """Same displacements under the same presses."""
+    """Other distances between magnet and sensors, with the same displacements under the same presses."""
     for height_mm in (3.0, 5.0, 8.0, 12.0, 16.0, 20.0, 25.0, 30.0):
         magnet = msgspec.structs.replace(config.magnet, rest_mm=(0.0, 0.0, height_mm))
         world = replace(drawn_world(msgspec.structs.replace(config, magnet=magnet)), range_gauss=8.1)

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from fmfts.pad import Array
 from fmfts_lab.study.harness import Row
 
-# A single wrong frame shows: shares below this have its colour.
+# Smaller shares get the colour of this one, so that a single wrong frame is visible.
 FAINTEST = 0.25
-# Dimension → what runs down and across its map.
+# Dimension → what the rows and the columns of its map are.
 PLANES = {
     "start error": ("the magnet jumps by", "its axis turns by"),
     "finger speed": ("a press lasts", "frames per second"),
@@ -21,7 +21,7 @@ PLANES = {
 
 
 def figures(rows: Sequence[Row], default: str) -> Iterator[tuple[str, Figure]]:
-    """Suffix and picture: every method in every condition, and the two dimensions that have two axes as maps."""
+    """Suffixes and figures: every method in every condition, and maps of the two dimensions with two axes."""
     yield "", _overview([row for row in rows if row["dimension"] not in PLANES])
     yield "-maps", _maps([row for row in rows if row["dimension"] in PLANES], default)
 

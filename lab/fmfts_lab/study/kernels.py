@@ -1,4 +1,4 @@
-"""This project's own solvers as methods: the kernel with every model, the NumPy reference, tracker and daemon."""
+"""The project's own solvers as methods: the kernel with every model, the NumPy reference, tracker and daemon."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CONVERGED = 0
 
 
 class Kernel:
-    """One problem whose memory is reused: what a call costs is the solve, and little else."""
+    """The kernel on one problem whose memory is reused, so that a call costs little more than the solve."""
 
     def __init__(
         self,
@@ -40,8 +40,8 @@ class Kernel:
         gated: bool = False,
         iterations: int = MAX_ITERATIONS,
     ) -> None:
-        """cylinder: the octupole counts, None: as the daemon has it. warm: start from the last answer. gated: χ² flags
-        misfits."""
+        """cylinder: whether to use the octupole, None: as the daemon does. warm: start from the last answer. gated: χ²
+        flags misfits."""
         self.batch = batch_of(world, parts_of(free=FREE[unknowns]), cylinder)
         self._rest = world.rest.vector()
         self._values = self.batch.measurements[0, :, VALUE]
@@ -96,14 +96,14 @@ class KernelFilter:
 
 
 def default(world: World, cylinder: bool | None = None) -> Kernel | KernelFilter:
-    """What the daemon solves in the world's scene; cylinder: had it the magnet so."""
+    """The daemon's solver for the world's scene. cylinder: whether to use the octupole, None: as the daemon does."""
     if tracking_of(world).has_prior:
         return KernelFilter(world, cylinder)
     return Kernel(world, 6, cylinder=cylinder, gated=True)
 
 
 class Solved:
-    """Any solver of `Problem`, started warm: the NumPy reference, or a rival's."""
+    """Any solver of `Problem`, started warm: the NumPy reference, or a foreign one."""
 
     def __init__(
         self, world: World, solver: Callable[[Problem], Any], told: Callable[[Any], Answer], unknowns: int = 6
@@ -143,7 +143,7 @@ def reference(world: World) -> Solved:
 
 
 class Tracking:
-    """The daemon's tracker, gates and all, told the pad exactly."""
+    """The daemon's tracker with its gates, which knows the pad exactly."""
 
     def __init__(self, world: World) -> None:
         shape = (len(world.drawing.sensors), 3)
@@ -165,7 +165,7 @@ class Tracking:
 
 
 def daemon(world: World) -> PadPipeline:
-    """All of it: frame → message, from a baseline that it records of the world as it was."""
+    """The daemon's pipeline from frame to message, with a baseline recorded before anything went wrong."""
     config = world.config
     pipeline = PadPipeline(world.drawing, model_of(config), "study", world.rate_hz, tracking_of(world))
     pipeline.use(world.baseline(np.random.default_rng(SEED_OF_BASELINE)))
@@ -177,7 +177,7 @@ def tracking_of(world: World) -> TrackingModel:
 
 
 def batch_of(world: World, parts: Any, cylinder: bool | None = None, prior: Array | None = None) -> Batch:
-    """One problem, started at rest; its measurements still to be filled in."""
+    """One problem that starts at rest; the caller fills in its measurements."""
     pad, rest = world.drawing, world.rest.vector()
     rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, world.noise_t)
     return Batch.of(
@@ -191,5 +191,5 @@ def batch_of(world: World, parts: Any, cylinder: bool | None = None, prior: Arra
 
 
 def misfits(chi2: float, degrees_of_freedom: float) -> bool:
-    """By the daemon's own gate: a healthy sample does it once in an hour."""
+    """Whether the daemon's own gate refuses this χ²; a healthy sample misfits once in an hour."""
     return not chi2 < quantile(FALSE_ALARM, int(degrees_of_freedom))

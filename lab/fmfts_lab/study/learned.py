@@ -1,7 +1,7 @@
 """Methods that learn the pad from examples: look-up, nearest neighbours, and networks through ONNX.
 
-Their examples are what a user's own calibration would be, and better: thousands of presses, noise-free, of the very pad
-that they are judged on, at its nominal remanence.
+Their examples are better than any calibration of a user: thousands of noise-free presses of the same pad on which they
+are judged, at its nominal remanence.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Examples(NamedTuple):
 
 
 def examples(world: World, count: int = EXAMPLES) -> Examples:
-    """Presses of the drawing's pad, spread over the pad, a twentieth of them of no force."""
+    """Presses spread over the pad as drawn; a twentieth of them have no force."""
     pad, random = world.drawing, np.random.default_rng(SEED)
     press = random.uniform([-EDGE_MM, -EDGE_MM, 0.0], [EDGE_MM, EDGE_MM, LARGEST_N], (count, 3))
     press[::20, 2] = 0.0
@@ -44,7 +44,7 @@ def examples(world: World, count: int = EXAMPLES) -> Examples:
 
 
 class Nearest:
-    """The mean of the `count` examples whose fields are nearest, weighted by 1/distance; one: a look-up table."""
+    """The mean of the `count` examples with the nearest fields, weighted by 1/distance; with one, a look-up table."""
 
     def __init__(self, fields_t: Array, target: Array, count: int) -> None:
         self._tree, self._target, self._count = cKDTree(fields_t), target, count
@@ -59,7 +59,7 @@ class Nearest:
 
 
 class Network:
-    """A regressor as an ONNX session of one thread: call with (d,) or (K, d)."""
+    """A regressor as an ONNX session with one thread. Call it with (d,) or (K, d)."""
 
     def __init__(self, regressor: BackPropagation | RadialBasis, kind: type[np.floating[Any]] = np.float32) -> None:
         self._kind = kind
@@ -77,7 +77,7 @@ class Network:
 
 
 def exported(regressor: BackPropagation | RadialBasis, kind: type[np.floating[Any]]) -> bytes:
-    """The same function in ONNX's operators, computed in float32 or float64."""
+    """The regressor in ONNX, computed in float32 or float64."""
     constants: dict[str, Array] = {}
     nodes: list[onnx.NodeProto] = []
 
@@ -114,7 +114,7 @@ def exported(regressor: BackPropagation | RadialBasis, kind: type[np.floating[An
 
 
 def _radial(regressor: RadialBasis, step: Any, found: str) -> str:
-    """exp(−|x − c|²/2s²) by the square's expansion, as one product of matrices."""
+    """exp(−|x − c|²/2s²), with the square expanded, so that it is one matrix product."""
     spread = 2.0 * regressor._spread**2
     centre, coefficient = regressor._centre, regressor._coefficient
     square = step("MatMul", step("Mul", found, found), ones=np.ones((centre.shape[1], 1)) / spread)

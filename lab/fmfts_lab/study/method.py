@@ -1,4 +1,4 @@
-"""What a method is to a study: something that is told the pad, and asked for one sample after another."""
+"""The interface of a method in a study: it gets the pad, and then one sample after another."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from fmfts_lab.study.world import Sample, World
 
 
 class Answer(NamedTuple):
-    """position_m (3,), axis (3,), deviation_m (3,): of the position, None where the method tells none. flagged: not to
-    be believed, says the method itself; the numbers are then of no account."""
+    """position_m (3,), axis (3,), deviation_m (3,): of the position, None if the method gives none. flagged: the method
+    itself rejects this answer, so its numbers do not count."""
 
     position_m: Array
     axis: Array
@@ -25,12 +25,12 @@ NOTHING = Answer(np.full(3, np.nan), np.full(3, np.nan), None, True)
 
 
 class Method(Protocol):
-    """`ask` is what is timed; `told` makes of its result what it says of the pose."""
+    """Only `ask` is timed. `told` converts its result to an Answer."""
 
     def ask(self, sample: Sample) -> Any: ...
 
     def told(self, raw: Any) -> Answer: ...
 
 
-# Makes a method for a world that a study has set up.
+# Makes a method for a world.
 Maker = Callable[[World], Method]

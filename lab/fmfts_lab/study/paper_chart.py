@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from fmfts_lab.study.harness import Row
 
 matplotlib.use("Agg")
-# What lies outside of the pad is drawn at its edge: the paper's answers at 1.28 T are centimetres to metres away.
+# Points outside the pad are drawn at its edge: the paper's answers at 1.28 T are centimetres to metres away.
 PLACE_MM, FORCE_N = 22.0, 3.0
 
 
 def training(rows: Sequence[Row]) -> Figure:
-    """Figure 7, or 11: squared error along the training."""
+    """Figure 7, or 11: squared error during training."""
     curves = [row for row in rows if row["kind"] == "training"]
     cases = list(dict.fromkeys(str(row["case"]) for row in curves))
     figure = Figure(figsize=(3.4 * len(cases), 3.2), layout="constrained")
@@ -34,7 +34,7 @@ def training(rows: Sequence[Row]) -> Figure:
 
 
 def estimates(rows: Sequence[Row], cases: tuple[str, ...], remanences_t: tuple[float, ...]) -> Figure:
-    """Figure 8: places and forces, true and found; a column for each case and remanence."""
+    """Figure 8: true and estimated places and forces, with a column for each case and remanence."""
     tests = [row for row in rows if row["kind"] == "test"]
     columns = [(case, remanence_t) for case in cases for remanence_t in remanences_t]
     figure = Figure(figsize=(2.6 * len(columns), 5.6), layout="constrained")

@@ -1,4 +1,4 @@
-"""What the paper's networks are trained and tested on: its 675 presses, and others that were solved one by one."""
+"""The inputs to train and test the paper's networks: its 675 presses, and others that were solved one by one."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from fmfts.calibrate.tracked import FrameSolver, Tracked
 from fmfts.pad import Array, Pad
 from fmfts.sensor.chips import NOISE_T
 
-# The presses solved to test the shipped model with.
+# The solved presses with which the shipped model is tested.
 SOLVED_TEST = Path(simulate.__path__[0]) / "test_normal.csv"
-PAPER_REMANENCE_T = 1.23  # Eq. 5: its moment vector has the length that a magnet of 1.23 T has as one
+PAPER_REMANENCE_T = 1.23  # Eq. 5: the paper scales its moment vector so that a magnet of 1.23 T has length one
 
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """Presses (K, 3: mm, N) of one pad, its fields (K, N, 3), and what two sets of unknowns make of each.
+    """Presses (K, 3: mm, N) of one pad, its fields (K, N, 3), and the poses solved with two sets of unknowns.
 
-    remanence_t: as the unloaded pad's field has it.
+    remanence_t: estimated from the field of the unloaded pad.
     """
 
     press: Array
@@ -49,7 +49,7 @@ class Readings:
 
     @classmethod
     def solved_test(cls, pad: Pad, path: Path | None = None) -> Readings:
-        """Off the grid, each press solved by finite elements, with the magnet of `pad`."""
+        """Presses off the grid, each solved by finite elements, with the magnet of `pad`."""
         path = path or SOLVED_TEST
         _required(path, f"`python -m fmfts_lab.finite_elements.solved_presses test-normal {path}` solves them")
         table = np.genfromtxt(path, delimiter=",", names=True)
@@ -74,7 +74,7 @@ def _unit_pose(readings: Readings) -> Array:
     return readings.paper.pose[:, :5]
 
 
-# Name → what a regressor gets.
+# Name → the inputs of a regressor.
 INPUTS: dict[str, Callable[[Readings], Array]] = {
     "field": _field,
     "pose": _paper_pose,

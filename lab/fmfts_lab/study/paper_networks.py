@@ -1,5 +1,6 @@
-"""The paper's two kinds of networks, as good as its 675 presses make them: sizes, spreads and scaling of the inputs are
-chosen by cross-validation on these alone, fields and poses with the same care; and how training goes.
+"""The paper's two kinds of networks, trained as well as its 675 presses allow, and the course of their training.
+
+Cross-validation on these presses alone chooses sizes, spreads and scaling of the inputs, for fields and poses alike.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ FOLDS = 3
 STEPS, QUICK_STEPS, STARTS = 200, 30, 3
 HIDDEN = ((20,), (10, 10), (15, 15))
 SPREADS, RIDGES = (0.25, 0.5, 1.0, 2.0, 4.0), (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
-# As `newrb` does for Figure 7, one curve along the number of neurons; for `newff` along the training's steps.
+# The curve for `newrb` is over the number of neurons, as in Figure 7; that for `newff` over the steps of training.
 CURVE_STEPS = (1, 2, 5, 10, 20, 50, 100, 200)
 CURVE_CENTRES = (10, 20, 40, 80, 160, 320)
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A network that could be used. make: untrained, to be fitted from so many starts."""
+    """A candidate network. make: makes it untrained, to be fitted from so many starts."""
 
     name: str
     make: Callable[[int], Regressor]
@@ -49,7 +50,7 @@ def radial_basis(quick: bool) -> list[Choice]:
 
 
 def chosen(choices: list[Choice], inputs: Array, target: Array) -> Choice:
-    """The one that predicts left-out rows best, in the target's ranges."""
+    """The candidate that predicts left-out rows best, in units of the target's ranges."""
     if len(choices) == 1:
         return choices[0]
     fold = np.random.default_rng(0).permutation(len(inputs)) % FOLDS
@@ -67,7 +68,7 @@ def chosen(choices: list[Choice], inputs: Array, target: Array) -> Choice:
 
 
 def training_curve(kind: str, inputs: Array, target: Array, quick: bool) -> Iterator[tuple[int, float, float]]:
-    """Steps or neurons; mean squared error, in ranges of ±1, of the rows trained on and of a fifth left out."""
+    """Number of steps or neurons, and mean squared errors (ranges ±1) of the training rows and of a left-out fifth."""
     out = np.random.default_rng(0).permutation(len(inputs)) % 5 == 0
     half = Span.of(target).half
     for size, regressor in _growing(kind, inputs[~out], target[~out], quick):

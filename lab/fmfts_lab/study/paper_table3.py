@@ -1,4 +1,4 @@
-"""The paper's Table 3 and Figures 7 and 8, run again: a magnet of 1.28 T before regressors that know one of 1.23 T."""
+"""The paper's Table 3 and Figures 7 and 8 again: a magnet of 1.28 T, with regressors trained for 1.23 T."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ PAPER_CASES = {
 
 @dataclass(frozen=True, slots=True)
 class Sets:
-    """Read and solved once."""
+    """The training and test sets, read and solved once."""
 
     calibration: Readings
     tests: dict[float, Readings]
@@ -50,7 +50,7 @@ class Sets:
 
 
 def run(request: Request) -> Facts:
-    """DataError where the presses that it needs are not there. `request.pad` plays no part: the paper's is taken."""
+    """Run the study with the paper's pad instead of `request.pad`. DataError if presses that it needs are missing."""
     sets = Sets.read()
     study = Study("paper-table3", request, COLUMNS)
     points: dict[str, Callable[[], Iterator[Row]]] = {}
@@ -71,7 +71,7 @@ def run(request: Request) -> Facts:
 
 
 def table(rows: list[Row]) -> list[Row]:
-    """MAE and RMSE of every case at every remanence, the paper's beside where it has them."""
+    """MAE and RMSE of every case at every remanence, with the paper's figures if it has them."""
     paper = _paper()
     out: list[Row] = []
     for case in dict.fromkeys(row["case"] for row in rows if row["kind"] == "test"):
@@ -114,7 +114,7 @@ def _network_rows(sets: Sets, kind: str, name: str, quick: bool) -> Iterator[Row
     network: Regressor = choice.make(STARTS).fit(inputs, target)
     for remanence_t, test in sets.tests.items():
         asked = {name: INPUTS[name](test)}
-        if name == "field":  # it need not fear another magnet, if told how strong that is
+        if name == "field":  # a field can be scaled for another magnet, if its strength is known
             asked["field over remanence"] = asked[name] * (sets.calibration.remanence_t / test.remanence_t)
         for case, values in asked.items():
             yield from _test_rows(f"{kind}, {case}", choice.name, remanence_t, test, network.predict(values))
@@ -138,7 +138,7 @@ def _curve_rows(sets: Sets, case: str, quick: bool) -> Iterator[Row]:
 
 
 def _table(known: Readings) -> Callable[[Readings], Array]:
-    """Maximum likelihood in a table of the calibration's own poses."""
+    """Maximum likelihood with a table of the calibration's own poses."""
     rest = np.array([*standard_pad().rest_position_m * 1e3, 0.0, 0.0])
     deviation = known.daemon.deviation
     response: Response = fit_response(known.press, known.daemon.pose[:, :CHANGE] - rest, deviation)
@@ -163,7 +163,7 @@ def _model(refine: bool) -> Callable[[Readings], Array]:
 
 
 def _paper() -> dict[tuple[str, float], dict[str, float]]:
-    """Its name of a case and the remanence → its figures."""
+    """(case in the paper's words, remanence) → the paper's figures."""
     with PAPER_PATH.open(newline="") as file:
         return {
             (row["train_model"], float(row["test_remanence_t"])): {

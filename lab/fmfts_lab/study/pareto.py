@@ -1,4 +1,4 @@
-"""Speed against accuracy as a picture: every method a point, the front drawn, the daemon's own choice marked."""
+"""Charts of speed against accuracy: a point for every method, the Pareto front, and the daemon's choice marked."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from matplotlib.ticker import LogLocator
 from fmfts_lab.study.harness import Row
 
 COLOURS = ("tab:blue", "tab:green", "tab:orange", "tab:red", "tab:purple", "tab:brown")
-LINE_INCH = 0.17  # of the list of methods
+LINE_INCH = 0.17  # height of a line in the list of methods
 
 
 def front(rows: Sequence[Row], cost: str, error: str) -> list[Row]:
-    """The rows that no other is both faster and better than, the fastest first."""
+    """The rows for which no other row is both faster and better; the fastest first."""
     best: list[Row] = []
     for row in sorted(rows, key=lambda one: (number(one, cost), number(one, error))):
         if not best or number(row, error) < number(best[-1], error):
@@ -31,8 +31,8 @@ def number(row: Row, name: str) -> float:
 
 
 def draw(axes: Axes, rows: Sequence[Row], error: str, default: str) -> list[Row]:
-    """Median time with a whisker to the 99th percentile; numbers name the methods, hollow ones left frames
-    unanswered. What it returns is the front."""
+    """Draw median times with whiskers to the 99th percentile. Numbers stand for the methods; hollow points left frames
+    unanswered. Returns the front."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
     best = front(rows, "median_us", error)
     for row in rows:
@@ -59,7 +59,7 @@ def draw(axes: Axes, rows: Sequence[Row], error: str, default: str) -> list[Row]
 
 
 def name_ticks(axis: Axis) -> None:
-    """Plain numbers at 1, 2 and 5: an axis may hold less than a decade."""
+    """Label the axis with plain numbers at 1, 2 and 5, because it may span less than a decade."""
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     axis.set_minor_formatter("{x:g}")
@@ -75,7 +75,7 @@ def _figure(axes: Axes) -> Figure:
 def _hiding_each_other(
     axes: Axes, points: Sequence[tuple[float, float]]
 ) -> Iterator[tuple[list[int], tuple[float, float]]]:
-    """Numbers, from one, of the points whose numbers would be written over each other, and the place of the first."""
+    """Groups of points whose labels would overlap: their numbers, counted from one, and the place of the first."""
     inches = axes.transData.transform(points) / _figure(axes).dpi
     left = list(range(len(points)))
     while left:
@@ -86,7 +86,7 @@ def _hiding_each_other(
 
 
 def name_methods(axes: Axes, rows: Sequence[Row], default: str) -> None:
-    """The numbers' meanings, in the families' colours."""
+    """Write the list of methods by number, in the colours of their families."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
     axes.axis("off")
     step = min(1.0 / max(len(rows) + len(families), 1), LINE_INCH / _figure(axes).get_figheight())

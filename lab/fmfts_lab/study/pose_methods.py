@@ -1,4 +1,4 @@
-"""Every way to a pose that the studies compare, in one table: this project's, and what a user would otherwise pick."""
+"""All pose methods that the studies compare, in one table: the project's, and those that a user might otherwise use."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRAINED_ON, STEPS = 2000, 30
 
 
 class PoseMethod(NamedTuple):
-    """settings: what a reader must know to repeat it; family: what colour it has on a chart."""
+    """settings: what a reader needs to know to repeat it. family: decides its colour on a chart."""
 
     name: str
     family: str
@@ -34,7 +34,7 @@ class PoseMethod(NamedTuple):
 
 
 def _scipy(name: str, world: World) -> Method:
-    """Six unknowns as a user of SciPy writes them, started from the last answer; at rest again where it fails."""
+    """Six unknowns as a user of SciPy writes them. Starts from the last answer, or from rest if that failed."""
 
     def told(raw: Any) -> Answer:
         found, success = (raw[0], raw[4] in (1, 2, 3, 4)) if isinstance(raw, tuple) else (raw.x, raw.success)
@@ -47,7 +47,7 @@ def _scipy(name: str, world: World) -> Method:
 
 
 class Direct:
-    """The nearest entry of a table of presses, and one Gauss–Newton step from it: no iteration."""
+    """The nearest entry of a table of presses, and one Gauss–Newton step from it, without iteration."""
 
     def __init__(self, world: World, unknowns: int) -> None:
         known = known_of(world.config)
@@ -72,7 +72,7 @@ class Direct:
 
 
 class FromField:
-    """A learned function from field to pose. It needs all sensors, and publishes no deviation."""
+    """A learned function from field to pose. It needs all sensors and gives no deviation."""
 
     def __init__(self, world: World, function: Any) -> None:
         self._function = function
@@ -98,7 +98,7 @@ class Known(NamedTuple):
 
 
 def seen(world: World, field_t: Array) -> Array:
-    """(12,) what a learned method is given; where the ambient field drifts, without what all sensors have in common."""
+    """(12,) the input of a learned method; if the ambient field drifts, without the mean over all sensors."""
     if world.config.scene.ambient == "drifting":
         field_t = field_t - field_t.mean(axis=0)
     return field_t.ravel()
@@ -106,7 +106,7 @@ def seen(world: World, field_t: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def known_of(config: PadConfig) -> Known:
-    """Examples of the pad as drawn, as learned methods see them."""
+    """Examples of the pad as drawn, in the form of a learned method's input."""
     world = drawn_world(config)
     known = examples(world)
     shape = (len(known.field_t), *world.drawing.sensors.position_m.shape)
@@ -125,7 +125,7 @@ def _network(hidden: tuple[int, ...], kind: type[np.floating[Any]], world: World
 
 @lru_cache(maxsize=64)
 def _trained(hidden: tuple[int, ...], config: PadConfig) -> BackPropagation:
-    """With the noise of the data sheet, whatever a study does to it: it was learnt before."""
+    """A network trained with the noise of the data sheet, also if the study's noise is another one."""
     known = known_of(config)
     noise = np.random.default_rng(SEED).normal(0.0, NOISE_T, known.inputs.shape)
     some = slice(None, None, len(known.pose) // TRAINED_ON)
@@ -191,7 +191,7 @@ SCIPY_NAMES = {
 class PlainGaussNewton:
     """Eight unknowns (position, moment's direction, ambient field) by two steps in one precision throughout.
 
-    Units of 10 mm and of the dipole's field there, so that float32 is not asked for what no scaling could give.
+    Its units are 10 mm and the dipole's field there, so that float32 has no disadvantage from scaling.
     """
 
     def __init__(self, world: World, kind: type[np.floating[Any]]) -> None:

@@ -1,4 +1,4 @@
-"""Charts of what a slower, quieter sensor brings, and of what batches save."""
+"""Charts of the error with slower, quieter sensors, and of the time that batches save."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a slower, quieter sensor is an alternative: the pose at any moment, by rate and by the chip's averaging."""
+"""Is a slower, quieter sensor an alternative? The error of the newest pose at any moment, by rate and averaging."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fmfts_lab.study.kernels import default
 from fmfts_lab.study.world import Path, drawn_world, frame_times, in_scene, pressed, presses
 
 RATES_HZ, AVERAGING = (55, 110, 220), (1, 2, 4, 8)
-LOOKED_AT_HZ = 1760  # how often somebody asks where the magnet is; what they get is the newest pose
+LOOKED_AT_HZ = 1760  # how often the newest pose is compared with the true one
 SECONDS, QUICK_SECONDS = 6.0, 2.0
 
 
 def rate_rows(request: Request) -> list[Row]:
-    """Averaging n samples within a frame's period leaves noise/√n, and a pose that is half that period old."""
+    """Averaging n samples within a frame's period gives noise/√n, and a pose that is half a period old."""
     rows: list[Row] = []
     world = drawn_world(in_scene(request.pad, SceneConfig()), 60.0)
     seconds = QUICK_SECONDS if request.quick else SECONDS
@@ -42,7 +42,7 @@ def rate_rows(request: Request) -> list[Row]:
 
 
 def _averaged(path: Path, step: int, averaging: int) -> Path:
-    """One pose for each `step`, the mean of `averaging` within it (one: its last)."""
+    """One pose for each `step` poses: the mean of `averaging` of them (one: the last)."""
     count = len(path.time_s) // step
     within = [round(step - 1 - part * step / averaging) for part in range(averaging)]
     position = np.mean(

@@ -1,4 +1,4 @@
-"""What limits a scene besides its model, and what would have to change for a larger model to pay."""
+"""The limits of a scene besides its model, and what would have to change for a larger model to be worthwhile."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def limits(around: Surroundings) -> list[str]:
 
 
 def would_pay(around: Surroundings, best: Cost) -> list[str]:
-    """For each model that is one step larger: how much more of what it describes there would have to be."""
+    """For each model that is one step larger: how much larger its cause would have to be to make it worthwhile."""
     lines = []
     for cause, larger, words in _steps(around, best.model):
         strong = around
@@ -31,7 +31,7 @@ def would_pay(around: Surroundings, best: Cost) -> list[str]:
             strong = replace(around, config=_drifting(around))
         found = {cost.model: cost for cost in costs(strong)}
         left, taken = found[best.model], found[larger]
-        # error² of the smaller: what it has anyway, and k² of this cause's; sought is k where it is `worth` too large.
+        # error² of the smaller model: a part without this cause, and k² times this cause's. Finds k for `worth`.
         worth = WORTH_OF_TERM if larger.unknown == best.model.unknown else WORTH
         anyway = max(left.error**2 - left.bias_of[cause] ** 2, 0.0)
         room = ((1.0 + worth) * taken.error) ** 2 - anyway
@@ -59,7 +59,7 @@ def _steps(around: Surroundings, model: Model) -> Iterator[tuple[str, Model, Cal
 
 
 def _nearer(name: str, away_mm: float, factor: float) -> str:
-    """A dipole's field goes with 1/r³, what a step of its magnet changes of it with 1/r⁴."""
+    """Distance for a `factor` more effect: a dipole's field goes with 1/r³, its change by a step with 1/r⁴."""
     return f"pad '{name}' at about {away_mm * factor**-0.25:.0f} mm"
 
 
@@ -69,20 +69,19 @@ def _drifting(around: Surroundings) -> PadConfig:
 
 
 def recommended_range_gauss(around: Surroundings) -> float | None:
-    """The finest that the hardest press and the Earth's field do not saturate, however the gains are off; None: there
-    is none."""
+    """The finest range without saturation under the hardest press, the Earth's field and the worst gains, or None."""
     needed = largest_field_gauss(around) * (1.0 + around.config.tolerance.gain)
     chip = CHIPS[around.config.source.chip]
     return next((each for each in sorted(chip.ranges_gauss) if saturation_gauss(chip, each) > needed), None)
 
 
 def saturation_gauss(chip: Chip, range_gauss: float) -> float:
-    """The converter's last count, on the axis that reaches it first."""
+    """The field at the converter's last count, on the axis that reaches it first."""
     return chip.largest_count / max(chip.counts_per_gauss[chip.gain_code_for_range(range_gauss)])
 
 
 def largest_field_gauss(around: Surroundings) -> float:
-    """On one axis of a sensor, under presses all over the pad, with the Earth's and that of pads beside it."""
+    """The largest field on one axis of a sensor, for presses all over the pad, with the Earth's and the neighbours'."""
     pad, scale_n = around.config.pad(), around.response.scale_n
     places = np.linspace(around.response.first_mm, around.response.last_mm, 9)
     press = np.array([[x, y, f] for x in places[:, 0] for y in places[:, 1] for f in (0.0, scale_n)])
@@ -93,7 +92,7 @@ def largest_field_gauss(around: Surroundings) -> float:
 
 
 def _beside_t(around: Surroundings, pad: Pad) -> Array:
-    """(N, 3) in sensor axes, of the neighbours' magnets at rest."""
+    """(N, 3) field of the neighbours' magnets at rest, in sensor axes."""
     field = np.zeros_like(pad.sensors.position_m)
     for other in around.others:
         there, their = other.placement.si().seen_from(around.config.placement.si()), other.pad()

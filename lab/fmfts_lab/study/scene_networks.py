@@ -22,7 +22,7 @@ JUDGED = 4000
 
 @dataclass(frozen=True, slots=True)
 class Networks:
-    """What they are trained on, and judged by: single frames of the scene."""
+    """Trains contact networks on single frames of the scene, and judges them by such frames."""
 
     solver: FrameSolver
     training: Samples
@@ -39,7 +39,7 @@ class Networks:
         return cls(solver, clean.noisy(1, random), judged, 12 if quick else 40)
 
     def rows(self, hidden: int) -> Iterator[Row]:
-        """Errors, each over what a frame allows or what is worth telling: without noise, and with it."""
+        """Errors without and with noise, each divided by what a frame allows or by the smallest one that matters."""
         network = train_network(self.training, self.solver.rest_pose, hidden, self.steps)
         noisy = self.judged.noisy(1, np.random.default_rng(2))
         bias = _rms(error_in_bounds(network(self.judged.pose) - self.judged.press, self.judged.bound))
@@ -55,7 +55,7 @@ class Networks:
 
 
 def smallest_network(rows: Sequence[Row]) -> str:
-    """The smallest that is within 2 % of the best, and what the next larger would gain."""
+    """The smallest network within 2 % of the best one, and the gain of the next larger one."""
     candidates = [
         Candidate(str(row["hidden"]), int(row["hidden"]), int(row["parameters"]), np.array([row["score"]], dtype=float))  # type: ignore[arg-type]
         for row in rows

@@ -1,4 +1,4 @@
-"""What the scene of a config needs: every model's noise and bias there, the smallest that is enough, and when not."""
+"""Which model does a config's scene need? Noise and bias of every model, the smallest that suffices, and its limits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BESIDE_S, QUICK_BESIDE_S = 14.0, 6.0
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """said: what the study had to assume."""
+    """said: sentences about what the study had to assume."""
 
     around: Surroundings
     said: list[str]
@@ -46,7 +46,7 @@ class Scene:
 
 
 def run(request: Request) -> Facts:
-    """DataError where no response of any pad is at hand."""
+    """Run the study. DataError if no contact model holds a response."""
     scene = Scene.of(request)
     around, networks = scene.around, Networks.of(scene.around, request.quick)
     study = Study("scene", request, COLUMNS)
@@ -95,7 +95,7 @@ def printed(facts: Facts) -> str:
         errors = f"{row['noise_mm']:.3f} mm, {row['noise_n']:.4f} N rms"
         lines.append(f"single frames solved and inverted, {row['model']} ({row['causes']}): {errors}")
     for row in facts["running"]:
-        if row["frames"] is None:  # no model or baseline to run them with, as was said
+        if row["frames"] is None:  # there was no model or baseline to run them with; a sentence in `said` tells
             continue
         lines.append(
             f"both pads running and pressed, {row['model']} ({row['causes']}): {row['available']:.1%} of "
@@ -150,7 +150,7 @@ def _running_rows(around: Surroundings, request: Request) -> Iterator[Row]:
 
 
 def _rms(errors: Array) -> tuple[float, float]:
-    """Of place and of force."""
+    """The rms errors of place and of force."""
     return float(np.sqrt(np.mean(errors[:, :2] ** 2))), float(np.sqrt(np.mean(errors[:, 2] ** 2)))
 
 
@@ -165,7 +165,7 @@ def _named(kind: str, model: Model) -> Row:
 
 
 def _response(request: Request) -> tuple[Response, str]:
-    """Of the config's model; else the shipped one's, for a pad of other dimensions in the same silicone."""
+    """The response of the config's model, else of the shipped one: a pad of other dimensions in the same silicone."""
     contact, pad = request.pad.contact, request.pad.pad()
     where = f"presses as {contact.model!r} answers them"
     try:

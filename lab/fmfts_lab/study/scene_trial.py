@@ -1,5 +1,5 @@
-"""A model on its scene, not to first order: exact fields with noise, solved, and the most likely press taken; pads side
-by side run whole."""
+"""Tries a model on its scene, beyond first order: solves exact fields with noise and takes the most likely press. Pads
+side by side run with the whole pipeline."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from fmfts.pose import STOP_CONVERGED, dipole_field, solve
 from fmfts.scene import AMBIENT_CHANGE_T, Model, Surroundings
 from fmfts_lab.bench.neighbours import Outcome, pressed_pair
 
-TURNING_DEG_PER_S = 20.0  # of a robot whose ambient field drifts
-LIGHTEST_SHARE = 0.15  # of full scale: below it a place is a guess
+TURNING_DEG_PER_S = 20.0  # the robot's turn, if the ambient field drifts
+LIGHTEST_SHARE = 0.15  # of full scale; under lighter presses the place is very uncertain
 
 
 def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
     """(K, 3) errors of x, y in mm and force in N, of up to `frames` presses within 8 mm, from light to full scale.
 
-    The magnet has aged since the baseline, where a running model could tell; a field that drifts has turned. Neighbours
-    rest: what they do to a running pad, `tried_beside` shows.
+    Since the baseline the magnet has aged, in a constant scene, or the ambient field has turned, in a drifting one.
+    Neighbours are at rest; `tried_beside` shows their effect on a running pad.
     """
     random, pad = np.random.default_rng(seed), around.config.pad()
     modelled = replace(pad, magnet=replace(pad.magnet, as_cylinder=model.cylinder))
@@ -41,7 +41,7 @@ def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
     if around.drifts:
         ambient = np.repeat(random.normal(0.0, AMBIENT_CHANGE_T, (len(press), 1, 3)), len(pad.sensors), axis=1)
         field += pad.sensors.to_sensor(ambient)
-    # The baseline took away what the model does not explain of the unloaded field.
+    # The baseline subtracted the part of the unloaded field that the model does not explain.
     unexplained = rest_field - _modelled_rest_field(modelled, rest_field)
     field += random.normal(0.0, around.noise_t, field.shape) - unexplained
     press, tracked = _solved(solver, press, field)
@@ -51,8 +51,8 @@ def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
 
 
 class Beside(NamedTuple):
-    """errors (K, 3): of x, y in mm and force in N, of the presses that are answered both told and not. answered: the
-    share of all presses."""
+    """errors (K, 3) of x, y in mm and force in N, for the presses that both runs (told and not told) answered.
+    answered: the share of all presses."""
 
     outcome: Outcome
     errors: Array
@@ -60,10 +60,10 @@ class Beside(NamedTuple):
 
 
 def tried_beside(around: Surroundings, seconds: float, seed: int) -> tuple[Beside, Beside]:
-    """The whole daemon on two simulated pads, this and the nearest other, both pressed by fingers of their own: with
-    each told of the other's magnet, and not.
+    """Runs the whole pipeline on two simulated pads, this one and the nearest other, each pressed by its own finger:
+    once with knowledge of the other's magnet (told), and once without.
 
-    ModelError where a config's model is not its pad's, BaselineError where the pads are too near for one.
+    ModelError if a config's model is not for its pad, BaselineError if the pads are too near for a baseline.
     """
     here, there = around.config, around.others[0]
     pads = _simulated(here, there, seed), _simulated(there, here, seed + 1000)
@@ -87,7 +87,7 @@ def _simulated(config: PadConfig, beside: PadConfig, seed: int) -> PadConfig:
 
 
 def _solved(solver: FrameSolver, press: Array, field: Array) -> tuple[Array, Tracked]:
-    """Those that the solver finds a pose for, which is not every frame of a model that does not suit the scene."""
+    """The presses for which the solver finds a pose; with an unsuitable model these are not all."""
     while True:
         try:
             return press, solver.solved(field)

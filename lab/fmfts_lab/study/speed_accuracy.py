@@ -1,4 +1,4 @@
-"""`study speed-accuracy`: what each way to a pose and to a contact costs, and how far it is off, on the same frames."""
+"""`study speed-accuracy`: time and error of each pose method and each contact method, on the same frames."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ COLUMNS = (
 TURNING_DEG_PER_S = 60.0
 SCENES = {"drifting": (TURNING_DEG_PER_S, 8), "constant": (0.0, 6)}
 SECONDS, QUICK_SECONDS = 4.0, 1.0
-# The lightest press of the paper, 0.28 N: below it a place is a guess, of 2 mm and more.
+# The lightest press of the paper, 0.28 N. Under lighter presses places are uncertain by 2 mm and more.
 LIGHTEST_N = 0.28
-# What takes long to train, or to ask.
+# Methods that take long to train or to run.
 NOT_QUICK = (
     *("spline inversion", "network from field (20)", "network from field (16, 16)", "network from field (16, 16) f64"),
     *("BP 20 of pose", "BP 20 of pose, float64", "BP 20 of field"),
@@ -171,7 +171,7 @@ def _row(chart: str, scene: str, entry: PoseMethod | ContactMethod, cost: tuple[
 
 
 def pose_bound(world: World, path: Path, unknowns: int) -> Array:
-    """(K, 5) the Cramér–Rao bound of single frames: the kernel's covariance at the truth, without a step."""
+    """(K, 5) the Cramér–Rao bound of single frames: the kernel's covariance at the true pose, without a step."""
     pad = world.drawing
     states = [State(*pose, 0.0, np.zeros(3)).vector() for pose in zip(path.position_m, path.axis, strict=True)]
     rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, world.noise_t)

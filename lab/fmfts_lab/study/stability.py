@@ -1,4 +1,4 @@
-"""`study stability`: where methods give a wrong answer and do not say so, and where they cry wolf."""
+"""`study stability`: where methods give a wrong answer without a flag, and where they give false alarms."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ QUICK_COMPARED = (DEFAULT, "kernel, 6 unknowns", "kernel, 8 unknowns", "extended
 
 
 class Daemon:
-    """The whole chain as a method; its contact is judged with its pose."""
+    """The daemon's whole pipeline as a method. Its contact is judged together with its pose."""
 
     def __init__(self, world: World) -> None:
         self._pipeline = daemon(world)
@@ -63,7 +63,7 @@ def run(request: Request) -> Facts:
     model = ContactModel.load(request.pad.contact.model, request.pad.pad()).hash
     points: dict[str, Callable[[], list[Row]]] = {}
     for cell in _cells(request):
-        # The daemon's answers are those of its contact model, all others' of none.
+        # Only the daemon's answers depend on the contact model.
         points[f"{cell.name}, contact model {model}"] = partial(_judge, request, cell, {DAEMON: Daemon})
         points[cell.name] = partial(_judge, request, cell, _others(request))
     with threadpool_limits(1):
@@ -85,7 +85,7 @@ def printed(facts: Facts) -> str:
 
 
 def conclusions(rows: Sequence[Row]) -> Facts:
-    """Counts of every method, the cells in which it was wrong unflagged, and why that happens there."""
+    """The counts of every method, the cells in which it was wrong without a flag, and the reason."""
     methods: Facts = {}
     for name in dict.fromkeys(str(row["method"]) for row in rows):
         own = [row for row in rows if row["method"] == name]
@@ -132,19 +132,19 @@ def _others(request: Request) -> dict[str, Maker]:
 
 
 def _judge(request: Request, cell: Cell, makers: Mapping[str, Maker]) -> list[Row]:
-    """The methods on the samples of one cell, the same for all."""
+    """Judge all methods on the same samples of one cell."""
     random = np.random.default_rng([request.seed, *cell.name.encode()])
     samples = cell.world.samples(cell.path, random)
     return [_row(cell, name, _outcome(cell, make, samples)) for name, make in makers.items()]
 
 
 def _outcome(cell: Cell, make: Maker, samples: Sequence[Sample]) -> Array:
-    """(K, 2) error in published deviations (NaN where none are) and in m; both NaN where flagged."""
+    """(K, 2) error in published deviations (NaN without deviations) and in m; both NaN if flagged."""
     errors = np.full((len(samples), 2), np.nan)
     try:
         method = make(cell.world)
     except (BaselineError, ModelError):
-        return errors  # refused before the first frame, with a reason
+        return errors  # the method refused this pad before the first frame
     for number, sample in enumerate(samples):
         raw = method.ask(sample)
         answer = method.told(raw)
@@ -160,7 +160,7 @@ def _outcome(cell: Cell, make: Maker, samples: Sequence[Sample]) -> Array:
 
 
 def _contact_deviations(message: ContactMessage, press: Array) -> float:
-    """Largest error of place and force in published deviations; zero where there is no press to compare with."""
+    """The largest error of place and force in published deviations; zero if there is no press to compare with."""
     if np.isnan(press).any():
         return 0.0
     if message.force_min_n is not None and message.force_min_n > press[2]:

@@ -1,4 +1,4 @@
-"""Processor time of single calls: what a frame costs, whatever else the machine does meanwhile."""
+"""Processor time of single calls: the cost of a frame, independent of other programs on the machine."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ Asked = TypeVar("Asked")
 
 
 class Cost(NamedTuple):
-    """Microseconds a call."""
+    """Microseconds per call."""
 
     median_us: float
     p99_us: float
 
 
 def timed(call: Callable[[Asked], Any], samples: Sequence[Asked], then: Callable[[Any], Any]) -> tuple[list[Any], Cost]:
-    """What `then` makes of `call`'s result for each sample, and what `call` costs, less a look at the clock."""
+    """`then(call(sample))` for each sample, and the time of `call` minus that of reading the clock."""
     results, taken, empty = [], np.empty(len(samples)), np.empty(len(samples))
     for number, sample in enumerate(samples):
         begun = thread_time_ns()

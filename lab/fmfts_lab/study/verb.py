@@ -21,13 +21,15 @@ STUDIES: dict[str, str] = {
 
 
 def add_to(verb: AddVerb) -> None:
-    """`verb` makes a parser from a name, a handler and a line of help."""
+    """Add the verb; `verb` makes a parser from a name, a handler and a line of help."""
     study = verb("study", _study, "compare methods on this pad: CSV, JSON, PNG and SVG")
     study.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=" | ".join(STUDIES))
     study.add_argument("--out", type=Path, default=Path("studies"), metavar="DIR", help="for its files (studies)")
-    study.add_argument("--quick", action="store_true", help="under a minute, and rougher")
-    study.add_argument("--seed", type=int, default=1, help="of all random numbers (1)")
-    study.add_argument("--pad", metavar="NAME", help="whose geometry and magnet; needed where there are several")
+    study.add_argument("--quick", action="store_true", help="take under a minute, with rougher results")
+    study.add_argument("--seed", type=int, default=1, help="seed of all random numbers (1)")
+    study.add_argument(
+        "--pad", metavar="NAME", help="the pad with this geometry and magnet; needed if there are several"
+    )
     study.add_argument("--json", action="store_true", help="print facts as JSON")
 
 

@@ -1,4 +1,4 @@
-"""What every method is measured on: the same samples of one pad, its pose and press known, and what may be wrong."""
+"""The simulated world in which all methods are measured: samples of one pad with known pose and press, and faults."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ EARTH = EARTH_T * np.array([0.6, -0.64, 0.48])
 
 
 class Path(NamedTuple):
-    """Where the magnet is (K,) frames long: time_s (K,), position_m (K, 3), axis (K, 3), press (K, 3): x, y in mm and
-    force in N; NaN where no press has it there."""
+    """The magnet's path over K frames: time_s (K,), position_m (K, 3), axis (K, 3), press (K, 3): x, y in mm and force
+    in N, NaN for poses that no press causes."""
 
     time_s: Array
     position_m: Array
@@ -40,15 +40,15 @@ class Path(NamedTuple):
     press: Array
 
 
-# Times (K,) and the path → field (K, N, 3) at the sensors, in pad axes, that is not this magnet's.
+# Path and built pad → foreign field (K, N, 3) at the sensors, in pad axes.
 Foreign = Callable[[Path, MountedPad], Array]
-# Counts (K, N, 3) as chips have them → as they arrive, the chip's saturated count where there is none.
+# Counts (K, N, 3) of the chips → counts as they arrive; the chip's saturated count for a missing one.
 Broken = Callable[[Counts], Counts]
 
 
 class Sample(NamedTuple):
-    """field_t (N, 3): ambient subtracted, as exactly as it can be; NaN where nothing was measured. elapsed_s: since the
-    sample before. frame: the same as the daemon gets it."""
+    """field_t (N, 3): the ambient field is subtracted as exactly as possible; NaN if nothing was measured. elapsed_s:
+    since the sample before. frame: the same sample in the form that the daemon gets."""
 
     field_t: Array
     elapsed_s: float
@@ -57,10 +57,10 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A pad as it is. drawing: what everybody is told of it; config: what the daemon is told besides.
+    """The pad as it really is. drawing: what all methods know of it; config: what only the daemon knows besides.
 
-    noise_t: white, of a sample. turning_rad_per_s: of the robot in the Earth's field, once the baseline is recorded.
-    foreign, broken: what is wrong, also since then. warming_k_per_s: of the magnet, which the thermometer shows.
+    noise_t: white noise of a sample. After the baseline is recorded, the robot turns with turning_rad_per_s, the faults
+    foreign and broken act, and the magnet warms by warming_k_per_s, which the thermometer shows.
     """
 
     config: PadConfig
@@ -79,7 +79,7 @@ class World:
         return State.at_rest(self.drawing)
 
     def samples(self, path: Path, random: np.random.Generator) -> list[Sample]:
-        """What the chips say along `path`, at its own times."""
+        """The chips' samples along `path`, at its times."""
         counts = self.counts(self._field(path), random)
         if self.broken is not None:
             counts = self.broken(counts)
@@ -92,7 +92,7 @@ class World:
         ]
 
     def baseline(self, random: np.random.Generator) -> Baseline:
-        """Bare and at rest, before anything went wrong."""
+        """The baseline, bare and at rest, recorded before anything went wrong."""
         time_s = np.arange(0.0, BASELINE_S, 1.0 / self.rate_hz)
         ambient = np.tile(self.built.ambient_t, (len(time_s), len(self.drawing.sensors), 1))
         own = self._magnet_field(resting(self.built, time_s), np.zeros(len(time_s)))
@@ -105,7 +105,7 @@ class World:
         return before
 
     def counts(self, field_t: Array, random: np.random.Generator) -> Counts:
-        """Of fields in sensor axes, with noise; the saturated count beyond the range."""
+        """The counts of fields in sensor axes, with noise; the saturated count beyond the range."""
         noisy = field_t + random.normal(0.0, self.noise_t, field_t.shape)
         chip = self.drawing.chip
         return as_counts(chip, noisy * (np.array(chip.counts_per_gauss[self._gain_code]) / TESLA_PER_GAUSS))
@@ -139,7 +139,7 @@ class World:
             answered, ages = np.ones(shape, dtype=np.bool_), np.zeros(shape, dtype=np.uint16)
             times = round(now_s * 1e6), round(now_s * 1e9)
             frame = Frame(0, number, *times, self._gain_code, one, ages, answered, answered, 25.0 + warmer_k, chip=chip)
-            # As a bridge delivers it.
+            # The frame in the form that a bridge delivers.
             yield WireFrame(0, number, *times, frame.packed, frame.temperature_c, chip=chip)
 
 
@@ -151,7 +151,7 @@ def drawn_world(config: PadConfig, turning_deg_per_s: float = 0.0) -> World:
 
 
 def built_world(config: PadConfig, seed: int, turning_deg_per_s: float = 0.0) -> World:
-    """One of the pads that a workshop makes after the drawing: nobody is told how far it is off."""
+    """A pad with random errors of manufacture within the tolerances; no method knows them."""
     built = MountedPad.built(config.pad(), np.random.default_rng([seed, 11]))
     return World(_tested(config), config.pad(), built, turning_rad_per_s=float(np.deg2rad(turning_deg_per_s)))
 
@@ -169,7 +169,7 @@ def resting(built: MountedPad, time_s: Array) -> Path:
 
 
 def pressed(built: MountedPad, time_s: Array, press: Array) -> Path:
-    """Under presses (K, 3): x, y in mm, force in N."""
+    """The path under presses (K, 3): x, y in mm, force in N."""
     position_m, axis = built.pose(press[:, 0] * 1e-3, press[:, 1] * 1e-3, press[:, 2])
     return Path(time_s, position_m, axis, press)
 
@@ -186,7 +186,7 @@ def presses(
     press_s: float = 0.5,
     force_n: tuple[float, float] = (0.3, 1.9),
 ) -> Array:
-    """(K, 3) at times (K,): one press after another of `press_s` each, anywhere within `reach_mm`."""
+    """(K, 3) presses at times (K,): one after another, each of `press_s`, anywhere within `reach_mm`."""
     count = int(time_s[-1] / press_s) + 2
     radius = reach_mm * np.sqrt(random.uniform(0.0, 1.0, count))
     angle = random.uniform(0.0, 2.0 * np.pi, count)
