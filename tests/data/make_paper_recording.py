@@ -22,12 +22,12 @@ from end_to_end.paper import readings
 from end_to_end.processes import FirmwareHost
 from fmfts import baseline as ambient
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingWriter
 from fmfts.runtime.channel import frame_message
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.bridge.bridge import Bridge
 
@@ -52,8 +52,8 @@ def make(path: Path, port_folder: Path) -> None:
     with FirmwareHost(port_folder) as host:
         config = PadConfig(name=PAD, source=BridgeSource(port=str(host.port), rate_hz=RATE_HZ))
         drawing = config.pad()
-        tracking = choose(config.scene, config.magnet).tracking
-        pipeline = PadPipeline(drawing, model_of(config), BOOT, float(RATE_HZ), tracking)
+        tracking = tracking_model_for(config.scene, config.magnet).tracking
+        pipeline = PadPipeline(drawing, load_contact_model(config), BOOT, float(RATE_HZ), tracking)
         bridge = Bridge({0: config})
         frames = frames_of(bridge)
         host.tell("noise 0 0")

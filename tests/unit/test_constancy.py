@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmfts.bus.messages import ContactMessage
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import FRAME_NS, live_finger, pad_config
@@ -19,7 +19,7 @@ from fmfts_lab.bench.tapped import pipeline_of
 def published(turning_deg_per_s: float, seconds: float, offset_counts: int = 0) -> list[ContactMessage]:
     """A pressed pad whose scene is constant; from the first second on, it turns, or an axis of sensor 2 is off."""
     config = pad_config("constant", seed=1)
-    pipeline = pipeline_of(config, model_of(config))
+    pipeline = pipeline_of(config, load_contact_model(config))
     source, messages = Simulated(config), []
     source.finger, source.turning_rad_per_s = live_finger, float(np.deg2rad(turning_deg_per_s))
     for step in range(round(seconds * 220)):
@@ -39,7 +39,7 @@ def test_turning_pad_is_told_once_to_say_drifting(
     turning_deg_per_s: float, within_s: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     """In that time the half gauss of the Earth moves by 170 mG, and at 5° a second by 87."""
-    with caplog.at_level(logging.WARNING, logger="fmfts.pose.constancy"):
+    with caplog.at_level(logging.WARNING, logger="fmfts.pose.ambient_motion"):
         messages = published(turning_deg_per_s, within_s + 0.5)
     assert [message.health for message in messages].count("degraded") == 0, "no sensor is at fault"
     for message in messages[round(within_s * 220) :]:

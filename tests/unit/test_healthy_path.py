@@ -16,7 +16,7 @@ from test_pipeline import PERIOD_NS, config_of, pipeline_of
 
 from examples import examples
 from fmfts.bus.messages import ContactMessage
-from fmfts.common.double_table import Named
+from fmfts.common.double_table import DoubleTable
 from fmfts.common.memory import hand_over
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
@@ -24,7 +24,7 @@ from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.frame import WireFrame
 from fmfts.simulation.baseline import simulated_baseline
@@ -95,7 +95,7 @@ def test_a_session_says_the_same_in_c_and_in_python() -> None:
 
 def test_a_refined_session_says_the_same_in_c_and_in_python() -> None:
     config = config_of(3)
-    pad, scene, baseline = config.pad(), choose(config.scene, config.magnet), simulated_baseline(config)
+    pad, scene, baseline = config.pad(), tracking_model_for(config.scene, config.magnet), simulated_baseline(config)
     compiled, oracle = (
         PadPipeline(pad, ContactModel.load("default", pad, refine=True), "boot", 220.0, scene.tracking)
         for _ in range(2)
@@ -110,7 +110,7 @@ def test_a_refined_session_says_the_same_in_c_and_in_python() -> None:
 def test_what_friction_may_do_to_a_squeeze_is_the_same_in_c_and_in_python() -> None:
     """A force that rises past the calibrated one, where shear would add most."""
     config = config_of(3)
-    pad, scene, baseline = config.pad(), choose(config.scene, config.magnet), simulated_baseline(config)
+    pad, scene, baseline = config.pad(), tracking_model_for(config.scene, config.magnet), simulated_baseline(config)
     compiled, oracle = (
         PadPipeline(pad, ContactModel.load("default", pad, friction=0.3), "boot", 220.0, scene.tracking)
         for _ in range(2)
@@ -267,7 +267,7 @@ def test_the_memory_comes_back_whole() -> None:
     memories = []
     for pipeline in (compiled, oracle):
         assert pipeline._estimator is not None
-        table = Named(_fast.MEMORY)
+        table = DoubleTable(_fast.MEMORY)
         hand_over(pipeline.memory, table)
         memories.append(table.values)
     # A mean residual is a small difference of fields: its rounding is that of a field.

@@ -8,7 +8,7 @@ import pytest
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.pad import Pad
 from fmfts.pose import SensorErrors, State, Track, Tracker, dipole_field, repeats_allowed
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 
 NOISE_T = 2e-7
 NOISE = np.full((4, 3), NOISE_T)
@@ -21,7 +21,9 @@ class Watched:
 
     def __init__(self, pad: Pad, ambient: str, seed: int = 1) -> None:
         rest = State.at_rest(pad)
-        model = choose(SceneConfig(ambient="drifting" if ambient == "drifting" else "constant"), MagnetConfig())
+        model = tracking_model_for(
+            SceneConfig(ambient="drifting" if ambient == "drifting" else "constant"), MagnetConfig()
+        )
         self._tracker = Tracker(pad, rest, model.tracking, 25.0, SensorErrors(NOISE))
         self._random = np.random.default_rng(seed)
         self._field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)

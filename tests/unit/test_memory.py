@@ -19,7 +19,7 @@ from fmfts.pipeline.fast.compiled import _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.pose import State
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import UNLOADED_AT_START_S
@@ -69,7 +69,7 @@ def turned(number: int, frame: Frame) -> Frame:
 def pipeline(config: PadConfig) -> PadPipeline:
     pad = config.pad()
     return PadPipeline(
-        pad, ContactModel.load("default", pad), "boot", 220.0, choose(config.scene, config.magnet).tracking
+        pad, ContactModel.load("default", pad), "boot", 220.0, tracking_model_for(config.scene, config.magnet).tracking
     )
 
 
@@ -162,9 +162,9 @@ def test_memory_of_format_1_is_read() -> None:
     assert lying.process(next_frame).health == "degraded"
     memory = turning.memory
     assert memory.estimator is not None
-    assert memory.estimator.constancy is not None
-    assert memory.estimator.constancy.frames_seen == 230
-    assert 0 < len(memory.estimator.constancy.explained) <= 12
+    assert memory.estimator.ambient_motion is not None
+    assert memory.estimator.ambient_motion.frames_seen == 230
+    assert 0 < len(memory.estimator.ambient_motion.explained) <= 12
     assert memory.estimator.tracker.disturbed_frames > 0
 
 
@@ -200,7 +200,7 @@ def test_memory_of_another_number_of_sensors_is_refused_and_changes_nothing() ->
             ContactModel.load("default", DRIFTING.pad()),
             "boot",
             220.0,
-            choose(DRIFTING.scene, DRIFTING.magnet).tracking,
+            tracking_model_for(DRIFTING.scene, DRIFTING.magnet).tracking,
         ),
     )
     content = snapshot(other)

@@ -154,16 +154,18 @@ def test_first_order_noise_is_the_bound_that_the_solver_gives(response: Response
 
 
 def test_six_unknowns_beat_the_default_on_a_bench_top(response: Response) -> None:
-    around = Surroundings(pad(scene=BENCH_TOP), response)
-    mine, default = (rms(tried(around, model, 400, 1)) for model in (Model(6, True), SHIPPED))
+    surroundings = Surroundings(pad(scene=BENCH_TOP), response)
+    mine, default = (rms(tried(surroundings, model, 400, 1)) for model in (Model(6, True), SHIPPED))
     # To first order 0.44 of its place and 0.50 of its force: the default's bias. Presses of four seeds have 0.40 to
     # 0.60 and 0.64 to 0.76.
     assert (mine < 0.85 * default).all()
 
 
 def test_cylinder_term_beats_the_dipole_for_a_larger_magnet(response: Response) -> None:
-    around = Surroundings(pad(magnet=LARGE, scene=BENCH_TOP), response)
-    mine, dipole, default = (rms(tried(around, model, 400, 1)) for model in (Model(6, True), Model(6, False), SHIPPED))
+    surroundings = Surroundings(pad(magnet=LARGE, scene=BENCH_TOP), response)
+    mine, dipole, default = (
+        rms(tried(surroundings, model, 400, 1)) for model in (Model(6, True), Model(6, False), SHIPPED)
+    )
     assert (mine < 0.8 * dipole).all()
     assert (mine < 0.1 * default).all()
 
@@ -181,18 +183,18 @@ def test_pad_that_is_told_of_its_neighbour_answers_more_presses_and_none_wrong(r
 def test_scenes_of_the_docs_need_something_else_than_the_default(response: Response, name: str) -> None:
     (config, _) = load(Path(f"docs/scenes/{name}.toml"))
     first, *others = config.pad
-    around = Surroundings(first, response, others=placed_beside(first, others))
-    assert recommended(costs(around, thorough=False)).model == configured(around) != SHIPPED
+    surroundings = Surroundings(first, response, others=placed_beside(first, others))
+    assert recommended(costs(surroundings, thorough=False)).model == configured(surroundings) != SHIPPED
 
 
 def test_next_larger_model_pays_where_it_is_said_to(response: Response) -> None:
     """The factor that is printed, put into the scene, is where the recommendation turns."""
     weak = pad(scene=BENCH_TOP, magnet=MagnetConfig(remanence_t=0.3))
-    around = Surroundings(weak, response)
-    (line,) = (line for line in would_pay(around, recommended(costs(around))) if "times as strong" in line)
+    surroundings = Surroundings(weak, response)
+    (line,) = (line for line in would_pay(surroundings, recommended(costs(surroundings))) if "times as strong" in line)
     factor = float(line.partition("magnet ")[2].partition(" ")[0])
     for share, cylinder in ((0.9, False), (1.1, True)):
-        stronger = Surroundings(weak, response, noise_t=around.noise_t / (factor * share))
+        stronger = Surroundings(weak, response, noise_t=surroundings.noise_t / (factor * share))
         assert recommended(costs(stronger)).model.cylinder is cylinder
 
 

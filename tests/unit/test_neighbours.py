@@ -13,7 +13,7 @@ from fmfts.config import PadConfig, PlacementConfig, SimulatedSource
 from fmfts.pad import Pad, Placement, rotation_from_vector
 from fmfts.pose import PAPER, State, Tracker, dipole_field
 from fmfts.pose.neighbour import MOMENT_DEVIATION, REACH_M, REACH_RAD, NeighbourView, Sighting, with_rest
-from fmfts.scene.tracking import around
+from fmfts.scene.neighbours import neighbours_around
 from fmfts_lab.bench.neighbours import pair, pressed_pair
 
 NOISE_T = 2e-7
@@ -106,7 +106,7 @@ def test_two_pressed_pads_30_mm_apart_stay_right_when_told_of_each_other() -> No
 def test_a_neighbour_far_away_is_left_out() -> None:
     for distance_mm, felt in ((60.0, True), (120.0, False)):
         first, second = pair(distance_mm, "drifting", seed=1)
-        (neighbour,) = around(first, (first, second))
+        (neighbour,) = neighbours_around(first, (first, second))
         assert neighbour.is_felt is felt
         assert neighbour.name == "second"
         assert neighbour.distance_m == pytest.approx(distance_mm * 1e-3, rel=0.01)

@@ -18,7 +18,7 @@ from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfi
 from fmfts.contact import ContactModel
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
@@ -41,7 +41,7 @@ def config_of(seed: int = 1, **scene: object) -> PadConfig:
 def pipeline_of(config: PadConfig, baseline: Baseline | None) -> PadPipeline:
     pad = config.pad()
     model = ContactModel.load("default", pad)
-    pipeline = PadPipeline(pad, model, "boot", 220.0, choose(config.scene, config.magnet).tracking)
+    pipeline = PadPipeline(pad, model, "boot", 220.0, tracking_model_for(config.scene, config.magnet).tracking)
     if baseline is not None:
         pipeline.use(baseline)
     return pipeline
@@ -228,10 +228,10 @@ def test_weakest_felt_touch_is_where_the_pad_feels_least() -> None:
     pad = config.pad()
     model = ContactModel.load("default", pad)
     covariance = np.diag([1e-5, 1e-5, 6e-6, 2e-3, 2e-3, 0.0]) ** 2  # of a pose at rest (physics of the pad)
-    unfelt_n, response = model.unfelt_n(covariance, 40.0), model.response
+    detection_limit_n, response = model.detection_limit_n(covariance, 40.0), model.response
     assert response is not None
     scale = np.sqrt(np.diagonal(covariance)[:5]) * [1e3, 1e3, 1e3, 1.0, 1.0]
     for share, felt in ((0.5, False), (2.0, True)):
         press = np.zeros((1, 2 + response.loads))
-        press[0, :3] = 14.0, 14.0, share * unfelt_n
+        press[0, :3] = 14.0, 14.0, share * detection_limit_n
         assert (np.sum((response.change(press)[0] / scale) ** 2) > 40.0) is np.bool_(felt)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fmfts.config import PadConfig, RebaselineConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.rebaselining import Rebaselining
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger
 from fmfts.simulation.source import Simulated
@@ -51,8 +51,8 @@ def life(
         name="left", source=source_config, scene=SceneConfig(), tolerance=ToleranceConfig(gain=0.005), rebaseline=LIMITS
     )
     drawing = config.pad()
-    tracking = choose(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(drawing, model_of(config), "boot", float(RATE_HZ), tracking)
+    tracking = tracking_model_for(config.scene, config.magnet).tracking
+    pipeline = PadPipeline(drawing, load_contact_model(config), "boot", float(RATE_HZ), tracking)
     baseline = simulated_baseline(config)
     mounting = pipeline.use(baseline)
     rebaselining = Rebaselining(pipeline, baseline, mounting, config.rebaseline.si())

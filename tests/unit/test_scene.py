@@ -9,7 +9,7 @@ import pytest
 from fmfts.config import GeometryConfig, MagnetConfig, PadConfig, SceneConfig, SimulatedSource
 from fmfts.pad import Pad, rotation_from_vector
 from fmfts.pose import LOG_MOMENT, State, Tracker, dipole_field, parts_of
-from fmfts.scene.tracking import MOMENT_DEVIATION, blind, choose
+from fmfts.scene.tracking import MOMENT_DEVIATION, observability_warnings, tracking_model_for
 
 NOISE_T = 2e-7
 FRAME_S = 1 / 220
@@ -25,7 +25,7 @@ class Hand:
         self._rest = State.at_rest(pad)
         self._turn = turn_rad_per_s
         self._warm = warm_k_per_s
-        self._tracker = Tracker(pad, self._rest, choose(scene, MagnetConfig()).tracking, 25.0)
+        self._tracker = Tracker(pad, self._rest, tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
         self._random = np.random.default_rng(4)
         self.health: Counter[str] = Counter()
         self.errors: list[np.ndarray] = []
@@ -81,7 +81,7 @@ def test_magnet_that_warms_while_turning_stays_within_its_deviations(pad: Pad) -
 
 def test_pad_that_stays_warm_does_not_become_vaguer_with_every_frame(pad: Pad) -> None:
     """10 K with a fifth of 0.12 % per K unknown are 0.24 % of the moment, however many frames have been there."""
-    scene, rest = choose(SceneConfig(ambient="drifting"), MagnetConfig()).tracking, State.at_rest(pad)
+    scene, rest = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking, State.at_rest(pad)
     tracker = Tracker(pad, rest, scene, 25.0)
     strength = pad.magnet.strength_t_m3 * (1.0 - 0.0012 * 10.0)
     field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, strength)
@@ -94,7 +94,7 @@ def test_pad_that_stays_warm_does_not_become_vaguer_with_every_frame(pad: Pad) -
 
 def test_field_that_steps_is_disturbed_for_a_moment_and_then_learnt(pad: Pad) -> None:
     """A motor's brake lets go: 30 mG at once."""
-    scene = choose(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
+    scene = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
     rest = State.at_rest(pad)
     tracker, random = Tracker(pad, rest, scene, 25.0), np.random.default_rng(3)
     field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
@@ -109,18 +109,20 @@ def test_field_that_steps_is_disturbed_for_a_moment_and_then_learnt(pad: Pad) ->
 
 def test_scene_decides_the_unknowns() -> None:
     magnet = MagnetConfig()
-    assert choose(SceneConfig(ambient="constant"), magnet).why.startswith("6 unknowns")
-    assert choose(SceneConfig(ambient="drifting"), magnet).why.startswith("8 unknowns")
-    assert "steel" in choose(SceneConfig(steel_nearby=True), magnet).why
-    warm = choose(SceneConfig(ambient="drifting"), MagnetConfig(temperature_coefficient_per_k=-0.0020)).tracking
+    assert tracking_model_for(SceneConfig(ambient="constant"), magnet).why.startswith("6 unknowns")
+    assert tracking_model_for(SceneConfig(ambient="drifting"), magnet).why.startswith("8 unknowns")
+    assert "steel" in tracking_model_for(SceneConfig(steel_nearby=True), magnet).why
+    warm = tracking_model_for(
+        SceneConfig(ambient="drifting"), MagnetConfig(temperature_coefficient_per_k=-0.0020)
+    ).tracking
     assert warm.moment_per_k == -0.0020
 
 
 def test_magnet_hotter_than_its_board_needs_a_drifting_remanence(pad: Pad) -> None:
     """8 K beyond the thermometer are 1 % of the moment and 70 µm of height: unsaid, 15 published deviations."""
-    for remanence, honest in (("measured", False), ("drifting", True)):
+    for remanence, with_calibration_uncertainty in (("measured", False), ("drifting", True)):
         scene = replace_scene(remanence=remanence)
-        tracker = Tracker(pad, State.at_rest(pad), choose(scene, MagnetConfig()).tracking, 25.0)
+        tracker = Tracker(pad, State.at_rest(pad), tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
         random = np.random.default_rng(5)
         strength = pad.magnet.strength_t_m3 * (1.0 - 0.0012 * 8.0)
         field = dipole_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, strength)
@@ -129,26 +131,30 @@ def test_magnet_hotter_than_its_board_needs_a_drifting_remanence(pad: Pad) -> No
             track = tracker.update(field + noise, np.full((4, 3), NOISE_T), FRAME_S, 25.0)
         assert track.estimate is not None
         off = abs(track.estimate.position_m[2] - pad.rest_position_m[2]) / np.sqrt(track.estimate.covariance[2, 2])
-        assert bool(off < 2.0) is honest
+        assert bool(off < 2.0) is with_calibration_uncertainty
 
 
 def test_standard_pad_sees_all_that_its_scene_leaves_unknown(pad: Pad) -> None:
     for ambient in ("constant", "drifting"):
-        assert blind(pad, choose(replace_scene(ambient=ambient), MagnetConfig()).tracking) == []
+        assert (
+            observability_warnings(pad, tracking_model_for(replace_scene(ambient=ambient), MagnetConfig()).tracking)
+            == []
+        )
 
 
 def test_sensors_that_cannot_tell_are_warned_of_with_the_figure() -> None:
     drifting, constant = (
-        choose(replace_scene(ambient=ambient), MagnetConfig()).tracking for ambient in ("drifting", "constant")
+        tracking_model_for(replace_scene(ambient=ambient), MagnetConfig()).tracking
+        for ambient in ("drifting", "constant")
     )
     line = laid_out((-12, 0, 0), (-4, 0, 0), (4, 0, 0), (12, 0, 0))
-    assert blind(line, constant) == []
-    assert "cannot tell tilt 2, y, ambient y" in blind(line, drifting)[0]
-    crowded = blind(laid_out((5, 5, 0), (5, 6, 0), (6, 5, 0)), constant)
+    assert observability_warnings(line, constant) == []
+    assert "cannot tell tilt 2, y, ambient y" in observability_warnings(line, drifting)[0]
+    crowded = observability_warnings(laid_out((5, 5, 0), (5, 6, 0), (6, 5, 0)), constant)
     assert [text.partition(" of a")[0] for text in crowded] == ["the x", "the y"]
     assert "is known to 0.071 mm only" in crowded[0]  # as solve() has it: 70.8 µm
     nine = replace(drifting, parts=parts_of(free=np.arange(9)))
-    assert "moment" in blind(laid_out((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0)), nine)[0]
+    assert "moment" in observability_warnings(laid_out((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0)), nine)[0]
 
 
 def laid_out(*sensors_mm: tuple[float, float, float]) -> Pad:

@@ -12,9 +12,9 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import ContactConfig, PadConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Pad
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import CYCLE_S, UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
 from fmfts.simulation.solved_table import standard_mechanics
@@ -37,8 +37,8 @@ def baseline() -> Baseline:
 
 def told(config: PadConfig, baseline: Baseline, finger: Finger, seconds: float = 0.6) -> list[ContactMessage]:
     drawing = config.pad()
-    model = model_of(config)
-    pipeline = PadPipeline(drawing, model, "boot", 220.0, choose(config.scene, config.magnet).tracking)
+    model = load_contact_model(config)
+    pipeline = PadPipeline(drawing, model, "boot", 220.0, tracking_model_for(config.scene, config.magnet).tracking)
     pipeline.use(baseline)
     source = Simulated(config)
     source.finger = finger

@@ -24,7 +24,7 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.pending import PROGRESS_S
 from fmfts.runtime.requests import Verbs
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.tasks import PATIENCE_S
 from fmfts.simulation.source import Simulated
@@ -55,7 +55,7 @@ class Daemon:
         self.source = Simulated(CONFIG)
         pad = CONFIG.pad()
         model = ContactModel.load("default", pad)
-        pipeline = PadPipeline(pad, model, "boot", 220.0, choose(CONFIG.scene, CONFIG.magnet).tracking)
+        pipeline = PadPipeline(pad, model, "boot", 220.0, tracking_model_for(CONFIG.scene, CONFIG.magnet).tracking)
         self.channel = Channel(self.source, 0, pipeline, self._publisher, "boot", 220.0)
         self.verbs = Verbs({"left": CONFIG}, [self.channel], executor)
         self._now_ns = 0

@@ -44,7 +44,7 @@ def add_to(verb: AddVerb) -> None:
 def _pose(options: argparse.Namespace) -> int:
     from fmfts.calibrate import field_table
     from fmfts.offline.pose import PoseOptions, solve_table
-    from fmfts.scene.tracking import unseen
+    from fmfts.scene.neighbours import neighbours_at_rest
 
     pad_config = configured_pad(options)
     pad = pad_config.pad()
@@ -59,7 +59,7 @@ def _pose(options: argparse.Namespace) -> int:
             options.unknowns,
             options.octupole,
             options.gradient_ut_per_mm * 1e-3,
-            unseen(pad_config, configured_pads(options)) if options.neighbours else (),
+            neighbours_at_rest(pad_config, configured_pads(options)) if options.neighbours else (),
         )
         columns = solve_table(table, pad, pose_options)
         if options.output is None:

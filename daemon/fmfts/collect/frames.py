@@ -20,13 +20,10 @@ from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.config import PadConfig
 from fmfts.contact import ModelError
-from fmfts.pipeline.configured import model_of
-from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingError, RecordingWriter
-from fmfts.scene.tracking import choose
 from fmfts.sensor import Frame
-from fmfts.sensor.chips import CHIPS
 
 
 class Frames:
@@ -69,13 +66,12 @@ class Frames:
 
 def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
     """The state from which a replay starts; None where no contact model fits the pad: then only frames are recorded."""
-    drawing, scene = pad.pad(), choose(pad.scene, pad.magnet, CHIPS[pad.source.chip])
     for path in (pad.contact.model, "default"):
         try:
-            model = model_of(pad, path)
+            model = load_contact_model(pad, path)
         except ModelError:
             continue
-        pipeline = PadPipeline(drawing, model, boot, float(pad.source.rate_hz), scene.tracking)
+        pipeline = pipeline_of(pad, model, boot)
         pipeline.use(baseline)
         return state_message(pipeline, pad, boot)
     return None

@@ -28,7 +28,13 @@ class Hand:
     description = "by hand"
 
     def __init__(
-        self, watch: Watch, tolerance: float, say: Callable[[str], None], *, gauge: bool, answers: TextIO = sys.stdin
+        self,
+        watch: Watch,
+        tolerance: float,
+        say: Callable[[str], None],
+        *,
+        gauge: bool,
+        answers: TextIO = sys.stdin,
     ) -> None:
         self.typed_n: float | None = None
         self._watch = watch

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.float64] | NDArray[np.int64] | NDArray[np.uint8] | float
 
 
-class Named:
+class DoubleTable:
     """`values` holds the parts in the order of `layout` (name → number of doubles); `table["gain"]` views one part."""
 
     def __init__(self, layout: Mapping[str, int]) -> None:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.common.double_table import Named
+from fmfts.common.double_table import DoubleTable
 
 Memory = TypeVar("Memory")
 
@@ -27,7 +27,7 @@ class AsVector(Protocol):
     def from_vector(cls, values: NDArray[np.float64]) -> Self: ...
 
 
-def hand_over(memory: Any, table: Named) -> None:
+def hand_over(memory: Any, table: DoubleTable) -> None:
     """Write every field that the table has, and those of the memories within."""
     for each in fields(memory):
         value = getattr(memory, each.name)
@@ -37,7 +37,7 @@ def hand_over(memory: Any, table: Named) -> None:
             hand_over(value, table)
 
 
-def resume(memory: Any, table: Named) -> None:
+def resume(memory: Any, table: DoubleTable) -> None:
     """Take back what `hand_over` wrote and C went on with, each field in the type that it had."""
     for each in fields(memory):
         value = getattr(memory, each.name)

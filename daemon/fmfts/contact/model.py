@@ -212,7 +212,7 @@ class ContactModel:
             self.has_shear and self._outside(contact),
         )
 
-    def unfelt_n(self, covariance: Array, chi2: float) -> float:
+    def detection_limit_n(self, covariance: Array, chi2: float) -> float:
         """The largest force on the pad that changes a resting pose by less than `chi2`: at a corner, usually.
 
         covariance (6, 6): of position in m and axis, of one frame at rest. Zero for a model that holds no response.

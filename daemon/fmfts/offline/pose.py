@@ -24,7 +24,7 @@ from fmfts.pose import (
     parts_of,
     solve,
 )
-from fmfts.pose.neighbour import Seen, joined, with_rest
+from fmfts.pose.neighbour import NeighbourEstimate, joined, with_rest
 from fmfts.pose.state import GRADIENT
 from fmfts.sensor.chips import NOISE_T
 
@@ -49,7 +49,7 @@ class PoseOptions:
     unknowns: int = 6
     octupole: bool = False
     gradient_t_per_m: float = 0.0
-    neighbours: Sequence[Seen] = ()
+    neighbours: Sequence[NeighbourEstimate] = ()
 
 
 def solve_table(table: FieldTable, pad: Pad, options: PoseOptions) -> dict[str, list[str]]:

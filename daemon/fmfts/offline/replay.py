@@ -16,14 +16,12 @@ from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore
 from fmfts.pose import SOLVER
 from fmfts.recording.file import RecordingError, is_whole, read
 from fmfts.recording.source import frame_of
-from fmfts.scene.tracking import around, choose
-from fmfts.sensor.chips import CHIPS
 
 Key = tuple[str, str, int]  # boot, pad, number
 # Health of contacts that the source's silence causes, not a frame: a replay repeats them as recorded.
@@ -187,24 +185,19 @@ class Replay:
         for state in states:
             with self._errors_of(state):
                 configs.append(msgspec.convert(state.config, PadConfig))
-                self._pipelines[state.pad] = self._pipeline(configs[-1], state)
+                model = self._model(configs[-1], state)
+                self._pipelines[state.pad] = pipeline_of(configs[-1], model, state.boot)
         for config, state in zip(configs, states, strict=True):
             with self._errors_of(state):
-                for neighbour in around(config, configs):
-                    if neighbour.is_felt:
-                        self._pipelines[config.name].feel(self._pipelines[neighbour.name], neighbour.placement)
+                feel_neighbours(config, configs, self._pipelines)
         for state in states:
             self._put(state)
-
-    def _pipeline(self, config: PadConfig, state: StateMessage) -> PadPipeline:
-        scene = choose(config.scene, config.magnet, CHIPS[config.source.chip])
-        return PadPipeline(config.pad(), self._model(config, state), state.boot, config.source.rate_hz, scene.tracking)
 
     def _model(self, config: PadConfig, state: StateMessage) -> ContactModel:
         """The contact model with the recorded hash. Never opens a path that is written in the recording."""
         for path in self._model_paths:
             try:
-                model = model_of(config, path)
+                model = load_contact_model(config, path)
             except ModelError:
                 continue
             if model.hash == state.model:

@@ -20,18 +20,18 @@ from fmfts.pose import (
     Status,
     Tracker,
     TrackingModel,
-    as_drawn,
     change_from,
+    in_nominal_frame,
     repeats_allowed,
     solve,
     widened,
 )
-from fmfts.pose.constancy import Constancy
+from fmfts.pose.ambient_motion import AmbientMotionDetector
 
 Array = NDArray[np.float64]
 
 
-class ZeroedPad:
+class BaselinedPad:
     """drawing: what was meant; pad: what is mounted. at_rest: is rest recorded? Without it, nothing is known of moment
     or drift, and the paper's own method serves, its dipole too. repeats_allowed: see `fmfts.pose.repeats_allowed`."""
 
@@ -59,20 +59,20 @@ class ZeroedPad:
         errors = SensorErrors(self.mounting.noise_t, self.mounting.field_errors()) if self.at_rest else None
         return Tracker(self.pad, self.mounting.rest, self.tracking, self.temperature_c, errors)
 
-    def constancy(self) -> Constancy | None:
+    def ambient_motion(self) -> AmbientMotionDetector | None:
         """None where the ambient field may change."""
         is_constant = self.at_rest and self.tracking.parts[AMBIENT.start] == Part.FIXED
-        return Constancy(self.pad, self.mounting.rest) if is_constant else None
+        return AmbientMotionDetector(self.pad, self.mounting.rest) if is_constant else None
 
-    def honest(self, estimate: PoseEstimate) -> PoseEstimate:
+    def with_calibration_uncertainty(self, estimate: PoseEstimate) -> PoseEstimate:
         """As uncertain as what mounting leaves open makes the pose's change from rest."""
         change = change_from(self.mounting.rest, estimate)
         error = (product(change, self._change_error_rows)).reshape(len(change), -1)
         return widened(estimate, self.mounting.rest, product(error, error.T))
 
-    def as_drawn(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:
+    def in_nominal_frame(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:
         """The change of pose from this pad's rest, put on the drawing's: position, axis, covariance (6, 6) of both."""
-        return as_drawn(estimate, self.mounting.rest, self.drawing)
+        return in_nominal_frame(estimate, self.mounting.rest, self.drawing)
 
     def resting_covariance(self) -> Array | None:
         """(6, 6) of one frame at rest, as drawn; None where rest is not recorded, or cannot be solved."""
@@ -81,7 +81,7 @@ class ZeroedPad:
         deviation_t = root_of_squares(self.mounting.noise_t, self.mounting.systematic_t)
         field_t, rest = self.mounting.rest_field_t, self.mounting.rest
         estimate = solve(field_t, self.pad, rest, deviation_t=deviation_t, free=self.tracking.estimated)
-        return self.as_drawn(estimate)[2] if estimate.status is Status.CONVERGED else None
+        return self.in_nominal_frame(estimate)[2] if estimate.status is Status.CONVERGED else None
 
     @property
     def refuted(self) -> str:

@@ -1,12 +1,17 @@
-"""The contact model that a pad's configuration asks for."""
+"""From a pad's configuration to its pipeline: the daemon, a replay and `collect` all make pipelines here."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
+from fmfts.scene.tracking import scene_model_of
 
 
-def model_of(config: PadConfig, path: str | None = None) -> ContactModel:
+def load_contact_model(config: PadConfig, path: str | None = None) -> ContactModel:
     """path: of another model than the configuration's. ModelError where it is not of that pad."""
     contact = config.contact
     return ContactModel.load(
@@ -16,3 +21,20 @@ def model_of(config: PadConfig, path: str | None = None) -> ContactModel:
         friction=contact.friction,
         smoothing_s=contact.smoothing_ms * 1e-3,
     )
+
+
+def pipeline_of(config: PadConfig, model: ContactModel, boot: str) -> PadPipeline:
+    """A pipeline without a baseline. boot: of its messages."""
+    tracking = scene_model_of(config).tracking
+    return PadPipeline(config.pad(), model, boot, float(config.source.rate_hz), tracking)
+
+
+def feel_neighbours(
+    config: PadConfig, configs: Sequence[PadConfig], pipelines: Mapping[str, PadPipeline]
+) -> list[SceneNeighbour]:
+    """Tell a pad's pipeline of the neighbours that it feels; returns all that its configuration names."""
+    neighbours = list(neighbours_around(config, configs))
+    for neighbour in neighbours:
+        if neighbour.is_felt:
+            pipelines[config.name].feel(pipelines[neighbour.name], neighbour.placement)
+    return neighbours

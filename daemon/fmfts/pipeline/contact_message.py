@@ -16,7 +16,7 @@ from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.baseline import Baseline, Mounting
 from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
 from fmfts.contact import ContactEstimate, doubt
-from fmfts.pipeline.fast import HealthyPath, Judged, Kind, Lane, Passed, Template
+from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
 from fmfts.sensor import Frame
@@ -34,7 +34,7 @@ class Reading:
     estimate: PoseEstimate | None = None
     contact: ContactEstimate | None = None
     touching: bool | None = None
-    unfelt_n: float = 0.0
+    detection_limit_n: float = 0.0
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):
@@ -64,7 +64,7 @@ class Sender:
         self._last_kind: Kind | None = None  # of the last message, where that was a packed one
 
     def packed(
-        self, path: HealthyPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
+        self, path: FastPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
     ) -> PackedMessage:
         """The message of the frame that `path` has judged."""
         if self._templates_of != (frame.temperature_c is None, baseline.id):
@@ -116,7 +116,7 @@ class Sender:
         self.number += 1
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:
-            estimates |= _contact_fields(reading.contact, reading.touching, reading.unfelt_n)
+            estimates |= _contact_fields(reading.contact, reading.touching, reading.detection_limit_n)
         if reading.estimate is not None and mounting is not None:
             estimates["pose"] = _pose_message(reading.estimate, mounting)
         return ContactMessage(
@@ -137,7 +137,7 @@ class Sender:
         )
 
 
-def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -> dict[str, Any]:
+def _contact_fields(contact: ContactEstimate, touching: bool, detection_limit_n: float) -> dict[str, Any]:
     """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
     if touching and contact.over_range:
         return {"contact": True, "over_range": True, "force_min_n": 0.0 if contact.refused else contact.force_min_n}
@@ -149,8 +149,10 @@ def _contact_fields(contact: ContactEstimate, touching: bool, unfelt_n: float) -
         "force_sd_n": contact.force_sd_n,
     }
     if not touching:
-        return force | {"force_sd_n": quiet_force_sd_n(contact.central_force_sd_n, unfelt_n)}
-    force |= _shear_fields(contact) | {"force_sd_n": touched_force_sd_n(contact.force_n, contact.force_sd_n, unfelt_n)}
+        return force | {"force_sd_n": quiet_force_sd_n(contact.central_force_sd_n, detection_limit_n)}
+    force |= _shear_fields(contact) | {
+        "force_sd_n": touched_force_sd_n(contact.force_n, contact.force_sd_n, detection_limit_n)
+    }
     return force | {"x_m": contact.x_m, "x_sd_m": contact.x_sd_m, "y_m": contact.y_m, "y_sd_m": contact.y_sd_m}
 
 
@@ -162,20 +164,20 @@ def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
     return {"shear_x_n": x_n, "shear_x_sd_n": x_sd_n, "shear_y_n": y_n, "shear_y_sd_n": y_sd_n}
 
 
-def quiet_force_sd_n(force_sd_n: float, unfelt_n: float) -> float:
+def quiet_force_sd_n(force_sd_n: float, detection_limit_n: float) -> float:
     """Where no touch is felt, there may be any up to the weakest that would be, wherever on the pad it is felt least:
     an even spread."""
-    return float(root_of_squares(force_sd_n, unfelt_n / sqrt(3.0)))
+    return float(root_of_squares(force_sd_n, detection_limit_n / sqrt(3.0)))
 
 
-def touched_force_sd_n(force_n: float, force_sd_n: float, unfelt_n: float) -> float:
+def touched_force_sd_n(force_n: float, force_sd_n: float, detection_limit_n: float) -> float:
     """The more a felt force may be none, the more it may be any that is hardly felt."""
-    return quiet_force_sd_n(force_sd_n, doubt(force_n, square(force_sd_n)) * unfelt_n)
+    return quiet_force_sd_n(force_sd_n, doubt(force_n, square(force_sd_n)) * detection_limit_n)
 
 
-def felt_force_sd_n(quiet_sd_n: float, unfelt_n: float) -> float:
+def felt_force_sd_n(quiet_sd_n: float, detection_limit_n: float) -> float:
     """The deviation of a press in the middle of the pad again: the other way round."""
-    return sqrt(max(square(quiet_sd_n) - square(unfelt_n) / 3.0, 0.0))
+    return sqrt(max(square(quiet_sd_n) - square(detection_limit_n) / 3.0, 0.0))
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:

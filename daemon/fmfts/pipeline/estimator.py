@@ -12,12 +12,12 @@ from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
-from fmfts.pipeline.baselined_pad import ZeroedPad
+from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import Reading
-from fmfts.pipeline.fast import HealthyPath
+from fmfts.pipeline.fast import FastPath
 from fmfts.pose import Aligned, Alignment, displacement
-from fmfts.pose.constancy import ConstancyMemory
-from fmfts.pose.neighbour import Seen, placement_deviation, with_rest
+from fmfts.pose.ambient_motion import AmbientMotionMemory
+from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
 from fmfts.pose.tracker import TrackerMemory
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
@@ -33,7 +33,7 @@ class EstimatorMemory:
     tracker: TrackerMemory
     touch: TouchMemory
     smoother: SmootherMemory
-    constancy: ConstancyMemory | None
+    ambient_motion: AmbientMotionMemory | None
     last_us: int | None = None
     lifted_s: float = 0.0
 
@@ -41,83 +41,94 @@ class EstimatorMemory:
 class Estimator:
     """Field → pose → contact of a pad that has a baseline."""
 
-    def __init__(self, zeroed: ZeroedPad, model: ContactModel, rate_hz: float, stopped_us: float) -> None:
-        self.zeroed = zeroed
-        self.baseline = zeroed.baseline
-        self.mounting = zeroed.mounting
+    def __init__(self, baselined: BaselinedPad, model: ContactModel, rate_hz: float, stopped_us: float) -> None:
+        self.baselined = baselined
+        self.baseline = baselined.baseline
+        self.mounting = baselined.mounting
         self._model = model
-        self._tracker = zeroed.tracker()
-        self._constancy = zeroed.constancy()
+        self._tracker = baselined.tracker()
+        self._ambient_motion = baselined.ambient_motion()
         self._touch = TouchDetector(rate_hz)
         self._smoother = Smoother(model.smoothing_s)
-        constancy = None if self._constancy is None else self._constancy.memory
-        self.memory = EstimatorMemory(self._tracker.memory, self._touch.memory, self._smoother.memory, constancy)
-        resting = zeroed.resting_covariance()
-        self.unfelt_n = 0.0 if resting is None else model.unfelt_n(resting, self._touch.onset_chi2)
-        self._path: HealthyPath | None = None
-        if zeroed.at_rest:
-            self._path = HealthyPath.of(
-                *(zeroed.drawing, zeroed.mounting, zeroed.tracking, zeroed.temperature_c, model, self._touch),
-                *(zeroed.change_error, zeroed.repeats_allowed, stopped_us, self.unfelt_n),
+        ambient_motion = None if self._ambient_motion is None else self._ambient_motion.memory
+        self.memory = EstimatorMemory(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion)
+        resting = baselined.resting_covariance()
+        self.detection_limit_n = 0.0 if resting is None else model.detection_limit_n(resting, self._touch.onset_chi2)
+        self._path: FastPath | None = None
+        if baselined.at_rest:
+            self._path = FastPath.of(
+                *(
+                    baselined.drawing,
+                    baselined.mounting,
+                    baselined.tracking,
+                    baselined.temperature_c,
+                    model,
+                    self._touch,
+                ),
+                *(baselined.change_error, baselined.repeats_allowed, stopped_us, self.detection_limit_n),
             )
 
-    def hand_over(self, alignment: Alignment) -> HealthyPath | None:
+    def hand_over(self, alignment: Alignment) -> FastPath | None:
         """The compiled path, with what the next frame needs to know; None where only Python can judge it."""
         if self._path is None or self.memory.last_us is None or self.memory.lifted_s > 0.0:
             return None
-        if self._constancy is not None and self._constancy.is_moving:
+        if self._ambient_motion is not None and self._ambient_motion.is_moving:
             return None
         if not self._tracker.can_be_handed_over:
             return None
         self._path.take(alignment.memory, self.memory)
         return self._path
 
-    def take_back(self, path: HealthyPath, alignment: Alignment) -> None:
+    def take_back(self, path: FastPath, alignment: Alignment) -> None:
         path.give(alignment.memory, self.memory)
         self._tracker.resumed(path.was_sound)
-        if self._constancy is not None:
-            self._constancy.passed(path.passed)
+        if self._ambient_motion is not None:
+            self._ambient_motion.passed(path.passed)
 
     def recall(self, memory: EstimatorMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
         self.memory = memory
         self._tracker.recall(memory.tracker)
         self._touch.memory, self._smoother.memory = memory.touch, memory.smoother
-        if self._constancy is not None and memory.constancy is not None:
-            self._constancy.memory = memory.constancy
+        if self._ambient_motion is not None and memory.ambient_motion is not None:
+            self._ambient_motion.memory = memory.ambient_motion
 
     def forget_touch(self) -> None:
         self._touch.forget()
 
-    def read(self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[Seen] = ()) -> Reading:
+    def read(
+        self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[NeighbourEstimate] = ()
+    ) -> Reading:
         """Field → pose → contact, as far as each can be believed."""
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
-        lively = aligned.repeats <= self.zeroed.repeats_allowed
+        lively = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
         if neighbours:
-            field = with_rest(field, self.zeroed.pad.sensors, neighbours)
-            elsewhere = root_of_squares(elsewhere, placement_deviation(self.zeroed.pad.sensors, neighbours))
+            field = with_rest(field, self.baselined.pad.sensors, neighbours)
+            elsewhere = root_of_squares(elsewhere, placement_deviation(self.baselined.pad.sensors, neighbours))
         noise = self.mounting.noise_t * aligned.noise_share
         deviation = np.sqrt(square(lasting) + square(elsewhere) + square(noise))
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours)
-        if self._constancy is not None:
-            track = self._constancy.judge(track, field, deviation)
-        if not self.zeroed.at_rest:
+        if self._ambient_motion is not None:
+            track = self._ambient_motion.judge(track, field, deviation)
+        if not self.baselined.at_rest:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":
             self._touch.unseen()
             return Reading(track.health, track.reason, track.used)
         if elapsed_s > self._touch.longest_gap_s:
             self._touch.forget()
-        estimate = self.zeroed.honest(track.estimate)
+        estimate = self.baselined.with_calibration_uncertainty(track.estimate)
         touching = self._touch.update(*displacement(estimate, self.mounting.rest))
         # The model knows the drawing's pad.
-        contact = self._model.estimate(*self._smoother.update(*self.zeroed.as_drawn(estimate), elapsed_s))
+        contact = self._model.estimate(*self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s))
         if memory.lifted_s < LIFTED_S:
             memory.lifted_s = memory.lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
         if memory.lifted_s >= LIFTED_S:
-            return Reading("no_baseline", self.zeroed.refuted, track.used, track.estimate)
-        return Reading(track.health, track.reason, track.used, track.estimate, contact, touching, self.unfelt_n)
+            return Reading("no_baseline", self.baselined.refuted, track.used, track.estimate)
+        return Reading(
+            track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
+        )

@@ -11,10 +11,10 @@ from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, Placement
-from fmfts.pipeline.baselined_pad import ZeroedPad
+from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import PackedMessage, Reading, Sender
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
-from fmfts.pipeline.fast import HealthyPath, Lane, Passed
+from fmfts.pipeline.fast import FastPath, Lane, Passed
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
@@ -48,7 +48,7 @@ class PadPipeline:
         self._estimator: Estimator | None = None
         self._why_none = NO_BASELINE
         self._sender = Sender(pad.name, boot, model.hash)
-        self._compiled: HealthyPath | None = None  # while it holds the memory of the frames before
+        self._compiled: FastPath | None = None  # while it holds the memory of the frames before
         self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
         self._neighbours: list[NeighbourView] = []
         self._among_others = False
@@ -67,9 +67,9 @@ class PadPipeline:
         return self._model.hash
 
     @property
-    def unfelt_n(self) -> float:
+    def detection_limit_n(self) -> float:
         """The largest force somewhere on the pad that is not felt as a touch."""
-        return 0.0 if self._estimator is None else self._estimator.unfelt_n
+        return 0.0 if self._estimator is None else self._estimator.detection_limit_n
 
     @property
     def mounting(self) -> Mounting | None:
@@ -81,8 +81,8 @@ class PadPipeline:
         mounting: what follows from it, where that is known already.
         """
         self.hand_back()
-        zeroed = ZeroedPad.of(self.pad, baseline, self._tracking, mounting)
-        self._estimator = Estimator(zeroed, self._model, self._rate_hz, self._alignment.stopped_us)
+        baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
+        self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us)
         self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
 

@@ -34,7 +34,7 @@ def _estimator(old: Values) -> Values:
             "speed": smoother["_speed"],
             "acceleration": smoother["_acceleration"],
         },
-        "constancy": None if old["_constancy"] is None else _constancy(old["_constancy"]["owner"]),
+        "ambient_motion": None if old["_constancy"] is None else _ambient_motion(old["_constancy"]["owner"]),
         "last_us": old["_last_us"],
         "lifted_s": old["_lifted_s"],
     }
@@ -72,7 +72,7 @@ def _watch(old: Values) -> Values:
     }
 
 
-def _constancy(old: Values) -> Values:
+def _ambient_motion(old: Values) -> Values:
     return {
         "lowest_t": old["_lowest_t"],
         "highest_t": old["_highest_t"],

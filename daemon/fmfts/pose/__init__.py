@@ -2,16 +2,16 @@
 
 from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
-from fmfts.pose.change import as_drawn, change_from, displacement, widened
+from fmfts.pose.change import change_from, displacement, in_nominal_frame, widened
 from fmfts.pose.dipole import dipole_derivatives, dipole_field, octupole_m2
 from fmfts.pose.field_errors import FieldErrors, SensorErrors
 from fmfts.pose.kernel import SOLVER, Batch, solve_problem
 from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, Problem, Solution, Status, parts_of
+from fmfts.pose.residual_monitor import TrackHealth
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
 from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
 from fmfts.pose.tracker import Track, Tracker
 from fmfts.pose.tracking_model import PAPER, TrackingModel
-from fmfts.pose.watch import TrackHealth
 
 __all__ = [
     "AMBIENT",
@@ -45,11 +45,11 @@ __all__ = [
     "Tracker",
     "TrackingModel",
     "acquire",
-    "as_drawn",
     "change_from",
     "dipole_derivatives",
     "dipole_field",
     "displacement",
+    "in_nominal_frame",
     "octupole_m2",
     "parts_of",
     "repeats_allowed",

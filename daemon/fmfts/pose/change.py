@@ -38,7 +38,7 @@ def widened(estimate: PoseEstimate, rest: State, covariance: Array) -> PoseEstim
     return replace(estimate, covariance=wider)
 
 
-def as_drawn(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, Array, Array]:
+def in_nominal_frame(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, Array, Array]:
     """The pose that the drawing's pad would have under the same load: position (3,), axis (3,), covariance (6, 6).
 
     Position: the drawing's rest plus the displacement. Axis: turned by the rotation that puts this pad's rest axis on

@@ -1,4 +1,4 @@
-/* The mean residual of each axis, and whether it is that of healthy sensors: watch.py and innovation.py. */
+/* The mean residual of each axis, and whether it is that of healthy sensors: residual_monitor.py and innovation.py. */
 #include <math.h>
 
 #include "model.h"
@@ -130,7 +130,7 @@ static bool chi2_of(const mean_problem *p, double *chi2)
     return true;
 }
 
-bool fmfts_watch(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field)
+bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field)
 {
     double jacobian[FMFTS_AXES][BASE_COLUMNS], chi2;
     mean_problem problem;

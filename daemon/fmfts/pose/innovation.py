@@ -43,7 +43,7 @@ class Finding:
 
 
 @dataclass(slots=True)
-class ResidualMemory:
+class MeanResidualsMemory:
     """By axis (3N,): mean_t of the residuals, lasting_t2 (variance that no averaging takes away), frames seen of it up
     to MEMORY_FRAMES. change (8,): the mean of what errors are proportional to. sound: the last judgement.
     lasting_misfit: χ² then over what a sound mean stays under, at least 1; of a mean that is no alarm."""
@@ -58,13 +58,13 @@ class ResidualMemory:
     lasting_misfit: float = 1.0
 
 
-class Innovations:
+class MeanResiduals:
     """The mean residual of each axis, and what it says. noise_t (N, 3): white noise of one sample."""
 
     def __init__(self, noise_t: Array) -> None:
         self._noise = noise_t.ravel()
         axes = self._noise.shape
-        self.memory = ResidualMemory(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros(8))
+        self.memory = MeanResidualsMemory(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros(8))
 
     def forget(self) -> None:
         memory = self.memory

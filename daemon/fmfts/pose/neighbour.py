@@ -55,7 +55,7 @@ class Sighting:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class NeighbourEstimate:
     """A neighbour at one instant, in this pad's axes. change_share: error of its field's change for its placement."""
 
     magnet: Magnet
@@ -78,7 +78,7 @@ class NeighbourView:
     sighting: Sighting
     placement: Placement
 
-    def at(self, time_ns: int) -> Seen:
+    def at(self, time_ns: int) -> NeighbourEstimate:
         """As uncertain as the time since it was seen has made it."""
         sighting = self.sighting
         reach_m, reach_rad = REACH_M, REACH_RAD
@@ -93,19 +93,19 @@ class NeighbourView:
             tangent_basis(now.axis).T, self.placement.rotation, tangent_basis(sighting.last.axis)
         )
         covariance = product(turn, sighting.covariance, turn.T) + np.diag(moved)
-        return Seen(sighting.magnet, rest, now, covariance, self.placement.tolerance_m)
+        return NeighbourEstimate(sighting.magnet, rest, now, covariance, self.placement.tolerance_m)
 
     def _placed(self, state: State) -> Neighbour:
         place, turn = self.placement, self.placement.rotation
         return Neighbour(place.point(state.position_m), product(turn, state.axis), state.log_moment)
 
 
-def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[Seen]) -> Array:
+def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
     """The field (N, 3), from which a baseline took the neighbours at rest away, with them put back."""
     return field_t + sum(other.field(sensors, other.rest) for other in seen)
 
 
-def placement_deviation(sensors: SensorArray, seen: Sequence[Seen]) -> Array:
+def placement_deviation(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
     """(N, 1) T: a dipole's gradient goes with 1/r⁴, so that its change of field is off by 4/r for where its pad is."""
     variance = np.zeros(len(sensors))
     for other in seen:
@@ -115,7 +115,7 @@ def placement_deviation(sensors: SensorArray, seen: Sequence[Seen]) -> Array:
     return np.sqrt(variance)[:, None]
 
 
-def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[Seen]) -> tuple[State, Parts, Prior]:
+def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEstimate]) -> tuple[State, Parts, Prior]:
     """The same problem with the neighbours in its state."""
     columns = SIZE + COLUMNS * len(seen)
     covariance = np.zeros((columns, columns))
@@ -133,7 +133,7 @@ def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[Seen]) -> tu
 
 
 def without_neighbours(
-    field_t: Array, estimate: PoseEstimate | None, seen: Sequence[Seen], sensors: SensorArray
+    field_t: Array, estimate: PoseEstimate | None, seen: Sequence[NeighbourEstimate], sensors: SensorArray
 ) -> tuple[Array, PoseEstimate | None]:
     """The field (N, 3) and the estimate without the neighbours, which are taken away where the estimate has them."""
     if estimate is None or not seen:

@@ -136,7 +136,7 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
                  double temperature_c, fmfts_pose *pose);
 
 /* innovation.c: adds the residuals to their mean; false where the mean is not that of healthy sensors. */
-bool fmfts_watch(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
+bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
 
 /* change.c: the change of pose, and its covariance. */
 void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose,

@@ -14,12 +14,12 @@ from fmfts.common.chi2 import quantile, survival
 from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.foreign_field import with_foreign_field
-from fmfts.pose.neighbour import Seen, joined, without_neighbours
+from fmfts.pose.neighbour import NeighbourEstimate, joined, without_neighbours
 from fmfts.pose.problem import Part, Prior, Status
+from fmfts.pose.residual_monitor import FEWEST_SENSORS, ResidualMonitor, ResidualMonitorMemory, TrackHealth, without
 from fmfts.pose.solver import PoseEstimate, solve
 from fmfts.pose.state import LOG_MOMENT, POSITION, SIZE, State
 from fmfts.pose.tracking_model import TrackingModel
-from fmfts.pose.watch import FEWEST_SENSORS, TrackHealth, Watch, WatchMemory, without
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class TrackerMemory:
     state: State
     covariance: Array
     unread_variance: float
-    watch: WatchMemory | None
+    watch: ResidualMonitorMemory | None
     since_good_s: float = 0.0
     warmth_variance: float = 0.0
     disturbed_frames: int = 0
@@ -86,7 +86,7 @@ class Tracker:
     ) -> None:
         """errors: of sensors that are well; without it, faults that are small and last are not looked for."""
         self._pad = pad
-        self._watch = None if errors is None else Watch(pad, rest, model.parts, errors)
+        self._watch = None if errors is None else ResidualMonitor(pad, rest, model.parts, errors)
         self._nearest: PoseEstimate | None = None  # to the truth, as far as this frame tells
         self._rest = rest
         self._model = model
@@ -96,7 +96,7 @@ class Tracker:
         covariance[LOG_MOMENT, LOG_MOMENT] += unread_variance
         watch = None if self._watch is None else self._watch.memory
         self.memory = TrackerMemory(rest, covariance, unread_variance, watch)
-        self._neighbours: Sequence[Seen] = ()
+        self._neighbours: Sequence[NeighbourEstimate] = ()
 
     @property
     def _moment_deviation(self) -> float:
@@ -134,7 +134,7 @@ class Tracker:
         elapsed_s: float = 0.0,
         temperature_c: float | None = None,
         lasting_t: Array | None = None,
-        neighbours: Sequence[Seen] = (),
+        neighbours: Sequence[NeighbourEstimate] = (),
     ) -> Track:
         """field_t (N, 3): the magnet's field in sensor axes, NaN where there is none; deviation_t (N, 3), of which
         lasting_t is what no averaging takes away and `errors` do not say; elapsed_s since the last frame;

@@ -23,7 +23,7 @@ from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
 from fmfts.contact import ContactModel
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
@@ -32,9 +32,8 @@ from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.summary import one_line
 from fmfts.scene import advice
-from fmfts.scene.tracking import around, blind, choose
+from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source
-from fmfts.sensor.chips import CHIPS
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
 from fmfts.simulation.baseline import simulated_baseline
@@ -199,16 +198,14 @@ class Daemon:
         return bool(requests)
 
     def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
-        pad = config.pad()
-        rate_hz = float(config.source.rate_hz)
-        scene = choose(config.scene, config.magnet, CHIPS[config.source.chip])
-        pipeline = PadPipeline(pad, model, self._boot, rate_hz, scene.tracking)
+        pipeline, scene = pipeline_of(config, model, self._boot), scene_model_of(config)
+        pad = pipeline.pad
         log.info("pad '%s': %s", pad.name, scene.why)
-        for text in blind(pad, scene.tracking):
+        for text in observability_warnings(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
         if (doubt := other_silicone(config)) is not None:
             log.warning("pad '%s': %s", pad.name, doubt)
-        channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, rate_hz)
+        channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, float(config.source.rate_hz))
         channel.config = config
         try:
             replays = isinstance(config.source, ReplaySource)
@@ -230,10 +227,8 @@ class Daemon:
 
     def _introduce_neighbours(self, pipelines: dict[str, PadPipeline]) -> None:
         for pad in self._pads:
-            for neighbour in around(pad, self._pads):
+            for neighbour in feel_neighbours(pad, self._pads, pipelines):
                 log.info("pad '%s': %s", pad.name, neighbour.why)
-                if neighbour.is_felt:
-                    pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
             baseline = pipelines[pad.name].baseline
             if pad.scene.neighbours and baseline is not None and baseline.bare is None:
                 log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
@@ -259,6 +254,6 @@ def load_models(config: Config) -> dict[str, ContactModel]:
     for pad in config.pad:
         key = (pad.contact, pad.pad().geometry_hash)
         if key not in loaded:
-            loaded[key] = model_of(pad)
+            loaded[key] = load_contact_model(pad)
         models[pad.name] = loaded[key]
     return models

@@ -39,7 +39,9 @@ class Rebaselining:
         self._frames += 1
         if isinstance(answer, PackedMessage) and answer.kind is Kind.QUIET and self._frames % LOOKED_AT:
             return False
-        reading = _quiet(answer.message if isinstance(answer, PackedMessage) else answer, self._pipeline.unfelt_n)
+        reading = _quiet(
+            answer.message if isinstance(answer, PackedMessage) else answer, self._pipeline.detection_limit_n
+        )
         if reading is None:
             self._follower.disturbed()
             return False
@@ -52,7 +54,7 @@ class Rebaselining:
         return True
 
 
-def _quiet(message: ContactMessage, unfelt_n: float) -> Quiet | None:
+def _quiet(message: ContactMessage, detection_limit_n: float) -> Quiet | None:
     """The reading of an untouched pad; None if the message leaves it open whether something touches the pad."""
     pose, force_n, force_sd_n = message.pose, message.force_n, message.force_sd_n
     if message.health != "ok" or message.contact is not False or message.over_range:
@@ -60,4 +62,4 @@ def _quiet(message: ContactMessage, unfelt_n: float) -> Quiet | None:
     if pose is None or force_n is None or force_sd_n is None:
         return None
     place, axis = np.array(pose.position_m), np.array(pose.axis)
-    return Quiet(message.t_sample_ns * 1e-9, place, axis, force_n, felt_force_sd_n(force_sd_n, unfelt_n))
+    return Quiet(message.t_sample_ns * 1e-9, place, axis, force_n, felt_force_sd_n(force_sd_n, detection_limit_n))

@@ -13,8 +13,8 @@ from fmfts.pose.problem import Part
 from fmfts.pose.state import AMBIENT
 from fmfts.scene.candidate import RUNNING, Cost, Model, Surroundings
 from fmfts.scene.error_budget import costs, rms
-from fmfts.scene.tracking import around as neighbours_around
-from fmfts.scene.tracking import choose
+from fmfts.scene.neighbours import neighbours_around
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import CHIPS
 
 # Share by which a larger model must lower the error to be worth its unknowns; and by which the cylinder's term must,
@@ -37,11 +37,12 @@ def _first_within(share: float, candidates: Sequence[Cost]) -> Cost:
     return next(cost for cost in candidates if cost.error <= (1.0 + share) * least)
 
 
-def configured(around: Surroundings) -> Model:
+def configured(surroundings: Surroundings) -> Model:
     """The model that the daemon runs with this config."""
-    scene, pad = choose(around.config.scene, around.config.magnet), around.config.pad()
-    felt = {neighbour.name for neighbour in neighbours_around(around.config, around.others) if neighbour.is_felt}
-    names = tuple(other.name for other in around.others if other.name in felt)
+    scene, pad = tracking_model_for(surroundings.config.scene, surroundings.config.magnet), surroundings.config.pad()
+    neighbours = neighbours_around(surroundings.config, surroundings.others)
+    felt = {neighbour.name for neighbour in neighbours if neighbour.is_felt}
+    names = tuple(other.name for other in surroundings.others if other.name in felt)
     return Model(8 if scene.tracking.parts[AMBIENT.start] == Part.PRIOR else 6, pad.magnet.as_cylinder, names)
 
 
@@ -56,8 +57,8 @@ def advice(
     if response is None:
         return None
     noise_t = CHIPS[config.source.chip].noise_t if mounting is None else rms(mounting.noise_t)
-    around = Surroundings(config, response, noise_t, placed_beside(config, pads))
-    needed, has = recommended(costs(around, thorough=False)).model, configured(around)
+    surroundings = Surroundings(config, response, noise_t, placed_beside(config, pads))
+    needed, has = recommended(costs(surroundings, thorough=False)).model, configured(surroundings)
     if needed.unknown == has.unknown:  # the config has no key for the cylinder's term, which follows from the geometry
         return None
     how = "more" if has.unknown > needed.unknown else "less"

@@ -28,17 +28,17 @@ from fmfts.scene.candidate import AMBIENT_CHANGE_T, RUNNING, UNKNOWNS, Cost, Mod
 PLACES_MM, LOAD_SHARES = (-8.0, -4.0, 0.0, 4.0, 8.0), (0.15, 0.5, 1.0)
 
 
-def costs(around: Surroundings, thorough: bool = True) -> list[Cost]:
+def costs(surroundings: Surroundings, thorough: bool = True) -> list[Cost]:
     """The costs of all models, the smallest model first.
 
     thorough: False takes only models that can run, and every fifth press.
     """
-    names = [other.name for other in around.others]
+    names = [other.name for other in surroundings.others]
     neighbours = [tuple(names[:count]) for count in range(len(names) + 1)]
     models = [Model(*each) for each in product(UNKNOWNS if thorough else RUNNING, (False, True), neighbours)]
-    pad, poses = around.config.pad(), list(_pressed(around))[:: 1 if thorough else 5]
-    reference = [_Frame.of(pad, pose, around.noise_t, Model(5, True)).noise for pose in poses]
-    all_costs = [_cost(around, pad, poses, model, np.array(reference)) for model in models]
+    pad, poses = surroundings.config.pad(), list(_pressed(surroundings))[:: 1 if thorough else 5]
+    reference = [_Frame.of(pad, pose, surroundings.noise_t, Model(5, True)).noise for pose in poses]
+    all_costs = [_cost(surroundings, pad, poses, model, np.array(reference)) for model in models]
     return sorted(all_costs, key=lambda cost: cost.model.size)
 
 
@@ -52,14 +52,14 @@ class _Pressed:
     turn: Array
 
 
-def _pressed(around: Surroundings) -> Iterator[_Pressed]:
+def _pressed(surroundings: Surroundings) -> Iterator[_Pressed]:
     """Yields the poses of presses all over the pad, from light to full force."""
-    pad = around.config.pad()
-    loads = np.array(LOAD_SHARES) * around.response.scale_n
+    pad = surroundings.config.pad()
+    loads = np.array(LOAD_SHARES) * surroundings.response.scale_n
     press = np.array(list(product(PLACES_MM, PLACES_MM, loads)))
-    if around.response.loads > 1:
-        press = np.hstack([press, np.zeros((len(press), around.response.loads - 1))])
-    change, slope = around.response.change_and_slope(press)
+    if surroundings.response.loads > 1:
+        press = np.hstack([press, np.zeros((len(press), surroundings.response.loads - 1))])
+    change, slope = surroundings.response.change_and_slope(press)
     turn = shortest_rotation(np.array([0.0, 0.0, 1.0]), pad.rest_axis)
     for one, by_press in zip(change, slope[:, :, :3], strict=True):
         axis = turn @ np.append(one[3:], np.sqrt(1.0 - one[3:] @ one[3:]))
@@ -90,19 +90,19 @@ class _Frame:
         return cls(np.sqrt(np.diagonal(covariance)), covariance @ pressed.slope.T @ weight @ pose)
 
 
-def _cost(around: Surroundings, pad: Pad, poses: Sequence[_Pressed], model: Model, reference: Array) -> Cost:
-    rest = _causes(around, pad, State.at_rest(pad), model)
+def _cost(surroundings: Surroundings, pad: Pad, poses: Sequence[_Pressed], model: Model, reference: Array) -> Cost:
+    rest = _causes(surroundings, pad, State.at_rest(pad), model)
     noise, bias = [], []
     for pressed in poses:
-        frame = _Frame.of(pad, pressed, around.noise_t, model)
-        causes = _causes(around, pad, pressed.state, model)
+        frame = _Frame.of(pad, pressed, surroundings.noise_t, model)
+        causes = _causes(surroundings, pad, pressed.state, model)
         # The baseline has removed the cylinder's term at rest.
         causes["cylinder"] = causes["cylinder"] - rest["cylinder"]
         noise.append(frame.noise)
         bias.append([np.sqrt(np.sum((frame.to_press @ field) ** 2, axis=1)) for field in causes.values()])
     noises, biases = np.array(noise), np.array(bias)
     total_bias = np.sqrt(np.sum(biases**2, axis=1))
-    avoidable = [not (around.drifts and cause == "moment") for cause in rest]
+    avoidable = [not (surroundings.drifts and cause == "moment") for cause in rest]
     errors = np.sqrt(noises**2 + np.sum(biases[:, avoidable] ** 2, axis=1))
     by_cause = np.sqrt(np.mean((biases / reference[:, None]) ** 2, axis=(0, 2)))
     return Cost(
@@ -116,21 +116,21 @@ def _cost(around: Surroundings, pad: Pad, poses: Sequence[_Pressed], model: Mode
     )
 
 
-def _causes(around: Surroundings, pad: Pad, state: State, model: Model) -> dict[str, Array]:
+def _causes(surroundings: Surroundings, pad: Pad, state: State, model: Model) -> dict[str, Array]:
     """Cause → (3N, n) changes of the field by one standard deviation, which no unknown of `model` explains."""
-    rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, around.noise_t)
+    rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, surroundings.noise_t)
     field, _ = predict(rows, _magnets(pad.magnet, replace(model, cylinder=True)), state)
     modelled, _ = predict(rows, _magnets(pad.magnet, model), state)
     absent = np.zeros((len(rows), 1))
     knows_moment, knows_field = model.unknowns in (5, 8), model.unknowns in (5, 6)
     causes = {
         "cylinder": (field - modelled)[:, None],
-        "moment": field[:, None] * around.moment_deviation if knows_moment else absent,
-        "ambient": rows[:, DIRECTION] * AMBIENT_CHANGE_T if knows_field and around.drifts else absent,
+        "moment": field[:, None] * surroundings.moment_deviation if knows_moment else absent,
+        "ambient": rows[:, DIRECTION] * AMBIENT_CHANGE_T if knows_field and surroundings.drifts else absent,
     }
-    for other in around.others:
+    for other in surroundings.others:
         felt = other.name not in model.neighbours
-        causes[f"pad '{other.name}'"] = _of_neighbour(around.config, other, rows) if felt else absent
+        causes[f"pad '{other.name}'"] = _of_neighbour(surroundings.config, other, rows) if felt else absent
     return causes
 
 

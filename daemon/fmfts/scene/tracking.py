@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.arithmetic.elementary import power, square
-from fmfts.arithmetic.matrix import length, lengths
-from fmfts.config import MagnetConfig, PadConfig, SceneConfig, neighbours_of
-from fmfts.pad import Pad, Placement
+from fmfts.arithmetic.elementary import square
+from fmfts.config import MagnetConfig, PadConfig, SceneConfig
+from fmfts.pad import Pad
 from fmfts.pose import (
     AMBIENT,
     AXIS,
@@ -27,8 +25,7 @@ from fmfts.pose import (
     parts_of,
     solve,
 )
-from fmfts.pose.neighbour import REACH_M, REACH_RAD, NeighbourView, Seen, Sighting
-from fmfts.sensor.chips import DEFAULT_CHIP, Chip
+from fmfts.sensor.chips import CHIPS, DEFAULT_CHIP, Chip
 
 # Random walk of the ambient field: twice what a hand that turns at 1 rad/s in the Earth's half gauss causes (2 mG from
 # frame to frame).
@@ -59,7 +56,7 @@ class SceneModel:
     why: str
 
 
-def choose(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DEFAULT_CHIP) -> SceneModel:
+def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DEFAULT_CHIP) -> SceneModel:
     """The tracking model with the smallest set of unknowns that the scene allows.
 
     Moment and ambient field are never both estimated: at rest, one combination of height, moment and vertical field is
@@ -88,7 +85,12 @@ def choose(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DEFAULT_CHIP) 
     return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k), why)
 
 
-def blind(pad: Pad, tracking: TrackingModel) -> list[str]:
+def scene_model_of(config: PadConfig) -> SceneModel:
+    """The tracking model that a pad's configuration asks for."""
+    return tracking_model_for(config.scene, config.magnet, CHIPS[config.source.chip])
+
+
+def observability_warnings(pad: Pad, tracking: TrackingModel) -> list[str]:
     """Warnings about what this layout of sensors cannot observe of a magnet at rest with these unknowns."""
     rest, parts = State.at_rest(pad), np.where(tracking.parts == Part.PRIOR, Part.FREE, tracking.parts).astype(np.uint8)
     field = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
@@ -110,54 +112,3 @@ def blind(pad: Pad, tracking: TrackingModel) -> list[str]:
         for name, sd_m in zip(("x", "y", "height"), deviation.tolist(), strict=True)
         if sd_m > UNCERTAIN_M
     ]
-
-
-@dataclass(frozen=True, slots=True)
-class SceneNeighbour:
-    """A neighbouring pad. placement: in this pad's axes. change_t: largest change of the field here, by pressing it.
-
-    noise_t: of one sample here. A neighbour that changes the field by less has no measurable effect (docs/pose.md).
-    """
-
-    name: str
-    placement: Placement
-    distance_m: float
-    change_t: float
-    noise_t: float
-
-    @property
-    def is_felt(self) -> bool:
-        return self.change_t > self.noise_t
-
-    @property
-    def why(self) -> str:
-        chosen = "its magnet is part of the state, at its own pad's last estimate" if self.is_felt else "left out"
-        return (
-            f"pad '{self.name}' is {self.distance_m * 1e3:.0f} mm away, and pressing it changes the field by up to "
-            f"{self.change_t * 1e6:.2g} µT (a sample's noise is {self.noise_t * 1e6:g} µT): {chosen}"
-        )
-
-
-def around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[SceneNeighbour]:
-    """Yields the neighbours that `pad` names."""
-    drawing = pad.pad()
-    sensors = drawing.sensors.position_m
-    for other in neighbours_of(pad, pads):
-        placement, magnet = other.placement.si().seen_from(pad.placement.si()), other.pad().magnet
-        place = placement.point(other.pad().rest_position_m)
-        distance = float(lengths(sensors - place).min())
-        # A step s changes a dipole's field at a distance r by a share of 3s/r, and a turn by a share of its angle.
-        change = magnet.strength_t_m3 / power(distance, 3) * (3.0 * REACH_M / distance + REACH_RAD)
-        apart = length(place - drawing.rest_position_m)
-        yield SceneNeighbour(other.name, placement, apart, change, drawing.chip.noise_t)
-
-
-def unseen(pad: PadConfig, pads: Sequence[PadConfig]) -> list[Seen]:
-    """The neighbours that `pad` names, with the uncertainty of magnets that no pad has observed yet."""
-    views = []
-    for other in neighbours_of(pad, pads):
-        magnet, rest = other.pad().magnet, State.at_rest(other.pad())
-        views.append(
-            NeighbourView(Sighting.unseen(magnet, rest), other.placement.si().seen_from(pad.placement.si())).at(0)
-        )
-    return views

@@ -10,7 +10,7 @@ import numpy as np
 from fmfts.baseline import Mounting
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.pad import Pad, Tolerance
-from fmfts.pose import FREE_FIELD, as_drawn, solve
+from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
 from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field
 from fmfts_lab.bench.workspace import standard_pad
@@ -79,4 +79,4 @@ def _answer(
 ) -> ContactEstimate:
     field = mounting.magnet_field(pressed_field(built, *press))
     estimate = solve(field, mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
-    return contact.estimate(*as_drawn(estimate, mounting.rest, drawing))
+    return contact.estimate(*in_nominal_frame(estimate, mounting.rest, drawing))

@@ -12,8 +12,8 @@ from fmfts.calibrate.tracked import FrameSolver
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.contact import ContactModel, Smoother, TouchDetector
 from fmfts.pad import Pad
-from fmfts.pose import STOP_CONVERGED, Tracker, as_drawn, solve
-from fmfts.scene.tracking import choose
+from fmfts.pose import STOP_CONVERGED, Tracker, in_nominal_frame, solve
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.source import ROOM_C
 from fmfts_lab.bench.contact_answers import estimates
@@ -93,13 +93,13 @@ def motion(model: ContactModel, random: np.random.Generator) -> dict[str, Any]:
             press = np.column_stack([along * np.cos(turn), along * np.sin(turn), np.full(len(time_s), force_n)])
             field = pressed_fields(pad, press)
             noisy = field + random.normal(0.0, NOISE_T, field.shape)
-            tracking = choose(SceneConfig(), MagnetConfig()).tracking
+            tracking = tracking_model_for(SceneConfig(), MagnetConfig()).tracking
             tracker, smoother = Tracker(pad, rest, tracking, ROOM_C), Smoother(MEMORY_S)
             found: dict[str, list[list[float]]] = {name: [] for name in errors}
             for frame in noisy:
                 estimate = tracker.update(frame, np.full(frame.shape, NOISE_T), 1.0 / RATE_HZ, ROOM_C).estimate
                 assert estimate is not None
-                pose = as_drawn(estimate, rest, pad)
+                pose = in_nominal_frame(estimate, rest, pad)
                 for name, asked in (("single frames", pose), ("smoothed", smoother.update(*pose, 1.0 / RATE_HZ))):
                     contact = model.estimate(*asked)
                     found[name].append([contact.x_m * 1e3, contact.y_m * 1e3, contact.force_n])

@@ -11,7 +11,7 @@ import msgspec
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.contact import ContactModel
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.sensor import Frame
@@ -152,7 +152,7 @@ def drilled(
     """Every fault in every situation."""
     outcomes: dict[tuple[str, str, str], Outcome] = {}
     for seed in seeds if faults else ():
-        model = model_of(pad_config("constant", seed))
+        model = load_contact_model(pad_config("constant", seed))
         for ambient in ambients:
             for touch in touches:
                 healthy = Healthy(ambient, touch, seed, model)

@@ -20,13 +20,13 @@ from fmfts.contact import ContactModel
 from fmfts.contact.session import SessionInference
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.contact.verified import read
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.fast.compiled import _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.fast_loop import send_function
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import encode
@@ -121,7 +121,7 @@ class Whole:
 
 def pipeline_of(config: PadConfig) -> PadPipeline:
     """The pad's pipeline, with its simulated baseline in use."""
-    pad, scene = config.pad(), choose(config.scene, config.magnet)
-    pipeline = PadPipeline(pad, model_of(config), "bench", float(rig.RATE_HZ), scene.tracking)
+    pad, scene = config.pad(), tracking_model_for(config.scene, config.magnet)
+    pipeline = PadPipeline(pad, load_contact_model(config), "bench", float(rig.RATE_HZ), scene.tracking)
     pipeline.use(simulated_baseline(pad_of(0)))
     return pipeline

@@ -10,7 +10,7 @@ import numpy as np
 from fmfts.common.chi2 import quantile
 from fmfts.config import MagnetConfig, SceneConfig
 from fmfts.pose import LOG_MOMENT, PoseEstimate, State, Tracker, change_from, dipole_field
-from fmfts.scene.tracking import MOMENT_DEVIATION, choose
+from fmfts.scene.tracking import MOMENT_DEVIATION, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.bench.workspace import Array, standard_pad
 
@@ -76,7 +76,7 @@ def run(options: Namespace) -> None:
 def _warmed(force_n: float, since_s: float, random: np.random.Generator) -> tuple[Array, Array]:
     """Mean error and deviation (2,) in mN over the last seconds, with the moment held and with the moment followed."""
     pad, rest = standard_pad(), State.at_rest(standard_pad())
-    model = choose(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
+    model = tracking_model_for(SceneConfig(ambient="drifting"), MagnetConfig()).tracking
     tracker, follower, shown = Tracker(pad, rest, model, 25.0), Follower(rest), []
     for frame in range(round(END_S * RATE_HZ)):
         time_s = frame / RATE_HZ

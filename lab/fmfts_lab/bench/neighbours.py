@@ -11,9 +11,10 @@ import numpy as np
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, ToleranceConfig, neighbours_of
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.scene.tracking import around, choose
+from fmfts.scene.neighbours import neighbours_around
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
 from fmfts.simulation.source import Simulated
@@ -72,7 +73,7 @@ def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) 
     pipelines = {pad.name: _pipeline(pad, pads) for pad in pads}
     if told:
         for pad in pads:
-            for neighbour in around(pad, pads):
+            for neighbour in neighbours_around(pad, pads):
                 if neighbour.is_felt:
                     pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
     truths = {name: Truth(source.built, fingers[name]) for name, source in sources.items()}
@@ -124,8 +125,10 @@ def _source(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str
 
 
 def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> PadPipeline:
-    model = model_of(pad)
-    pipeline = PadPipeline(pad.pad(), model, "bench", float(RATE_HZ), choose(pad.scene, pad.magnet).tracking)
+    model = load_contact_model(pad)
+    pipeline = PadPipeline(
+        pad.pad(), model, "bench", float(RATE_HZ), tracking_model_for(pad.scene, pad.magnet).tracking
+    )
     pipeline.use(simulated_baseline(pad, neighbours_of(pad, pads)))
     return pipeline
 

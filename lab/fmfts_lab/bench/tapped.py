@@ -13,10 +13,10 @@ from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import READING_BYTES, WireFrame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.cylinder import cylinder_field
@@ -72,7 +72,7 @@ def pipeline_of(config: PadConfig, model: ContactModel) -> PadPipeline:
 
 
 def without_baseline(config: PadConfig, model: ContactModel) -> PadPipeline:
-    tracking = choose(config.scene, config.magnet).tracking
+    tracking = tracking_model_for(config.scene, config.magnet).tracking
     return PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking)
 
 
@@ -81,7 +81,7 @@ def tapped(ambient: Ambient, seeds: Iterable[int], seconds: float) -> Well:
     well = Well(ambient)
     for seed in seeds:
         config = pad_config(ambient, seed)
-        pipeline = pipeline_of(config, model_of(config))
+        pipeline = pipeline_of(config, load_contact_model(config))
         source = ManyFrames(config)
         source.finger = tapping
         truth = Truth(source.built, tapping)

@@ -22,9 +22,9 @@ from fmfts.baseline.window_means import MEAN_OF
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad, rotation_from_vector
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pose import FREE_FIELD, State, Tracker, dipole_field, solve
-from fmfts.scene.tracking import COEFFICIENT_SHARE, choose
+from fmfts.scene.tracking import COEFFICIENT_SHARE, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger import Touch
 from fmfts.simulation.source import Simulated
@@ -110,8 +110,8 @@ def _turned(label: str, ambient: Ambient, pads: Sequence[Gains], frames: int, ra
     shown = " ".join(f"{value:8.3f}" for value in rms)
     # A χ² of n degrees of freedom has the mean n and the variance 2n.
     half = 1.96 * np.sqrt(2.0 / (5 * len(nees)))
-    honest = f"{nees.mean() / 5.0:.3f} ({1.0 - half:.3f}–{1.0 + half:.3f})"
-    print(f"{label:26} {shown} | {np.sqrt(np.mean(np.square(rms))):8.3f} | {not_ok:.2%} | {honest}", flush=True)
+    honesty = f"{nees.mean() / 5.0:.3f} ({1.0 - half:.3f}–{1.0 + half:.3f})"
+    print(f"{label:26} {shown} | {np.sqrt(np.mean(np.square(rms))):8.3f} | {not_ok:.2%} | {honesty}", flush=True)
 
 
 def _turn(
@@ -125,7 +125,7 @@ def _turn(
     gains: the true gains for a change (mean), and how well they are known.
     """
     pad, rest = standard_pad(), State.at_rest(standard_pad())
-    tracker = Tracker(pad, rest, choose(SceneConfig(ambient=ambient), MagnetConfig()).tracking, 25.0)
+    tracker = Tracker(pad, rest, tracking_model_for(SceneConfig(ambient=ambient), MagnetConfig()).tracking, 25.0)
     gain_deviation = relative_deviation(gains.covariance)
     at_rest, ratios, nees = _field(pad, rest), [], []
     for frame in range(frames):
@@ -225,7 +225,7 @@ def _warm_pad(minutes: float, seed: int, warm: Warm) -> None:
         tolerance=ToleranceConfig(gain=SELFTESTED),
         scene=SceneConfig(ambient="drifting"),
     )
-    pipeline = pipeline_of(config, model_of(config))
+    pipeline = pipeline_of(config, load_contact_model(config))
     source = Warming(config, minutes, seed)
     source.finger = _presses
     truth = Truth(source.built, _presses)

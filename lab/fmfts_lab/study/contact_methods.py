@@ -20,7 +20,7 @@ from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pose import State, as_drawn
+from fmfts.pose import State, in_nominal_frame
 from fmfts.pose.solver import estimate_of
 from fmfts.sensor.chips import NOISE_T
 from fmfts_lab.study.contact_bench import Bench, ContactFinder, regressor_of
@@ -62,7 +62,7 @@ class ThroughPose:
     def ask(self, sample: Sample) -> Array:
         raw = self._pose.ask(sample._replace(field_t=self._bench.field(sample)))
         estimate = estimate_of(raw.solution(0), self._bench.mounted.drawing.magnet)
-        position, axis, covariance = as_drawn(estimate, self._rest, self._bench.world.drawing)
+        position, axis, covariance = in_nominal_frame(estimate, self._rest, self._bench.world.drawing)
         pose = np.concatenate([position * 1e3, axis])
         return self._contact(pose, (self._spread @ covariance @ self._spread)[:5, :5])
 

@@ -17,7 +17,7 @@ from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, Tolerance
-from fmfts.pose import FREE_FIELD, as_drawn, solve
+from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.mounted import EARTH_T, GAIN, MAGNET_PLACE_M, MAGNET_TILT_RAD, SENSOR_PLACE_M, MountedPad
 from fmfts_lab.bench import recorded
@@ -188,7 +188,7 @@ def _recording(mean: Array) -> Recording:
 def _answer(model: ContactModel, drawing: Pad, mounting: Mounting, field: Array) -> Array:
     """x, y (mm) and force (N) from one frame, solved with the unknowns of a drifting ambient field."""
     estimate = solve(mounting.magnet_field(field), mounting.mounted(drawing), mounting.rest, free=FREE_FIELD)
-    found = model.estimate(*as_drawn(estimate, mounting.rest, drawing))
+    found = model.estimate(*in_nominal_frame(estimate, mounting.rest, drawing))
     return np.array([found.x_m * 1e3, found.y_m * 1e3, found.force_n])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
-from fmfts.pipeline.configured import model_of
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, Solution, State, Status, Tracker, parts_of
 from fmfts.pose.kernel import CHI2, ROWS, STATUS, UNKNOWNS
@@ -17,7 +17,7 @@ from fmfts.pose.problem import MAX_ITERATIONS, NOISE, VALUE, magnet_rows, measur
 from fmfts.pose.reference import solve_reference
 from fmfts.pose.tracker import FALSE_ALARM
 from fmfts.pose.tracking_model import TrackingModel
-from fmfts.scene.tracking import choose
+from fmfts.scene.tracking import tracking_model_for
 from fmfts_lab.bench.workspace import MODELS
 from fmfts_lab.study.method import NOTHING, Answer
 from fmfts_lab.study.world import Sample, World
@@ -167,13 +167,13 @@ class Tracking:
 def daemon(world: World) -> PadPipeline:
     """The daemon's pipeline from frame to message, with a baseline recorded before anything went wrong."""
     config = world.config
-    pipeline = PadPipeline(world.drawing, model_of(config), "study", world.rate_hz, tracking_of(world))
+    pipeline = PadPipeline(world.drawing, load_contact_model(config), "study", world.rate_hz, tracking_of(world))
     pipeline.use(world.baseline(np.random.default_rng(SEED_OF_BASELINE)))
     return pipeline
 
 
 def tracking_of(world: World) -> TrackingModel:
-    return choose(world.config.scene, world.config.magnet).tracking
+    return tracking_model_for(world.config.scene, world.config.magnet).tracking
 
 
 def batch_of(world: World, parts: Any, cylinder: bool | None = None, prior: Array | None = None) -> Batch:

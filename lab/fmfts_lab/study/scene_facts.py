@@ -18,17 +18,17 @@ from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS, Chip
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
 
 
-def limits(around: Surroundings) -> list[str]:
-    return [_range(around), _rate(around)]
+def limits(surroundings: Surroundings) -> list[str]:
+    return [_range(surroundings), _rate(surroundings)]
 
 
-def would_pay(around: Surroundings, best: Cost) -> list[str]:
+def would_pay(surroundings: Surroundings, best: Cost) -> list[str]:
     """For each model that is one step larger: how much larger its cause would have to be to make it worthwhile."""
     lines = []
-    for cause, larger, words in _steps(around, best.model):
-        strong = around
+    for cause, larger, words in _steps(surroundings, best.model):
+        strong = surroundings
         if cause == "ambient":
-            strong = replace(around, config=_drifting(around))
+            strong = replace(surroundings, config=_drifting(surroundings))
         found = {cost.model: cost for cost in costs(strong)}
         left, taken = found[best.model], found[larger]
         # error² of the smaller model: a part without this cause, and k² times this cause's. Finds k for `worth`.
@@ -42,7 +42,7 @@ def would_pay(around: Surroundings, best: Cost) -> list[str]:
     return lines
 
 
-def _steps(around: Surroundings, model: Model) -> Iterator[tuple[str, Model, Callable[[float], str]]]:
+def _steps(surroundings: Surroundings, model: Model) -> Iterator[tuple[str, Model, Callable[[float], str]]]:
     if model.unknowns == 6:
         ambient = AMBIENT_CHANGE_T * 1e7
         yield "ambient", replace(model, unknowns=8), lambda k: f"an ambient field that changes by {k * ambient:.2g} mG"
@@ -52,9 +52,11 @@ def _steps(around: Surroundings, model: Model) -> Iterator[tuple[str, Model, Cal
             replace(model, cylinder=True),
             lambda k: f"a magnet {k:.2g} times as strong, or as much less noise (frames averaged: {k * k:.2g})",
         )
-    for other in around.others[len(model.neighbours) : len(model.neighbours) + 1]:
-        away_mm = float(np.linalg.norm(other.placement.si().seen_from(around.config.placement.si()).position_m)) * 1e3
-        beside = tuple(each.name for each in around.others[: len(model.neighbours) + 1])
+    for other in surroundings.others[len(model.neighbours) : len(model.neighbours) + 1]:
+        away_mm = (
+            float(np.linalg.norm(other.placement.si().seen_from(surroundings.config.placement.si()).position_m)) * 1e3
+        )
+        beside = tuple(each.name for each in surroundings.others[: len(model.neighbours) + 1])
         yield f"pad '{other.name}'", replace(model, neighbours=beside), partial(_nearer, other.name, away_mm)
 
 
@@ -63,15 +65,15 @@ def _nearer(name: str, away_mm: float, factor: float) -> str:
     return f"pad '{name}' at about {away_mm * factor**-0.25:.0f} mm"
 
 
-def _drifting(around: Surroundings) -> PadConfig:
-    scene = msgspec.structs.replace(around.config.scene, ambient="drifting")
-    return msgspec.structs.replace(around.config, scene=scene)
+def _drifting(surroundings: Surroundings) -> PadConfig:
+    scene = msgspec.structs.replace(surroundings.config.scene, ambient="drifting")
+    return msgspec.structs.replace(surroundings.config, scene=scene)
 
 
-def recommended_range_gauss(around: Surroundings) -> float | None:
+def recommended_range_gauss(surroundings: Surroundings) -> float | None:
     """The finest range without saturation under the hardest press, the Earth's field and the worst gains, or None."""
-    needed = largest_field_gauss(around) * (1.0 + around.config.tolerance.gain)
-    chip = CHIPS[around.config.source.chip]
+    needed = largest_field_gauss(surroundings) * (1.0 + surroundings.config.tolerance.gain)
+    chip = CHIPS[surroundings.config.source.chip]
     return next((each for each in sorted(chip.ranges_gauss) if saturation_gauss(chip, each) > needed), None)
 
 
@@ -80,40 +82,44 @@ def saturation_gauss(chip: Chip, range_gauss: float) -> float:
     return chip.largest_count / max(chip.counts_per_gauss[chip.gain_code_for_range(range_gauss)])
 
 
-def largest_field_gauss(around: Surroundings) -> float:
+def largest_field_gauss(surroundings: Surroundings) -> float:
     """The largest field on one axis of a sensor, for presses all over the pad, with the Earth's and the neighbours'."""
-    pad, scale_n = around.config.pad(), around.response.scale_n
-    places = np.linspace(around.response.first_mm, around.response.last_mm, 9)
+    pad, scale_n = surroundings.config.pad(), surroundings.response.scale_n
+    places = np.linspace(surroundings.response.first_mm, surroundings.response.last_mm, 9)
     press = np.array([[x, y, f] for x in places[:, 0] for y in places[:, 1] for f in (0.0, scale_n)])
-    change = around.response.change(press)
+    change = surroundings.response.change(press)
     axis = np.column_stack([change[:, 3:], np.sqrt(1.0 - np.sum(change[:, 3:] ** 2, axis=1))])
-    field = magnet_fields(pad, change[:, :3] * 1e-3, axis) + _beside_t(around, pad)
+    field = magnet_fields(pad, change[:, :3] * 1e-3, axis) + _beside_t(surroundings, pad)
     return float(np.abs(field).max() / TESLA_PER_GAUSS) + AMBIENT_CHANGE_T / TESLA_PER_GAUSS
 
 
-def _beside_t(around: Surroundings, pad: Pad) -> Array:
+def _beside_t(surroundings: Surroundings, pad: Pad) -> Array:
     """(N, 3) field of the neighbours' magnets at rest, in sensor axes."""
     field = np.zeros_like(pad.sensors.position_m)
-    for other in around.others:
-        there, their = other.placement.si().seen_from(around.config.placement.si()), other.pad()
+    for other in surroundings.others:
+        there, their = other.placement.si().seen_from(surroundings.config.placement.si()), other.pad()
         place, axis = there.point(their.rest_position_m), there.rotation @ their.rest_axis
         field += dipole_field(pad.sensors.position_m, place, axis, their.magnet.strength_t_m3)
     return pad.sensors.to_sensor(field)
 
 
-def _range(around: Surroundings) -> str:
-    has, largest, best = around.config.source.range_gauss, largest_field_gauss(around), recommended_range_gauss(around)
-    chip = CHIPS[around.config.source.chip]
+def _range(surroundings: Surroundings) -> str:
+    has, largest, best = (
+        surroundings.config.source.range_gauss,
+        largest_field_gauss(surroundings),
+        recommended_range_gauss(surroundings),
+    )
+    chip = CHIPS[surroundings.config.source.chip]
     saturated = f"chips saturate at {saturation_gauss(chip, has):.2f} G"
     said = f"largest field on an axis: {largest:.2f} G; set to ±{has:g} G, {saturated}"
     if best is None:
-        weaker = around.config.magnet.remanence_t * saturation_gauss(chip, max(chip.ranges_gauss)) / largest
+        weaker = surroundings.config.magnet.remanence_t * saturation_gauss(chip, max(chip.ranges_gauss)) / largest
         return f"{said}: no range holds it; a remanence of at most {weaker:.2g} T, or a magnet farther away, would do"
     return said if best == has else f"{said}: recommended is ±{best:g} G"
 
 
-def _rate(around: Surroundings) -> str:
-    source = around.config.source
+def _rate(surroundings: Surroundings) -> str:
+    source = surroundings.config.source
     chip = CHIPS[source.chip]
     most = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, I2cSource):

@@ -30,9 +30,11 @@ class Networks:
     steps: int
 
     @classmethod
-    def of(cls, around: Surroundings, quick: bool) -> Networks:
-        pad, response = around.config.pad(), around.response
-        solver = FrameSolver(pad, rest_field_of(pad), "drifting" if around.drifts else "constant", around.noise_t)
+    def of(cls, surroundings: Surroundings, quick: bool) -> Networks:
+        pad, response = surroundings.config.pad(), surroundings.response
+        solver = FrameSolver(
+            pad, rest_field_of(pad), "drifting" if surroundings.drifts else "constant", surroundings.noise_t
+        )
         random = np.random.default_rng(1)
         clean = Samples.expected(response, solver, presses_within(response, 800 if quick else 4000, random))
         judged = Samples.expected(response, solver, presses_within(response, JUDGED, random, beyond=1.0))

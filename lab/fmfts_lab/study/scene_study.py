@@ -34,7 +34,7 @@ BESIDE_S, QUICK_BESIDE_S = 14.0, 6.0
 class Scene:
     """said: sentences about what the study had to assume."""
 
-    around: Surroundings
+    surroundings: Surroundings
     said: list[str]
 
     @classmethod
@@ -48,27 +48,27 @@ class Scene:
 def run(request: Request) -> Facts:
     """Run the study. DataError if no contact model holds a response."""
     scene = Scene.of(request)
-    around, networks = scene.around, Networks.of(scene.around, request.quick)
+    surroundings, networks = scene.surroundings, Networks.of(scene.surroundings, request.quick)
     study = Study("scene", request, COLUMNS)
-    found = costs(around)
+    found = costs(surroundings)
     best = recommended(found)
     points: dict[str, Callable[[], Iterator[Row]]] = {"models": partial(_model_rows, found)}
     for hidden in SIZES[: 3 if request.quick else None]:
         points[f"network of {hidden}"] = partial(networks.rows, hidden)
     if best.model.neighbours:
-        points["running"] = partial(_running_rows, around, request)
+        points["running"] = partial(_running_rows, surroundings, request)
     if (best.model.unknowns, best.model.cylinder) != (SHIPPED.unknowns, SHIPPED.cylinder):
         for name, model in zip(TRIED, (best.model, SHIPPED), strict=True):
-            points[name] = partial(_trial_rows, around, name, model, request)
+            points[name] = partial(_trial_rows, surroundings, name, model, request)
     rows = study.measure(points)
     facts = study.conclude(
         {
             "assumed": scene.said,
             "recommended": str(best.model),
-            "configured": str(configured(around)),
+            "configured": str(configured(surroundings)),
             "network": smallest_network(rows),
-            "limits": scene_facts.limits(around),
-            "would_pay": scene_facts.would_pay(around, best),
+            "limits": scene_facts.limits(surroundings),
+            "would_pay": scene_facts.would_pay(surroundings, best),
             "models": [row for row in rows if row["kind"] == "model"],
             "networks": [row for row in rows if row["kind"] == "network"],
             "trials": [row for row in rows if row["kind"] == "trial"],
@@ -121,18 +121,18 @@ def _model_rows(found: list[Cost]) -> Iterator[Row]:
         }
 
 
-def _trial_rows(around: Surroundings, name: str, model: Model, request: Request) -> Iterator[Row]:
-    errors = tried(around, model, 60 if request.quick else 600, request.seed)
+def _trial_rows(surroundings: Surroundings, name: str, model: Model, request: Request) -> Iterator[Row]:
+    errors = tried(surroundings, model, 60 if request.quick else 600, request.seed)
     place, force = _rms(errors)
     yield _named("trial", model) | {"causes": name, "noise_mm": place, "noise_n": force}
 
 
-def _running_rows(around: Surroundings, request: Request) -> Iterator[Row]:
+def _running_rows(surroundings: Surroundings, request: Request) -> Iterator[Row]:
     seconds = QUICK_BESIDE_S if request.quick else BESIDE_S
-    models = replace(SHIPPED, neighbours=(around.others[0].name,)), SHIPPED
+    models = replace(SHIPPED, neighbours=(surroundings.others[0].name,)), SHIPPED
     rows = [_named("running", model) | {"causes": name} for name, model in zip(TRIED, models, strict=True)]
     try:
-        found = tried_beside(around, seconds, request.seed)
+        found = tried_beside(surroundings, seconds, request.seed)
     except (ModelError, BaselineError) as error:
         say(f"the pads were not run: {error}")
         yield from rows

@@ -24,28 +24,30 @@ TURNING_DEG_PER_S = 20.0  # the robot's turn, if the ambient field drifts
 LIGHTEST_SHARE = 0.15  # of full scale; under lighter presses the place is very uncertain
 
 
-def tried(around: Surroundings, model: Model, frames: int, seed: int) -> Array:
+def tried(surroundings: Surroundings, model: Model, frames: int, seed: int) -> Array:
     """(K, 3) errors of x, y in mm and force in N, of up to `frames` presses within 8 mm, from light to full scale.
 
     Since the baseline the magnet has aged, in a constant scene, or the ambient field has turned, in a drifting one.
     Neighbours are at rest; `tried_beside` shows their effect on a running pad.
     """
-    random, pad = np.random.default_rng(seed), around.config.pad()
+    random, pad = np.random.default_rng(seed), surroundings.config.pad()
     modelled = replace(pad, magnet=replace(pad.magnet, as_cylinder=model.cylinder))
     rest_field = magnet_fields(pad, np.zeros((1, 3)), pad.rest_axis[None])[0]
-    solver = FrameSolver(modelled, rest_field, "constant" if model.unknowns == 6 else "drifting", around.noise_t)
-    press = presses_within(around.response, frames, random, beyond=1.0)
-    press = press[press[:, 2] >= LIGHTEST_SHARE * around.response.scale_n]
+    solver = FrameSolver(modelled, rest_field, "constant" if model.unknowns == 6 else "drifting", surroundings.noise_t)
+    press = presses_within(surroundings.response, frames, random, beyond=1.0)
+    press = press[press[:, 2] >= LIGHTEST_SHARE * surroundings.response.scale_n]
     press = press[np.abs(press[:, :2]).max(axis=1) <= 8.0]
-    field = _fields(pad, solver, around, press)
-    if around.drifts:
+    field = _fields(pad, solver, surroundings, press)
+    if surroundings.drifts:
         ambient = np.repeat(random.normal(0.0, AMBIENT_CHANGE_T, (len(press), 1, 3)), len(pad.sensors), axis=1)
         field += pad.sensors.to_sensor(ambient)
     # The baseline subtracted the part of the unloaded field that the model does not explain.
     unexplained = rest_field - _modelled_rest_field(modelled, rest_field)
-    field += random.normal(0.0, around.noise_t, field.shape) - unexplained
+    field += random.normal(0.0, surroundings.noise_t, field.shape) - unexplained
     press, tracked = _solved(solver, press, field)
-    found = invert(around.response, tracked.pose[:, :CHANGE] - solver.rest_pose[:CHANGE], tracked.covariance, across=3)
+    found = invert(
+        surroundings.response, tracked.pose[:, :CHANGE] - solver.rest_pose[:CHANGE], tracked.covariance, across=3
+    )
     errors: Array = found[:, :3] - press[:, :3]
     return errors
 
@@ -59,17 +61,17 @@ class Beside(NamedTuple):
     answered: float
 
 
-def tried_beside(around: Surroundings, seconds: float, seed: int) -> tuple[Beside, Beside]:
+def tried_beside(surroundings: Surroundings, seconds: float, seed: int) -> tuple[Beside, Beside]:
     """Runs the whole pipeline on two simulated pads, this one and the nearest other, each pressed by its own finger:
     once with knowledge of the other's magnet (told), and once without.
 
     ModelError if a config's model is not for its pad, BaselineError if the pads are too near for a baseline.
     """
-    here, there = around.config, around.others[0]
+    here, there = surroundings.config, surroundings.others[0]
     pads = _simulated(here, there, seed), _simulated(there, here, seed + 1000)
     outcomes = [pressed_pair(pads, told, seconds) for told in (True, False)]
     answers = np.array([outcome.answers for outcome in outcomes])
-    pressing = answers[0, :, 3] >= LIGHTEST_SHARE * around.response.scale_n
+    pressing = answers[0, :, 3] >= LIGHTEST_SHARE * surroundings.response.scale_n
     answers = answers[:, pressing, :3]
     answered = np.isfinite(answers).all(axis=2)
     told, untold = (
@@ -107,9 +109,9 @@ def _modelled_rest_field(pad: Pad, rest_field: Array) -> Array:
     return pad.sensors.to_sensor(field)
 
 
-def _fields(pad: Pad, solver: FrameSolver, around: Surroundings, press: Array) -> Array:
-    change = around.response.change(press)
+def _fields(pad: Pad, solver: FrameSolver, surroundings: Surroundings, press: Array) -> Array:
+    change = surroundings.response.change(press)
     pose = upright(np.column_stack([solver.rest_pose[:CHANGE] + change, np.zeros(len(press))]))
-    aged = 1.0 if around.drifts else 1.0 + around.moment_deviation
+    aged = 1.0 if surroundings.drifts else 1.0 + surroundings.moment_deviation
     magnet = pad.magnet.with_remanence(pad.magnet.remanence_t * aged)
     return magnet_fields(pad, pose[:, :3] * 1e-3 - pad.rest_position_m, pose[:, 3:], magnet)

@@ -3,7 +3,7 @@
 Every other frame, and every frame where there is no compiler, is judged by the stages in Python.
 """
 
-from fmfts.pipeline.fast.path import HealthyPath, Judged, Kind, Lane, Passed
+from fmfts.pipeline.fast.path import FastPath, Judged, Kind, Lane, Passed
 from fmfts.pipeline.fast.template import Template
 
-__all__ = ["HealthyPath", "Judged", "Kind", "Lane", "Passed", "Template"]
+__all__ = ["FastPath", "Judged", "Kind", "Lane", "Passed", "Template"]

@@ -39,24 +39,24 @@ static void tell_pose(const fmfts_message_parameters *parameters, const double *
 }
 
 /* quiet_force_sd_n of contact_message.py */
-static double quiet_force_sd_n(double force_sd_n, double unfelt_n)
+static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
 {
-    double evenly = unfelt_n / sqrt(3.0);
+    double evenly = detection_limit_n / sqrt(3.0);
     return sqrt(force_sd_n * force_sd_n + evenly * evenly);
 }
 
 static fmfts_kind tell_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching,
                                fmfts_numbers *n)
 {
-    double unfelt_n = parameters->unfelt_n[0];
+    double detection_limit_n = parameters->detection_limit_n[0];
     n->x_m[0] = estimate->place[0];
     n->x_sd_m[0] = estimate->deviation[0];
     n->y_m[0] = estimate->place[1];
     n->y_sd_m[0] = estimate->deviation[1];
     n->force_n[0] = fmax(estimate->place[2], 0.0);
     n->force_min_n[0] = estimate->force_min_n;
-    n->force_sd_n[0] = touching ? quiet_force_sd_n(estimate->deviation[2], estimate->doubt * unfelt_n)
-                                : quiet_force_sd_n(estimate->central_force_sd_n, unfelt_n);
+    n->force_sd_n[0] = touching ? quiet_force_sd_n(estimate->deviation[2], estimate->doubt * detection_limit_n)
+                                : quiet_force_sd_n(estimate->central_force_sd_n, detection_limit_n);
     return !touching ? FMFTS_QUIET : estimate->over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }
 
@@ -85,7 +85,7 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     if (!has_all_readings(&parameters->pose, readings_bytes) ||
         !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
         !fmfts_track(&parameters->pose, &next->pose, &field, frame->temperature_c, &pose) ||
-        !fmfts_watch(&parameters->pose, &next->pose, &field)) {
+        !fmfts_judge_residuals(&parameters->pose, &next->pose, &field)) {
         return FMFTS_NO_NUMBER;
     }
     const double *state = next->pose.state;

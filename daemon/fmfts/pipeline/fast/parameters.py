@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
-from fmfts.common.double_table import Named
+from fmfts.common.double_table import DoubleTable
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.model import (
     CERTAIN_DEVIATIONS,
@@ -31,7 +31,9 @@ from fmfts.sensor.chips import Chip
 Array = NDArray[np.float64]
 
 
-def put_sensors(parameters: Named, mounting: Mounting, mounted: Pad, repeats_allowed: Array, stopped_us: float) -> None:
+def put_sensors(
+    parameters: DoubleTable, mounting: Mounting, mounted: Pad, repeats_allowed: Array, stopped_us: float
+) -> None:
     """mounted: the pad with its sensors where the baseline found them."""
     parameters.put("sensors", len(mounted.sensors))
     _put_chip(parameters, mounted.chip)
@@ -51,7 +53,7 @@ def put_sensors(parameters: Named, mounting: Mounting, mounted: Pad, repeats_all
     parameters.put("octupole_m2", mounted.magnet.modelled_octupole_m2)
 
 
-def _put_chip(parameters: Named, chip: Chip) -> None:
+def _put_chip(parameters: DoubleTable, chip: Chip) -> None:
     thermometer = chip.thermometer
     parameters.put("saturated_count", chip.saturated_count)
     parameters.put("step_t", chip.step_t)
@@ -59,7 +61,9 @@ def _put_chip(parameters: Named, chip: Chip) -> None:
     parameters.put("c_per_count", np.nan if thermometer is None else thermometer.c_per_count)
 
 
-def put_tracking(parameters: Named, mounting: Mounting, model: TrackingModel, rest_temperature_c: float | None) -> None:
+def put_tracking(
+    parameters: DoubleTable, mounting: Mounting, model: TrackingModel, rest_temperature_c: float | None
+) -> None:
     free = int((model.parts == Part.FREE).sum())
     estimated = int(np.isin(model.parts, (Part.FREE, Part.PRIOR)).sum())
     values = mounting.gain.size
@@ -89,15 +93,15 @@ def put_tracking(parameters: Named, mounting: Mounting, model: TrackingModel, re
 
 
 def put_contact(
-    parameters: Named,
+    parameters: DoubleTable,
     mounting: Mounting,
     drawing: Pad,
     change_error: Array,
     touch: TouchDetector,
     model: ContactModel,
-    unfelt_n: float,
+    detection_limit_n: float,
 ) -> None:
-    """change_error (5, 5, M): see Leftover.change_error. unfelt_n: see ContactModel.unfelt_n."""
+    """change_error (5, 5, M): see Leftover.change_error. detection_limit_n: see ContactModel.detection_limit_n."""
     parameters.put("leftovers", change_error.shape[-1])
     parameters.put("change_error", change_error)
     parameters.put("onset_chi2", touch.onset_chi2)
@@ -118,7 +122,7 @@ def put_contact(
     parameters.put("lifted_above_mm", model.trained_top_mm + HYSTERESIS_MM)
     parameters.put("lifted_deviations", LIFTED_DEVIATIONS)
     parameters.put("force_max_n", model.facts.envelope.force_max_n)
-    parameters.put("unfelt_n", unfelt_n)
+    parameters.put("detection_limit_n", detection_limit_n)
     parameters.put("edges_m", model.edges_m)
     parameters.put("spread_m", model.spread_m)
     parameters.put("force_bins", model.own_deviation.shape[0])
@@ -130,7 +134,7 @@ def put_contact(
     parameters.put("slipping_n", model.slipping_n)
 
 
-def put_message(parameters: Named, mounting: Mounting, remanence_t: float) -> None:
+def put_message(parameters: DoubleTable, mounting: Mounting, remanence_t: float) -> None:
     """remanence_t: of the drawing's magnet."""
     parameters.put("rest_variance", np.diagonal(mounting.rest_covariance))
     parameters.put("remanence_t", remanence_t)

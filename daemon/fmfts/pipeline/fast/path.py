@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.baseline import Mounting
-from fmfts.common.double_table import Named
+from fmfts.common.double_table import DoubleTable
 from fmfts.common.memory import hand_over, resume
 from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
@@ -87,16 +87,16 @@ class Lane:
         return None if passed is None else Passed(*passed)
 
 
-class HealthyPath:
+class FastPath:
     """Judges frames as `Estimator.read` does, as long as nothing is wrong. Either of the two holds the pad's memory:
 
     `take` it after a healthy frame in Python, `give` it back before the next frame that is judged there.
     """
 
-    def __init__(self, parameters: Named, model: ContactModel) -> None:
+    def __init__(self, parameters: DoubleTable, model: ContactModel) -> None:
         assert isinstance(model.inference, CompiledInference)
         response = None if model.refiner is None else model.refiner.packed
-        self._memory = Named(_fast.MEMORY)
+        self._memory = DoubleTable(_fast.MEMORY)
         self._outcome = np.zeros(_fast.OUTCOME_BYTES // 8).data
         self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
         self._lane: Lane | None = None
@@ -113,17 +113,17 @@ class HealthyPath:
         change_error: Array,
         repeats_allowed: Array,
         stopped_us: float,
-        unfelt_n: float,
+        detection_limit_n: float,
     ) -> Self | None:
         """None where nothing compiled is there, or the contact model is not of the compiled network, tells shear or
         smooths, or has larger error tables than there is room for."""
         if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
             return None
-        parameters = Named(_fast.PARAMETERS)
+        parameters = DoubleTable(_fast.PARAMETERS)
         try:
             put_sensors(parameters, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
             put_tracking(parameters, mounting, tracking, rest_temperature_c)
-            put_contact(parameters, mounting, drawing, change_error, touch, model, unfelt_n)
+            put_contact(parameters, mounting, drawing, change_error, touch, model, detection_limit_n)
             put_message(parameters, mounting, drawing.magnet.remanence_t)
         except ValueError:
             return None

@@ -7,7 +7,7 @@
 
 /* contact_message.py */
 #define FMFTS_MESSAGE_PARAMETERS(X)                                                                                    \
-    X(unfelt_n, 1)                                                                                                     \
+    X(detection_limit_n, 1)                                                                                                     \
     X(rest_variance, 6)         /* contact_message.py */                                                               \
     X(remanence_t, 1)                                                                                                  \
     X(ambient_t, 3)             /* NaN: not measured */                                                                \

@@ -13,7 +13,7 @@ from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.field_errors import SensorErrors, change_since
 from fmfts.pose.foreign_field import FOREIGN_DEVIATION
-from fmfts.pose.innovation import Finding, Innovations, ResidualMemory
+from fmfts.pose.innovation import Finding, MeanResiduals, MeanResidualsMemory
 from fmfts.pose.model import predict
 from fmfts.pose.problem import Part, Parts, magnet_rows, measurement_rows
 from fmfts.pose.solver import PoseEstimate
@@ -27,15 +27,15 @@ FEWEST_SENSORS = 3
 
 
 @dataclass(slots=True)
-class WatchMemory:
+class ResidualMonitorMemory:
     """finding: what is wrong, None while nothing is. heard: sensors that single frames blamed since."""
 
-    residuals: ResidualMemory
+    residuals: MeanResidualsMemory
     finding: Finding | None = None
     heard: set[int] = field(default_factory=set)
 
 
-class Watch:
+class ResidualMonitor:
     """One pad's mean residuals. blamed: the sensor that is to be left out, None where there is none."""
 
     def __init__(self, pad: Pad, rest: State, parts: Parts, errors: SensorErrors) -> None:
@@ -48,8 +48,8 @@ class Watch:
         self._unknown = np.isin(parts, (Part.FREE, Part.PRIOR))
         # The parts that no unknown of the scene follows, and a field from elsewhere has.
         self._foreign = np.flatnonzero((parts == Part.FIXED) & (FOREIGN_DEVIATION > 0.0))
-        self._innovations = Innovations(errors.noise_t)
-        self.memory = WatchMemory(self._innovations.memory)
+        self._innovations = MeanResiduals(errors.noise_t)
+        self.memory = ResidualMonitorMemory(self._innovations.memory)
         self._ambient_is_known = bool(parts[AMBIENT.start] == Part.FIXED)
 
     @property
@@ -65,7 +65,7 @@ class Watch:
     def _clearly_heard(self) -> bool:
         return len(self.memory.heard) == 1
 
-    def recall(self, memory: WatchMemory) -> None:
+    def recall(self, memory: ResidualMonitorMemory) -> None:
         self.memory, self._innovations.memory = memory, memory.residuals
 
     def resumed(self, was_sound: bool) -> None:

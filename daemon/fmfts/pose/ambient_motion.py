@@ -29,7 +29,7 @@ WELL_FRAMES = 220
 
 
 @dataclass(slots=True)
-class ConstancyMemory:
+class AmbientMotionMemory:
     """lowest_t, highest_t (3,): of the ambient field over the last LOOKS looks, of which `explained` says whether a
     changed ambient field explained them. moved_t: by how much it was found to move, 0 while it was not."""
 
@@ -42,13 +42,13 @@ class ConstancyMemory:
     logged: bool = False
 
 
-class Constancy:
+class AmbientMotionDetector:
     """Of one pad whose model holds the ambient field fixed."""
 
     def __init__(self, pad: Pad, rest: State) -> None:
         self._pad = pad
         self._rest = rest
-        self.memory = ConstancyMemory(np.full(3, np.inf), np.full(3, -np.inf))
+        self.memory = AmbientMotionMemory(np.full(3, np.inf), np.full(3, -np.inf))
 
     def _forget(self) -> None:
         memory = self.memory
