@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "../../firmware/core/conversion.h"
+#include "../../firmware/core/hmc5983.h"
 #include "harness.h"
 
 enum { CONVERSIONS = 5000, POLL_US = 150 };
