@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "solver.h"
+#include "problem.h"
 
 /* One column more than the largest step, for the right-hand side, and even: rows start where vectors may. */
 #define FMFTS_STRIDE (FMFTS_MAX_COLUMNS + 2)

@@ -6,53 +6,7 @@
 #ifndef FMFTS_SOLVER_H
 #define FMFTS_SOLVER_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-/* A state as values: position 3, axis 3, log moment, ambient 3, gradient 5; then 7 for each neighbour.
- * A step as columns: position 3, tilt 2, log moment, ambient 3, gradient 5; then 6 for each neighbour. */
-#ifndef FMFTS_MAX_MAGNETS
-#define FMFTS_MAX_MAGNETS 4
-#endif
-#define FMFTS_VALUES(magnets) (8 + 7 * (magnets))
-#define FMFTS_COLUMNS(magnets) (8 + 6 * (magnets))
-#define FMFTS_MAX_COLUMNS FMFTS_COLUMNS(FMFTS_MAX_MAGNETS)
-
-/* A measurement: place 3, direction 3, value, noise, proportional deviation, age. A magnet: strength, octupole. */
-#define FMFTS_MEASUREMENT 10
-#define FMFTS_MAGNET 2
-/* Doubles of work space for so many rows. */
-#define FMFTS_WORK(rows) (9 * (rows))
-
-enum { FMFTS_FIXED, FMFTS_FREE, FMFTS_CONSIDERED, FMFTS_PRIOR };
-typedef enum { FMFTS_CONVERGED, FMFTS_AT_LIMIT, FMFTS_UNOBSERVABLE, FMFTS_INVALID } fmfts_status;
-
-typedef struct {
-    const double *measurements; /* rows × FMFTS_MEASUREMENT */
-    size_t rows;
-    const double *magnets; /* magnet_count × FMFTS_MAGNET */
-    size_t magnet_count;
-    const uint8_t *parts;           /* columns */
-    const double *start;            /* values */
-    const double *prior_mean;       /* values, or NULL */
-    const double *prior_covariance; /* columns × columns, or NULL */
-    const double *rate;             /* columns, or NULL */
-    const double *diffusion;        /* columns, or NULL */
-    double stop_chi2;
-    int max_iterations;
-    bool project; /* find axis, moment and ambient from the position: a cold start */
-} fmfts_problem;
-
-/* NaN where there is no estimate. */
-typedef struct {
-    fmfts_status status;
-    double chi2;
-    double residual_t;
-    int iterations;
-    size_t rows;
-    size_t unknowns;
-} fmfts_summary;
+#include "problem.h"
 
 /* state: values. covariance: columns × columns. direction: columns. work: FMFTS_WORK(rows) doubles. */
 fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *state, double *covariance,

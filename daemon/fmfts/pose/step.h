@@ -12,7 +12,7 @@
 
 #include "../common/double_table.h"
 #include "../sensor/reading.h"
-#include "solver.h"
+#include "problem.h"
 
 enum {
     FMFTS_SENSORS = FMFTS_WIRE_SENSORS,

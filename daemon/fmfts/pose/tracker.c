@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "model.h"
+#include "solver.h"
 #include "step.h"
 
 /* What since_good_s is in tracker.py: healthy frames follow each other. */
