@@ -99,7 +99,7 @@ def test_what_is_no_recording_is_refused_or_empty(tmp_path: Path, content: bytes
 
 def test_file_of_another_kind_is_no_recording(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text("[bus]\nendpoint = 'ipc:///tmp/a'\n")
-    with pytest.raises(RecordingError, match=r"a\.toml is no recording: it does not begin as an MCAP file does$"):
+    with pytest.raises(RecordingError, match=r"a\.toml is not a recording: it does not begin as an MCAP file does$"):
         list(read(tmp_path / "a.toml"))
 
 

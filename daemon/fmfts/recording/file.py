@@ -147,7 +147,7 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
     except InvalidMagic as error:
-        raise RecordingError(f"{path} is no recording: it does not begin as an MCAP file does") from error
+        raise RecordingError(f"{path} is not a recording: it does not begin as an MCAP file does") from error
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
         raise RecordingError(f"{path} is not a recording, or damaged after byte {end}: {_text_of(error)}") from error
 
