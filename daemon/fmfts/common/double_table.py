@@ -17,14 +17,12 @@ class DoubleTable:
     def __init__(self, layout: Mapping[str, int]) -> None:
         self.values = np.zeros(sum(layout.values()))
         self.buffer = self.values.data
+        self.names = frozenset(layout)
         self._part: dict[str, Array] = {}
         first = 0
         for name, count in layout.items():
             self._part[name] = self.values[first : first + count]
             first += count
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._part
 
     def __getitem__(self, name: str) -> Array:
         return self._part[name]
@@ -35,6 +33,9 @@ class DoubleTable:
 
     def put(self, name: str, value: Numbers) -> None:
         """Writes `value` to the start of a part; raises ValueError where the part is too short."""
+        if isinstance(value, float | int):
+            self._part[name][0] = value
+            return
         flat = np.ravel(np.asarray(value, dtype=np.float64))
         if len(flat) > len(self._part[name]):
             raise ValueError(f"{name}: {len(flat)} values, room for {len(self._part[name])}")

@@ -5,8 +5,8 @@ The same declaration serves the hand-over to C, by the names of its fields, and 
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
-from typing import Any, Protocol, Self, TypeVar, runtime_checkable
+from dataclasses import fields
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,42 +15,50 @@ from numpy.typing import NDArray
 from fmfts.common.double_table import DoubleTable
 
 Memory = TypeVar("Memory")
-
-
-@runtime_checkable
-class AsVector(Protocol):
-    """What the C table holds as one vector."""
-
-    def vector(self) -> NDArray[np.float64]: ...
-
-    @classmethod
-    def from_vector(cls, values: NDArray[np.float64]) -> Self: ...
+_known: dict[tuple[type[Any], frozenset[str]], tuple[list[str], list[str]]] = {}  # what _fields_of found
 
 
 def hand_over(memory: Any, table: DoubleTable) -> None:
     """Write every field that the table has, and those of the memories within."""
-    for each in fields(memory):
-        value = getattr(memory, each.name)
-        if each.name in table:
-            table.put(each.name, value.vector() if isinstance(value, AsVector) else value)
-        elif is_dataclass(value):
+    shared, others = _fields_of(type(memory), table.names)
+    for name in shared:
+        value = getattr(memory, name)
+        table.put(name, value.vector() if hasattr(value, "vector") else value)
+    for name in others:
+        value = getattr(memory, name)
+        if _is_memory(value):
             hand_over(value, table)
 
 
 def resume(memory: Any, table: DoubleTable) -> None:
     """Take back what `hand_over` wrote and C went on with, each field in the type that it had."""
-    for each in fields(memory):
-        value = getattr(memory, each.name)
-        if each.name in table:
-            setattr(memory, each.name, _like(value, table[each.name]))
-        elif is_dataclass(value) and not isinstance(value, AsVector):
+    shared, others = _fields_of(type(memory), table.names)
+    for name in shared:
+        setattr(memory, name, _like(getattr(memory, name), table[name]))
+    for name in others:
+        value = getattr(memory, name)
+        if _is_memory(value):
             resume(value, table)
+
+
+def _fields_of(kind: type[Any], names: frozenset[str]) -> tuple[list[str], list[str]]:
+    """Of a memory: those that a table of these names has, and the others."""
+    if (kind, names) not in _known:
+        own = [each.name for each in fields(kind)]
+        _known[kind, names] = [name for name in own if name in names], [name for name in own if name not in names]
+    return _known[kind, names]
+
+
+def _is_memory(value: object) -> bool:
+    """A frozen dataclass is a value, which may be there or not."""
+    parameters = getattr(value, "__dataclass_params__", None)
+    return parameters is not None and not parameters.frozen
 
 
 def _like(value: Any, numbers: NDArray[np.float64]) -> Any:
     if isinstance(value, np.ndarray):
         return numbers[: value.size].reshape(value.shape).astype(value.dtype)
-    if isinstance(value, AsVector):
+    if hasattr(value, "vector"):  # as State has
         return type(value).from_vector(numbers.copy())
     return type(value)(numbers[0])
 
@@ -79,11 +87,6 @@ def require_alike(memory: Any, other: Any, where: str = "") -> None:
         for each in fields(memory):
             name = f"{where}.{each.name}".lstrip(".")
             require_alike(getattr(memory, each.name), getattr(other, each.name), name)
-
-
-def _is_memory(value: Any) -> bool:
-    """A frozen dataclass is a value, which may be there or not."""
-    return is_dataclass(value) and not value.__dataclass_params__.frozen  # type: ignore[union-attr]
 
 
 def _encoded(value: Any) -> Any:
