@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.chips import CHIPS
@@ -66,7 +67,7 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.recording.source import Replayed
 
             return Replayed(by_index)
-        case _:
+        case SimulatedSource():
             from fmfts.simulation.source import Simulated
 
             return Simulated(first, neighbours_of(first, pads))
@@ -76,17 +77,7 @@ def on_board(pad: PadConfig) -> PadOnBoard:
     """What the bridge's driver needs from the configuration."""
     source = pad.source
     assert isinstance(source, BridgeSource)
-    return PadOnBoard(
-        name=pad.name,
-        sensors=len(pad.geometry.sensors_mm),
-        chip=CHIPS[source.chip],
-        rate_hz=source.rate_hz,
-        range_gauss=source.range_gauss,
-        trigger=source.trigger,
-        port=source.port,
-        baud=source.baud,
-        uid=source.uid,
-    )
+    return PadOnBoard(**_chips_of(pad), port=source.port, baud=source.baud, uid=source.uid)
 
 
 def on_i2c(pad: PadConfig) -> PadOnI2c:
@@ -94,17 +85,25 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
     source = pad.source
     assert isinstance(source, I2cSource)
     return PadOnI2c(
-        name=pad.name,
-        sensors=len(pad.geometry.sensors_mm),
-        chip=CHIPS[source.chip],
-        rate_hz=source.rate_hz,
-        range_gauss=source.range_gauss,
-        trigger=source.trigger,
+        **_chips_of(pad),
         bus=source.bus,
         clock_hz=source.clock_hz,
         mux_address=source.mux_address,
         channels=source.channels,
     )
+
+
+def _chips_of(pad: PadConfig) -> dict[str, Any]:
+    """A pad's part of `WiredPad`."""
+    source = pad.source
+    return {
+        "name": pad.name,
+        "sensors": len(pad.geometry.sensors_mm),
+        "chip": CHIPS[source.chip],
+        "rate_hz": source.rate_hz,
+        "range_gauss": source.range_gauss,
+        "trigger": source.trigger,
+    }
 
 
 def _by_index(members: list[PadConfig]) -> dict[int, PadConfig]:

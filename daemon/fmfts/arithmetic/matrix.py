@@ -8,7 +8,7 @@ IEEE 754 rounds the same everywhere. Matrices have up to about sixty rows; BLAS 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,27 +77,24 @@ def cholesky(matrix: Array) -> Array:
 
 def solve_lower(lower: Array, right: Array) -> Array:
     """L⁻¹ · `right`, for a lower triangle (n, n) and right (n,) or (n, columns); or (…, n, n) and (…, n, columns)."""
-    x: Array = np.array(right, dtype=np.float64, order="C")
-    if not x.size:
-        return x
-    if AVAILABLE:
-        _arithmetic.solve_lower(*_sizes(lower, x), np.ascontiguousarray(lower), x)
-    else:
-        for one, values in zip(_each(lower), _columns_of(lower, x), strict=True):
-            reference.solve_lower(one, values)
-    return x
+    return _solve(lower, right, "solve_lower")
 
 
 def solve_lower_transposed(lower: Array, right: Array) -> Array:
     """L⁻ᵀ · `right`; shapes as in `solve_lower`."""
+    return _solve(lower, right, "solve_lower_transposed")
+
+
+def _solve(lower: Array, right: Array, name: Literal["solve_lower", "solve_lower_transposed"]) -> Array:
+    """By the function of that name, of the compiled arithmetic or of the reference."""
     x: Array = np.array(right, dtype=np.float64, order="C")
     if not x.size:
         return x
     if AVAILABLE:
-        _arithmetic.solve_lower_transposed(*_sizes(lower, x), np.ascontiguousarray(lower), x)
+        getattr(_arithmetic, name)(*_sizes(lower, x), np.ascontiguousarray(lower), x)
     else:
         for one, values in zip(_each(lower), _columns_of(lower, x), strict=True):
-            reference.solve_lower_transposed(one, values)
+            getattr(reference, name)(one, values)
     return x
 
 
