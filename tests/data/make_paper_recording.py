@@ -7,6 +7,7 @@ over a pty, through the bridge, into the pipeline. Unlike the others, the file d
 from __future__ import annotations
 
 import select
+import shutil
 import sys
 import tempfile
 import time
@@ -22,14 +23,13 @@ from end_to_end.paper import readings
 from end_to_end.processes import FirmwareHost
 from fmfts import baseline as ambient
 from fmfts.config import BridgeSource, PadConfig
-from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingWriter
 from fmfts.runtime.channel import frame_message
-from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.bridge.bridge import Bridge
+from fmfts.sources import on_board
 
 FOLDER = Path(__file__).parent / "recordings"
 PAD, BOOT, RATE_HZ = "paper", "recorded", 220
@@ -52,9 +52,8 @@ def make(path: Path, port_folder: Path) -> None:
     with FirmwareHost(port_folder) as host:
         config = PadConfig(name=PAD, source=BridgeSource(port=str(host.port), rate_hz=RATE_HZ))
         drawing = config.pad()
-        tracking = tracking_model_for(config.scene, config.magnet).tracking
-        pipeline = PadPipeline(drawing, load_contact_model(config), BOOT, float(RATE_HZ), tracking)
-        bridge = Bridge({0: config})
+        pipeline = pipeline_of(config, load_contact_model(config), BOOT)
+        bridge = Bridge({0: on_board(config)})
         frames = frames_of(bridge)
         host.tell("noise 0 0")
         host.field(np.zeros((4, 3)))
@@ -87,9 +86,9 @@ def make(path: Path, port_folder: Path) -> None:
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     path = folder / "paper.mcap"
-    path.unlink(missing_ok=True)
-    with tempfile.TemporaryDirectory() as port_folder:
-        make(path, Path(port_folder))
+    with tempfile.TemporaryDirectory() as made:
+        make(Path(made) / path.name, Path(made))
+        shutil.copyfile(Path(made) / path.name, path)
     print(f"{path}: {path.stat().st_size} bytes")
 
 
