@@ -76,12 +76,12 @@ class Estimator:
             return None
         if not self._tracker.can_be_handed_over:
             return None
-        self._path.take(alignment.memory, self.memory)
+        self._path.take_over(alignment.memory, self.memory)
         return self._path
 
     def take_back(self, path: FastPath, alignment: Alignment) -> None:
         """Take the memory back from the compiled path."""
-        path.give(alignment.memory, self.memory)
+        path.give_back(alignment.memory, self.memory)
         self._tracker.resumed(path.was_sound)
         if self._ambient_motion is not None:
             self._ambient_motion.passed(path.passed)

@@ -1,4 +1,4 @@
-"""All that is known of a pad before its first frame, as the compiled path reads it: PARAMETERS in tables.h."""
+"""Fills the table of parameters that the fast path reads (PARAMETERS in tables.h), before the first frame."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 def put_sensors(
     parameters: DoubleTable, mounting: Mounting, mounted: Pad, repeats_allowed: Array, stopped_us: float
 ) -> None:
-    """mounted: the pad with its sensors where the baseline found them."""
+    """mounted: the pad as the baseline found it. repeats_allowed (N, 3). stopped_us: see `Alignment.stopped_us`."""
     parameters.put("sensors", len(mounted.sensors))
     _put_chip(parameters, mounted.chip)
     parameters.put("stopped_us", stopped_us)
@@ -135,7 +135,7 @@ def put_contact(
 
 
 def put_message(parameters: DoubleTable, mounting: Mounting, remanence_t: float) -> None:
-    """remanence_t: of the drawing's magnet."""
+    """remanence_t: that of the magnet as drawn, in tesla."""
     parameters.put("rest_variance", np.diagonal(mounting.rest_covariance))
     parameters.put("remanence_t", remanence_t)
     measured = mounting.ambient_t is not None and mounting.ambient_deviation_t is not None
