@@ -18,7 +18,7 @@ from fmfts.pipeline.fast import FastPath
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
-from fmfts.pose.tracker import TrackerMemory
+from fmfts.pose.track import TrackerMemory
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 # A finger never lifts the magnet. If the magnet stays lifted for this long, its baseline was recorded under load.

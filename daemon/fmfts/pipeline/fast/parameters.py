@@ -21,7 +21,7 @@ from fmfts.contact.model import (
 from fmfts.contact.refinement import STEPS
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
-from fmfts.pose import alignment, innovation, tracker
+from fmfts.pose import alignment, gate, innovation, tracker
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.state import SIZE
@@ -75,10 +75,10 @@ def put_tracking(
     parameters.put("rest", mounting.rest.vector())
     parameters.put("stop_chi2", tracker.STOP_TRACKING)
     parameters.put("max_iterations", MAX_ITERATIONS)
-    parameters.put("reach_m", tracker.REACH_M)
-    parameters.put("log_moment_reach", tracker.LOG_MOMENT_REACH)
-    parameters.put("vague_m", tracker.VAGUE_M)
-    parameters.put("gate_chi2", quantile(tracker.FALSE_ALARM, values - free))
+    parameters.put("reach_m", gate.REACH_M)
+    parameters.put("log_moment_reach", gate.LOG_MOMENT_REACH)
+    parameters.put("vague_m", gate.VAGUE_M)
+    parameters.put("gate_chi2", quantile(gate.FALSE_ALARM, values - free))
     parameters.put("freedom", values - free)
     parameters.put("misfit_frames", tracker.MISFIT_FRAMES)
     parameters.put("memory_frames", innovation.MEMORY_FRAMES)
