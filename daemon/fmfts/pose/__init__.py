@@ -1,4 +1,4 @@
-"""Field → pose: where the magnet is, how it points, how strong it is, and how sure that is."""
+"""Field → pose: where the magnet is, how it points, how strong it is, and how uncertain all that is."""
 
 from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
