@@ -10,9 +10,9 @@ from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
 from fmfts.common.double_table import DoubleTable
 from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact.estimate import CERTAIN_FORCE_DEVIATIONS
 from fmfts.contact.model import (
     CERTAIN_DEVIATIONS,
-    CERTAIN_FORCE_DEVIATIONS,
     HYSTERESIS_MM,
     LIFTED_DEVIATIONS,
     OUTSIDE_DEVIATIONS,
