@@ -1,11 +1,11 @@
-/* fmfts.contact._network: network.c for Python, through the stable ABI. Called by inference.py only. */
+/* fmfts.contact._network: network.c for Python, through the stable ABI. Only inference.py calls it. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
 #include "network.h"
 
-/* infer(vector, pose, contact, jacobian): all float32; ValueError where their sizes do not fit each other. */
+/* infer(vector, pose, contact, jacobian): all float32. ValueError if their sizes do not fit each other. */
 static PyObject *infer(PyObject *module, PyObject *args)
 {
     Py_buffer b[4] = {{0}};

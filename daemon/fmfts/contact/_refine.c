@@ -1,5 +1,4 @@
-/* fmfts.contact._refine: refine.c for Python, through the stable ABI. Called by refinement.py only, which makes the
- * arrays. */
+/* fmfts.contact._refine: refine.c for Python, through the stable ABI. Only refinement.py calls it, and makes the arrays. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
@@ -27,7 +26,7 @@ static int sizes_agree(const Py_buffer *buffer, const fmfts_response *response)
     return 1;
 }
 
-/* refine(response, change, covariance, steps, press, spread) → is the covariance one? response: see refine.h. */
+/* refine(response, change, covariance, steps, press, spread): as fmfts_refine. False if the covariance is not one. */
 static PyObject *refine(PyObject *module, PyObject *args)
 {
     int steps;
@@ -39,7 +38,7 @@ static PyObject *refine(PyObject *module, PyObject *args)
         return NULL;
     }
     if (!fmfts_view_response(b[RESPONSE].buf, (size_t)b[RESPONSE].len, &response)) {
-        PyErr_SetString(PyExc_ValueError, "a response of another size than can be refined with");
+        PyErr_SetString(PyExc_ValueError, "the response has another size than can be refined with");
     } else if (sizes_agree(b, &response)) {
         result = PyBool_FromLong(
             fmfts_refine(&response, b[CHANGE].buf, b[COVARIANCE].buf, steps, b[PRESS].buf, b[SPREAD].buf));

@@ -1,6 +1,6 @@
-"""Does the compiled network answer as onnxruntime does? Asked once, when a model is loaded.
+"""Compares the answers of our network with those of onnxruntime, once, when a model is loaded.
 
-onnxruntime answers in a process of its own, which ends with it: it would keep 30 MB in the daemon for nothing.
+onnxruntime runs in a process that then ends: inside the daemon it would keep 30 MB.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from fmfts.contact.inference import POSE, NetworkInference
 
 Poses = NDArray[np.float32]
 
-# Presses in between are drawn, each with all shares of its displacement: near rest the direction turns fast.
-DRAWN = 64
+# Random presses, each at several shares of its displacement: near rest the direction changes fast.
+RANDOM_POSES = 64
 SHARES = (1e-3, 1e-2, 0.1, 0.3, 1.0)
-# Both round to 2⁻²⁴ at each of some 150 additions in a row (two layers of 48, forwards and backwards), in different
-# orders. Of double precision either is up to 120 × 2⁻²⁴ of the largest answer away, for the model that ships; of each
-# other they are up to 500 × 2⁻²⁴, for the one that tells shear.
+# Both round to 2⁻²⁴ in some 150 additions in a row (two layers of 48, forwards and backwards), in different orders.
+# Either differs from double precision by up to 120 × 2⁻²⁴ of the largest answer (default model). They differ from each
+# other by up to 500 × 2⁻²⁴ (shear model).
 ROUNDING = 4000 * 2.0**-24
 LONGEST_S = 30.0
 
 
 class NotComparedError(Exception):
-    """onnxruntime gave no answer; the text says why."""
+    """onnxruntime gave no answers; the text says why."""
 
 
 def poses_of(facts: Facts) -> Poses:
-    """(K, 6): rest, the corners of the envelope, and what is in between."""
+    """Poses (K, 6) to compare at: rest, the corners of the envelope, and points between them."""
     rest, low, high = (np.array(each) for each in (facts.rest_pose, facts.envelope.pose_min, facts.envelope.pose_max))
     corner = np.array(np.meshgrid(*([0.0, 1.0],) * 5)).reshape(5, -1).T
-    drawn = np.random.default_rng(0).uniform(size=(DRAWN, 5))
-    reached = np.concatenate([corner, drawn])
+    random = np.random.default_rng(0).uniform(size=(RANDOM_POSES, 5))
+    reached = np.concatenate([corner, random])
     ends = np.column_stack([low[:5] + reached * (high - low)[:5], np.full(len(reached), rest[5])])
     between = [rest + share * (ends - rest) for share in SHARES]
     return np.concatenate([rest[None], *between]).astype(np.float32)
 
 
 def difference(compiled: NetworkInference, content: bytes, facts: Facts) -> str | None:
-    """What is different, None where nothing is but rounding. NotComparedError where nobody knows."""
+    """Describes the difference; None if it is only rounding. NotComparedError if onnxruntime gives no answers."""
     poses = poses_of(facts)
     wanted = answers_of_onnxruntime(content, poses, len(compiled.contact))
     found = answers(compiled, poses)
@@ -59,7 +59,7 @@ def difference(compiled: NetworkInference, content: bytes, facts: Facts) -> str 
 
 
 def answers(inference: NetworkInference, poses: Poses) -> NDArray[np.float64]:
-    """(K, outputs, 1 + 6): contact and Jacobian beside each other."""
+    """Answers (K, outputs, 1 + 6) of `inference`: the contact, then its Jacobian."""
     found = np.empty((len(poses), len(inference.contact), 1 + POSE))
     for pose, answer in zip(poses, found, strict=True):
         inference.pose[:] = pose
@@ -69,7 +69,7 @@ def answers(inference: NetworkInference, poses: Poses) -> NDArray[np.float64]:
 
 
 def answers_of_onnxruntime(content: bytes, poses: Poses, outputs: int) -> NDArray[np.float64]:
-    """The same, from a process of its own. NotComparedError where there is none."""
+    """Like answers(), but from onnxruntime in another process. NotComparedError if that fails."""
     command = [
         sys.executable,
         "-P",

@@ -1,7 +1,6 @@
-"""The contract between a calibration and the daemon: what an ONNX contact model must be, and must say of itself.
+"""The contract between a calibration and the daemon: what an ONNX contact model must contain.
 
-The facts stand as JSON under METADATA_KEY in the model's metadata, and may be followed by the pad's response under
-RESPONSE_KEY; `Facts` and `PackedResponse` are their schemas.
+Its metadata holds `Facts` as JSON under METADATA_KEY and, optionally, `PackedResponse` under RESPONSE_KEY.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ Table = tuple[tuple[Positive, ...], ...]
 
 
 class ModelError(Exception):
-    """A contact model cannot be used; the text names the file, what is wrong, and what to do."""
+    """A contact model cannot be used. The text names the file, what is wrong, and what to do."""
 
 
 class Envelope(Struct, frozen=True, forbid_unknown_fields=True):
-    """What the calibration covered: smallest and largest pose components (rest included), largest force, places."""
+    """The range of the calibration: smallest and largest pose components (rest included), largest force, places."""
 
     pose_min: Pose
     pose_max: Pose
@@ -46,7 +45,7 @@ class Envelope(Struct, frozen=True, forbid_unknown_fields=True):
 class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
     """Rms errors in bins of predicted force and radius.
 
-    Row i is for forces up to force_n[i], column j for radii up to radius_mm[j]; the last of each for all beyond.
+    Row i is for forces up to force_n[i], column j for radii up to radius_mm[j]. The last ones are for all beyond.
     """
 
     force_n: tuple[Positive, ...]
@@ -54,11 +53,11 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
     x_mm: Table
     y_mm: Table
     force_error_n: Table
-    shear_error_n: Table | None = None  # of either component
+    shear_error_n: Table | None = None  # of each shear component
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """One for each output."""
+        """The tables, one for each output."""
         shear = () if self.shear_error_n is None else (self.shear_error_n, self.shear_error_n)
         return (self.x_mm, self.y_mm, self.force_error_n, *shear)
 
@@ -71,11 +70,10 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """What a model says of itself.
 
-    own_error: what the noise that the Jacobian carries over does not tell of the errors. response_error: what the fit
-    that the network was trained on leaves open, by the presses left out of it; None in older models. friction_error:
-    what a newton of shear, which a model of three outputs does not know, does to noise-free answers on average over its
-    directions; None where the calibration set had no shear. scene and noise_ut: what it was trained for. data: SHA-256
-    of the calibration set.
+    own_error: errors besides those that the Jacobian carries over from the pose. response_error: errors of the response
+    that the network was trained on, measured with presses left out of its fit; None in older models. friction_error:
+    rms error of noise-free answers per newton of shear, over its directions, in a model of three outputs; None if the
+    calibration set had no shear. scene, noise_ut: what the model was trained for. data: SHA-256 of the calibration set.
     """
 
     contract: Literal[2]
@@ -105,15 +103,15 @@ class Facts(Struct, frozen=True, forbid_unknown_fields=True):
         if not len(own.tables) == len(fit.tables) == len(self.outputs):
             raise ValueError("its own error is not told for each of its outputs")
         if (own.force_n, own.radius_mm) != (fit.force_n, fit.radius_mm):
-            raise ValueError("its own error and its response's are told in other bins")
+            raise ValueError("its own error and its response's error have different bins")
         below = (low > rest + 1e-6 for low, rest in zip(self.envelope.pose_min, self.rest_pose, strict=True))
         above = (rest > high + 1e-6 for rest, high in zip(self.rest_pose, self.envelope.pose_max, strict=True))
         if any(below) or any(above):
-            raise ValueError("its envelope does not contain the rest pose: zero force must be part of a training set")
+            raise ValueError("its envelope does not contain the rest pose: a training set must contain zero force")
 
 
 def parse_facts(metadata: dict[str, str]) -> Facts:
-    """The facts in a model's metadata; ValueError says what is missing or wrong."""
+    """Read the facts in a model's metadata. ValueError says what is missing or wrong."""
     if METADATA_KEY not in metadata:
         raise ValueError(f"its metadata has no {METADATA_KEY!r}: it was not made for this daemon")
     try:
@@ -125,7 +123,7 @@ def parse_facts(metadata: dict[str, str]) -> Facts:
 
 
 class PackedResponse(Struct, frozen=True, forbid_unknown_fields=True):
-    """`Response`; coefficient: float32, little-endian, in C order of `shape`."""
+    """A `Response` as JSON. coefficient: float32, little-endian, in C order of `shape`."""
 
     first_mm: tuple[float, float]
     spacing_mm: tuple[Positive, Positive]
@@ -137,7 +135,7 @@ class PackedResponse(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def pack_response(response: Response) -> str:
-    """As it stands in a model's metadata."""
+    """Encode a response for a model's metadata."""
     packed = PackedResponse(
         tuple(response.first_mm.tolist()),
         tuple(response.spacing_mm.tolist()),
@@ -151,7 +149,7 @@ def pack_response(response: Response) -> str:
 
 
 def parse_response(metadata: dict[str, str]) -> Response | None:
-    """The pad's response in a model's metadata, None where it has none; ValueError says what is wrong with it."""
+    """Read the response in a model's metadata; None if it has none. ValueError says what is wrong with it."""
     if RESPONSE_KEY not in metadata:
         return None
     try:
@@ -162,9 +160,9 @@ def parse_response(metadata: dict[str, str]) -> Response | None:
     coefficient = np.frombuffer(packed.coefficient, dtype="<f4").astype(float)
     fits = exponent.ndim == 2 and exponent.shape[1] in (1, 3) and packed.shape[2:] == (len(exponent), CHANGE)
     if not fits or min(packed.shape[:2]) < 4 or coefficient.size != np.prod(packed.shape):
-        raise ValueError("its response has a table of another size than it says")
+        raise ValueError("its response has a table of another size than it states")
     if not np.isfinite(coefficient).all():
-        raise ValueError("its response holds what is no number")
+        raise ValueError("its response holds values that are not finite")
     return Response(
         np.array(packed.first_mm),
         np.array(packed.spacing_mm),

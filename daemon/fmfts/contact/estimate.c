@@ -1,4 +1,4 @@
-/* The contact model's answer with its covariance, and what follows from it: ContactModel._contact. */
+/* The contact model's answer and its variance: ContactModel.estimate. */
 #include <math.h>
 
 #include "step.h"
@@ -39,7 +39,7 @@ static bool too_hard(const fmfts_contact_parameters *parameters, const double *c
     return beyond > 0.0 && beyond * beyond > outside * outside * (variance - slipping * slipping);
 }
 
-/* The network's answer in its units, mm and N, and the variance that the pose's own makes of it. */
+/* The network's answer in mm and N, and its variance, carried over from the pose by the Jacobian. */
 static void answer_of(const fmfts_network *network, const fmfts_question *question, found *found)
 {
     float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
@@ -59,7 +59,7 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
     }
 }
 
-/* The most likely press instead, by the pad's response; false where there is none. */
+/* Replaces the answer by the most likely press of the pad's response. False if there is none. */
 static bool refine(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                    const fmfts_response *response, found *found)
 {
@@ -111,14 +111,14 @@ bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_questio
     return true;
 }
 
-/* Fieller's theorem: model.py. */
+/* doubt of estimate.py: Fieller's theorem */
 static double doubt(const fmfts_contact_parameters *parameters, double force_n, double variance)
 {
-    double least = parameters->certain_force_deviations[0] * parameters->certain_force_deviations[0] * variance;
-    return force_n > 0.0 && least < force_n * force_n ? least / (force_n * force_n) : 1.0;
+    double least_square = parameters->certain_force_deviations[0] * parameters->certain_force_deviations[0] * variance;
+    return force_n > 0.0 && least_square < force_n * force_n ? least_square / (force_n * force_n) : 1.0;
 }
 
-/* astray_share of model.py */
+/* astray_share of estimate.py */
 static double astray_share(double doubt)
 {
     return doubt * doubt * sqrt(doubt);
@@ -136,7 +136,7 @@ static double central_force_sd_n(const fmfts_contact_parameters *parameters, con
     return root_of_squares(sqrt(found[2]), parameters->own_deviation[CONTACT * bin_in_tables(parameters, contact, 0) + 2]);
 }
 
-/* The pose's share of the variance, and the model's own error; a place is on the pad anyway. */
+/* The variance in SI: the pose's, and the model's own error. That of a place is at most that of a place on the pad. */
 static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const double *found, double variance[CONTACT])
 {
     int bin = bin_in_tables(parameters, contact, radius_bin(parameters, contact));

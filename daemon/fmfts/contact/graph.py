@@ -1,6 +1,6 @@
-"""The graph that `calibrate` exports: tanh layers on features of a pose, the contact and its Jacobian.
+"""The graph that `calibrate` exports: from features of a pose, through tanh layers, to the contact and its Jacobian.
 
-Written down once: calibrate/export.py writes it as ONNX, recognition.py knows a file of it, network.c computes it.
+It is defined only here: calibrate/export.py writes it as ONNX, recognition.py recognises it, network.c computes it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fmfts.pad import Array
 
-SCALED = 5  # components of a displacement from rest that take part: the axis's last follows from the others
+SCALED = 5  # components of a displacement from rest; the axis's last one follows from the others
 FEATURES = 2 * SCALED
 INPUT, OUTPUTS = "pose", ("contact", "jacobian")
 CONCAT_AXIS = 1
@@ -80,7 +80,7 @@ NODES = tuple(Node.parse(line) for line in (FORWARD + BACKWARD).splitlines() if 
 def constants(
     rest_pose: Array, by_scale: Array, softening: float, weight: Sequence[Array], bias: Sequence[Array]
 ) -> dict[str, NDArray[np.float32]]:
-    """The graph's, from rest_pose (6,), by_scale (6, 5), and three layers' weight (inputs, units) and bias (units,)."""
+    """The graph's constants, from rest_pose (6,), by_scale (6, 5), and the weights and biases of three layers."""
     (w1, w2, w3), (b1, b2, b3) = weight, bias
     whole = {
         "rest": rest_pose[None], "by_scale": by_scale, "by_scale_t": by_scale.T,

@@ -1,4 +1,4 @@
-"""One pose in, the contact and its Jacobian out, through buffers that are made once."""
+"""Evaluates a contact model for one pose at a time, in buffers that are allocated once."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ except ImportError:  # no compiler was there when the package was built
     _network = None  # type: ignore[assignment]
 
 POSE = 6
-# FMFTS_SOLVER=numpy leaves everything compiled aside, for comparisons.
+# FMFTS_SOLVER=numpy turns off all compiled code, for comparisons.
 AVAILABLE = _network is not None and os.environ.get("FMFTS_SOLVER") != "numpy"
 LARGEST_HIDDEN = 256  # network.h; onnxruntime evaluates larger ones
 
 
 class Inference(ABC):
-    """Write `pose` (6,), `run`, read `contact` (m,) and `jacobian` (m, 6): float32, in the model's units.
+    """Write `pose` (6,), call run(), then read `contact` (m,) and `jacobian` (m, 6): float32, in the model's units.
 
-    by: what evaluates it, "compiled", "numpy" (its reference) or "onnxruntime".
+    by: what evaluates the model: "compiled", "numpy" (its reference) or "onnxruntime".
 
-    One pose at a time: onnxruntime rounds differently in a batch, by the row's place in it, and what a pad publishes
-    would depend on when other pads' frames happened to arrive. A recording could not be replayed bit by bit.
+    It takes no batches: in a batch, onnxruntime rounds each row differently. What a pad publishes would then depend on
+    when frames of other pads arrive, and a recording could not be replayed bit by bit.
     """
 
     by: str
@@ -40,7 +40,7 @@ class Inference(ABC):
 
 
 class NetworkInference(Inference):
-    """Of a graph that `calibrate` writes. network: its weights, see recognition.py; ValueError where it is none."""
+    """Evaluates a graph that `calibrate` writes. network: its weights, as `network_of` returns them."""
 
     def __init__(self, network: NDArray[np.float32]) -> None:
         super().__init__(outputs=int(network[1]))
@@ -48,7 +48,7 @@ class NetworkInference(Inference):
 
 
 class CompiledInference(NetworkInference):
-    """network.c."""
+    """Runs network.c."""
 
     by = "compiled"
 

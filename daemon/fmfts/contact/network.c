@@ -1,7 +1,7 @@
-/* Forward and backward pass of graph.py's FORWARD and BACKWARD. Inner loops run over the hidden units, whose sums are kept
- * apart in lanes: that is what a compiler can vectorise without changing the order of any sum. */
+/* Computes FORWARD and BACKWARD of graph.py. Inner loops run over the hidden units, and keep sums apart in lanes: a compiler
+ * can vectorise that without changing the order of any sum. */
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("tree-loop-vectorize") /* the solver beside it in _fast is faster without */
+#pragma GCC optimize("tree-loop-vectorize") /* only here: the solver, compiled into _fast as well, is faster without */
 #endif
 #include "network.h"
 
@@ -33,8 +33,8 @@ bool fmfts_view_network(const float *vector, size_t count, fmfts_network *networ
     return next == vector + count;
 }
 
-/* Lambert's continued fraction at a quarter of the value, and twice tanh 2x = 2 tanh x / (1 + tanh² x). Beyond 9 the nearest
- * float is ±1. A NaN stays one. */
+/* Lambert's continued fraction at value/4, then tanh 2x = 2 tanh x / (1 + tanh² x) twice. Beyond 9 the nearest float is ±1.
+ * NaN stays NaN. */
 static float tanh_of(float value)
 {
     float x = (value < -9.0f ? -9.0f : value > 9.0f ? 9.0f : value) * 0.25f, square = x * x;
@@ -78,7 +78,7 @@ static float dot(size_t count, const float *a, const float *b)
     return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
 }
 
-/* The scaled displacement from rest and its direction, softened near rest; its length. */
+/* feature: the scaled displacement from rest, and its direction, softened near rest. Returns its length. */
 static float features_of(const fmfts_network *network, const float *pose, float feature[FEATURES])
 {
     float square = 0.0f;
@@ -96,7 +96,7 @@ static float features_of(const fmfts_network *network, const float *pose, float 
     return length;
 }
 
-/* One output's derivatives by the pose, from those by the features. */
+/* Derivatives of one output by the pose, from those by the features. */
 static void chain(const fmfts_network *network, const float feature[FEATURES], float length,
                   const float by_feature[FEATURES], float by_pose[POSE])
 {

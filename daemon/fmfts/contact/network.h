@@ -1,7 +1,7 @@
-/* The contact network of graph.py, contact and Jacobian, without onnxruntime.
+/* Evaluates the contact network of graph.py, with its Jacobian, without onnxruntime.
  *
- * Single precision, as the graph has it, in an order of operations of its own, which is the same on every machine and for
- * every pose. Re-entrant: no allocation, no globals. Arrays are row-major.
+ * In single precision, as in the graph. The order of operations is the same on every machine and for every pose, but not
+ * that of onnxruntime. Re-entrant: no allocation, no globals. Arrays are row-major.
  */
 #ifndef FMFTS_NETWORK_H
 #define FMFTS_NETWORK_H
@@ -28,11 +28,10 @@ typedef struct {
     const float *w3, *b3;  /* [hidden][outputs] */
 } fmfts_network;
 
-/* The vector is hidden, outputs, softening, and the arrays in the order above. False where its sizes are none of such a
- * network. */
+/* vector: hidden, outputs, softening, then the arrays in the order above. False if its size does not fit. */
 bool fmfts_view_network(const float *vector, size_t count, fmfts_network *network);
 
-/* contact [outputs] and jacobian [outputs][pose] at pose [pose], all in the model's units. */
+/* Computes contact [outputs] and jacobian [outputs][pose] at pose [pose], in the model's units. */
 void fmfts_infer(const fmfts_network *network, const float *pose, float *contact, float *jacobian);
 
 #endif

@@ -1,4 +1,4 @@
-"""The contact network in NumPy: the reference of network.c, equal to the last bit (float32, one order of all sums)."""
+"""The contact network in NumPy: the reference of network.c, equal to the last bit (float32, the same order of sums)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HEAD = 3  # hidden units, outputs, softening
 
 
 class ReferenceInference(NetworkInference):
-    """network: see recognition.py."""
+    """Evaluates the network in NumPy. network: as `network_of` returns it."""
 
     by = "numpy"
 
@@ -54,7 +54,7 @@ class ReferenceInference(NetworkInference):
 
 
 def _affine(values: Vector, weight: Vector, bias: Vector) -> Vector:
-    """bias + values · weight, summed over `values` in their order."""
+    """bias + values · weight, summed in the order of `values`."""
     out = bias.copy()
     for value, row in zip(values, weight, strict=True):
         out += value * row
@@ -62,7 +62,7 @@ def _affine(values: Vector, weight: Vector, bias: Vector) -> Vector:
 
 
 def _dots(rows: Vector, vector: Vector) -> Vector:
-    """Of each row with `vector`, summed in LANES that are then added in pairs."""
+    """The dot product of each row with `vector`. It sums in LANES lanes, and then adds these in pairs."""
     product = rows * vector
     lanes = np.zeros((len(rows), LANES), np.float32)
     for first in range(0, len(vector), LANES):
@@ -74,7 +74,7 @@ def _dots(rows: Vector, vector: Vector) -> Vector:
 
 
 def _tanh(value: Vector) -> Vector:
-    """Lambert's continued fraction at a quarter of the value, and twice tanh 2x = 2 tanh x / (1 + tanh² x)."""
+    """tanh: Lambert's continued fraction at value/4, then tanh 2x = 2 tanh x / (1 + tanh² x) twice."""
     x = np.clip(value, np.float32(-9.0), np.float32(9.0)) * np.float32(0.25)
     c, square = [np.float32(each) for each in (135135, 17325, 378, 62370, 3150, 28, 1, 2)], x * x
     t = x * (c[0] + square * (c[1] + square * (c[2] + square)))

@@ -1,5 +1,5 @@
-"""What a serialised ONNX model says: onnxruntime tells neither versions nor weights, and the onnx package is no runtime
-dependency. Field numbers are those of onnx.proto."""
+"""Reads the versions, weights and nodes of an ONNX file. onnxruntime does not give them, and the onnx package is no
+runtime dependency. Field numbers are those of onnx.proto."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FLOAT, INT64 = 1, 7  # TensorProto.DataType
 ELEMENT: dict[int, np.dtype[Any]] = {FLOAT: np.dtype("<f4"), INT64: np.dtype("<i8")}
 DEFAULT_DOMAIN = ("", "ai.onnx")
 EXTERNAL = 'weights in other files ("external data") are not read: save it as one file'
-# What stands in a field of a message: every place of a model where a tensor can be.
+# By kind of message: the fields that may contain tensors, and what kind of message they hold.
 INSIDE = {
     "model": {7: "graph", 20: "training", 25: "function"},
     "training": {1: "graph", 2: "graph"},
@@ -33,7 +33,7 @@ DEEPEST = 8  # graphs within attributes of graphs
 
 
 class Port(NamedTuple):
-    """An input or output of a graph; shape: of each dimension its size, or its name where that is open."""
+    """An input or output of a graph. shape: the size of each dimension, or its name if the size is variable."""
 
     name: str
     element: int
@@ -41,7 +41,7 @@ class Port(NamedTuple):
 
 
 class Graph(NamedTuple):
-    """nodes: with a Concat's axis; None where one has other attributes, is of another domain, or has several outputs.
+    """nodes: each with its axis, if a Concat; None if a node has other attributes, several outputs or another domain.
     constants: those of float32 and int64."""
 
     nodes: tuple[tuple[Node, int | None], ...] | None
@@ -60,8 +60,8 @@ class OnnxFile(NamedTuple):
 
 
 def parse(content: bytes) -> OnnxFile:
-    """ValueError where it is no ONNX model, or has weights in other files: none but the one that the configuration
-    names is opened, and its hash is all of the model's."""
+    """ValueError if it is no ONNX model, or has weights in other files: these are not opened, because the hash of the
+    model's file must cover all of the model."""
     try:
         _require_whole("model", content)
         model = Message(content)
@@ -101,7 +101,7 @@ def _port(value: Message) -> Port:
 
 
 def _constant(tensor: Message) -> Constant | None:
-    """None where it is of another type, or not written as raw data, which this does not read."""
+    """The value of a tensor; None if it has another type or is not written as raw data."""
     element, shape, raw = ELEMENT.get(tensor.integer(2)), tensor.integers(1), tensor.part(9)
     if element is None or max(shape, default=0) > len(raw) or len(raw) != element.itemsize * math.prod(shape):
         return None
@@ -109,8 +109,9 @@ def _constant(tensor: Message) -> Constant | None:
 
 
 def _require_whole(kind: str, content: bytes, depth: int = 0) -> None:
+    """ValueError if a tensor anywhere in the message has its data in another file."""
     if depth > DEEPEST:
-        raise ValueError("its graphs are nested deeper than any contact model's")
+        raise ValueError("its graphs are nested deeper than those of any contact model")
     message = Message(content)
     if kind == "tensor" and (EXTERNAL_DATA in message or any(message.integers(DATA_LOCATION))):
         raise ValueError(EXTERNAL)

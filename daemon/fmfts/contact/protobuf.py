@@ -8,13 +8,13 @@ Value = int | bytes
 
 
 class MalformedError(ValueError):
-    """The bytes are no message."""
+    """The bytes are not a protobuf message."""
 
 
 class Message:
-    """A message, whatever its fields mean. MalformedError where `content` is none.
+    """The fields of a message, by number. MalformedError if `content` is not a message.
 
-    A field that is absent, or of another kind than is asked for, is empty or zero, as protobuf has it.
+    As in protobuf, a field that is absent or of another kind reads as empty or zero.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -45,7 +45,7 @@ class Message:
         return _text(self.part(number))
 
     def integers(self, number: int) -> list[int]:
-        """Repeated ones, packed or not; unsigned."""
+        """All integers in a repeated field, packed or not; unsigned."""
         integers: list[int] = []
         for value in self._values.get(number, []):
             if isinstance(value, int):
@@ -66,7 +66,7 @@ def _text(part: bytes) -> str:
     try:
         return part.decode()
     except UnicodeDecodeError:
-        raise MalformedError("a text in it is no UTF-8") from None
+        raise MalformedError("a text in it is not UTF-8") from None
 
 
 def _fields(content: bytes) -> Iterator[tuple[int, Value]]:
@@ -85,7 +85,7 @@ def _fields(content: bytes) -> Iterator[tuple[int, Value]]:
             case 5:
                 size = 4
             case kind:
-                raise MalformedError(f"a field is of kind {kind}, which there is none of")
+                raise MalformedError(f"a field is of the unknown kind {kind}")
         if position + size > len(content):
             raise MalformedError("it ends within a field")
         yield key >> 3, content[position : position + size]

@@ -1,4 +1,4 @@
-"""Is a model's graph the one of graph.py? Then the compiled network can do what onnxruntime would."""
+"""Recognises the graph of graph.py in a model: then our own network can evaluate it instead of onnxruntime."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLAN = tuple((node, CONCAT_AXIS if node.operation == "Concat" else None) for nod
 
 
 def network_of(graph: Graph) -> Vector | None:
-    """The network in `graph`, as network.h wants it; None where anything is not as `calibrate` writes it."""
+    """The weights in `graph`, as network.h describes them; None unless all is as `calibrate` writes it."""
     found = graph.constants
     shapes = _shapes(found)
     if shapes is None or graph.nodes != PLAN or not _has_ports(graph, outputs=shapes["b3"][0]):
@@ -38,7 +38,7 @@ def network_of(graph: Graph) -> Vector | None:
 
 
 def _shapes(found: dict[str, Constant]) -> dict[str, tuple[int, ...]] | None:
-    """Of what the others follow from; None where one is missing, of another type, or does not fit the others."""
+    """Shapes of the constants from which the others follow; None if one is missing or has a wrong type or shape."""
     if "w3" not in found or found["w3"].ndim != 2:
         return None
     hidden, outputs = found["w3"].shape
@@ -55,7 +55,7 @@ def _shapes(found: dict[str, Constant]) -> dict[str, tuple[int, ...]] | None:
 
 
 def _has_ports(graph: Graph, outputs: int) -> bool:
-    """Of float32, for any number of poses."""
+    """Whether inputs and outputs are those of graph.py: float32, for any number of poses."""
     wanted = {INPUT: (POSE,), OUTPUTS[0]: (outputs,), OUTPUTS[1]: (outputs, POSE)}
     ports = (*graph.inputs, *graph.outputs)
     return [port.name for port in ports] == list(wanted) and all(

@@ -5,8 +5,8 @@
 #include "../pose/algebra.h"
 
 static const double FIRST_DAMPING = 1e-3, DAMPING_FACTOR = 10.0;
-static const double FARTHEST_LOAD = 3.0; /* how many times the calibrated force a press is looked for */
-static const double UNKNOWN = 1e-6;      /* what nothing is known of is held down by a deviation of 1 m */
+static const double FARTHEST_LOAD = 3.0; /* presses are searched up to this multiple of the calibrated force */
+static const double UNKNOWN = 1e-6;      /* a prior deviation of 1 m: at rest, the place is unknown */
 
 typedef struct {
     double press[FMFTS_MAX_PRESS], residual[FMFTS_MOVED], slope[FMFTS_MOVED][FMFTS_MAX_PRESS], chi2;
@@ -50,7 +50,7 @@ bool fmfts_view_response(const void *content, size_t size, fmfts_response *respo
     return true;
 }
 
-/* Values and derivatives of the four cubic B-splines that cover a place; the first's index. */
+/* Values and derivatives of the four cubic B-splines that cover a place. Returns the index of the first. */
 static size_t stencil(const fmfts_response *response, int axis, double place_mm, double value[4], double slope[4])
 {
     double last = (double)response->knots[axis] - 1.0, spacing = response->spacing_mm[axis];
@@ -68,7 +68,7 @@ static size_t stencil(const fmfts_response *response, int axis, double place_mm,
     return cell;
 }
 
-/* Monomials of the load and their derivatives; powers of the normal force go on along their tangents. */
+/* Monomials of the load, and their derivatives. Above scale_n, powers of the normal force follow their tangents. */
 static void monomials(const fmfts_response *response, const double *load, double *value,
                       double slope[][FMFTS_MAX_LOADS])
 {
@@ -155,7 +155,7 @@ static void judge(const fmfts_response *response, const double *change, fmfts_ma
     }
 }
 
-/* What the change tells of the press, (2 + loads)², and the gradient. */
+/* normal: the information on the press, (2 + loads)². gradient: for Levenberg–Marquardt. */
 static void normal_equations(const point *at, fmfts_matrix information, size_t size, fmfts_matrix normal, double *gradient)
 {
     for (size_t i = 0; i < size; i++) {

@@ -1,5 +1,5 @@
-/* The press that most likely caused a change of pose, looked for in the table of a pad's response: fmfts.contact.response
- * is the same for many presses, and explains it. Plain C, no allocation, no globals. */
+/* Finds the press that most likely caused a change of pose, in the table of a pad's response. response.py does the same for
+ * many presses, and explains it. Plain C, no allocation, no globals. */
 #ifndef FMFTS_REFINE_H
 #define FMFTS_REFINE_H
 
@@ -24,16 +24,16 @@ typedef struct {
     const double *coefficient;
 } fmfts_response;
 
-/* A response in one piece: knots, monomials, loads, first_mm, spacing_mm, scale_n and the coefficients as doubles, then the
- * exponents as int32. False where it is none, or larger than can be refined with. */
+/* content: knots, monomials, loads, first_mm, spacing_mm, scale_n and the coefficients as doubles, then the exponents as
+ * int32. False if it is not a response, or larger than the limits above. */
 bool fmfts_view_response(const void *content, size_t size, fmfts_response *response);
 
-/* Change of pose under `press`, and its derivative by it. */
+/* The change of pose under `press`, and its derivative by the press. */
 void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                    double slope[FMFTS_MOVED][FMFTS_MAX_PRESS]);
 
-/* `steps` trials of Levenberg–Marquardt from `press`, which is replaced. covariance: of `change`, 5 × 5; spread: of the
- * press, (2 + loads)². False, and nothing is written, where the covariance is none. */
+/* Moves `press` by `steps` trials of Levenberg–Marquardt. covariance: of `change`, 5 × 5. spread: receives the covariance of
+ * the press, (2 + loads)². False, and nothing is written, if `covariance` is not positive definite. */
 bool fmfts_refine(const fmfts_response *response, const double change[FMFTS_MOVED], const double *covariance, int steps,
                   double *press, double *spread);
 

@@ -1,4 +1,4 @@
-"""[pad.contact] refine: the network's answer, moved to the most likely press of the pad's response table."""
+"""[pad.contact] refine: moves the network's answer to the most likely press, with the table of the pad's response."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_MONOMIALS = 16
 
 
 class Refiner:
-    """One pad's response, ready to be asked at every frame; by the kernel where there is one."""
+    """Refines answers with a pad's response, in C if it could be compiled. packed: the response as in refine.h."""
 
     def __init__(self, response: Response) -> None:
         self.response = response
@@ -24,23 +24,24 @@ class Refiner:
         sizes = np.array([size_x - 2, size_y - 2, monomials, response.loads])
         table = np.concatenate([sizes, response.first_mm, response.spacing_mm, [response.scale_n]])
         exponent = np.ascontiguousarray(response.exponent, dtype=np.int32)
-        # As refine.h reads it.
         self.packed = table.tobytes() + np.ascontiguousarray(response.coefficient).tobytes() + exponent.tobytes()
         self.compiled = _refine is not None and monomials <= MOST_MONOMIALS
 
     def refined(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array]:
-        """The press (2 + L,) in mm and N, and its covariance, from a press near it and a change of pose (5,) in mm and
-        numbers of the axis, whose covariance is (5, 5). ValueError where that is no covariance."""
+        """The most likely press (2 + L,) in mm and N, and its covariance. press (2 + L,): where to start.
+
+        change (5,): of pose, in mm and components of the axis; covariance (5, 5): ValueError if it is not one.
+        """
         if not self.compiled:
             return self.reference(press, change, covariance, steps)
         found, spread = np.array(press, dtype=float), np.empty((len(press), len(press)))
         change, covariance = np.ascontiguousarray(change, dtype=float), np.ascontiguousarray(covariance, dtype=float)
         if not _refine.refine(self.packed, change, covariance, steps, found, spread):
-            raise ValueError("a press was to be refined with a covariance that is none")
+            raise ValueError("a press cannot be refined: the covariance is not positive definite")
         return found, spread
 
     def reference(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array]:
-        """The same in NumPy."""
+        """refined() in NumPy."""
         whole = np.broadcast_to(covariance, (1, CHANGE, CHANGE))
         found, spread, _ = most_likely(self.response, change[None], whole, press[None], steps)
         return found[0], spread[0]

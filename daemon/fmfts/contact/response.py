@@ -1,11 +1,11 @@
-"""The pad's response: how a press changes the magnet's pose, as a table; and which press most likely made a change.
+"""The pad's response: a table of how presses change the magnet's pose, and the most likely press for a change.
 
 Cubic B-splines over the place, times monomials of the load, so that an unloaded pad is exactly at rest:
 
     change(x, y, load) = Σ_ij B_i(x) B_j(y) Σ_m c_ijm Π_l (load_l / scale)^e_ml
 
-Beyond the largest normal force the change goes on along its tangent; a place beyond the table is one on its edge.
-Here everything is in mm, N and numbers of the axis, as at the contact model. `refine.c` is the same for a running pad.
+Beyond the largest normal force the change continues along its tangent. A place beyond the table counts as on its edge.
+Units are those of the contact model: mm, N, and components of the axis. `refine.c` does the same for single presses.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 CHANGE = 5  # a, b, c in mm, and the axis's m and n
-# Levenberg–Marquardt: what a step that raises the misfit multiplies the damping by, and a good one divides it by.
+# Levenberg–Marquardt: a step that raises the misfit multiplies the damping by the factor, a good one divides it.
 DAMPING, DAMPING_FACTOR = 1e-3, 10.0
-FARTHEST_LOAD = 3.0  # how many times the calibrated force a press is looked for
+FARTHEST_LOAD = 3.0  # presses are searched up to this multiple of the calibrated force
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Response:
 
     @property
     def last_mm(self) -> Array:
-        """(2,) the last knots."""
+        """The last knots (2,)."""
         last: Array = self.first_mm + self.spacing_mm * (np.array(self.coefficient.shape[:2]) - 3)
         return last
 
@@ -58,7 +58,7 @@ class Response:
         )
 
     def change(self, press: Array) -> Array:
-        """(K, 5) change of pose under presses (K, 2 + L): x, y in mm, loads in N."""
+        """The change of pose (K, 5) under presses (K, 2 + L): x, y in mm, loads in N."""
         return self.change_and_slope(press)[0]
 
     def change_and_slope(self, press: Array) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class Response:
         return whole[..., 0], np.concatenate([by_x[..., None], by_y[..., None], whole[..., 1:]], axis=2)
 
     def basis(self, press: Array) -> Array:
-        """(K, X + 2, Y + 2, M): what each coefficient contributes, so that `change` is linear in the coefficients."""
+        """The factor (K, X + 2, Y + 2, M) of each coefficient: `change` is linear in the coefficients."""
         size_x, size_y = self.coefficient.shape[:2]
         rows = np.arange(len(press))[:, None]
         weights = []
@@ -104,7 +104,7 @@ class Response:
         return cell[:, None] + np.arange(4), value / 6.0, slope / 2.0 / self.spacing_mm[axis]
 
     def _monomials(self, load: Array) -> tuple[Array, Array]:
-        """(K, M) monomials and (K, M, L) derivatives; powers of the normal force go on along their tangents."""
+        """Monomials (K, M), derivatives (K, M, L). Above scale_n, powers of the normal force follow their tangents."""
         inside = load / self.scale_n
         beyond = np.maximum(inside[:, 0] - 1.0, 0.0)
         inside[:, 0] -= beyond
@@ -112,7 +112,7 @@ class Response:
         for _ in range(int(self.exponent.max(initial=0))):
             whole_powers.append(whole_powers[-1] * inside)
         powers, load_index = np.stack(whole_powers), np.arange(self.loads)
-        # (K, M, L) each: to the exponent, and to one less.
+        # (K, M, L) each: loads to the power of the exponent, and of one less.
         power = powers[self.exponent, :, load_index].transpose(2, 0, 1)
         lower = powers[np.maximum(self.exponent - 1, 0), :, load_index].transpose(2, 0, 1)
         by_load = lower * self.exponent
@@ -126,11 +126,10 @@ class Response:
 def most_likely(
     response: Response, change: Array, covariance: Array, start: Array, steps: int
 ) -> tuple[Array, Array, Array]:
-    """The presses (K, 2 + L) that explain `change` (K, 5) of `covariance` (K, 5, 5) best, near `start` (K, 2 + L).
+    """The presses (K, 2 + L) that best explain `change` (K, 5) with `covariance` (K, 5, 5), near `start` (K, 2 + L).
 
-    Levenberg–Marquardt, `steps` trials; presses stay on the table, pushes between none and FARTHEST_LOAD times the
-    calibrated. Also returns their covariance (K, 2 + L, 2 + L), the inverse of what the change tells of them, and χ²
-    (K,). With steps = 2 from the network's answer this is [pad.contact] refine.
+    It takes `steps` trials of Levenberg–Marquardt, within `press_limits`. Also returns the covariance of the presses
+    (K, 2 + L, 2 + L) and χ² (K,). With steps = 2 from the network's answer, this is [pad.contact] refine.
     """
     information = inverse(covariance)
     lowest, highest = press_limits(response)
@@ -152,21 +151,21 @@ def most_likely(
 
 
 def answer_by_change(slope: Array, covariance: Array) -> Array:
-    """(K, 2 + L, 5) how the most likely press moves with the change of pose, by the slope (K, 5, 2 + L) of the response
-    and the change's covariance (K, 5, 5)."""
+    """Derivative (K, 2 + L, 5) of the most likely press by the change of pose. slope (K, 5, 2 + L): of the response.
+    covariance (K, 5, 5): of the change."""
     information = inverse(covariance)
     answer: Array = product(inverse(_normal(slope, information)), slope.transpose(0, 2, 1), information)
     return answer
 
 
 def bound_of(slope: Array, covariance: Array) -> Array:
-    """(K, 2 + L) the Cramér–Rao bound: least deviations of a press whose change has `covariance` (K, 5, 5)."""
+    """Cramér–Rao bound (K, 2 + L): the least deviations of a press whose change has `covariance` (K, 5, 5)."""
     bound: Array = np.sqrt(np.diagonal(inverse(_normal(slope, inverse(covariance))), axis1=1, axis2=2))
     return bound
 
 
 def press_limits(response: Response) -> tuple[Array, Array]:
-    """Smallest and largest press (2 + L,) that is looked for."""
+    """The smallest and the largest press (2 + L,) of a search."""
     farthest = FARTHEST_LOAD * response.scale_n
     shear = np.full(response.loads - 1, farthest)
     return (
@@ -176,8 +175,7 @@ def press_limits(response: Response) -> tuple[Array, Array]:
 
 
 def _normal(slope: Array, information: Array) -> Array:
-    """(K, 2 + L, 2 + L) what the changes tell of the presses; what nothing is known of (a place at rest) is held down
-    by a deviation of 1 m."""
+    """Information (K, 2 + L, 2 + L) on the presses, plus a prior deviation of 1 m: at rest, the place is unknown."""
     normal: Array = product(slope.transpose(0, 2, 1), information, slope)
     return normal + 1e-6 * np.eye(normal.shape[1])
 
@@ -194,7 +192,7 @@ def _misfit(residual: Array, information: Array) -> Array:
 
 
 def _summed(terms: Array, axis: int) -> Array:
-    """One after the other, as refine.c sums them."""
+    """Sum one after the other, in the order of refine.c."""
     total, *others = np.moveaxis(terms, axis, 0)
     for term in others:
         total = total + term

@@ -1,6 +1,6 @@
-"""onnxruntime: evaluates a model whose graph the compiled network does not know, and is the judge of that network.
+"""onnxruntime: evaluates models whose graph our network does not know, and checks our network.
 
-Imported only where it is needed: it takes 30 MB and a tenth of a second.
+Import it only where it is needed: it takes 30 MB and a tenth of a second.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from fmfts.contact.inference import POSE, Inference
 
 
 class SessionInference(Inference):
-    """Buffers are bound once: what `session.run` costs besides the model is saved.
+    """Evaluates a model with onnxruntime. Buffers are bound only once, which saves the overhead of `session.run`.
 
-    ValueError where it does not load, or its inputs and outputs are not the contract's.
+    ValueError if the model does not load, or its inputs and outputs are not those of the contract.
     """
 
     by = "onnxruntime"
@@ -37,13 +37,13 @@ class SessionInference(Inference):
 
 
 def session_of(content: bytes) -> onnxruntime.InferenceSession:
-    """One thread that never spins: at onnxruntime's defaults a pad's 220 inferences a second keep a core busy."""
+    """A session with one thread that never spins: with default options, 220 inferences a second keep a core busy."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.log_severity_level = 4  # what goes wrong is raised, and said in our own words
+    options.log_severity_level = 4  # errors are raised, and reported in our own words
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no other common base
@@ -51,7 +51,7 @@ def session_of(content: bytes) -> onnxruntime.InferenceSession:
 
 
 def _width_of(session: onnxruntime.InferenceSession) -> int:
-    """How many outputs a contact has."""
+    """The number of outputs of the contact. ValueError if the tensors are not those of the contract."""
     tensors = (*session.get_inputs(), *session.get_outputs())
     names = [tensor.name for tensor in tensors]
     if names != [INPUT, *OUTPUTS]:
@@ -67,7 +67,7 @@ def _width_of(session: onnxruntime.InferenceSession) -> int:
 
 
 def main() -> None:
-    """For comparison.py: from standard input a model's size, the model, and poses; their answers to standard output."""
+    """Serve comparison.py: read a model's size, the model and poses from standard input, and write the answers."""
     question = sys.stdin.buffer.read()
     (size,) = struct.unpack_from("<I", question)
     content, poses = question[4 : 4 + size], np.frombuffer(question, "<f4", offset=4 + size).reshape(-1, POSE)

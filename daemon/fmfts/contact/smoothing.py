@@ -1,11 +1,10 @@
-"""[pad.contact] smoothing_ms: a filter of the pose, for fingers that move slowly and numbers that are calm.
+"""[pad.contact] smoothing_ms: a filter of the pose, for fingers that move slowly and numbers with little noise.
 
-Least squares with a memory that fades, through a pose, its speed and acceleration (Morrison, "Introduction to
-sequential smoothing and prediction", 1969; an α-β-γ filter): a finger that moves evenly is followed without lag, and so
-is the magnet below it, which sinks and rises in a curve as the finger crosses the pad. A pose that jumps by more than
-noise explains is believed at once, so a press is seen as early as without. Deviations stay those of a single frame: how
-much of them is the same in every frame (gains, places, the ambient field) is not known here, and they must not be too
-small.
+It is an α-β-γ filter: least squares with fading memory, through the pose, its speed and its acceleration (Morrison,
+"Introduction to sequential smoothing and prediction", 1969). It follows a finger that moves at constant speed without
+lag, although the magnet below it sinks and rises in a curve. If the pose jumps by more than noise explains, the filter
+starts again from it, so a press is not seen later. Deviations remain those of a single frame: the filter does not know
+which part of them is the same in every frame (gains, places, ambient field), and they must not become too small.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ from fmfts.arithmetic.matrix import least_squares, length, product
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 
-COMPONENTS = 5  # position, and the axis but for what follows from it
+COMPONENTS = 5  # position, and the two independent components of the axis
 JUMP_PROBABILITY = 1e-3
 
 
 @dataclass(slots=True)
 class SmootherMemory:
-    """pose (6,) position and axis, None before the first; speed and acceleration (6,) per s and s²."""
+    """pose (6,): position and axis, None before the first frame. speed, acceleration (6,): per s and s²."""
 
     pose: Array | None
     speed: Array
@@ -33,7 +32,7 @@ class SmootherMemory:
 
 
 class Smoother:
-    """One pad's. memory_s: in which a frame's weight falls to 1/e; zero passes every pose on as it is."""
+    """Smooths the poses of one pad. memory_s: time in which a frame's weight falls to 1/e; zero: no smoothing."""
 
     def __init__(self, memory_s: float) -> None:
         self._memory_s = memory_s
@@ -41,7 +40,7 @@ class Smoother:
         self.memory = SmootherMemory(None, np.zeros(6), np.zeros(6))
 
     def update(self, position_m: Array, axis: Array, covariance: Array, elapsed_s: float) -> tuple[Array, Array, Array]:
-        """A pose and its covariance (6, 6), `elapsed_s` after the one before, as smoothed."""
+        """Smooth a pose, `elapsed_s` after the one before. Returns position (3,), axis (3,), covariance (6, 6)."""
         if self._memory_s == 0.0:
             return position_m, axis, covariance
         memory, pose = self.memory, np.concatenate([position_m, axis])
@@ -60,7 +59,7 @@ class Smoother:
         return memory.pose[:3], memory.pose[3:], covariance
 
     def _jumped(self, innovation: Array, covariance: Array) -> bool:
-        """Noise of the prediction and of the pose: less than twice the pose's in variance."""
+        """Whether noise does not explain the innovation. Its variance is less than twice that of the pose."""
         moved = innovation[:COMPONENTS]
         expected = 2.0 * covariance[:COMPONENTS, :COMPONENTS]
         chi2 = product(moved, least_squares(expected, moved))

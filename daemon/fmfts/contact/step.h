@@ -1,4 +1,5 @@
-/* A healthy frame, from the change of pose to a contact: touch.c, estimate.c and network.c, each beside its Python. */
+/* A healthy frame, from the change of pose to a contact: touch.c, estimate.c, network.c and refine.c. The reference is the
+ * Python beside them. */
 #ifndef FMFTS_CONTACT_STEP_H
 #define FMFTS_CONTACT_STEP_H
 
@@ -10,14 +11,14 @@
 
 enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
 
-/* What a contact model and a touch detector are; the model's units are mm, N, and numbers of the axis. */
+/* What these steps need of a contact model and a touch detector. Units of the model: mm, N, and components of the axis. */
 #define FMFTS_CONTACT_PARAMETERS(X)                                                                                    \
     X(onset_chi2, 1)            /* touch.py */                                                                         \
     X(release_chi2, 1)                                                                                                 \
     X(release_frames, 1)                                                                                               \
-    X(refine_steps, 1)          /* refinement.py: of a model that refines */                                           \
-    X(least_variance, 1)        /* of each component that it refines with */                                           \
-    X(model_rest, 6)            /* contact/model.py, in its units: mm, and numbers of the axis */                      \
+    X(refine_steps, 1)          /* refinement.py, if the model refines */                                              \
+    X(least_variance, 1)        /* added to each component of the covariance */                                        \
+    X(model_rest, 6)            /* model.py */                                                                         \
     X(lowest, 6)                                                                                                       \
     X(highest, 6)                                                                                                      \
     X(outside_deviations, 1)                                                                                           \
@@ -27,7 +28,7 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
     X(lifted_above_mm, 1)                                                                                              \
     X(lifted_deviations, 1)                                                                                            \
     X(force_max_n, 1)                                                                                                  \
-    X(edges_m, 4)               /* of x, of y: where training ended */                                                 \
+    X(edges_m, 4)               /* the calibrated range of x and y */                                                  \
     X(spread_m, 2)                                                                                                     \
     X(force_bins, 1)                                                                                                   \
     X(force_bin_n, FMFTS_BINS)  /* upper ends of all bins but the last */                                              \
@@ -44,14 +45,14 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
 FMFTS_STRUCT(fmfts_contact_parameters, FMFTS_CONTACT_PARAMETERS)
 FMFTS_STRUCT(fmfts_contact_memory, FMFTS_CONTACT_MEMORY)
 
-/* What the contact model is asked, in its units. share: of the change of pose that it was trained on. */
+/* The input of the contact model, in its units. share: see ContactModel._share_inside. */
 typedef struct {
     double pose[FMFTS_POSE];
     double covariance[FMFTS_POSE * FMFTS_POSE];
     double share;
 } fmfts_question;
 
-/* Place (m) and force (N), and all that is published of them. doubt: Fieller's, of the force. */
+/* place: x, y (m) and force (N), with deviations. The others are as in ContactEstimate. doubt: see estimate.py. */
 typedef struct {
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
@@ -59,15 +60,15 @@ typedef struct {
     bool over_range;
 } fmfts_estimate;
 
-/* touch.c: touched or not, into `memory`, by the change of pose [5] and its covariance [5][5]; false where that is none. */
+/* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. False if that is not one. */
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
                  const double *covariance);
 
-/* estimate.c: keeps the question inside what the model was trained on. False where the magnet is lifted. */
+/* estimate.c: moves the question into the range that the model was trained on. False if the magnet is lifted. */
 bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);
 
-/* estimate.c: the network's answer, and where there is a response of the pad (NULL: none), the most likely press near
- * it. False where the answer is no number. */
+/* estimate.c: the network's answer; if response is not NULL, the most likely press near it. False if the answer is not
+ * finite. */
 bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate);

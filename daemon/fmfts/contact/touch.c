@@ -1,10 +1,10 @@
-/* Touched or not: touch.py. */
+/* Decides whether the pad is touched: touch.py. */
 #include <math.h>
 
 #include "../pose/algebra.h"
 #include "step.h"
 
-/* χ² of the change; false where the covariance is none. */
+/* χ² of the change. False if the covariance is not positive definite. */
 static bool chi2_of(const double *change, const double *covariance, double *chi2)
 {
     fmfts_matrix a, work;

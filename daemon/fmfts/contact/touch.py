@@ -1,4 +1,4 @@
-"""Is the pad touched? A χ² test of the magnet's displacement from rest, with hysteresis."""
+"""Decides whether the pad is touched: a χ² test of the magnet's displacement from rest, with hysteresis."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 
 DEGREES_OF_FREEDOM = 5  # position, and the axis's two tangents
-# A contact ends when several frames in a row are as close to rest as 99 % of unloaded ones are.
+# A contact ends when RELEASE_FRAMES in a row are as close to rest as 99 % of unloaded frames.
 RELEASE_PROBABILITY = 0.01
 RELEASE_FRAMES = 5
 
 
 @dataclass(slots=True)
 class TouchMemory:
-    """quiet_frames: in a row, as close to rest as unloaded ones are."""
+    """quiet_frames: how many frames in a row were as close to rest as unloaded ones."""
 
     touched: bool = False
     quiet_frames: int = 0
@@ -26,23 +26,22 @@ class TouchMemory:
 class TouchDetector:
     """Contact or none, frame by frame.
 
-    A contact begins with one frame whose χ² an unloaded pad exceeds `false_contacts_per_hour` times in an hour at
-    `rate_hz`, frames being independent and the covariance honest.
+    A contact begins with one frame whose χ² exceeds a threshold. At `rate_hz`, an unloaded pad exceeds that threshold
+    `false_contacts_per_hour` times in an hour, if frames are independent and the covariance is right.
     """
 
     def __init__(self, rate_hz: float, false_contacts_per_hour: float = 1.0) -> None:
         per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
         self.onset_chi2 = quantile(min(per_frame, RELEASE_PROBABILITY), DEGREES_OF_FREEDOM)
         self.release_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
-        # After a longer one, who touched before it may be gone: half a period is for jitter.
+        # After a longer gap, the finger may be gone. Half a period is for jitter.
         self.longest_gap_s = (RELEASE_FRAMES + 0.5) / rate_hz
         self.memory = TouchMemory()
 
     def update(self, displacement: Array | None, covariance: Array | None) -> bool | None:
-        """Contact after this frame; None where it has no usable pose. The state before a gap holds after it.
+        """Whether the pad is touched after this frame; None, and nothing changes, if the frame has no usable pose.
 
-        displacement: (5,) from rest, position in m and tangent of the axis in rad; covariance: (5, 5) of it, rest's
-        own included.
+        displacement (5,): from rest, position in m and axis in rad; covariance (5, 5): includes that of rest.
         """
         chi2 = _chi2(displacement, covariance)
         if chi2 is None:
@@ -66,12 +65,12 @@ class TouchDetector:
             memory.touched = False
 
     def forget(self) -> None:
-        """As if nothing had touched yet."""
+        """Begin again, untouched."""
         self.memory.touched, self.memory.quiet_frames = False, 0
 
 
 def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:
-    """dᵀΣ⁻¹d, None unless Σ is a covariance and all is finite."""
+    """dᵀΣ⁻¹d; None unless Σ is positive definite and all is finite."""
     if displacement is None or covariance is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""A model file is read, and has to prove what it is, before anything of it is believed."""
+"""Reads a model file, and verifies it before it is used."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmfts.contact.recognition import network_of
 
 log = logging.getLogger(__name__)
 
-_differences: dict[bytes, str | None] = {}  # by network: pads of one structure are asked about once
+_differences: dict[bytes, str | None] = {}  # by network: each network is compared only once
 
 
 def read(file: Path) -> bytes:
@@ -24,7 +24,7 @@ def read(file: Path) -> bytes:
     except OSError as error:
         raise ValueError(f"it cannot be read ({error.strerror})") from error
     if len(content) > SIZE_LIMIT_BYTES:
-        raise ValueError(f"it is larger than {SIZE_LIMIT_BYTES / 1e6:g} MB, no contact model is")
+        raise ValueError(f"it is larger than {SIZE_LIMIT_BYTES / 1e6:g} MB: no contact model is")
     return content
 
 
@@ -34,7 +34,7 @@ def check_versions(model: OnnxFile) -> None:
 
 
 def inference_of(content: bytes, graph: Graph) -> Inference:
-    """Our own network's, compiled or its reference, where the graph is known. ValueError: nothing can evaluate it."""
+    """Our own network, compiled or its reference, if it knows the graph; else onnxruntime. ValueError if that fails."""
     network = network_of(graph)
     if network is not None and network[0] <= LARGEST_HIDDEN:
         return CompiledInference(network) if AVAILABLE else ReferenceInference(network)
@@ -42,7 +42,7 @@ def inference_of(content: bytes, graph: Graph) -> Inference:
 
 
 def compared(inference: Inference, content: bytes, facts: Facts) -> Inference:
-    """`inference`, or onnxruntime's where our network was held against it and is not the same."""
+    """`inference`, or that of onnxruntime if our network gives different answers."""
     if not isinstance(inference, NetworkInference):
         return inference
     if inference.network not in _differences:
@@ -63,6 +63,6 @@ def _difference(inference: NetworkInference, content: bytes, facts: Facts) -> st
 
 
 def _by_onnxruntime(content: bytes) -> Inference:
-    from fmfts.contact.session import SessionInference  # 30 MB that most daemons do without
+    from fmfts.contact.session import SessionInference  # 30 MB that most daemons do not need
 
     return SessionInference(content)

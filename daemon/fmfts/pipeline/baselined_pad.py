@@ -1,4 +1,4 @@
-"""A pad with its baseline: all that is settled before the first frame is read."""
+"""A pad with its baseline: everything that is known before the first frame is read."""
 
 from __future__ import annotations
 
@@ -32,12 +32,15 @@ Array = NDArray[np.float64]
 
 
 class BaselinedPad:
-    """drawing: what was meant; pad: what is mounted. at_rest: is rest recorded? Without it, nothing is known of moment
-    or drift, and the paper's own method serves, its dipole too. repeats_allowed: see `fmfts.pose.repeats_allowed`."""
+    """drawing: the pad as configured; pad: as mounted. at_rest: whether the baseline recorded the unloaded pad.
 
-    def __init__(self, drawing: Pad, baseline: Baseline, mounting: Mounting, scene: TrackingModel) -> None:
+    Without rest, the moment and its drift are unknown: frames are then solved with the paper's method and its dipole.
+    repeats_allowed (N, 3): see `fmfts.pose.repeats_allowed`. change_error (5, 5, M): see `Mounting.change_error`.
+    """
+
+    def __init__(self, drawing: Pad, baseline: Baseline, mounting: Mounting, tracking: TrackingModel) -> None:
         recorded = baseline.rest or baseline.bare
-        assert recorded is not None  # or there would be no mounting
+        assert recorded is not None  # a mounting is computed from one of them
         self.drawing = drawing
         self.baseline = baseline
         self.mounting = mounting
@@ -45,37 +48,37 @@ class BaselinedPad:
         pad = mounting.mounted(drawing)
         self.pad = pad if self.at_rest else replace(pad, magnet=replace(pad.magnet, as_cylinder=False))
         self.temperature_c = recorded.temperature_c if self.at_rest else None
-        self.tracking = scene if self.at_rest else PAPER
+        self.tracking = tracking if self.at_rest else PAPER
         self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.step_t[recorded.gain_code])
         self.change_error = mounting.change_error(self.tracking.estimated)
         self._change_error_rows = self.change_error.reshape(5, -1)
 
     @classmethod
-    def of(cls, drawing: Pad, baseline: Baseline, scene: TrackingModel, mounting: Mounting | None = None) -> Self:
-        """mounting: where it is known already. BaselineError where the baseline does not fit the pad."""
-        return cls(drawing, baseline, mounting or baseline.mounting(drawing), scene)
+    def of(cls, drawing: Pad, baseline: Baseline, tracking: TrackingModel, mounting: Mounting | None = None) -> Self:
+        """mounting: computed from the baseline if None. BaselineError if the baseline does not fit the pad."""
+        return cls(drawing, baseline, mounting or baseline.mounting(drawing), tracking)
 
     def tracker(self) -> Tracker:
         errors = SensorErrors(self.mounting.noise_t, self.mounting.field_errors()) if self.at_rest else None
         return Tracker(self.pad, self.mounting.rest, self.tracking, self.temperature_c, errors)
 
     def ambient_motion(self) -> AmbientMotionDetector | None:
-        """None where the ambient field may change."""
+        """A detector for a scene whose ambient field is constant; None if the field may change."""
         is_constant = self.at_rest and self.tracking.parts[AMBIENT.start] == Part.FIXED
         return AmbientMotionDetector(self.pad, self.mounting.rest) if is_constant else None
 
     def with_calibration_uncertainty(self, estimate: PoseEstimate) -> PoseEstimate:
-        """As uncertain as what mounting leaves open makes the pose's change from rest."""
+        """Add to the covariance what the baseline leaves unknown of the pad's geometry."""
         change = change_from(self.mounting.rest, estimate)
         error = (product(change, self._change_error_rows)).reshape(len(change), -1)
         return widened(estimate, self.mounting.rest, product(error, error.T))
 
     def in_nominal_frame(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:
-        """The change of pose from this pad's rest, put on the drawing's: position, axis, covariance (6, 6) of both."""
+        """This pad's change of pose, applied to the drawing's rest: position (3,) m, axis (3,), covariance (6, 6)."""
         return in_nominal_frame(estimate, self.mounting.rest, self.drawing)
 
     def resting_covariance(self) -> Array | None:
-        """(6, 6) of one frame at rest, as drawn; None where rest is not recorded, or cannot be solved."""
+        """Covariance (6, 6) of one frame's pose at rest, in the nominal frame; None if there is no such pose."""
         if not self.at_rest:
             return None
         deviation_t = root_of_squares(self.mounting.noise_t, self.mounting.systematic_t)
@@ -84,9 +87,9 @@ class BaselinedPad:
         return self.in_nominal_frame(estimate)[2] if estimate.status is Status.CONVERGED else None
 
     @property
-    def refuted(self) -> str:
-        """What is said where the magnet stands above its rest."""
+    def lifted_reason(self) -> str:
+        """The `reason` of messages while the magnet is above its recorded rest."""
         return (
-            f"the magnet stood above the rest that baseline {self.baseline.id} recorded, where no press puts it: that "
-            "was recorded under load; record it again while nothing touches the pad"
+            f"the magnet is above the rest that baseline {self.baseline.id} recorded, and no press lifts it: the "
+            "baseline was recorded under load; record it again while nothing touches the pad"
         )

@@ -12,7 +12,7 @@ from fmfts.scene.tracking import scene_model_of
 
 
 def load_contact_model(config: PadConfig, path: str | None = None) -> ContactModel:
-    """path: of another model than the configuration's. ModelError where it is not of that pad."""
+    """The contact model at `path`, or the configured one if None. ModelError if it cannot serve this pad."""
     contact = config.contact
     return ContactModel.load(
         contact.model if path is None else path,
@@ -24,7 +24,7 @@ def load_contact_model(config: PadConfig, path: str | None = None) -> ContactMod
 
 
 def pipeline_of(config: PadConfig, model: ContactModel, boot: str) -> PadPipeline:
-    """A pipeline without a baseline. boot: of its messages."""
+    """A pipeline, still without a baseline. boot: written into each of its messages."""
     tracking = scene_model_of(config).tracking
     return PadPipeline(config.pad(), model, boot, float(config.source.rate_hz), tracking)
 
@@ -32,7 +32,7 @@ def pipeline_of(config: PadConfig, model: ContactModel, boot: str) -> PadPipelin
 def feel_neighbours(
     config: PadConfig, configs: Sequence[PadConfig], pipelines: Mapping[str, PadPipeline]
 ) -> list[SceneNeighbour]:
-    """Tell a pad's pipeline of the neighbours that it feels; returns all that its configuration names."""
+    """Tell the pipeline of `config` which neighbours it feels. Returns all neighbours that `config` names."""
     neighbours = list(neighbours_around(config, configs))
     for neighbour in neighbours:
         if neighbour.is_felt:

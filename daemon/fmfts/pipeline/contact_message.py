@@ -1,4 +1,4 @@
-"""What is said of a reading: null wherever there is no estimate that could be acted upon."""
+"""From a reading to its message. Fields are null where there is no estimate that a controller could act on."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One frame, read. used: (N, 3) axes behind it. None: nothing to be believed."""
+    """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value."""
 
     health: Health
     reason: str
@@ -38,7 +38,7 @@ class Reading:
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):
-    """The message of a healthy frame, as it goes on the bus."""
+    """The encoded message of a healthy frame."""
 
     payload: bytes
     kind: Kind
@@ -51,7 +51,7 @@ class PackedMessage(msgspec.Struct, frozen=True, gc=False):
 
 
 class Sender:
-    """Numbers the messages of one pad."""
+    """Makes the messages of one pad, and numbers them."""
 
     def __init__(self, pad: str, boot: str, model: str) -> None:
         self._pad = pad
@@ -59,14 +59,14 @@ class Sender:
         self._model = model
         self.number = 0
         self.sampled_ns = 0
-        self._templates: tuple[Template, ...] = ()  # of each kind
-        self._templates_of: tuple[bool, str] | None = None  # without a thermometer, baseline
-        self._last_kind: Kind | None = None  # of the last message, where that was a packed one
+        self._templates: tuple[Template, ...] = ()  # one for each Kind
+        self._templates_of: tuple[bool, str] | None = None  # (temperature unknown, baseline id) of the templates
+        self._last_kind: Kind | None = None  # kind of the last message; None unless it was a packed one
 
     def packed(
         self, path: FastPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
     ) -> PackedMessage:
-        """The message of the frame that `path` has judged."""
+        """The message of the frame that `path` judged last."""
         if self._templates_of != (frame.temperature_c is None, baseline.id):
             self._templates = tuple(self._template(kind, frame, mounting, baseline) for kind in Kind)
             self._templates_of = frame.temperature_c is None, baseline.id
@@ -78,18 +78,18 @@ class Sender:
         return PackedMessage(payload, judged.kind, self.sampled_ns, publish_ns)
 
     def begin(self, lane: Lane) -> bool:
-        """Let `lane` send the next messages; False where the last one was no packed one."""
+        """Let `lane` send the next messages. Returns False, and does nothing, if the last message was not packed."""
         if self._last_kind is not None:
             lane.begin(self._templates, self._last_kind, self.number)
         return self._last_kind is not None
 
     def passed(self, passed: Passed) -> PackedMessage:
-        """The last message of a lane that had begun."""
+        """Continue the numbering after a lane. Returns the last message that it sent."""
         self.number, self.sampled_ns, self._last_kind = passed.number, passed.t_sample_ns, passed.kind
         return PackedMessage(passed.payload, passed.kind, passed.t_sample_ns, passed.t_publish_ns)
 
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
-        """What `message` makes of a healthy reading of that kind, whatever its numbers are."""
+        """The message of a healthy reading of this kind, with room for any numbers."""
         over_range = kind == Kind.OVER_RANGE
         contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0, 0.0)
         state = mounting.rest
@@ -110,7 +110,7 @@ class Sender:
         mounting: Mounting | None,
         baseline: Baseline | None,
     ) -> ContactMessage:
-        """sampled_ns: None where no frame came; the time of the last sample then stands, for nothing is fresh."""
+        """The message of a reading. sampled_ns: host time of the sample; None, without a frame, repeats the last."""
         self.sampled_ns = self.sampled_ns if sampled_ns is None else sampled_ns
         self._last_kind = None
         self.number += 1
@@ -138,10 +138,10 @@ class Sender:
 
 
 def _contact_fields(contact: ContactEstimate, touching: bool, detection_limit_n: float) -> dict[str, Any]:
-    """Where nothing touches, there is no place; beyond the model's range there is only a bound of the force."""
+    """Without a touch there is no place. Beyond the model's range there is only a lower bound of the force."""
     if touching and contact.over_range:
         return {"contact": True, "over_range": True, "force_min_n": 0.0 if contact.refused else contact.force_min_n}
-    if touching and contact.refused:  # neither place nor force: what shear does cannot be told from them there
+    if touching and contact.refused:  # here shear cannot be told from place and force
         return {"contact": True}
     force: dict[str, Any] = {
         "contact": touching,
@@ -165,23 +165,25 @@ def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
 
 
 def quiet_force_sd_n(force_sd_n: float, detection_limit_n: float) -> float:
-    """Where no touch is felt, there may be any up to the weakest that would be, wherever on the pad it is felt least:
-    an even spread."""
+    """Deviation (N) of the force while no touch is felt: the force may be anything up to the detection limit.
+
+    Counted as a uniform distribution. detection_limit_n: where on the pad a touch is felt least.
+    """
     return float(root_of_squares(force_sd_n, detection_limit_n / sqrt(3.0)))
 
 
 def touched_force_sd_n(force_n: float, force_sd_n: float, detection_limit_n: float) -> float:
-    """The more a felt force may be none, the more it may be any that is hardly felt."""
+    """Deviation (N) of a felt force. The less it exceeds its noise, the more the detection limit counts."""
     return quiet_force_sd_n(force_sd_n, doubt(force_n, square(force_sd_n)) * detection_limit_n)
 
 
 def felt_force_sd_n(quiet_sd_n: float, detection_limit_n: float) -> float:
-    """The deviation of a press in the middle of the pad again: the other way round."""
+    """The inverse of `quiet_force_sd_n`: the deviation (N) without the detection limit."""
     return sqrt(max(square(quiet_sd_n) - square(detection_limit_n) / 3.0, 0.0))
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:
-    """The absolute pose: as uncertain as its change from rest and the rest pose together."""
+    """The absolute pose. Its variance is that of the change from rest plus that of the rest pose."""
     variance = np.diagonal(estimate.covariance)
     deviation = np.sqrt(variance[:6] + np.diagonal(mounting.rest_covariance))
     ambient, ambient_deviation = None, None
@@ -208,5 +210,5 @@ def _vector(values: Array) -> Vector:
 
 
 def _mask(used: NDArray[np.bool_]) -> int:
-    """Bit i: every axis of sensor i is used."""
+    """Bit i is set if every axis of sensor i is used."""
     return sum(1 << sensor for sensor in np.flatnonzero(used.all(axis=1)).tolist())

@@ -1,4 +1,4 @@
-"""One pad that has a baseline: field → pose → contact, as far as each can be believed."""
+"""One pad that has a baseline: field → pose → contact. Each step runs only if the one before can be trusted."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from fmfts.pipeline.fast import FastPath
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
-from fmfts.pose.tracker import TrackerMemory
+from fmfts.pose.track import TrackerMemory
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
-# A finger never lifts the magnet. One that stays lifted for this long was pressed when its baseline was recorded.
+# A finger never lifts the magnet. If the magnet stays lifted for this long, its baseline was recorded under load.
 LIFTED_S = 0.2
 
 
 @dataclass(slots=True)
 class EstimatorMemory:
-    """last_us: the board's time of the last frame, None before the first. lifted_s: the magnet has been above its rest
-    for so long."""
+    """last_us: the board's time of the last frame, None before the first. lifted_s: how long the magnet has been above
+    its rest."""
 
     tracker: TrackerMemory
     touch: TouchMemory
@@ -69,18 +69,19 @@ class Estimator:
             )
 
     def hand_over(self, alignment: Alignment) -> FastPath | None:
-        """The compiled path, with what the next frame needs to know; None where only Python can judge it."""
+        """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame."""
         if self._path is None or self.memory.last_us is None or self.memory.lifted_s > 0.0:
             return None
         if self._ambient_motion is not None and self._ambient_motion.is_moving:
             return None
         if not self._tracker.can_be_handed_over:
             return None
-        self._path.take(alignment.memory, self.memory)
+        self._path.take_over(alignment.memory, self.memory)
         return self._path
 
     def take_back(self, path: FastPath, alignment: Alignment) -> None:
-        path.give(alignment.memory, self.memory)
+        """Take the memory back from the compiled path."""
+        path.give_back(alignment.memory, self.memory)
         self._tracker.resumed(path.was_sound)
         if self._ambient_motion is not None:
             self._ambient_motion.passed(path.passed)
@@ -94,17 +95,18 @@ class Estimator:
             self._ambient_motion.memory = memory.ambient_motion
 
     def forget_touch(self) -> None:
+        """Treat the pad as untouched until the next onset."""
         self._touch.forget()
 
     def read(
         self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[NeighbourEstimate] = ()
     ) -> Reading:
-        """Field → pose → contact, as far as each can be believed."""
+        """Judge one aligned frame. neighbours: the felt magnets of other pads at the time of this frame."""
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
-        lively = aligned.repeats <= self.baselined.repeats_allowed
-        field = self.mounting.magnet_field(np.where(lively, aligned.field_t, np.nan))
+        not_stuck = aligned.repeats <= self.baselined.repeats_allowed
+        field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
         if neighbours:
             field = with_rest(field, self.baselined.pad.sensors, neighbours)
@@ -123,12 +125,12 @@ class Estimator:
             self._touch.forget()
         estimate = self.baselined.with_calibration_uncertainty(track.estimate)
         touching = self._touch.update(*displacement(estimate, self.mounting.rest))
-        # The model knows the drawing's pad.
+        # The contact model was trained on the pad as drawn.
         contact = self._model.estimate(*self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s))
         if memory.lifted_s < LIFTED_S:
             memory.lifted_s = memory.lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
         if memory.lifted_s >= LIFTED_S:
-            return Reading("no_baseline", self.baselined.refuted, track.used, track.estimate)
+            return Reading("no_baseline", self.baselined.lifted_reason, track.used, track.estimate)
         return Reading(
             track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
         )

@@ -1,4 +1,4 @@
-"""The whole job: frame → field → pose → contact → message."""
+"""The whole job of one pad: frame → field → pose → contact → message."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothin
 
 @dataclass(slots=True)
 class PipelineMemory:
-    """All that the next message depends on besides its frame, the configuration and the baseline. number, sampled_ns:
-    of the last message. sighting: (state, covariance (6, 6), time_ns) of the magnet when it was last seen."""
+    """All that the next message depends on besides its frame, the configuration and the baseline.
+
+    number, sampled_ns: of the last message. sighting: (state, covariance (6, 6), time_ns) of the magnet's last pose.
+    """
 
     alignment: AlignmentMemory
     estimator: EstimatorMemory | None
@@ -37,7 +39,7 @@ class PipelineMemory:
 
 
 class PadPipeline:
-    """One pad. `model` serves every pad of the structure; `tracking` is what its scene leaves unknown."""
+    """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too."""
 
     def __init__(self, pad: Pad, model: ContactModel, boot: str, rate_hz: float, tracking: TrackingModel) -> None:
         self.pad = pad
@@ -48,7 +50,7 @@ class PadPipeline:
         self._estimator: Estimator | None = None
         self._why_none = NO_BASELINE
         self._sender = Sender(pad.name, boot, model.hash)
-        self._compiled: FastPath | None = None  # while it holds the memory of the frames before
+        self._compiled: FastPath | None = None  # not None while C holds the memory
         self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
         self._neighbours: list[NeighbourView] = []
         self._among_others = False
@@ -59,7 +61,7 @@ class PadPipeline:
 
     @property
     def messages(self) -> int:
-        """Number of the last one."""
+        """The number of the last message."""
         return self._sender.number
 
     @property
@@ -68,7 +70,7 @@ class PadPipeline:
 
     @property
     def detection_limit_n(self) -> float:
-        """The largest force somewhere on the pad that is not felt as a touch."""
+        """The largest force (N) anywhere on the pad that may go unfelt; 0 without a baseline."""
         return 0.0 if self._estimator is None else self._estimator.detection_limit_n
 
     @property
@@ -76,9 +78,9 @@ class PadPipeline:
         return None if self._estimator is None else self._estimator.mounting
 
     def use(self, baseline: Baseline, mounting: Mounting | None = None) -> Mounting:
-        """From the next frame on, subtract this baseline. BaselineError where it does not fit the pad.
+        """From the next frame on, subtract this baseline. BaselineError if it does not fit the pad.
 
-        mounting: what follows from it, where that is known already.
+        mounting: computed from the baseline if None. Returns the mounting in use.
         """
         self.hand_back()
         baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
@@ -87,21 +89,21 @@ class PadPipeline:
         return self._estimator.mounting
 
     def feel(self, neighbour: PadPipeline, placement: Placement) -> None:
-        """From the next frame on, count with the magnet of another pad; `placement`: of that pad in this one's axes."""
+        """From the next frame on, model the magnet of another pad, too. placement: of that pad, in this one's axes."""
         self._neighbours.append(NeighbourView(neighbour._sighting, placement))
         self._among_others = neighbour._among_others = True
 
     def refuse(self, reason: str) -> None:
-        """There is a baseline, and it cannot be used: say why in every message."""
+        """Publish `reason` in every message: there is a baseline, but it cannot be used."""
         self._why_none = reason
 
     def process(self, frame: Frame) -> ContactMessage:
-        """One frame in, one message out."""
+        """Make the message of one frame."""
         answer = self.answer(frame)
         return answer.message if isinstance(answer, PackedMessage) else answer
 
     def answer(self, frame: Frame) -> ContactMessage | PackedMessage:
-        """The same, its message still packed where nothing is wrong: then all of `_judge` was done in C."""
+        """Like process(), but returns the encoded message if the fast path handled the frame."""
         if self._compiled is not None and self._estimator is not None:
             judged = self._compiled.judge(frame.packed, frame.device_time_us, frame.temperature_c)
             if judged is not None:
@@ -111,9 +113,9 @@ class PadPipeline:
         return self._judge(frame)
 
     def begin(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane | None:
-        """The same from the board's bytes to the bus, ready for the next frame; None where Python has to see it.
+        """Let C handle the next frames, from the board's bytes to the bus. None if Python must judge the next one.
 
-        clock: `DeviceClock.line`. Until `end`, nothing else is to be asked of this pipeline.
+        clock: `DeviceClock.line`. Until end(), do not use this pipeline.
         """
         if self._compiled is None:
             return None
@@ -121,7 +123,7 @@ class PadPipeline:
         return lane if self._sender.begin(lane) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
-        """What has passed, and its last message; None where nothing has."""
+        """Take the pad back from C. Returns the frames that C handled and the last message; None if there are none."""
         passed = lane.end()
         return None if passed is None else (passed, self._sender.passed(passed))
 
@@ -142,7 +144,7 @@ class PadPipeline:
 
     @property
     def memory(self) -> PipelineMemory:
-        """As it is between two frames; the next frame is judged in Python then."""
+        """What the pipeline remembers between two frames. After this call Python judges the next frame."""
         self.hand_back()
         estimator, sighting = self._estimator, self._sighting
         return PipelineMemory(
@@ -154,9 +156,9 @@ class PadPipeline:
         )
 
     def recall(self, memory: PipelineMemory) -> None:
-        """From the next frame on, go on from the memory of another pipeline of the same configuration and baseline.
+        """Continue from the memory of another pipeline of the same configuration and baseline.
 
-        ValueError where it cannot be that of such a pipeline; nothing has changed then.
+        ValueError, and nothing changes, if the memory does not fit this pipeline.
         """
         require_alike(memory, self.memory)
         self._alignment.memory = memory.alignment
@@ -167,13 +169,13 @@ class PadPipeline:
         self._why_none = memory.why_no_estimator
 
     def hand_back(self) -> None:
-        """All memory of the frames before is in Python then, until the next healthy frame."""
+        """Take all memory back from the fast path. Python judges frames until one is healthy."""
         if self._compiled is not None and self._estimator is not None:
             self._estimator.take_back(self._compiled, self._alignment)
         self._compiled = None
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
-        """What is published while no frame can be used: silence is not an answer. Who touched may be gone meanwhile."""
+        """The message to publish while no frame can be used. It ends the touch: whoever touched may be gone."""
         self.hand_back()
         if self._estimator is not None:
             self._estimator.forget_touch()

@@ -1,7 +1,7 @@
-"""What a pipeline remembers of the frames before, as bytes: a recording that begins in the middle of a touch holds it.
+"""A pipeline's memory of earlier frames, as bytes. A recording starts with it, so a replay continues bit for bit.
 
-A replay goes on from there bit for bit. Each filter declares its memory beside its equations (`…Memory`);
-`PipelineMemory` is all of them. Memories of format 1, which had no number, are read, too: snapshot_v1.py.
+Each filter declares its memory beside its equations (`…Memory`); `PipelineMemory` contains all of them. Format 1, which
+had no format number, can still be read: snapshot_v1.py.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LARGEST = 1 << 20
 
 
 class BadMemoryError(ValueError):
-    """A memory does not belong to this pipeline, or is damaged."""
+    """The memory is damaged, or belongs to another pipeline."""
 
 
 class Snapshot(msgspec.Struct):
@@ -32,7 +32,7 @@ class Snapshot(msgspec.Struct):
 
 
 def state_message(pipeline: PadPipeline, config: PadConfig, boot: str) -> StateMessage:
-    """All that a replay of the frames that follow needs."""
+    """All that a replay needs besides the frames that follow."""
     baseline = pipeline.baseline
     return StateMessage(
         pad=pipeline.pad.name,
@@ -47,22 +47,24 @@ def state_message(pipeline: PadPipeline, config: PadConfig, boot: str) -> StateM
 
 
 def snapshot(pipeline: PadPipeline) -> bytes:
-    """The next frame is judged in Python then, here as well as where this is restored: both go on alike."""
+    """The pipeline's memory as bytes. Afterwards Python judges the next frame, here as in a replay: both stay equal."""
     return msgspec.msgpack.encode(Snapshot(FORMAT, msgspec.Raw(encode(pipeline.memory))))
 
 
 def follow(pipeline: PadPipeline, baseline: Baseline, mounting: Mounting) -> None:
-    """From the next frame on, measure from a rest that has drifted; what is remembered stands."""
+    """Use a baseline whose rest has drifted, and keep the memory of earlier frames."""
     memory = pipeline.memory
     pipeline.use(baseline, mounting)
     pipeline.recall(memory)
 
 
 def restore(pipeline: PadPipeline, content: bytes) -> None:
-    """From the next frame on, as if this pipeline had seen what the other did. It needs the same configuration and
-    baseline. BadMemoryError where the memory is not one of such a pipeline; nothing has changed then."""
+    """Continue as the pipeline whose `snapshot` this is. Configuration and baseline must be the same.
+
+    BadMemoryError, and nothing changes, if the memory does not fit this pipeline.
+    """
     if len(content) > LARGEST:
-        raise BadMemoryError(f"{len(content)} bytes: no pipeline remembers so much")
+        raise BadMemoryError(f"{len(content)} bytes: more than any pipeline remembers")
     try:
         pipeline.recall(_read(content))
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError) as error:
@@ -75,5 +77,5 @@ def _read(content: bytes) -> PipelineMemory:
         return convert(snapshot_v1.converted(values), PipelineMemory)
     told = msgspec.msgpack.decode(content, type=Snapshot)
     if told.format != FORMAT:
-        raise ValueError(f"format {told.format}, and this version knows 1 and {FORMAT}: update fmfts")
+        raise ValueError(f"format {told.format}, but this version reads only 1 and {FORMAT}: update fmfts")
     return decode(told.memory, PipelineMemory)

@@ -1,4 +1,4 @@
-"""Memories of format 1: the attributes of the pipeline's objects by the private names that they had then."""
+"""Reads memories of format 1, which named the private attributes that the pipeline's objects had then."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Values = dict[str, Any]
 
 
 def converted(old: Values) -> Values:
-    """The same as format 2 has it. KeyError where something is missing."""
+    """The memory in format 2. KeyError if something is missing."""
     alignment, estimator, sighting = old["_alignment"]["owner"], old["_estimator"], old["_sighting"]["owner"]
     return {
         "alignment": {
@@ -44,7 +44,7 @@ def _tracker(old: Values) -> Values:
     return {
         "state": _plain(old["_last"]),
         "covariance": old["_covariance"],
-        "unread_variance": old.get("_unread_variance", 0.0),  # the first ones did not have it
+        "unread_variance": old.get("_unread_variance", 0.0),  # the oldest memories lack it
         "watch": None if old["_watch"] is None else _watch(old["_watch"]["owner"]),
         "since_good_s": old["_since_good_s"],
         "warmth_variance": old["_warmth_variance"],
@@ -85,7 +85,7 @@ def _ambient_motion(old: Values) -> Values:
 
 
 def _plain(value: Any) -> Any:
-    """Without the words that said which class a value was of."""
+    """`value` without the class names that format 1 wrote."""
     if isinstance(value, dict) and "value" in value:
         return {name: _plain(member) for name, member in value["members"].items()}
     if isinstance(value, dict) and "items" in value:

@@ -1,4 +1,4 @@
-"""Field → pose: where the magnet is, how it points, how strong it is, and how sure that is."""
+"""Field → pose: where the magnet is, how it points, how strong it is, and how uncertain all that is."""
 
 from fmfts.pose.acquisition import Acquired, acquire
 from fmfts.pose.alignment import Aligned, Alignment, repeats_allowed
@@ -10,7 +10,8 @@ from fmfts.pose.problem import STOP_CHI2, STOP_CONVERGED, Motion, Part, Prior, P
 from fmfts.pose.residual_monitor import TrackHealth
 from fmfts.pose.solver import FREE_FIELD, FREE_PAPER, FREE_POSE, PoseEstimate, solve, solve_batch
 from fmfts.pose.state import AMBIENT, AXIS, LOG_MOMENT, POSITION, SIZE, State, tangent_basis
-from fmfts.pose.tracker import Track, Tracker
+from fmfts.pose.track import Track
+from fmfts.pose.tracker import Tracker
 from fmfts.pose.tracking_model import PAPER, TrackingModel
 
 __all__ = [

@@ -1,4 +1,4 @@
-/* fmfts.pose._kernel: solver.c for Python, through the stable ABI. Called by kernel.py only, which makes the arrays. */
+/* fmfts.pose._kernel: solver.c for Python, through the stable ABI. Only kernel.py calls it, and makes the arrays. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>

@@ -1,8 +1,8 @@
-"""Where the magnet is when nothing is known of it: a cold start from positions alone.
+"""Cold start: finds the magnet when nothing is known of it, from several start positions.
 
-The moment and the ambient field are linear given the position, so the search has three dimensions (variable projection,
-fmfts.pose.projection). A few starts cost a few hundred microseconds together, and tell whether the answer is the only
-one.
+For a given position, the moment and the ambient field are linear unknowns, so the search has only three dimensions
+(variable projection, fmfts.pose.projection). A few starts together take a few hundred microseconds, and show whether
+there is more than one solution.
 """
 
 from __future__ import annotations
@@ -20,20 +20,21 @@ from fmfts.pose.state import POSITION, State
 
 Array = NDArray[np.float64]
 
-# Two minima are one if they are closer than this many deviations of the position: searches stop within 0.03.
+# Two minima count as one if they are closer than this many deviations of the position. Searches stop within 0.03.
 SAME_DEVIATIONS = 0.5
-# A covariance is a tangent. It is looked along as far as answers are believed, and may miss the readings by so much of
-# what it moves them. In a million starts of three sensors with eight unknowns, each answer beyond its deviations missed
-# by at least 0.66, and 0.7 % of the good ones by 0.5; with four sensors none missed by 0.1.
+# A covariance assumes a linear field. A solution counts as bent if, BELIEVED_DEVIATIONS away along its least certain
+# direction, the field misses the linear prediction by more than the share STRAIGHT of the predicted change. In a
+# million starts of three sensors with eight unknowns, each answer beyond its deviations missed by at least 0.66, and
+# 0.7 % of the good ones by 0.5; with four sensors none missed by 0.1.
 BELIEVED_DEVIATIONS = 3.0
 STRAIGHT = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Acquired:
-    """best: the lowest minimum. rivals: others whose χ² is within the limit: where there are any, `best` is a guess.
+    """best: the lowest minimum. rivals: other minima whose χ² is within the limit; if there are any, `best` is a guess.
 
-    bent: the readings turn away from `best`'s covariance within its deviations, so that it tells too little.
+    bent: the field is not linear within the deviations of `best`, so its covariance is too small.
     """
 
     best: Solution
@@ -42,9 +43,9 @@ class Acquired:
 
 
 def acquire(problem: Problem, starts_m: Array, chi2_limit: float) -> Acquired:
-    """The minimum of `problem` from several positions (K, 3) m; its start gives what is fixed or considered.
+    """Solve `problem` from several start positions (K, 3) m. `problem.start` gives the fixed and considered parts.
 
-    chi2_limit: what a right answer stays under. Axis, moment and ambient of the start are used where they are known.
+    chi2_limit: the χ² that a right answer does not exceed.
     """
     dipole = problem.magnets * [1.0, 0.0]
     coarse = replace(problem, magnets=dipole, motion=None, project=True)
@@ -64,7 +65,7 @@ def acquire(problem: Problem, starts_m: Array, chi2_limit: float) -> Acquired:
 
 
 def starts_around(measurements: Array, distance_m: float) -> Array:
-    """Twelve positions (12, 3): on both sides of the plane that the places lie about, near and far, amid and aside."""
+    """Start positions (12, 3) m: on both sides of the sensors' plane, near and far, above the middle and beside it."""
     places = np.unique(measurements[:, PLACE], axis=0)
     middle = places.mean(axis=0)
     along, across, normal = singular_values(places - middle)[2].T
@@ -77,7 +78,7 @@ def starts_around(measurements: Array, distance_m: float) -> Array:
 
 
 def starts_in_box(middle_m: Array, half_m: Array) -> Array:
-    """27 positions (27, 3): a box's corners, edges, faces and middle. half_m (3,): half its sides."""
+    """Start positions (27, 3) m: a box's corners, edges, faces and middle. half_m (3,): half of its sides."""
     corner = np.array([-1.0, 0.0, 1.0])
     grid = np.stack(np.meshgrid(corner, corner, corner, indexing="ij"), axis=-1).reshape(-1, 3)
     starts: Array = middle_m + half_m * grid
@@ -101,7 +102,7 @@ def _solve_each(problem: Problem, starts: list[State]) -> list[Solution]:
 
 
 def _bent(problem: Problem, best: Solution) -> bool:
-    """Whether the field is not linear along the least certain direction, each column in units of its deviation."""
+    """Whether the field is not linear along the least certain direction (see STRAIGHT)."""
     columns = np.flatnonzero(np.isin(problem.parts, (Part.FREE, Part.PRIOR)))
     covariance = best.covariance[np.ix_(columns, columns)]
     deviation = np.sqrt(np.diagonal(covariance))
@@ -109,12 +110,12 @@ def _bent(problem: Problem, best: Solution) -> bool:
     step = np.zeros(len(problem.parts))
     step[columns] = BELIEVED_DEVIATIONS * np.sqrt(variances[-1]) * deviation * directions[:, -1]
     rows = usable_rows(problem)
-    assert rows is not None  # or `best` had not converged
+    assert rows is not None  # otherwise `best` would not have converged
     _, weight = brought_to_now(problem, rows)
     value, jacobian = predict(rows, problem.magnets, best.state)
-    for way in (step, -step):
-        moved, _ = predict(rows, problem.magnets, best.state.stepped(way))
-        missed = (moved - value - product(jacobian, way)) * weight
+    for move in (step, -step):
+        moved, _ = predict(rows, problem.magnets, best.state.stepped(move))
+        missed = (moved - value - product(jacobian, move)) * weight
         if not length(missed) <= STRAIGHT * BELIEVED_DEVIATIONS:
             return True
     return False

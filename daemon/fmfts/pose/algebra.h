@@ -1,4 +1,4 @@
-/* Small symmetric matrices, upper triangles only. The sizes are constants where these are inlined into hot loops. */
+/* Small symmetric matrices, upper triangles only. In hot loops these functions are inlined with constant sizes. */
 #ifndef FMFTS_ALGEBRA_H
 #define FMFTS_ALGEBRA_H
 
@@ -8,15 +8,15 @@
 
 #include "problem.h"
 
-/* One column more than the largest step, for the right-hand side, and even: rows start where vectors may. */
+/* The largest step and one column for the right-hand side, rounded up to an even number: rows are aligned for vectors. */
 #define FMFTS_STRIDE (FMFTS_MAX_COLUMNS + 2)
-/* A column whose variance the others explain but for this share is not measured: what is left is rounding. */
+/* A column is not measured if the others explain all of its variance but this share, which is rounding. */
 #define FMFTS_SINGULAR 1e-11
 #define FMFTS_INLINE static inline __attribute__((always_inline))
 
 typedef double fmfts_matrix[FMFTS_STRIDE][FMFTS_STRIDE];
 
-/* factored: A + damping·diag(A) = UᵀDU, with unit U above the diagonal and 1/D on it. False where it is singular. */
+/* factored: A + damping·diag(A) = UᵀDU, with unit U above the diagonal and 1/D on it. False if it is singular. */
 FMFTS_INLINE bool factor(size_t n, fmfts_matrix a, double damping, fmfts_matrix factored)
 {
     for (size_t i = 0; i < n; i++) {
@@ -88,10 +88,10 @@ FMFTS_INLINE void invert_factored(size_t n, fmfts_matrix factored, fmfts_matrix 
     }
 }
 
-/* The unit vector that A scaled to a unit diagonal stretches least, by inverse iteration. */
+/* direction: the eigenvector with the smallest eigenvalue of A, scaled to a unit diagonal; by inverse iteration. */
 static inline void weakest(size_t n, fmfts_matrix a, fmfts_matrix scaled, fmfts_matrix factored, double *direction)
 {
-    const double regular = 1e-9; /* makes the singular matrix one that can be solved; shifts all eigenvalues alike */
+    const double regular = 1e-9; /* makes a singular matrix solvable, and shifts all eigenvalues equally */
     for (size_t i = 0; i < n; i++) {
         for (size_t j = i; j < n; j++) {
             double square = a[i][i] * a[j][j];

@@ -1,4 +1,4 @@
-/* Counts → field at one instant, baseline subtracted: alignment.py and Estimator.read. */
+/* From counts to the field at one instant, baseline subtracted: alignment.py and Estimator.read. */
 #include <math.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@ static int little_endian(const uint8_t *bytes)
     return bytes[0] | bytes[1] << 8;
 }
 
-/* Takes the fresh samples into the memory. False where one is missing, saturated, or the board began anew. */
+/* Puts the fresh samples into the memory. False if one is missing, saturated or stuck, or if the board was reset. */
 static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
@@ -55,7 +55,7 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     return newest >= before - parameters->stopped_us[0];
 }
 
-/* One axis, interpolated; `share` of the sample before, and what the curvature of the field may add. */
+/* Interpolates one axis to the instant, subtracts the baseline, and computes the variance. */
 static void interpolate(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis, double instant,
                         fmfts_field *field)
 {

@@ -1,8 +1,8 @@
-"""Samples of chips that run free, brought to one instant.
+"""Interpolates the samples of chips that run on their own clocks to one instant.
 
-Each chip converts on its own clock, so the samples of a frame are up to one period (4.5 ms) apart; a tap moves the
-field further than its noise in that time. The newest instant that every chip has passed lies between two samples of
-each: interpolating to it adds no noise and leaves out only the motion's curvature, which goes into the deviation.
+The samples of a frame are up to one period (4.5 ms) apart; in that time a tap changes the field by more than its noise.
+The instant is the newest that every chip has passed, so it lies between two samples of each chip. Interpolation adds no
+noise; it neglects only the curvature of the motion, which is added to the deviation.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from fmfts.arithmetic.series import erf
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-# A chip that is this many periods behind the others has stopped: it must not hold them back.
+# A chip that is this many periods behind the others has stopped: the others do not wait for it.
 STOPPED_PERIODS = 2.5
-# Runs of one value that a healthy axis's noise makes: once in ten hours on a pad of twelve axes at 220 Hz.
+# Probability that a healthy axis repeats one value so often: once in ten hours on a pad of twelve axes at 220 Hz.
 FALSE_STANDSTILL = 1e-8
-# Half a gauss off the line of the two samples before: a tap of 1 N in 50 ms bends by a tenth of that.
+# A sample jumps if it is half a gauss off the line through the two before; a tap of 1 N in 50 ms is off by a tenth.
 JUMP_T = 5e-5
 
 
 @dataclass(frozen=True, slots=True)
 class Aligned:
-    """field_t (N, 3) at `time_us`, NaN where a sensor has nothing to say.
+    """field_t (N, 3): at `time_us` (the board's clock), NaN where a sensor has no value.
 
-    noise_share (N, 1): its noise over that of one sample (a mean has less). bend_t (N, 3): what curvature may add.
-    repeats (N, 3): how many new samples in a row had the value of the one before.
+    noise_share (N, 1): noise of field_t over that of one sample. bend_t (N, 3): the error that curvature may cause.
+    repeats (N, 3): how many new samples in a row repeated the value before.
     """
 
     field_t: Array
@@ -53,7 +53,7 @@ class AlignmentMemory:
 
 
 class Alignment:
-    """The last three samples of each of `count` sensors."""
+    """Aligns the samples of `count` sensors; keeps the last three of each."""
 
     def __init__(self, count: int, period_us: float) -> None:
         self.memory = AlignmentMemory(
@@ -62,10 +62,10 @@ class Alignment:
         self.stopped_us = STOPPED_PERIODS * period_us
 
     def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
-        """Take the newest field (N, 3) with the time of each sensor's sample (N,); only `fresh` ones are new."""
+        """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new."""
         memory = self.memory
         if time_us.max() < memory.time_us[0].max() - self.stopped_us:
-            # The board was reset, and its time with it.
+            # The board was reset, so its clock began again.
             memory.field_t[:], memory.time_us[:] = np.nan, 0
         if fresh.all():
             memory.field_t[2], memory.field_t[1], memory.field_t[0] = memory.field_t[1], memory.field_t[0], field_t
@@ -85,14 +85,14 @@ class Alignment:
             nothing = np.full_like(newest, np.nan)
             return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), memory.repeats.copy())
         instant = int(time[running].min())
-        # Share of the previous sample: 0 for the chip whose newest sample is the instant, never an extrapolation.
+        # Share of the previous sample: 0 for the chip whose newest sample is at the instant. It never extrapolates.
         share = np.clip((time - instant) / np.maximum(time - before, 1), 0.0, 1.0)[:, None]
         linear = np.isfinite(previous) & (before > 0)[:, None]
         field = np.where(linear, (1.0 - share) * newest + share * previous, newest)
         field[~running] = np.nan
-        # Error of linear interpolation: half the second derivative times the distances to both ends. Twice that, for
-        # where a tap begins or ends, the divided difference has seen only half of the acceleration yet. A chip that is
-        # faster than the frames now and then leaves a gap of two periods, over which four times as much may bend.
+        # Error of linear interpolation: half the second derivative times the distances to both ends. Taken twice: where
+        # a tap begins or ends, the divided difference contains only half of the acceleration. A chip that is faster
+        # than the frames sometimes leaves a gap of two periods, in which the error may be four times as large.
         behind, gap, gap_before = (
             time - instant,
             np.maximum(time - before, 1),
@@ -101,7 +101,7 @@ class Alignment:
         slopes = (newest - previous) / gap[:, None] - (previous - oldest) / gap_before[:, None]
         reach = 2.0 * behind * np.maximum(gap - behind, 0) / (gap + gap_before)
         bend = np.abs(reach[:, None] * slopes)
-        # A jump lies anywhere between two samples, before the instant or after it.
+        # A jump may be anywhere between two samples, before or after the instant.
         jump = np.abs(slopes) * gap[:, None]
         bend = np.where((jump > JUMP_T) & (share > 0.0), np.maximum(share, 1.0 - share) * jump, bend)
         # Without a third sample the step itself bounds the error.
@@ -111,10 +111,10 @@ class Alignment:
 
 
 def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:
-    """(N, 3) how often in a row an axis that lives may say the same.
+    """How often in a row (N, 3) a healthy axis may repeat one value; an axis that repeats it more often is stuck.
 
-    noise_t: (N, 3). step_t: of a count, one number or one for each axis, which noise_t includes as rounding.
-    An axis that repeats itself more often is stuck. Infinite where rounding hides the noise: a quiet axis is no fault.
+    noise_t (N, 3): includes rounding. step_t: tesla per count, one number or one for each axis. The result is infinite
+    where rounding hides the noise: such an axis may stay the same without a fault.
     """
     before_rounding = np.sqrt(np.maximum(square(noise_t) - square(step_t) / 12.0, 0.0))
     steps = before_rounding / step_t
@@ -122,7 +122,7 @@ def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:
 
 
 def _longest_run(deviation_steps: float) -> float:
-    # Below 0.4 steps, the most frequent value takes four fifths and the estimate of the noise is itself a guess.
+    # Below 0.4 steps, four fifths of the samples have one value, and the noise itself is poorly known.
     if deviation_steps < 0.4:
         return float("inf")
     most_frequent = erf(0.5 / (sqrt(2.0) * deviation_steps))

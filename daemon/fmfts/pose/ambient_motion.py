@@ -1,4 +1,4 @@
-"""Whether an ambient field that a scene calls constant is: a robot that turns must not be taken for a broken sensor."""
+"""Detects that an ambient field moves although the scene calls it constant: a turning robot is no broken sensor."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from fmfts.pad import Array, Pad
 from fmfts.pose.problem import Status
 from fmfts.pose.solver import FREE_FIELD, solve
 from fmfts.pose.state import AMBIENT, State
-from fmfts.pose.tracker import Track
+from fmfts.pose.track import Track
 
 log = logging.getLogger(__name__)
 
-# While frames are not well, one in so many is looked at: 0.4 s at 220 Hz tell.
+# While frames are not ok, one in EVERY is solved again, and LOOKS of them decide: 0.4 s at 220 Hz.
 EVERY, LOOKS = 8, 12
-# Of the frames that a moving field explains, so many misfit by chance.
+# The share of frames that misfit by chance although a moved ambient field explains them.
 MISFIT = 1e-4
-# A sensor's offset stays; a field that moves by more than this many deviations, and this far (5 mG), is the robot's.
+# The offset of a faulty sensor stays constant. A field that moves by more than both limits (5 mG) shows a moving robot.
 MOVED_DEVIATIONS, MOVED_T = 6.0, 5e-7
-# A pad that turns passes through the orientation of its baseline: it is well again when it has been so for a second.
+# A turning pad passes through the orientation of its baseline: only after a second of ok frames does it count as ok.
 WELL_FRAMES = 220
 
 
 @dataclass(slots=True)
 class AmbientMotionMemory:
-    """lowest_t, highest_t (3,): of the ambient field over the last LOOKS looks, of which `explained` says whether a
-    changed ambient field explained them. moved_t: by how much it was found to move, 0 while it was not."""
+    """lowest_t, highest_t (3,): range of the ambient field in the frames that it explained. explained: whether it
+    explained each of the last LOOKS frames. moved_t: how far the field was found to move, 0 if it was not."""
 
     lowest_t: Array
     highest_t: Array
@@ -43,7 +43,7 @@ class AmbientMotionMemory:
 
 
 class AmbientMotionDetector:
-    """Of one pad whose model holds the ambient field fixed."""
+    """Judges the frames of one pad whose model holds the ambient field fixed."""
 
     def __init__(self, pad: Pad, rest: State) -> None:
         self._pad = pad
@@ -57,18 +57,18 @@ class AmbientMotionDetector:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the field was found to be no constant one, and a frame's verdict does not stand."""
+        """Whether the ambient field was found to move; frames are then `disturbed`."""
         return self.memory.moved_t > 0.0
 
     def passed(self, frames: int) -> None:
-        """So many frames were well, and judged by the compiled path."""
+        """Note that the fast path judged so many frames, all of them ok."""
         self.memory.frames_seen += frames
         self.memory.well_frames += frames
         if self.memory.well_frames >= WELL_FRAMES:
             self._forget()
 
     def judge(self, track: Track, field_t: Array, deviation_t: Array) -> Track:
-        """The frame's track, or what it says of the field; field_t, deviation_t (N, 3): what the tracker was given."""
+        """Returns `track`, or `disturbed` while the field moves. field_t, deviation_t (N, 3): as for the tracker."""
         self.memory.frames_seen += 1
         if track.health == "ok":
             self.memory.well_frames += 1

@@ -4,8 +4,8 @@
 #include "model.h"
 #include "step.h"
 
-/* What mounting left open makes of the change, as a covariance (5, 5) of it. */
-static void mistaken(const fmfts_pose_parameters *parameters, const double *change, double covariance[5][5])
+/* The covariance (5, 5) of the change from what the baseline leaves unknown of the pad's geometry. */
+static void leftover_covariance(const fmfts_pose_parameters *parameters, const double *change, double covariance[5][5])
 {
     int leftovers = (int)parameters->leftovers[0];
     double error[5][FMFTS_LEFTOVERS];
@@ -52,7 +52,7 @@ static void carry(int rows, const double transform[][5], const double a[5][5], d
     }
 }
 
-/* change and turn: the magnet's, and from the estimate's tangents to those at rest. */
+/* Computes d->change, and d->turn from the estimate's tangents to those at rest. */
 static void measure(const fmfts_pose_parameters *parameters, const double *state, fmfts_displacement *d)
 {
     double rest[2][3];
@@ -74,7 +74,7 @@ void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state
 {
     double added[5][5], turned[25], to_rest[5][5], back[5][5];
     measure(parameters, state, d);
-    mistaken(parameters, d->change, added);
+    leftover_covariance(parameters, d->change, added);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
             to_rest[i][j] = back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];

@@ -1,4 +1,4 @@
-"""The pose's change from rest: all that contact depends on. What mounting left open cancels in it."""
+"""The change of pose from rest. Contact depends on it alone, because errors of the mounting cancel in it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def change_from(rest: State, estimate: PoseEstimate) -> Array:
-    """(5,) change of position (m) and of the axis in the rest axis's tangent plane (rad)."""
+    """Change (5,) of position (m), and of the axis in the tangent plane of the rest axis (rad)."""
     return np.concatenate([estimate.position_m - rest.position_m, product(tangent_basis(rest.axis).T, estimate.axis)])
 
 
@@ -30,7 +30,7 @@ def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
 
 
 def widened(estimate: PoseEstimate, rest: State, covariance: Array) -> PoseEstimate:
-    """The estimate with `covariance` (5, 5) added, which is of a change of pose as `displacement` gives it."""
+    """Add a covariance (5, 5) of a change of pose, as `displacement` returns it, to that of the estimate."""
     turn = np.eye(5)
     turn[3:, 3:] = product(tangent_basis(estimate.axis).T, tangent_basis(rest.axis))
     wider = estimate.covariance.copy()
@@ -41,8 +41,8 @@ def widened(estimate: PoseEstimate, rest: State, covariance: Array) -> PoseEstim
 def in_nominal_frame(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple[Array, Array, Array]:
     """The pose that the drawing's pad would have under the same load: position (3,), axis (3,), covariance (6, 6).
 
-    Position: the drawing's rest plus the displacement. Axis: turned by the rotation that puts this pad's rest axis on
-    the drawing's; for the degree or so that mounting leaves open, that is the load's own tilt to second order.
+    The position is the drawing's rest plus the displacement. The axis is turned by the rotation that takes this pad's
+    rest axis to the drawing's. The two differ by a degree or so: the load's own tilt is then right to second order.
     """
     position = drawing.rest_position_m + (estimate.position_m - rest.position_m)
     turn = shortest_rotation(rest.axis, drawing.rest_axis)
@@ -52,7 +52,7 @@ def in_nominal_frame(estimate: PoseEstimate, rest: State, drawing: Pad) -> tuple
 
 
 def shortest_rotation(start: Array, end: Array) -> Array:
-    """Matrix (3, 3) that takes unit vector `start` to `end`; they are less than 180° apart."""
+    """Rotation (3, 3) that takes the unit vector `start` to `end`, less than 180° away."""
     x, y, z = np.array(
         [
             start[1] * end[2] - start[2] * end[1],

@@ -1,9 +1,9 @@
-/* What a search comes to: a covariance, or the direction that has none. */
+/* The end of a search: the covariance, or the direction that no measurement determines. */
 #include "search.h"
 
 #define UNCERTAIN 0.25 /* see reference.py */
 
-/* Whether a position or an axis is known so badly that its covariance means nothing. */
+/* Whether a position or an axis is so uncertain that its covariance is meaningless. */
 static bool uncertain(const fmfts_search *search, const double *state, fmfts_matrix inverse)
 {
     double variance[FMFTS_MAX_COLUMNS] = {0};
@@ -29,13 +29,13 @@ static bool uncertain(const fmfts_search *search, const double *state, fmfts_mat
     return false;
 }
 
-/* Covariance over `order` in place of the inverse of the active columns, χ² at the considered parts' most probable
- * value. False where that has none. */
+/* Replaces the inverse of the active columns by the covariance over `order`, and χ² by that at the most probable value of
+ * the considered parts. False if there is no such value. */
 static bool add_considered(const fmfts_search *search, fmfts_descent *d, fmfts_matrix inverse)
 {
     size_t n = search->active, all = search->ordered, rest = all - n;
     fmfts_linear *here = d->here;
-    fmfts_matrix *sensitivity = &d->there->a; /* active × rest: minus what the estimate moves by */
+    fmfts_matrix *sensitivity = &d->there->a; /* active × considered: minus the estimate's change per unit */
     const double *prior = search->problem->prior_covariance;
     for (size_t i = 0; i < n; i++) {
         for (size_t c = 0; c < rest; c++) {

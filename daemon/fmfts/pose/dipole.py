@@ -1,14 +1,14 @@
 """The field of a small magnet (Eq. 1–6 of the paper) and its derivatives, at many places at once.
 
-A cylinder's field is that of a dipole and, next, of an octupole (its even moments vanish). With m̂ the axis, r from
+The field of a cylinder is that of a dipole plus that of an octupole (its even moments vanish). With m̂ the axis, r from
 the magnet to the sensor, u = m̂·r, q = r², and κ = L²/4 − 3R²/4 the ratio of the two moments, the scalar potential is
 B_T·(u q^−3/2 + κ(5/2 u³ q^−7/2 − 3/2 u q^−5/2)), so the field is B = B_T·(α m̂ + β r) with
 
     α = −q^−3/2 + κ(3/2 q^−5/2 − 15/2 u² q^−7/2)
     β = 3u q^−5/2 + κ(35/2 u³ q^−9/2 − 15/2 u q^−7/2)
 
-κ = 0 leaves Eq. 2, and is the truth for a cylinder with L/D = √3/2 = 0.866. Disks of charge at the two end faces give
-κ: the third moment ∫(z³ − 3/2 zρ²) over the first, ∫z.
+κ = 0 gives Eq. 2, which is exact to this order for a cylinder with L/D = √3/2 = 0.866. κ follows from disks of charge
+at the two end faces: the third moment ∫(z³ − 3/2 zρ²) over the first, ∫z.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ IDENTITY = np.eye(3)
 
 
 class Radial(NamedTuple):
-    """α and β with their derivatives by u and, doubled, by q; each (N,)."""
+    """α and β, their derivatives by u, and twice their derivatives by q; each (N,)."""
 
     alpha: Array
     beta: Array
@@ -59,7 +59,7 @@ def dipole_derivatives(
 ) -> tuple[Array, Array, Array]:
     """The field (N, 3) with its derivatives by magnet position (N, 3, 3), T/m, and by moment direction (N, 3, 3), T.
 
-    The last index is the variable. By sensor position, the derivative is the negative of that by magnet position.
+    The last index is the variable. The derivative by sensor position is minus that by magnet position.
     """
     r = place_m - position_m
     alpha, beta, alpha_u, beta_u, alpha_2q, beta_2q = (

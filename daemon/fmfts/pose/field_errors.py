@@ -1,4 +1,4 @@
-"""What the residuals of sensors that are well look like: their noise, and what the baseline left open."""
+"""Expected errors of healthy sensors: their noise, and what the baseline leaves unknown."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FieldErrors:
-    """Errors of the magnet's field that last, by one deviation each of K independent causes; to first order.
+    """Lasting errors of the magnet's field, from one deviation of each of K independent causes; to first order.
 
-    by_pose (5, 3N, K): for a unit change of the pose from rest, m and rad. by_field (3N, K): for a unit field along
-    each sensor's axes, relative. rotation (N, 3, 3): pad axes from sensor axes.
+    by_pose (5, 3N, K): error (T) per change of the pose from rest (m, rad). by_field (3N, K): relative error of a field
+    along each sensor axis. rotation (N, 3, 3): from sensor axes to pad axes.
     """
 
     by_pose: Array
@@ -26,24 +26,25 @@ class FieldErrors:
     rotation: Array
 
     def at(self, change: Array, ambient_t: Array) -> Array:
-        """(3N, K) in tesla, sensor axes: of a change of pose (5,) and of the ambient field (3,) since the baseline."""
-        own = product(ambient_t, self.rotation).reshape(-1, 1)
+        """Errors (3N, K) T in sensor axes, after a change of pose (5,) and of ambient field (3,) since the baseline."""
+        along_axes = product(ambient_t, self.rotation).reshape(-1, 1)
         errors: Array = (
-            product(change, self.by_pose.reshape(len(change), -1)).reshape(self.by_pose.shape[1:]) + own * self.by_field
+            product(change, self.by_pose.reshape(len(change), -1)).reshape(self.by_pose.shape[1:])
+            + along_axes * self.by_field
         )
         return errors
 
 
 @dataclass(frozen=True, slots=True)
 class SensorErrors:
-    """Of sensors that are well. noise_t (N, 3): white noise of one sample. lasting: None where nothing else is off."""
+    """Errors of healthy sensors. noise_t (N, 3): white noise of one sample. lasting: None if there are no others."""
 
     noise_t: Array
     lasting: FieldErrors | None = None
 
 
 def change_since(rest: State, state: State) -> Array:
-    """(8,) change of position (m), of the axis in the rest axis's tangent plane (rad), and ambient field (T)."""
+    """Change (8,) of position (m) and of the axis in the rest axis's tangent plane (rad), and the ambient field (T)."""
     return np.concatenate(
         [state.position_m - rest.position_m, product(tangent_basis(rest.axis).T, state.axis), state.ambient_t]
     )

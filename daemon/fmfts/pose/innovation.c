@@ -1,11 +1,11 @@
-/* The mean residual of each axis, and whether it is that of healthy sensors: residual_monitor.py and innovation.py. */
+/* Averages the residual of each axis, and judges whether the sensors are healthy: residual_monitor.py, innovation.py. */
 #include <math.h>
 
 #include "model.h"
 #include "step.h"
 
-/* The frame's mean residuals as one least-squares problem, in units of their noise: jacobian over the unknowns, with the
- * mean itself as the last column; patterns of errors that nothing is wrong with, of one deviation each. */
+/* The mean residuals as a least-squares problem, in units of their noise. jacobian: over the unknowns; its last column is
+ * the mean. patterns: errors that healthy sensors have, one deviation each. */
 typedef struct {
     int axes, unknowns, patterns;
     double jacobian[FMFTS_AXES][BASE_COLUMNS + 1];
@@ -28,7 +28,7 @@ static void push_change(const fmfts_pose_parameters *parameters, fmfts_pose_memo
     }
 }
 
-/* Adds a frame; predicted values' derivatives by a step go to jacobian [axes][BASE_COLUMNS]. */
+/* Adds a frame's residuals. jacobian [axes][BASE_COLUMNS]: receives the derivatives of the prediction by a step. */
 static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
                  double jacobian[][BASE_COLUMNS])
 {
@@ -50,7 +50,7 @@ static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     }
 }
 
-/* What one deviation of a cause does to an axis: FieldErrors.at. */
+/* The error of an axis from one deviation of a cause: FieldErrors.at. */
 static double error_of(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axes, int axis, int cause)
 {
     int causes = (int)parameters->field_errors[0];
@@ -86,8 +86,8 @@ static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_me
     }
 }
 
-/* χ² of the mean beyond what the unknowns explain, noise and patterns S = I + PPᵀ being its covariance: generalised
- * least squares, which is what the projection on the parity space in innovation.py comes to. False where it has none. */
+/* χ² of the mean beyond what the unknowns explain, for the covariance S = I + PPᵀ of noise and patterns P. Generalised
+ * least squares gives the same as the projection on parity space in innovation.py. False if the matrix is singular. */
 static bool chi2_of(const mean_problem *p, double *chi2)
 {
     fmfts_matrix spread, factored, normal;
@@ -145,7 +145,7 @@ bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_m
         ready += memory->frames[axis] >= 2.0 * parameters->judged_every[0];
     }
     if (ready == 0) {
-        return true; /* after a disturbance: nothing can be said yet */
+        return true; /* too few frames since a disturbance */
     }
     if (ready < axes) {
         return false;

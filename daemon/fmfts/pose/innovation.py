@@ -1,7 +1,7 @@
-"""Small faults that last: what one frame's χ² lets through, a quarter of a second's mean residual shows.
+"""Finds small faults that last: the mean residual of a quarter of a second shows what one frame's χ² does not.
 
-A residual z − h(x̂) is seen through what no pose explains (the parity space, Q with QᵀWH = 0): there, to first order,
-it is the same whatever the estimate, so a sensor that is left out goes on being judged. J. J. Gertler, "Survey of
+A residual z − h(x̂) is projected on the parity space, which no pose can change (Q with QᵀWH = 0). There it does not
+depend on the estimate, to first order, so a sensor that is left out is still judged. J. J. Gertler, "Survey of
 model-based failure detection and isolation", IEEE Control Systems 8 (1988) 3.
 """
 
@@ -19,22 +19,22 @@ from fmfts.common.chi2 import quantile
 
 Array = NDArray[np.float64]
 
-# The mean forgets over so many frames, 0.25 s at 220 Hz, and is judged once in so many.
+# The mean forgets over MEMORY_FRAMES (0.25 s at 220 Hz), and is judged once in JUDGED_EVERY frames.
 MEMORY_FRAMES = 55
 JUDGED_EVERY = 8
-# Healthy judgements that are alarms. 27 a second, of which neighbours share most of their frames: once in ten hours.
+# The share of healthy judgements that raise an alarm: once in ten hours, at 27 judgements a second that share frames.
 FALSE_ALARM = 1e-6
-# A mean as good as all but this share of healthy ones: nothing is wrong, or is any longer.
+# A mean is sound if its χ² is below the one that only this share of healthy means exceeds.
 SOUND = 0.01
-# What a single explanation must hold of the probability to be the answer.
+# The share of the probability that one explanation needs to be the answer.
 CLEAR = 0.999
-# What a broken axis is off by: a prior as wide as what one frame's gate may let through.
+# Prior deviation of a broken axis: as wide as an error that the gate of one frame may let through.
 AXIS_FAULT_T = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """sensor: the one to blame; foreign: a field from elsewhere explains it better; neither: not clear which."""
+    """sensor: the faulty one. foreign: a foreign field explains it better. Neither: unclear which of `suspects`."""
 
     chi2: float
     sensor: int | None = None
@@ -44,9 +44,9 @@ class Finding:
 
 @dataclass(slots=True)
 class MeanResidualsMemory:
-    """By axis (3N,): mean_t of the residuals, lasting_t2 (variance that no averaging takes away), frames seen of it up
-    to MEMORY_FRAMES. change (8,): the mean of what errors are proportional to. sound: the last judgement.
-    lasting_misfit: χ² then over what a sound mean stays under, at least 1; of a mean that is no alarm."""
+    """Of each axis (3N,): mean_t, the mean residual; lasting_t2, variance that averaging does not reduce; frames, how
+    many were averaged, up to MEMORY_FRAMES. change (8,): mean of `change_since`. sound: whether the last judged mean
+    was. lasting_misfit: χ² of that mean over the limit of a sound one; at least 1, and 1 after an alarm."""
 
     mean_t: Array
     lasting_t2: Array
@@ -59,7 +59,7 @@ class MeanResidualsMemory:
 
 
 class MeanResiduals:
-    """The mean residual of each axis, and what it says. noise_t (N, 3): white noise of one sample."""
+    """Averages the residual of each axis, and judges the means. noise_t (N, 3): white noise of one sample."""
 
     def __init__(self, noise_t: Array) -> None:
         self._noise = noise_t.ravel()
@@ -71,9 +71,11 @@ class MeanResiduals:
         memory.mean_t[:], memory.frames[:], memory.pushed = 0.0, 0.0, 0
 
     def push(self, residual_t: Array, lasting_t: Array, change: Array) -> bool:
-        """One frame's residual (N, 3), NaN where an axis is silent; lasting_t (N, 3): deviation of the part of its
-        error that stays from frame to frame, whatever the cause; change (8,): what errors are proportional to.
-        True when it is time to judge."""
+        """Add one frame. Returns True when it is time to judge.
+
+        residual_t (N, 3): NaN where an axis is silent. lasting_t (N, 3): deviation of the part of its error that stays
+        from frame to frame. change (8,): pose and ambient field since rest, to which errors are proportional.
+        """
         memory, residual, lasting = self.memory, residual_t.ravel(), square(lasting_t.ravel())
         memory.pushed = min(memory.pushed + 1, MEMORY_FRAMES)
         memory.change += (change - memory.change) / memory.pushed
@@ -86,10 +88,10 @@ class MeanResiduals:
         return memory.since % JUDGED_EVERY == 0
 
     def judge(self, jacobian: Array, tolerated: Array, foreign: Array, forgiving: bool) -> Finding | None:
-        """None while the mean is that of healthy sensors. jacobian (3N, unknowns).
+        """What is wrong, None if the mean is that of healthy sensors. jacobian (3N, unknowns).
 
-        tolerated, foreign (3N, K): patterns in tesla, of one deviation each, that nothing is wrong with (an error that
-        is considered), and that a field from elsewhere makes. forgiving: something was found, and may be over.
+        tolerated, foreign (3N, K): error patterns in tesla, one deviation each, of expected errors and of a foreign
+        field. forgiving: a fault was found before, and counts as over only once the mean is sound.
         """
         memory = self.memory
         ready = memory.frames >= 2 * JUDGED_EVERY
@@ -98,7 +100,7 @@ class MeanResiduals:
         memory.lasting_misfit = 1.0
         if freedom < 1:
             return None
-        # The running mean of n frames, and once the memory is full the exponential one, which holds 2·memory − 1.
+        # A mean of n frames; once the memory is full, an exponential mean, which is worth 2·memory − 1 frames.
         effective = np.where(memory.frames < MEMORY_FRAMES, memory.frames, 2 * MEMORY_FRAMES - 1.0)
         weight = 1.0 / np.sqrt(square(self._noise[ready]) / effective[ready] + memory.lasting_t2[ready])
         scaled = weight[:, None] * jacobian[ready]
@@ -115,7 +117,7 @@ class MeanResiduals:
 
 
 def _explained(seen: Array, parity: Array, foreign: Array, sensor_of: NDArray[np.intp], chi2: float) -> Finding:
-    """The explanation that holds nearly all of the probability, if it fits at all."""
+    """Compare the explanations, and blame the one that holds nearly all of the probability, if it fits."""
     names: list[int | None] = []
     evidence, misfits = [], []
     for sensor, pattern in _explanations(parity, foreign, sensor_of):
@@ -123,20 +125,20 @@ def _explained(seen: Array, parity: Array, foreign: Array, sensor_of: NDArray[np
         log_evidence, misfit = _evidence(seen, pattern)
         evidence.append(log_evidence)
         misfits.append(misfit)
-    share = np.array([exp(one - max(evidence)) for one in evidence])
-    share /= share.sum()
-    best = int(np.argmax(share))
+    probability = np.array([exp(one - max(evidence)) for one in evidence])
+    probability /= probability.sum()
+    best = int(np.argmax(probability))
     blamed = names[best]
-    held = sum(part for part, name in zip(share, names, strict=True) if name == blamed)
+    held = sum(part for part, name in zip(probability, names, strict=True) if name == blamed)
     fits = misfits[best] < quantile(FALSE_ALARM, len(seen))
     if fits and held > CLEAR:
         return Finding(chi2, sensor=blamed, foreign=blamed is None)
-    suspects = {name for part, name in zip(share, names, strict=True) if part > 1.0 - CLEAR and name is not None}
+    suspects = {name for part, name in zip(probability, names, strict=True) if part > 1.0 - CLEAR and name is not None}
     return Finding(chi2, foreign=not fits or not suspects, suspects=tuple(sorted(suspects)))
 
 
 def _explanations(parity: Array, foreign: Array, sensor_of: NDArray[np.intp]) -> Iterator[tuple[int | None, Array]]:
-    """Each axis alone, each sensor whole, and a field from elsewhere: whom it blames, and its patterns in parity."""
+    """Each single axis, each whole sensor, and a foreign field: the blamed sensor, and its patterns in parity space."""
     for row in range(parity.shape[1]):
         yield int(sensor_of[row]), AXIS_FAULT_T * parity[:, row : row + 1]
     for sensor in np.unique(sensor_of):
@@ -145,7 +147,7 @@ def _explanations(parity: Array, foreign: Array, sensor_of: NDArray[np.intp]) ->
 
 
 def _evidence(seen: Array, pattern: Array) -> tuple[float, float]:
-    """Log probability of what is seen if the patterns' sizes are normal with deviation one, and its χ² beyond them."""
+    """Log probability of `seen` if the sizes of the patterns are normal with deviation 1, and the remaining χ²."""
     spread = np.eye(len(seen)) + product(pattern, pattern.T)
     misfit = product(seen, solve(spread, seen))
     return -0.5 * (misfit + log_determinant(spread)), misfit

@@ -1,4 +1,4 @@
-"""Which solver serves: the compiled kernel where it could be built, else the NumPy reference."""
+"""Chooses the solver: the compiled kernel if it could be built, else the NumPy reference."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ except ImportError:  # no compiler was there when the package was built
 
 Array = NDArray[np.float64]
 
-# The environment variable is for comparisons: FMFTS_SOLVER=numpy leaves the kernel aside.
+# FMFTS_SOLVER=numpy turns the kernel off, for comparisons.
 SOLVER: Literal["c", "numpy"] = "numpy" if _kernel is None or os.environ.get("FMFTS_SOLVER") == "numpy" else "c"
 
 STATUSES = (Status.CONVERGED, Status.AT_LIMIT, Status.UNOBSERVABLE, Status.INVALID)
-# Columns of a summary, as _kernel.c writes it.
+# The columns of a summary, in the order in which _kernel.c writes them.
 STATUS, CHI2, RESIDUAL, ITERATIONS, ROWS, UNKNOWNS = range(6)
 SUMMARY = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """K independent problems with equally many rows and magnets, for one call of the kernel; every array contiguous.
+    """K independent problems with equally many rows and magnets, for one call of the kernel; arrays are contiguous.
 
-    As in `Problem`, with a leading K: measurements (K, rows, 10), magnets (K, M, 2), parts (K, columns), start
+    Arrays are those of `Problem`, K in front: measurements (K, rows, 10), magnets (K, M, 2), parts (K, columns), start
     (K, values: `State.vector`), prior_mean (K, values), prior_covariance (K, columns, columns), rate and diffusion
     (K, columns). Results are written to state, covariance, direction and summary (K, 6: STATUS …), which may be reused.
     """
@@ -63,7 +63,7 @@ class Batch:
         rate: Array | None = None,
         diffusion: Array | None = None,
     ) -> Batch:
-        """Inputs made contiguous (K is that of `measurements`; what lacks the leading K is repeated), results made."""
+        """Make inputs contiguous, and arrays for results. Inputs without the leading K are repeated K times."""
         count, columns = len(measurements), columns_of(magnets.shape[-2])
 
         def each(values: Array | None, dimensions: int) -> Array | None:
@@ -91,7 +91,7 @@ class Batch:
         )
 
     def solve(self, stop_chi2: float, max_iterations: int, project: bool = False) -> None:
-        """Fill the results: by the kernel, which lets other threads run meanwhile, or one by one by the reference."""
+        """Fill the results: with one call of the kernel, which releases the GIL, or one by one with the reference."""
         if SOLVER == "c":
             self.solve_compiled(stop_chi2, max_iterations, project)
             return

@@ -1,9 +1,9 @@
-/* χ², its slope and its curvature about a state. */
+/* χ² at a state, with its gradient and curvature. */
 #include "search.h"
 
-enum { TOGETHER = 3 }; /* rows summed at a time, as many as a sensor has: a third of the loads and stores */
+enum { TOGETHER = 3 }; /* rows summed at a time: the three of a sensor, for a third of the loads and stores */
 
-/* One row of J with its residual appended. Returns the residual in tesla. n: `ordered`. */
+/* own: one row of J, then its residual. Returns the residual in tesla. n: search->ordered. */
 FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double *state, const fmfts_row *row,
                               fmfts_sight *sight, double *column, double *own)
 {
@@ -18,7 +18,7 @@ FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double
     return own[n] * row->deviation;
 }
 
-/* Sums JᵀJ, Jᵀρ and ρᵀρ: the outer products of the rows of J with their residuals appended. n: `ordered`. */
+/* Sums JᵀJ, Jᵀρ and ρᵀρ as outer products of rows of J that end with their residual. n: search->ordered. */
 FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *state, fmfts_linear *out)
 {
     double column[FMFTS_MAX_COLUMNS] = {0}, own[TOGETHER][FMFTS_STRIDE];
@@ -46,8 +46,8 @@ FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *s
     }
 }
 
-/* The step from the prior's mean, and for each magnet the derivative of its two tilts (see _from_mean in reference.py).
- * False at 90° or more. */
+/* away: the step from the prior's mean. turn: the derivative of each magnet's two tilts (_from_mean in reference.py).
+ * False if an axis is 90° or more from the mean's. */
 static bool step_from_mean(const fmfts_search *search, const double *state, double *away, double turn[][2][2])
 {
     const double *mean = search->problem->prior_mean;
@@ -66,7 +66,7 @@ static bool step_from_mean(const fmfts_search *search, const double *state, doub
         step[LOG_COLUMN] = own[LOG_VALUE] - from[LOG_VALUE];
         uint8_t part = search->problem->parts[first_column(m) + TILT_COLUMN];
         if (part == FMFTS_FREE || part == FMFTS_FIXED) {
-            step[TILT_COLUMN] = step[TILT_COLUMN + 1] = 0.0; /* of no account, however far it is */
+            step[TILT_COLUMN] = step[TILT_COLUMN + 1] = 0.0; /* this axis has no prior: any distance is allowed */
             turn[m][0][0] = turn[m][1][1] = 1.0;
             turn[m][0][1] = turn[m][1][0] = 0.0;
             continue;
@@ -85,7 +85,7 @@ static bool step_from_mean(const fmfts_search *search, const double *state, doub
     return true;
 }
 
-/* Adds DᵀΩD, −DᵀΩd and dᵀΩd. False where the state is too far from the mean to say. */
+/* Adds DᵀΩD, −DᵀΩd and dᵀΩd. False if an axis is 90° or more from the mean's. */
 static bool add_prior(const fmfts_search *search, const double *state, fmfts_linear *out)
 {
     size_t n = search->ordered;
@@ -135,7 +135,7 @@ double fmfts_linearise(fmfts_search *search, const double *state, fmfts_linear *
 {
     size_t n = search->ordered;
     place_sources(search->problem->magnets, state, &search->sources);
-    switch (n) { /* constant sizes are unrolled: twice as fast */
+    switch (n) { /* the compiler unrolls constant sizes: twice as fast */
     case 5:
         add_rows(5, search, state, out);
         break;

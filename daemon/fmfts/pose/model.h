@@ -7,8 +7,8 @@
 #include "../arithmetic/elementary.h"
 #include "algebra.h"
 
-/* A measurement in units of its deviation. shares_place: with the row before it, so what depends on it need not be
- * computed again. Nine doubles: FMFTS_WORK. */
+/* A measurement in units of its deviation. shares_place: 1 if it has the place of the row before, so that the magnets' sight
+ * from there need not be computed again. Nine doubles: FMFTS_WORK. */
 typedef struct {
     double place[3];
     double direction[3];
@@ -25,7 +25,7 @@ typedef struct {
     double octupole;
 } fmfts_source;
 
-/* A source as seen from a place: α, β and their derivatives (dipole.py), times the strength. */
+/* A magnet as seen from a place: r, and α, β and their derivatives (dipole.py) times the strength. */
 typedef struct {
     double r[3];
     double basis_r[2];
@@ -77,7 +77,7 @@ FMFTS_INLINE void look(const fmfts_source *source, const double *place, fmfts_si
     }
 }
 
-/* The field along `direction`, and in column[6] its derivatives by position, tilt and log moment. */
+/* Returns the field along `direction`. column[6]: its derivatives by position, tilt and log moment. */
 FMFTS_INLINE double sense(const fmfts_source *source, const fmfts_sight *sight, const double *direction, double *column)
 {
     double along = dot3(source->axis, direction), across = dot3(sight->r, direction);
@@ -92,7 +92,7 @@ FMFTS_INLINE double sense(const fmfts_source *source, const fmfts_sight *sight, 
     return column[5];
 }
 
-/* What the uniform ambient's gradient adds along `direction`, and in column[5] its derivatives. */
+/* Returns what the gradient of the ambient field adds along `direction`. column[5]: its derivatives. */
 FMFTS_INLINE double sense_gradient(const double *gradient, const double *place, const double *direction, double *column)
 {
     column[0] = direction[0] * place[0] - direction[2] * place[2];
@@ -107,7 +107,7 @@ FMFTS_INLINE double sense_gradient(const double *gradient, const double *place, 
     return sum;
 }
 
-/* First value and first column of a magnet: the ambient field stands between the first and the others. */
+/* The first value and the first column of a magnet. The ambient field is between the first magnet and the others. */
 FMFTS_INLINE size_t first_value(size_t magnet)
 {
     return magnet == 0 ? 0 : 8 + 7 * magnet;
@@ -121,7 +121,7 @@ FMFTS_INLINE size_t first_column(size_t magnet)
 enum { AXIS_VALUE = 3, LOG_VALUE = 6, AMBIENT_VALUE = 7, GRADIENT_VALUE = 10 };
 enum { TILT_COLUMN = 3, LOG_COLUMN = 5, AMBIENT_COLUMN = 6, GRADIENT_COLUMN = 9, BASE_COLUMNS = 14 };
 
-/* The magnets of a state, ready to be looked at; the exponential only where the log moment has changed. */
+/* The magnets of a state, prepared for look(). log_moment: of which `strength` is, to spare the exponential. */
 typedef struct {
     fmfts_source source[FMFTS_MAX_MAGNETS];
     double log_moment[FMFTS_MAX_MAGNETS];
@@ -152,7 +152,7 @@ FMFTS_INLINE void look_all(const fmfts_sources *sources, const double *place, fm
     }
 }
 
-/* The whole prediction along one direction, with its derivatives by all columns. `sight`: of every source from there. */
+/* Returns the whole prediction along one direction. column: its derivatives. sight: of each magnet from this place. */
 FMFTS_INLINE double sense_all(const fmfts_sources *sources, const fmfts_sight *sight, const double *state,
                               const double *place, const double *direction, bool with_gradient, double *column)
 {

@@ -1,4 +1,4 @@
-"""The measurement model: what each scalar measurement would read in a given state, and how much it weighs."""
+"""The measurement model: what each scalar measurement would read in a given state, and its weight."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from fmfts.pose.state import (
 
 Array = NDArray[np.float64]
 
-UNIT = 1e-6  # how far from one the length of a unit vector may be
+UNIT = 1e-6  # the length of a unit vector may differ from one by this
 
 
 def usable_rows(problem: Problem) -> Array | None:
-    """The measurements that hold a value; None where one of them is not a measurement."""
+    """The measurements that have a value; None if one of them is invalid."""
     rows = problem.measurements
     rows = rows[np.isfinite(rows[:, VALUE]) & (rows[:, NOISE] != np.inf)]
     length = np.sqrt(square(rows[:, DIRECTION]).sum(axis=1))
@@ -37,9 +37,9 @@ def usable_rows(problem: Problem) -> Array | None:
 
 
 def brought_to_now(problem: Problem, rows: Array) -> tuple[Array, Array]:
-    """Values (rows,) as they would be at the state's time, and one over their standard deviations (rows,).
+    """Values (rows,) T, extrapolated to the state's time, and one over their standard deviations (rows,).
 
-    How a sample ages, by the known rate and by what diffused, is linear about the start.
+    The extrapolation is linear about the start: the known rate moves the value, and diffusion adds to its variance.
     """
     with np.errstate(over="ignore"):
         value, variance = rows[:, VALUE], square(rows[:, NOISE]) + square(rows[:, PROPORTIONAL] * rows[:, VALUE])
@@ -52,7 +52,7 @@ def brought_to_now(problem: Problem, rows: Array) -> tuple[Array, Array]:
 
 
 def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:
-    """What each measurement (rows, 10) would read (rows,), T, and its derivative by a step (rows, columns)."""
+    """What each measurement (rows, 10) would read (rows,) in tesla, and its derivative by a step (rows, columns)."""
     place, direction = rows[:, PLACE], rows[:, DIRECTION]
     jacobian = np.empty((len(rows), state.columns))
     predicted = product(direction, state.ambient_t)
@@ -73,6 +73,6 @@ def predict(rows: Array, magnets: Array, state: State) -> tuple[Array, Array]:
 
 
 def magnets_of(state: State) -> list[tuple[int, State | Neighbour]]:
-    """First column and pose of every magnet in the state."""
+    """The first column of each magnet in the state, and the magnet."""
     others = ((SIZE + NEIGHBOUR_SIZE * index, other) for index, other in enumerate(state.neighbours))
     return [(0, state), *others]

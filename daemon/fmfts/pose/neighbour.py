@@ -1,7 +1,7 @@
-"""A neighbour's magnet as one more unknown of a pad's state, under a prior: where its own pad saw it last.
+"""A neighbour's magnet as an unknown in a pad's state. Its prior is where its own pad saw it last.
 
-A baseline holds what the neighbour at rest adds to the field, so only the change matters: the neighbour's rest field is
-put back, as the model has it, and the model with the neighbour where it is now takes it away again.
+The baseline already subtracts the field of the neighbour at rest. The modelled rest field is therefore added again, and
+the solve models the neighbour where it is now: only the change between the two counts.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from fmfts.pose.problem import Part, Parts, Prior
 from fmfts.pose.solver import PoseEstimate
 from fmfts.pose.state import AXIS, NEIGHBOUR_SIZE, POSITION, SIZE, Neighbour, State, tangent_basis
 
-# What a tap of 1 N in 50 ms does to a magnet at its fastest: so far it may have come since it was seen.
+# The largest speed of a magnet in a tap of 1 N in 50 ms: how far it may have moved since it was seen.
 SPEED_M_PER_S, TURN_RAD_PER_S = 0.02, 2.0
-# A magnet that has not been seen for long is still somewhere in its pad: the paper's hardest press is 1.2 mm, 0.2 rad.
+# A magnet that was not seen for long is still in its pad: the paper's hardest press moves it by 1.2 mm and 0.2 rad.
 REACH_M, REACH_RAD = 1.2e-3, 0.2
-# A moment is never known better: what warming does between two readings of a thermometer, and a dipole for a cylinder.
+# A log moment is never known better: it warms between two temperatures, and a dipole stands for a cylinder.
 MOMENT_DEVIATION = 1e-3
 COLUMNS = NEIGHBOUR_SIZE
 
 
 @dataclass(slots=True)
 class Sighting:
-    """Where a pad's magnet was last seen, in the pad's own axes; covariance (6, 6) of a step from there.
+    """Where a pad's magnet was last seen, in the pad's own axes. covariance (6, 6): of a step from there.
 
-    time_ns: when, on the host's clock; None: never, it is thought to be at rest.
+    time_ns: when, on the host's clock; None if never: the magnet is then assumed at rest.
     """
 
     magnet: Magnet
@@ -46,7 +46,7 @@ class Sighting:
         return cls(magnet, rest, rest, np.zeros((COLUMNS, COLUMNS)))
 
     def rests(self, rest: State) -> None:
-        """What a baseline tells of it."""
+        """Begin again from the rest state of a new baseline."""
         self.rest = self.last = rest
         self.covariance, self.time_ns = np.zeros((COLUMNS, COLUMNS)), None
 
@@ -56,7 +56,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourEstimate:
-    """A neighbour at one instant, in this pad's axes. change_share: error of its field's change for its placement."""
+    """A neighbour at one instant, in this pad's axes. covariance (6, 6). placement_m: deviation of its pad's place."""
 
     magnet: Magnet
     rest: Neighbour
@@ -65,7 +65,7 @@ class NeighbourEstimate:
     placement_m: float
 
     def field(self, sensors: SensorArray, where: Neighbour) -> Array:
-        """(N, 3) tesla in sensor axes."""
+        """The field (N, 3) T of the neighbour at `where`, in sensor axes."""
         strength = self.magnet.strength_t_m3 * exp(where.log_moment)
         octupole_m2 = self.magnet.modelled_octupole_m2
         return sensors.to_sensor(dipole_field(sensors.position_m, where.position_m, where.axis, strength, octupole_m2))
@@ -73,13 +73,13 @@ class NeighbourEstimate:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourView:
-    """What one pad knows of another's magnet; placement: the other pad's, in this one's axes."""
+    """What one pad knows of another pad's magnet. placement: the other pad's, in this one's axes."""
 
     sighting: Sighting
     placement: Placement
 
     def at(self, time_ns: int) -> NeighbourEstimate:
-        """As uncertain as the time since it was seen has made it."""
+        """The neighbour at `time_ns` (host clock), its covariance widened by the time since it was seen."""
         sighting = self.sighting
         reach_m, reach_rad = REACH_M, REACH_RAD
         if sighting.time_ns is not None:
@@ -101,12 +101,12 @@ class NeighbourView:
 
 
 def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """The field (N, 3), from which a baseline took the neighbours at rest away, with them put back."""
+    """Add the field of the neighbours at rest, which the baseline subtracted, to the field (N, 3) T again."""
     return field_t + sum(other.field(sensors, other.rest) for other in seen)
 
 
 def placement_deviation(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """(N, 1) T: a dipole's gradient goes with 1/r⁴, so that its change of field is off by 4/r for where its pad is."""
+    """Deviation (N, 1) T from errors of placement: a dipole's change of field varies by 4/r of itself per metre."""
     variance = np.zeros(len(sensors))
     for other in seen:
         change = other.field(sensors, other.now) - other.field(sensors, other.rest)
@@ -116,7 +116,7 @@ def placement_deviation(sensors: SensorArray, seen: Sequence[NeighbourEstimate])
 
 
 def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEstimate]) -> tuple[State, Parts, Prior]:
-    """The same problem with the neighbours in its state."""
+    """Add the neighbours to start, parts and prior of a problem."""
     columns = SIZE + COLUMNS * len(seen)
     covariance = np.zeros((columns, columns))
     covariance[:SIZE, :SIZE] = prior.covariance
@@ -135,7 +135,7 @@ def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEst
 def without_neighbours(
     field_t: Array, estimate: PoseEstimate | None, seen: Sequence[NeighbourEstimate], sensors: SensorArray
 ) -> tuple[Array, PoseEstimate | None]:
-    """The field (N, 3) and the estimate without the neighbours, which are taken away where the estimate has them."""
+    """Subtract the neighbours, where the estimate has them, from the field (N, 3), and drop them from the estimate."""
     if estimate is None or not seen:
         return field_t, estimate
     pairs = zip(seen, estimate.state.neighbours, strict=True)

@@ -1,4 +1,4 @@
-"""What the reference does with a normal matrix: a damped step, an inverse where there is one, the weakest direction."""
+"""What the reference solver computes from a normal matrix: a damped step, an inverse, the weakest direction."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fmfts.arithmetic.matrix import SingularError, cholesky, eigen, product, sol
 
 Array = NDArray[np.float64]
 
-# A column whose variance the others explain but for this share is not measured: what is left is rounding.
+# A column is not measured if the others explain all of its variance but this share, which is rounding.
 SINGULAR = 1e-11
 
 
 def damped_step(normal: Array, gradient: Array, damping: float) -> tuple[Array | None, float]:
-    """Marquardt's step, and the decrease of χ² that the linear model promises for it; None where A is singular."""
+    """Marquardt's step, and the decrease of χ² that the linear model predicts for it; None if A is singular."""
     damped = normal + damping * np.diag(np.diagonal(normal))
     inverse = inverse_of(damped)
     if inverse is None:
@@ -25,7 +25,7 @@ def damped_step(normal: Array, gradient: Array, damping: float) -> tuple[Array |
 
 
 def inverse_of(matrix: Array) -> Array | None:
-    """Inverse of a symmetric matrix; None unless it is positive definite and far enough from singular to tell."""
+    """Inverse of a symmetric matrix; None unless it is positive definite and clearly not singular."""
     diagonal = np.diagonal(matrix)
     if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
         return None

@@ -1,9 +1,9 @@
-/* What a solve is given, checked and put into the search's terms. */
+/* Checks the input of a solve, and prepares it for the search. */
 #include <string.h>
 
 #include "search.h"
 
-#define UNIT 1e-6 /* how far from one the length of a unit vector may be */
+#define UNIT 1e-6 /* the length of a unit vector may differ from one by this */
 
 static bool all_finite(const double *values, size_t count)
 {
@@ -34,7 +34,7 @@ static bool valid_state(const fmfts_problem *problem, const double *state)
     return true;
 }
 
-/* Whether every column has a role that there is, moves at a rate, and diffuses rather than contracts. */
+/* Whether each column has a known part, a finite rate, and a finite diffusion that is not negative. */
 static bool valid_columns(const fmfts_problem *problem)
 {
     for (size_t c = 0; c < FMFTS_COLUMNS(problem->magnet_count); c++) {
@@ -66,8 +66,8 @@ bool fmfts_valid(const fmfts_problem *problem)
     return valid_state(problem, problem->start) && (!problem->prior_mean || valid_state(problem, problem->prior_mean));
 }
 
-/* Brings a sample that is `age` old to the state's time, by the known rate and by what diffused, linear about the
- * start. */
+/* Extrapolates a sample that is `age` seconds old to the state's time, linear about the start: the known rate moves the
+ * value, and diffusion adds to the variance. */
 static void bring_to_now(const fmfts_search *search, const double *place, const double *direction, double age,
                          double *value, double *variance)
 {
@@ -104,7 +104,7 @@ bool fmfts_prepare_rows(fmfts_search *search, fmfts_row *rows)
             bring_to_now(search, row->place, row->direction, from[9], &value, &variance);
         }
         if (!(variance > 0.0) || !isfinite(variance)) {
-            return false; /* its square is beyond a double's range */
+            return false; /* the variance is beyond the range of a double */
         }
         row->deviation = sqrt(variance);
         double weight = 1.0 / row->deviation;

@@ -1,4 +1,4 @@
-/* What the solver is asked, and what it answers: problem.py and state.py. SI units. Arrays are row-major. */
+/* The problem and the solution of the solver: problem.py and state.py. SI units. Arrays are row-major. */
 #ifndef FMFTS_PROBLEM_H
 #define FMFTS_PROBLEM_H
 
@@ -18,7 +18,7 @@
 /* A measurement: place 3, direction 3, value, noise, proportional deviation, age. A magnet: strength, octupole. */
 #define FMFTS_MEASUREMENT 10
 #define FMFTS_MAGNET 2
-/* Doubles of work space for so many rows. */
+/* The number of doubles that fmfts_solve needs as work space. */
 #define FMFTS_WORK(rows) (9 * (rows))
 
 enum { FMFTS_FIXED, FMFTS_FREE, FMFTS_CONSIDERED, FMFTS_PRIOR };
@@ -37,10 +37,10 @@ typedef struct {
     const double *diffusion;        /* columns, or NULL */
     double stop_chi2;
     int max_iterations;
-    bool project; /* find axis, moment and ambient from the position: a cold start */
+    bool project; /* cold start: compute axis, moment and ambient from the position (projection.c) */
 } fmfts_problem;
 
-/* NaN where there is no estimate. */
+/* chi2 and residual_t are NaN without an estimate. */
 typedef struct {
     fmfts_status status;
     double chi2;

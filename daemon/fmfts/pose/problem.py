@@ -1,4 +1,4 @@
-"""What a solver is asked, and what it answers: the same for the C kernel and the NumPy reference."""
+"""The problem and the solution of a solver: the same for the C kernel and the NumPy reference."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Parts = NDArray[np.uint8]
 
 # One measurement is a scalar: `value` (T) is what a sensor at `place` (m) reads along the unit vector `direction`.
-# Its standard deviation is hypot(noise in T, proportional·|value|); it was taken `age` seconds before the state's time.
+# Its standard deviation is hypot(noise in T, proportional·|value|). It was sampled `age` s before the state's time.
 PLACE = slice(0, 3)
 DIRECTION = slice(3, 6)
 VALUE = 6
@@ -24,9 +24,9 @@ PROPORTIONAL = 8
 AGE = 9
 MEASUREMENT = 10
 
-# One step further would lower χ² by less than this: a thirtieth of a standard deviation is left to gain.
+# Stop if one more step would lower χ² by less than this: the rest is a thirtieth of a standard deviation.
 STOP_CHI2 = 1e-3
-# Reached by steps that are rounding: for comparisons between solvers, not for frames.
+# Only rounding is below this: for comparisons between solvers, not for frames.
 STOP_CONVERGED = 1e-20
 MAX_ITERATIONS = 50
 
@@ -34,9 +34,9 @@ MAX_ITERATIONS = 50
 class Part(IntEnum):
     """How one column of the state enters a solve.
 
-    FIXED: has the start's value, without error. FREE: estimated, from the measurements alone. PRIOR: estimated, from
-    measurements and prior. CONSIDERED (Schmidt): has the start's value, whose error counts in the covariance of the
-    estimated parts and is not reduced.
+    FIXED: keeps the start's value, without error. FREE: estimated from the measurements alone. PRIOR: estimated from
+    measurements and prior. CONSIDERED (Schmidt): keeps the start's value, whose error the measurements do not reduce;
+    it counts in the covariance of the estimated parts.
     """
 
     FIXED = 0
@@ -65,8 +65,8 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What happened while the samples aged. rate (columns,): known, step per second, so that a sample is predicted at
-    the state's time minus its age, to first order. diffusion (columns,): variance per second of the random rest."""
+    """How the state moved since the samples were taken. rate (columns,): known, step per second; a sample is predicted
+    at the state's time minus its age, to first order. diffusion (columns,): variance per second of the unknown part."""
 
     rate: Array
     diffusion: Array
@@ -74,7 +74,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """measurements (rows, 10): see PLACE … AGE. A NaN or infinite value, or an infinite noise, leaves a row out.
+    """measurements (rows, 10): see PLACE … AGE. Rows with a NaN or infinite value, or infinite noise, are left out.
 
     magnets (1 + neighbours, 2): strength B_T in T·m³ at log moment 0, and κ in m² (0: a dipole). parts (columns,):
     `Part` of each column. project: start from the position alone (see fmfts.pose.acquisition).
@@ -93,14 +93,14 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """What the measurements say of the state.
+    """The most probable state.
 
-    covariance (columns, columns): of a step from `state`, zero where a part is fixed, the prior's where considered.
-    chi2: squared misfit in deviations, of measurements and prior, at the most probable value of considered parts.
-    rows: measurements used. unknowns: FREE parts, so that chi2 is expected to be rows − unknowns. residual_t: root
-    mean square of the residuals. All are NaN unless the status is CONVERGED or AT_LIMIT; the state is then where the
-    search stood. direction (columns,): where UNOBSERVABLE, the step that nothing measures, in units of what each
-    column's deviation would be if the others were known; NaN otherwise.
+    covariance (columns, columns): of a step from `state`; zero for fixed parts, the prior's for considered ones. chi2:
+    sum of squared misfits in deviations, of measurements and prior, at the most probable value of considered parts.
+    rows: number of measurements used. unknowns: number of FREE parts; the expected chi2 is rows − unknowns. residual_t:
+    root mean square of the residuals. Unless the status is CONVERGED or AT_LIMIT, all these are NaN, and `state` is
+    where the search ended. direction (columns,): if UNOBSERVABLE, the step that changes no measurement, in units of
+    each column's deviation if the others were known; else NaN.
     """
 
     state: State
@@ -119,7 +119,7 @@ class Solution:
 
     @property
     def unobservable(self) -> tuple[str, ...]:
-        """Names of the columns that trade off against each other, the strongest first; empty if all is observable."""
+        """Names of the columns that cannot be told apart, the strongest first; empty if all are observable."""
         share = np.abs(self.direction)
         strongest = np.argsort(-np.nan_to_num(share))
         return tuple(column_name(int(column)) for column in strongest if share[column] > 0.1)
@@ -139,7 +139,7 @@ def measurement_rows(
     proportional: float = 0.0,
     age_s: Array | float = 0.0,
 ) -> Array:
-    """(3N, 10) measurements of fields (N, 3) in each sensor's own axes; age_s (N,) of each sensor's sample."""
+    """Measurements (3N, 10) of the fields (N, 3) T in each sensor's own axes. age_s (N,): age of each sample."""
     rows = np.empty((len(sensors), 3, MEASUREMENT))
     rows[:, :, PLACE] = sensors.position_m[:, None]
     rows[:, :, DIRECTION] = sensors.rotation.transpose(0, 2, 1)
@@ -151,15 +151,15 @@ def measurement_rows(
 
 
 def magnet_rows(*magnets: Magnet, octupole: bool | None = None) -> Array:
-    """(len(magnets), 2): strength, and κ of cylinders; `octupole`: all are cylinders, or all dipoles; None: as each
-    magnet is described."""
+    """Strength and κ (len(magnets), 2). octupole: True treats all as cylinders, False all as dipoles, None each as it
+    is described."""
     if octupole is not None:
         magnets = tuple(replace(magnet, as_cylinder=octupole) for magnet in magnets)
     return np.array([(magnet.strength_t_m3, magnet.modelled_octupole_m2) for magnet in magnets])
 
 
 def parts_of(columns: int = SIZE, *, free: object = (), considered: object = (), prior: object = ()) -> Parts:
-    """(columns,) all FIXED but those named by index, slice or array of indices."""
+    """Parts (columns,): FIXED, except the columns given by an index, a slice or an array of indices."""
     parts = np.zeros(columns, dtype=np.uint8)
     for part, which in ((Part.FREE, free), (Part.CONSIDERED, considered), (Part.PRIOR, prior)):
         if isinstance(which, slice | int):

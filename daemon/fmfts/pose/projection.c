@@ -1,4 +1,4 @@
-/* Variable projection: projection.py, which explains it. */
+/* Variable projection: projection.py explains it. */
 #include "search.h"
 
 #define SECULAR_STEPS 50
@@ -6,7 +6,7 @@
 #define HARD_CASE 1e-10
 #define SWEEPS 12
 
-/* Eigenvalues of a symmetric 3 × 3 matrix (destroyed) and, in the columns of `vectors`, eigenvectors: Jacobi. */
+/* Jacobi's method: the eigenvalues of a symmetric 3 × 3 matrix, which it overwrites; eigenvectors in the columns. */
 static void eigen3(double a[3][3], double vectors[3][3])
 {
     for (int i = 0; i < 3; i++) {
@@ -41,7 +41,7 @@ static void eigen3(double a[3][3], double vectors[3][3])
     }
 }
 
-/* The minimum of µᵀAµ − 2bᵀµ over |µ| = length. */
+/* The minimum of µᵀAµ − 2bᵀµ over |µ| = length: _of_length in projection.py. */
 static void of_length(double a[3][3], const double slope[3], double length, double moment[3])
 {
     double vectors[3][3], turned[3], part[3] = {0}, square = dot3(slope, slope), size = 0.0;
@@ -70,12 +70,12 @@ static void of_length(double a[3][3], const double slope[3], double length, doub
 }
 
 typedef struct {
-    double a[6][7]; /* moment 3, then the ambient's estimated components; the right-hand side is the column after them */
+    double a[6][7]; /* moment 3, then the estimated ambient components, then the right-hand side */
     size_t uniform[3];
     size_t size;
 } linear_parts;
 
-/* Normal equations of moment and change of ambient at the state's position. */
+/* Sums the normal equations of the moment and the change of the ambient field, at the state's position. */
 static void collect(fmfts_search *search, const double *state, linear_parts *parts)
 {
     const fmfts_problem *problem = search->problem;
@@ -121,7 +121,7 @@ static void collect(fmfts_search *search, const double *state, linear_parts *par
     }
 }
 
-/* Eliminates the ambient: what remains over the moment alone. False where the ambient is not measured. */
+/* Eliminates the ambient field. left: the normal equations of the moment alone. False if the ambient is not measured. */
 static bool eliminate(linear_parts *parts, fmfts_matrix ambient, fmfts_matrix work, double shared[3][4], double left[3][4])
 {
     size_t count = parts->size - 3, last = parts->size;
@@ -133,7 +133,7 @@ static bool eliminate(linear_parts *parts, fmfts_matrix ambient, fmfts_matrix wo
     if (!factor(count, ambient, 0.0, work)) {
         return false;
     }
-    for (size_t k = 0; k < 4; k++) { /* by each moment component, then the right-hand side */
+    for (size_t k = 0; k < 4; k++) { /* for each moment component, then for the right-hand side */
         double solved[3];
         for (size_t i = 0; i < count; i++) {
             solved[i] = k < 3 ? parts->a[k][3 + i] : parts->a[3 + i][last];

@@ -1,8 +1,8 @@
-"""Variable projection: given the magnet's position, its moment and the ambient field are linear.
+"""Variable projection: for a given position of the magnet, its moment and the ambient field are linear unknowns.
 
-G. Golub, V. Pereyra, "The differentiation of pseudo-inverses…", SIAM J. Numer. Anal. 10 (1973) 413. With them solved
-for at every trial position, Levenberg–Marquardt over all unknowns moves in three dimensions only (Kaufman's form), and
-a start needs neither an axis nor a strength.
+They are solved for at each trial position, so Levenberg–Marquardt searches in three dimensions only (Kaufman's form),
+and a start needs neither an axis nor a strength. G. Golub, V. Pereyra, "The differentiation of pseudo-inverses…", SIAM
+J. Numer. Anal. 10 (1973) 413.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ HARD_CASE = 1e-10
 
 
 def best_linear_parts(rows: Array, weight: Array, problem: Problem, state: State) -> State | None:
-    """`state` with the axis and, where they are estimated, moment and ambient that fit best at its position.
+    """`state` with the axis that fits best at its position, and with the best moment and ambient field if estimated.
 
-    The dipole alone is linear: the octupole is left to the steps. A moment that is not estimated keeps its length.
-    None where the measurements leave the moment open.
+    Only the dipole is linear: the search's steps fit the octupole. A moment that is not estimated keeps its length.
+    None if the measurements do not determine the moment.
     """
     try:
         return _best(rows, weight, problem, state)
@@ -64,7 +64,7 @@ def _best(rows: Array, weight: Array, problem: Problem, state: State) -> State |
 def _with_prior(
     problem: Problem, state: State, uniform: NDArray[np.intp], curvature: Array, pull: Array
 ) -> tuple[Array, Array]:
-    """The ambient's normal equations, for a change from the state's, with what the prior says of each component."""
+    """The prior added to the normal equations of the ambient field's change from `state`."""
     held = problem.parts[AMBIENT][uniform] == Part.PRIOR
     if problem.prior is None or not held.any():
         return curvature, pull
@@ -75,14 +75,14 @@ def _with_prior(
 
 
 def _of_length(normal: Array, slope: Array, size: float) -> Array:
-    """The minimum of µᵀAµ − 2bᵀµ over |µ| = size, the lowest of them: (A − λ)µ = b with λ below A's eigenvalues.
+    """The lowest minimum of µᵀAµ − 2bᵀµ over |µ| = size: (A − λ)µ = b, with λ below the eigenvalues of A.
 
-    Newton's method on 1/|µ(λ)|, which is nearly linear, from the side where it converges monotonically (A. Conn,
-    N. Gould, P. Toint, "Trust-Region Methods", 2000, section 7.3).
+    λ is found with Newton's method on 1/|µ(λ)|, which is nearly linear, from the side where it converges monotonically
+    (A. Conn, N. Gould, P. Toint, "Trust-Region Methods", 2000, section 7.3).
     """
     values, vectors = eigen(normal)
     turned = product(vectors.T, slope)
-    # Without a component along the weakest direction both signs of it are equally good: take one.
+    # Without a component along the weakest direction, both of its signs are equally good: take one.
     turned[0] = np.copysign(max(abs(turned[0]), HARD_CASE * length(turned)), turned[0])
     shift = values[0] - abs(turned[0]) / size
     for _ in range(SECULAR_STEPS):

@@ -1,9 +1,9 @@
-"""The solver beside its equations: Levenberg–Marquardt on measurements and prior, in NumPy.
+"""The reference solver, written to be read: Levenberg–Marquardt on measurements and prior, in NumPy.
 
-With residuals ρ = (measured − predicted)/deviation, their Jacobian J (of the prediction), and d the step from the
-prior's mean, known with information Ω = P⁻¹, each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
-g = Jᵀρ − DᵀΩd, and D is the derivative of d: one on everything but the axis, which lives on a sphere. This is the
-oracle of solver.c, and serves where that could not be compiled.
+The residuals are ρ = (measured − predicted)/deviation, and J is the Jacobian of the prediction. d is the step from the
+prior's mean, and Ω = P⁻¹ the prior's information. Each step h solves (A + λ diag A) h = g, where A = JᵀJ + DᵀΩD,
+g = Jᵀρ − DᵀΩd, and D is the derivative of d: the identity, except for the axis, which lies on a sphere. This is the
+oracle of solver.c, and replaces it where there is no compiler.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from fmfts.pose.state import AXIS, POSITION, State, tangent_basis
 Array = NDArray[np.float64]
 
 FIRST_DAMPING = 1e-4
-NO_DAMPING = 1e-7  # below it Marquardt's step is Gauss's
+NO_DAMPING = 1e-7  # below this, Marquardt's step equals the Gauss–Newton step
 ROUNDING = 1e-12  # relative error of a sum of squares
-# A deviation over this share of the distance to the nearest sensor, or of a radian, says nothing: the field goes with
-# the third power of the distance, so the model is not linear over it, and the covariance not one.
+# A deviation above this share of the distance to the nearest sensor, or of a radian, is meaningless: the field falls
+# with the third power of the distance, so the model is not linear over it, and the covariance is wrong.
 UNCERTAIN = 0.25
 
 
 class Linear(NamedTuple):
-    """The problem about one state: χ² there, A and g over the active columns, and the raw squared residuals."""
+    """The problem linearised at one state: χ², A and g, and the sum of squared residuals in T²."""
 
     chi2: float
     normal: Array
@@ -85,7 +85,7 @@ class _Search:
                 continue
             tried = self._stepped(state, step)
             if promised <= problem.stop_chi2 and damping <= FIRST_DAMPING:
-                # What is left to gain is not worth another look at the model: take the step and leave.
+                # The remaining gain is not worth another evaluation of the model: take the step and stop.
                 state, status = tried, Status.CONVERGED
                 linear = linear._replace(chi2=linear.chi2 - promised)
                 break
@@ -106,7 +106,7 @@ class _Search:
         return state.stepped(move)
 
     def _linearise(self, state: State) -> Linear:
-        """χ², A and g; χ² is infinite where the state is not one (a magnet in a sensor, an axis over 90° away)."""
+        """χ², A and g. χ² is infinite if the state is impossible: a magnet in a sensor, or an axis over 90° away."""
         problem = self._problem
         with np.errstate(all="ignore"):
             predicted, jacobian = predict(self._rows, problem.magnets, state)
@@ -149,9 +149,9 @@ class _Search:
         )
 
     def _with_considered(self, inverse: Array, linear: Linear) -> tuple[Array, float]:
-        """Covariance over (active, considered), and χ² at the considered parts' most probable value.
+        """Covariance over (active, considered), and χ² at the most probable value of the considered parts.
 
-        The estimate moves by S = −A⁻¹·A_xc per unit of the considered parts, whose own variance stays the prior's.
+        The estimate moves by S = −A⁻¹·A_xc per unit of the considered parts; these keep the variance of the prior.
         """
         active, rest = slice(0, self._active), slice(self._active, None)
         if self._active == len(self._order):
@@ -168,7 +168,7 @@ class _Search:
         return covariance, linear.chi2 - gain
 
     def _uncertain(self, state: State, deviation: Array) -> bool:
-        """Whether a position or an axis is known so badly that its covariance means nothing."""
+        """Whether a position or an axis is so uncertain that its covariance is meaningless; see UNCERTAIN."""
         full = np.zeros(state.columns)
         full[self._order[: self._active]] = deviation
         for first, magnet in magnets_of(state):
@@ -180,7 +180,7 @@ class _Search:
 
 
 def _valid(problem: Problem) -> bool:
-    """Whether start, parts and settings are what they claim to be."""
+    """Whether start, parts and settings are valid."""
     states = [problem.start] if problem.prior is None else [problem.start, problem.prior.mean]
     for state in states:
         if not np.isfinite(state.vector()).all():
@@ -199,7 +199,7 @@ def _valid(problem: Problem) -> bool:
 
 
 def _information(problem: Problem) -> Array | None:
-    """Ω (columns, columns): inverse of the prior's covariance over its columns, zero elsewhere; None if it has none."""
+    """Ω (columns, columns): the inverse of the prior's covariance, zero without a prior; None if it has no inverse."""
     information = np.zeros((len(problem.parts), len(problem.parts)))
     columns = np.flatnonzero(np.isin(problem.parts, (Part.PRIOR, Part.CONSIDERED)))
     if len(columns):
@@ -215,13 +215,13 @@ def _information(problem: Problem) -> Array | None:
 def _from_mean(state: State, mean: State, parts: Parts) -> tuple[Array, Array]:
     """The step d (columns,) from a prior's mean, and its derivative D (columns, columns) by a step from `state`.
 
-    With a the axis, m the mean's and T their tangent bases, d = T_mᵀa/(a·m); NaN at 90° or more.
+    For an axis a, the mean's axis m, and its tangent basis T_m, d = T_mᵀa/(a·m); NaN if they are 90° or more apart.
     """
     away, by_step = state.step_from(mean), np.eye(state.columns)
     for (first, magnet), (_, origin) in zip(magnets_of(state), magnets_of(mean), strict=True):
         tilt = slice(first + AXIS.start, first + AXIS.stop)
         if parts[tilt.start] in (Part.FREE, Part.FIXED):
-            continue  # of no account, however far it is
+            continue  # this axis has no prior: any distance is allowed
         along = product(magnet.axis, origin.axis)
         basis, to_mean = tangent_basis(magnet.axis), tangent_basis(origin.axis).T
         away[tilt] = product(to_mean, magnet.axis) / along if along > 0.0 else np.nan
@@ -232,7 +232,7 @@ def _from_mean(state: State, mean: State, parts: Parts) -> tuple[Array, Array]:
 
 
 def _failed(problem: Problem, state: State, status: Status, rows: int = 0, direction: Array | None = None) -> Solution:
-    """An answer that cannot be mistaken for one."""
+    """A solution whose numbers are all NaN."""
     nan = float("nan")
     unknown = np.full(state.columns, nan)
     return Solution(

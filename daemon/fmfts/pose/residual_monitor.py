@@ -1,4 +1,4 @@
-"""What lasts: the judgement of many frames over the one that each frame passes by itself."""
+"""Watches the mean residuals of many frames, and can overrule the verdict on a single frame."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from fmfts.pose.state import AMBIENT, LOG_MOMENT, State
 Array = NDArray[np.float64]
 TrackHealth = Literal["ok", "degraded", "disturbed", "lost"]
 
-# Fewer whole sensors than this leave poses that fit as well as the true one.
+# With fewer complete sensors than this, wrong poses fit as well as the true one.
 FEWEST_SENSORS = 3
 
 
 @dataclass(slots=True)
 class ResidualMonitorMemory:
-    """finding: what is wrong, None while nothing is. heard: sensors that single frames blamed since."""
+    """finding: what is wrong, None if nothing is. heard: the sensors that single frames blamed since all was sound."""
 
     residuals: MeanResidualsMemory
     finding: Finding | None = None
@@ -36,72 +36,73 @@ class ResidualMonitorMemory:
 
 
 class ResidualMonitor:
-    """One pad's mean residuals. blamed: the sensor that is to be left out, None where there is none."""
+    """Judges the mean residuals of one pad."""
 
     def __init__(self, pad: Pad, rest: State, parts: Parts, errors: SensorErrors) -> None:
-        """parts: of the scene's model."""
+        """parts (SIZE,): see `TrackingModel`. errors: those of healthy sensors."""
         self._rest = rest
         self._errors = errors.lasting
         self._pad = pad
         self._rows = measurement_rows(np.zeros((len(pad.sensors), 3)), pad.sensors, 1.0)
         self._magnets = magnet_rows(pad.magnet)
         self._unknown = np.isin(parts, (Part.FREE, Part.PRIOR))
-        # The parts that no unknown of the scene follows, and a field from elsewhere has.
+        # Parts of a foreign field that the scene's model holds fixed.
         self._foreign = np.flatnonzero((parts == Part.FIXED) & (FOREIGN_DEVIATION > 0.0))
-        self._innovations = MeanResiduals(errors.noise_t)
-        self.memory = ResidualMonitorMemory(self._innovations.memory)
+        self._mean_residuals = MeanResiduals(errors.noise_t)
+        self.memory = ResidualMonitorMemory(self._mean_residuals.memory)
         self._ambient_is_known = bool(parts[AMBIENT.start] == Part.FIXED)
 
     @property
     def blamed(self) -> int | None:
+        """The sensor that must be left out, if any."""
         return None if self.memory.finding is None else self.memory.finding.sensor
 
     @property
     def misfit(self) -> float:
-        """By how much variances are larger than they seem, as far as what lasts tells; 1 where nothing does."""
+        """The factor by which lasting residuals widen the variances, at least 1."""
         return self.memory.residuals.lasting_misfit
 
     @property
-    def _clearly_heard(self) -> bool:
+    def _single_frames_agree(self) -> bool:
         return len(self.memory.heard) == 1
 
     def recall(self, memory: ResidualMonitorMemory) -> None:
-        self.memory, self._innovations.memory = memory, memory.residuals
+        self.memory, self._mean_residuals.memory = memory, memory.residuals
 
     def resumed(self, was_sound: bool) -> None:
-        """The compiled path went on, and a mean was sound meanwhile or was not."""
+        """Note that the fast path went on. was_sound: the mean residuals were sound at some judgement."""
         if was_sound:
             self.memory.heard.clear()
 
     def confirms(self, sensor: int) -> bool:
-        """Whether a frame that by itself blames this sensor is to be believed.
+        """Whether to believe a single frame that blames this sensor.
 
-        At rest a drifting scene leaves four directions of parity, and in them the same axis of opposite sensors, and
-        the z axes of all, look alike: the frame names one by the ambient field before it. That is worth something at
-        the start of a fault, and nothing once the field has been learnt from the faulty sensor.
+        In a drifting scene at rest, parity space has only four dimensions. In it, faults of the same axis of opposite
+        sensors look alike, and so do those of all z axes: a frame tells them apart only by the last ambient field. That
+        works at the start of a fault, but not after the ambient field was estimated from the faulty sensor.
         """
         if self._ambient_is_known or self.memory.residuals.sound:
             self.memory.heard.add(sensor)
         return sensor in self.memory.heard
 
-    def look(self, field_t: Array, lasting_t: Array, nearest: PoseEstimate | None, moment_deviation: float) -> None:
-        """Add the frame's residuals to the mean, and see now and then what it says.
+    def observe(self, field_t: Array, lasting_t: Array, nearest: PoseEstimate | None, moment_deviation: float) -> None:
+        """Add the frame's residuals to the mean, and judge the mean from time to time.
 
-        field_t, lasting_t (N, 3): all that was measured, and the lasting part of its deviation. nearest: the estimate
-        that comes nearest to the frame, None where none makes sense.
+        field_t (N, 3): the measured field, also of blamed sensors. lasting_t (N, 3): the part of its deviation that
+        averaging does not reduce. nearest: the best plausible estimate of the frame; None clears the mean.
         """
         if nearest is None:
-            self._innovations.forget()
+            self._mean_residuals.forget()
             return
         change = change_since(self._rest, nearest.state)
-        if not self._innovations.push(field_t - self._predicted(nearest.state), lasting_t, change):
+        if not self._mean_residuals.push(field_t - self._predicted(nearest.state), lasting_t, change):
             return
         _, jacobian = predict(self._rows, self._magnets, nearest.state)
         tolerated = jacobian[:, [LOG_MOMENT]] * moment_deviation
         if self._errors is not None:
             mean = self.memory.residuals.change
             tolerated = np.hstack([tolerated, self._errors.at(mean[:5], mean[5:])])
-        found = self._innovations.judge(
+        found = self._mean_residuals.judge(
             jacobian[:, self._unknown],
             tolerated,
             jacobian[:, self._foreign] * FOREIGN_DEVIATION[self._foreign],
@@ -114,22 +115,22 @@ class ResidualMonitor:
             found = replace(found, sensor=min(heard))
         self.memory.finding = found
 
-    def told(self, health: TrackHealth, reason: str) -> tuple[TrackHealth, str] | None:
-        """What is to be said instead of the frame's own verdict; None where that stands."""
+    def overruling(self, health: TrackHealth, reason: str) -> tuple[TrackHealth, str] | None:
+        """The health and reason that replace those of the single frame; None if those stand."""
         found = self.memory.finding
         if found is None or health not in ("ok", "degraded"):
             return None
         if found.sensor is not None:
             return "degraded", f"sensor {found.sensor + 1} contradicts the others, and goes on to: left out"
         if found.foreign:
-            return "disturbed", "a weak field that is not this magnet's: steel or a magnet near"
-        if self._clearly_heard and health == "degraded":
+            return "disturbed", "a weak foreign field: steel or another magnet is near"
+        if self._single_frames_agree and health == "degraded":
             return None
         named = " or ".join(str(sensor + 1) for sensor in found.suspects)
-        return "lost", f"sensor {named} is a little off, which one is not clear"
+        return "lost", f"sensor {named} is a little off: it is not clear which one"
 
     def _predicted(self, state: State) -> Array:
-        """(N, 3) in sensor axes."""
+        """The field (N, 3) T that `state` predicts, in sensor axes."""
         sensors, strength = self._pad.sensors, self._pad.magnet.strength_t_m3 * exp(state.log_moment)
         octupole_m2 = self._pad.magnet.modelled_octupole_m2
         field = dipole_field(sensors.position_m, state.position_m, state.axis, strength, octupole_m2)
@@ -137,7 +138,7 @@ class ResidualMonitor:
 
 
 def without(field_t: Array, sensor: int | None) -> Array:
-    """The field (N, 3) without one sensor, if enough others are left."""
+    """The field (N, 3) with NaN for one sensor, if enough others remain; else unchanged."""
     if sensor is None:
         return field_t
     left = field_t.copy()

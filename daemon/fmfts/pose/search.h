@@ -1,4 +1,4 @@
-/* What a solve knows besides its state: shared by solver.c and projection.c, no part of the interface. */
+/* Internal to the solver: what solver.c shares with prepare.c, linearise.c, projection.c and conclude.c. */
 #ifndef FMFTS_SEARCH_H
 #define FMFTS_SEARCH_H
 
@@ -18,13 +18,13 @@ typedef struct {
     fmfts_sources sources;
 } fmfts_search;
 
-/* The problem about one state: A in the upper triangle over `order`, g in the column after it, χ² in the corner. */
+/* The problem linearised at one state: A over `order` in the upper triangle, g in the next column, χ² in the corner. */
 typedef struct {
     fmfts_matrix a;
     double raw_square;
 } fmfts_linear;
 
-/* A search under way: where it stands, and room for where it tries to go. */
+/* A search in progress. here: linearised at the current state. there: room for the next one. */
 typedef struct {
     fmfts_linear *here;
     fmfts_linear *there;
@@ -32,7 +32,7 @@ typedef struct {
     double chi2;
     int iterations;
     bool converged;
-    bool factored; /* `work` holds the undamped factors of where it stands */
+    bool factored; /* `work` holds the undamped factors of `here` */
 } fmfts_descent;
 
 FMFTS_INLINE void fmfts_fill(double *values, size_t count, double value)
@@ -47,24 +47,24 @@ FMFTS_INLINE bool fmfts_estimated(uint8_t part)
     return part == FMFTS_FREE || part == FMFTS_PRIOR;
 }
 
-/* prepare.c: whether start, parts and settings are what they claim to be. */
+/* prepare.c: whether start, parts and settings are valid. */
 bool fmfts_valid(const fmfts_problem *problem);
 
-/* prepare.c: the measurements that hold a value, in units of their deviations. False where one is not a measurement. */
+/* prepare.c: the measurements that have a value, in units of their deviations. False if one is invalid. */
 bool fmfts_prepare_rows(fmfts_search *search, fmfts_row *rows);
 
-/* prepare.c: the order of columns, and Ω over it. False where the prior is missing or not one. */
+/* prepare.c: the order of columns, and Ω over it. False if the prior is missing or its covariance has no inverse. */
 bool fmfts_prepare_columns(fmfts_search *search, fmfts_matrix work);
 
-/* linearise.c: χ² about `state`, infinite where it is not one: a magnet in a sensor, an axis over 90° from the prior's. */
+/* linearise.c: χ² at `state`; infinite if a magnet is in a sensor, or an axis 90° or more from the prior's. */
 double fmfts_linearise(fmfts_search *search, const double *state, fmfts_linear *out);
 
-/* conclude.c: covariance and χ² where there are any, else the direction that has none. */
+/* conclude.c: covariance and χ², or, if the state is unobservable, the direction. */
 fmfts_status fmfts_conclude(fmfts_search *search, fmfts_descent *d, const double *state, double *covariance,
                             double *direction);
 
-/* projection.c: gives `state` the axis and, where they are estimated, moment and ambient that fit best at its position.
- * False, and `state` as it was, where the measurements leave the moment open. */
+/* projection.c: gives `state` the axis that fits best at its position and, if they are estimated, the best moment and
+ * ambient field. False, and `state` is unchanged, if the measurements do not determine the moment. */
 bool fmfts_best_linear_parts(fmfts_search *search, double *state);
 
 #endif

@@ -1,4 +1,4 @@
-/* Levenberg–Marquardt: the algorithm of reference.py, which explains it. */
+/* Levenberg–Marquardt: reference.py explains the algorithm. */
 #include "solver.h"
 
 #include <string.h>
@@ -6,10 +6,10 @@
 #include "search.h"
 
 #define FIRST_DAMPING 1e-4
-#define NO_DAMPING 1e-7 /* below it Marquardt's step is Gauss's */
+#define NO_DAMPING 1e-7 /* below this, Marquardt's step equals the Gauss–Newton step */
 #define ROUNDING 1e-12  /* relative error of a sum of squares */
 
-/* Marquardt's step into `step`, and the decrease of χ² that the linear model promises for it. */
+/* step: Marquardt's step. promised: the decrease of χ² that the linear model predicts for it. */
 FMFTS_INLINE bool damped_step_of(size_t n, size_t last, fmfts_linear *here, double damping, fmfts_matrix work, double *step,
                                  double *promised)
 {
@@ -44,7 +44,7 @@ static bool damped_step(const fmfts_search *search, fmfts_linear *here, double d
     }
 }
 
-/* tried = state moved by a step over the active columns; axes stay on the sphere. */
+/* tried = state moved by a step over the active columns; axes stay unit vectors. */
 static void take_step(const fmfts_search *search, const double *state, const double *step, double *tried)
 {
     const fmfts_problem *problem = search->problem;
@@ -71,7 +71,7 @@ static void take_step(const fmfts_search *search, const double *state, const dou
     }
 }
 
-/* From `state`, to the minimum or the limit. */
+/* Moves `state` to the minimum, or until the limit of iterations. */
 static void descend(fmfts_search *search, fmfts_descent *d, double *state)
 {
     const fmfts_problem *problem = search->problem;
@@ -86,7 +86,7 @@ static void descend(fmfts_search *search, fmfts_descent *d, double *state)
         }
         take_step(search, state, step, tried);
         if (promised <= problem->stop_chi2 && damping <= FIRST_DAMPING) {
-            /* What is left to gain is not worth another look at the model: take the step and leave. */
+            /* The remaining gain is not worth another evaluation of the model: take the step and stop. */
             memcpy(state, tried, values * sizeof(double));
             d->chi2 -= promised;
             d->converged = true;

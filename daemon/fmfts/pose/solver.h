@@ -1,14 +1,14 @@
 /* The pose of magnets from magnetic measurements: Levenberg–Marquardt on measurements and a Gaussian prior.
  *
- * The equations and every convention are those of reference.py, problem.py and state.py, which are easier to read and
- * the test oracle of this file. Re-entrant: no allocation, no globals. SI units. Arrays are row-major.
+ * Equations and conventions are those of reference.py (the oracle in tests), problem.py and state.py, which are easier to
+ * read. Re-entrant: no allocation, no globals. SI units. Arrays are row-major.
  */
 #ifndef FMFTS_SOLVER_H
 #define FMFTS_SOLVER_H
 
 #include "problem.h"
 
-/* state: values. covariance: columns × columns. direction: columns. work: FMFTS_WORK(rows) doubles. */
+/* Results: state [values], covariance [columns × columns], direction [columns]. work: FMFTS_WORK(rows) doubles. */
 fmfts_summary fmfts_solve(const fmfts_problem *problem, double *work, double *state, double *covariance,
                           double *direction);
 

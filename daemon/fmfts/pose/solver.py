@@ -1,4 +1,4 @@
-"""The magnet of a pad from one frame: fmfts.pose.problem for a pad's sensors, by the kernel where there is one."""
+"""Solves for a pad's magnet from one field, with the kernel if there is one."""
 
 from __future__ import annotations
 
@@ -37,8 +37,7 @@ FREE_FIELD = np.array([0, 1, 2, 3, 4, 6, 7, 8])  # the moment is known, the ambi
 
 @dataclass(frozen=True, slots=True)
 class PoseEstimate(Solution):
-    """What a field says of a pad's magnet: see `Solution`. remanence_t: the length of the moment as remanence, NaN
-    where there is no estimate."""
+    """A `Solution` for a pad's magnet. remanence_t: the length of the moment as remanence; NaN without an estimate."""
 
     remanence_t: float
 
@@ -52,7 +51,7 @@ class PoseEstimate(Solution):
 
     @property
     def pose_covariance(self) -> Array:
-        """(6, 6) covariance of (position_m, axis): what the contact model needs; the axis part has rank two."""
+        """Covariance (6, 6) of (position_m, axis), as the contact model needs it. The axis part has rank two."""
         spread = np.zeros((6, 5))
         spread[:3, :3] = np.eye(3)
         spread[3:, 3:] = tangent_basis(self.state.axis)
@@ -75,20 +74,19 @@ def solve(
     neighbours: Sequence[Magnet] = (),
     stop_chi2: float = STOP_CHI2,
 ) -> PoseEstimate:
-    """The magnet's state from one field.
+    """Estimate the magnet's state from one field.
 
-    field_t: (N, 3) in each sensor's own axes, ambient subtracted; NaN where an axis holds no measurement (left out).
-    deviation_t: (N, 3) or one number, standard deviation of each, to which `proportional` of the value is added in
-    square; infinite: left out; zero, negative or NaN: INVALID. age_s: (N,) age of each sensor's sample.
+    field_t (N, 3): in each sensor's own axes, ambient subtracted; NaN leaves an axis out. deviation_t: (N, 3) or one
+    number, standard deviation of each axis; `proportional` of the value is added in square. Infinite leaves an axis
+    out; zero, negative or NaN is INVALID. age_s (N,): age of each sensor's sample.
     start: the rest pose if None. free: the columns of the step that are unknown; the others keep the start's value.
-    parts: (columns,) says more than `free`, and goes before it: which parts are considered, or have a prior.
-    octupole: the magnets are cylinders, or dipoles; None: as they are described, cylinders where that can be felt.
+    parts (columns,): replaces `free`, and can also name parts that are considered or have a prior.
+    octupole: True treats magnets as cylinders, False as dipoles, None as they are described.
     neighbours: the magnets of the start's neighbours.
     stop_chi2: see STOP_CHI2, STOP_CONVERGED.
 
-    With the default unknowns, equal deviations and dipoles this is the paper's method: twelve differences (the three
-    sums that Eq. 8 literally writes would leave six unknowns with three equations), minimised from the rest pose
-    (Eq. 9–10).
+    With the default unknowns, equal deviations and dipoles this is the paper's method (Eq. 9–10): it minimises twelve
+    differences from the rest pose. (The three sums of Eq. 8, taken literally, are three equations for six unknowns.)
     """
     state = State.at_rest(pad) if start is None else start
     solution = solve_problem(
@@ -105,7 +103,7 @@ def solve(
 
 
 def estimate_of(solution: Solution, magnet: Magnet) -> PoseEstimate:
-    """`solution` with the remanence that `magnet`'s size gives the moment."""
+    """Add the remanence that a magnet of this size needs for the solved moment."""
     solved = solution.status in (Status.CONVERGED, Status.AT_LIMIT)
     remanence_t = magnet.remanence_t * exp(solution.state.log_moment) if solved else float("nan")
     return PoseEstimate(
@@ -123,9 +121,9 @@ def estimate_of(solution: Solution, magnet: Magnet) -> PoseEstimate:
 
 
 def solve_batch(fields_t: Array, pad: Pad) -> tuple[Array, Array, Array]:
-    """Independent fields (K, N, 3), each solved from rest: positions (K, 3) m, unit axes (K, 3), remanences (K,) T.
+    """Solve K independent fields (K, N, 3) from rest: positions (K, 3) m, unit axes (K, 3), remanences (K,) T.
 
-    Rows that could not be solved are NaN.
+    Rows without a solution are NaN.
     """
     estimates = [solve(field, pad) for field in fields_t]
     solved = np.array([estimate.status is Status.CONVERGED for estimate in estimates])

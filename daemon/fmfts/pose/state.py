@@ -1,4 +1,4 @@
-"""What is estimated of a magnet, and how a small step is taken from it."""
+"""The state of a magnet, and small steps from it."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ COLUMN_NAMES = (
     *("gradient xx", "gradient xy", "gradient xz", "gradient yy", "gradient yz"),
 )
 
-# Values of a state as one vector, as the kernel holds it: the same with three components for the axis.
+# Lengths of a state as one vector, as the kernel holds it: like a step, but with three components for each axis.
 VALUES = 15
 NEIGHBOUR_VALUES = 7
 
 
 @dataclass(frozen=True, slots=True)
 class Neighbour:
-    """Another magnet in the same state: position_m (3,), axis (3,) unit vector, log_moment as in `State`."""
+    """Another magnet in the same state. position_m (3,), axis (3,) unit vector, log_moment: as in `State`."""
 
     position_m: Array
     axis: Array
@@ -61,8 +61,8 @@ class Neighbour:
 class State:
     """Magnet pose, strength and ambient field.
 
-    position_m (3,), axis (3,) unit vector, log_moment: ln(remanence / nominal remanence), ambient_t (3,) in pad axes,
-    what the baseline did not subtract, at the pad's origin. gradient_t_per_m (5,): xx, xy, xz, yy, yz of its gradient,
+    position_m (3,). axis (3,): unit vector. log_moment: ln(remanence / nominal remanence). ambient_t (3,): in pad axes
+    at the pad's origin, without what the baseline subtracts. gradient_t_per_m (5,): xx, xy, xz, yy, yz of its gradient,
     which is symmetric (no curl) and traceless (no divergence). neighbours: other magnets that are felt.
     """
 
@@ -97,7 +97,7 @@ class State:
         return np.concatenate(parts)
 
     def stepped(self, step: Array) -> Self:
-        """The state moved by `step` (columns, or fewer: the rest stays), SI units and radians; axes stay unit."""
+        """The state moved by `step` (columns, or fewer: the others stay), in SI units and radians."""
         whole = np.zeros(self.columns)
         whole[: len(step)] = step
         rest = whole[SIZE:].reshape(-1, NEIGHBOUR_SIZE)
@@ -132,13 +132,13 @@ def turned(axis: Array, step: Array) -> Array:
 
 def turn_between(start: Array, end: Array) -> Array:
     """The step (2,) that `turned` needs from `start` to `end`."""
-    # The retraction reaches less than 90°; beyond it, the shadow on the tangent plane still has the direction.
+    # A step reaches less than 90°. Beyond that, the projection on the tangent plane still has the right direction.
     step: Array = product(tangent_basis(start).T, end) / max(product(start, end), 1e-3)
     return step
 
 
 def turn_derivative(start: Array, end: Array) -> Array:
-    """(3, 2): how `turned(start, step)` moves with the step where it is `end`; `tangent_basis` at the start itself."""
+    """Derivative (3, 2) of `turned(start, step)` by the step, at `end`; equals `tangent_basis` at `start`."""
     along: Array = tangent_basis(start)
     derivative: Array = product(start, end) * (along - np.outer(end, product(end, along)))
     return derivative

@@ -1,8 +1,8 @@
-/* A healthy frame, from counts to pose: alignment.c, tracker.c, innovation.c and change.c, each beside the Python file of
- * its name, which explains every step and is the oracle of the C.
+/* A healthy frame, from counts to pose: alignment.c, tracker.c, innovation.c and change.c. The Python file of the same name
+ * explains each step, and is its oracle.
  *
- * Where a frame is not healthy in every respect, these functions return false, and Python judges the frame. Re-entrant:
- * no allocation, no globals. SI units unless a name says otherwise. Arrays are row-major.
+ * If a frame is not healthy in every respect, these functions return false, and Python judges the frame. Re-entrant: no
+ * allocation, no globals. SI units unless a name says otherwise. Arrays are row-major.
  */
 #ifndef FMFTS_POSE_STEP_H
 #define FMFTS_POSE_STEP_H
@@ -19,15 +19,15 @@ enum {
     FMFTS_AXES = 3 * FMFTS_SENSORS,
     FMFTS_STATE = FMFTS_VALUES(1),
     FMFTS_STEP = FMFTS_COLUMNS(1),
-    FMFTS_LEFTOVERS = 9 + 6 * FMFTS_SENSORS, /* what a mounting may leave open: baseline/unknowns.py */
+    FMFTS_LEFTOVERS = 9 + 6 * FMFTS_SENSORS, /* unknowns that a baseline may leave: baseline/unknowns.py */
     FMFTS_FIELD_ERRORS = FMFTS_LEFTOVERS + 1,
-    FMFTS_CHANGE = 8, /* of pose 5 and ambient field 3 since the baseline */
+    FMFTS_CHANGE = 8, /* pose 5 and ambient field 3, since the baseline */
 };
 
-/* What a pad, its baseline and its scene are. */
+/* What these steps need of a pad, its baseline and its scene. */
 #define FMFTS_POSE_PARAMETERS(X)                                                                                       \
     X(sensors, 1)                                                                                                      \
-    X(saturated_count, 1)       /* chip.py */                                                                          \
+    X(saturated_count, 1)       /* sensor/chips/ */                                                                    \
     X(step_t, 3 * FMFTS_GAIN_CODES)                                                                                    \
     X(at_zero_c, 1)             /* NaN: no thermometer */                                                              \
     X(c_per_count, 1)                                                                                                  \
@@ -53,12 +53,12 @@ enum {
     X(rest, FMFTS_STATE)                                                                                               \
     X(stop_chi2, 1)             /* tracker.py */                                                                       \
     X(max_iterations, 1)                                                                                               \
-    X(reach_m, 1)                                                                                                      \
+    X(reach_m, 1)               /* gate.py */                                                                          \
     X(log_moment_reach, 1)                                                                                             \
     X(vague_m, 1)                                                                                                      \
     X(gate_chi2, 1)                                                                                                    \
     X(freedom, 1)                                                                                                      \
-    X(misfit_frames, 1)                                                                                                \
+    X(misfit_frames, 1)         /* tracker.py */                                                                       \
     X(memory_frames, 1)         /* innovation.py */                                                                    \
     X(judged_every, 1)                                                                                                 \
     X(alarm_chi2, 1)                                                                                                   \
@@ -72,7 +72,7 @@ enum {
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)
 
-/* What one frame leaves to the next. Arrays over sensors hold those of the pad one after the other. */
+/* What one frame leaves to the next. Arrays over sensors hold only the pad's sensors, one after the other. */
 #define FMFTS_POSE_MEMORY(X)                                                                                           \
     X(field_t, 3 * FMFTS_AXES)  /* three newest samples [3][sensors][3] */                                             \
     X(time_us, 3 * FMFTS_SENSORS)                                                                                      \
@@ -89,14 +89,14 @@ enum {
     X(pushed, 1)                                                                                                       \
     X(since, 1)                                                                                                        \
     X(sound, 1)                                                                                                        \
-    X(was_sound, 1)             /* at any judgement since Python handed over */                                        \
+    X(was_sound, 1)             /* at any judgement since Python handed the memory over */                             \
     X(lasting_misfit, 1)                                                                                               \
-    X(passed, 1)                /* frames since then */
+    X(passed, 1)                /* frames since Python handed the memory over */
 
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
 FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)
 
-/* One reading as it came; readings: per sensor x, y, z and age in µs, little-endian, as docs/wire.md has them. */
+/* One raw frame. readings: per sensor x, y, z and age in µs, little-endian, as in docs/wire.md. */
 typedef struct {
     const uint8_t *readings;
     double time_us;
@@ -104,25 +104,25 @@ typedef struct {
     unsigned gain_code, valid, fresh;
 } fmfts_frame;
 
-/* The field (T, sensor axes) at one instant, and what is known of its errors: alignment.py, mounting.py. */
+/* The field (T, sensor axes) at one instant, and the variance of its errors: alignment.py, mounting.py. */
 typedef struct {
     double instant_us;
     double field_t[FMFTS_AXES];
-    double lasting_t2[FMFTS_AXES]; /* of the variance: what no averaging takes away, baseline aside */
+    double lasting_t2[FMFTS_AXES]; /* part of variance_t2: from curvature, which averaging does not reduce */
     double variance_t2[FMFTS_AXES];
 } fmfts_field;
 
 typedef struct {
-    double covariance[FMFTS_STEP * FMFTS_STEP]; /* widened by the misfit of late */
+    double covariance[FMFTS_STEP * FMFTS_STEP]; /* widened by the recent misfit */
     double chi2, residual_t;
 } fmfts_pose;
 
-/* The magnet's change of pose from rest: position, and the axis in the rest axis's tangent plane. basis: the estimate's
- * tangents. turn: from them to those at rest. */
+/* change: of pose from rest, position and axis in the rest axis's tangent plane. basis: the estimate's tangents. turn: from
+ * the estimate's tangents to those at rest. */
 typedef struct {
     double change[5];
-    double covariance[5][5]; /* of position and the estimate's tangents, with what mounting leaves unknown */
-    double at_rest[25];      /* the same of `change` */
+    double covariance[5][5]; /* over position and the estimate's tangents, with what mounting leaves unknown */
+    double at_rest[25];      /* the covariance [5][5] of `change` */
     double basis[2][3];
     double turn[2][2];
 } fmfts_displacement;
@@ -131,19 +131,18 @@ typedef struct {
 bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame,
                  fmfts_field *field);
 
-/* tracker.c: the magnet's state from the field and the frame before; into `memory`. */
+/* tracker.c: solves for the magnet's state, from the field and the state before, into `memory`. */
 bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
                  double temperature_c, fmfts_pose *pose);
 
-/* innovation.c: adds the residuals to their mean; false where the mean is not that of healthy sensors. */
+/* innovation.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. */
 bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
 
 /* change.c: the change of pose, and its covariance. */
 void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose,
                     fmfts_displacement *d);
 
-/* change.c: the change put on the drawing's rest: position (in a unit of its own) and axis [6], and their covariance
- * [6][6]. */
+/* change.c: in_nominal_frame. pose [6]: position (× unit_per_m) and axis; covariance [6][6]. */
 void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, const fmfts_displacement *d,
                 double unit_per_m, double pose[6], double covariance[36]);
 

@@ -1,4 +1,4 @@
-/* The magnet's state from a field and the frame before: Tracker._follow where everything fits. */
+/* The magnet's state from a field and the state before: Tracker._follow for a frame that fits. */
 #include <math.h>
 #include <string.h>
 
@@ -6,13 +6,13 @@
 #include "solver.h"
 #include "step.h"
 
-/* What since_good_s is in tracker.py: healthy frames follow each other. */
+/* since_good_s of tracker.py: the frame before was healthy, too. */
 static double elapsed_s(const fmfts_pose_memory *memory, const fmfts_field *field)
 {
     return fmax(field->instant_us - memory->last_us[0], 0.0) * 1e-6;
 }
 
-/* The last state, as uncertain as time and warmth have made it since; as warm as when that was last known. */
+/* Makes the last state the prior of this frame: Tracker._predicted. */
 static void predict(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed, double temperature_c)
 {
     for (int c = 0; c < FMFTS_STEP; c++) {
@@ -64,7 +64,7 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     bool has_prior = false;
     double elapsed = elapsed_s(memory, field);
     if (elapsed > parameters->longest_gap_s[0]) {
-        return false; /* Python forgets the touch from before it */
+        return false; /* Python ends a touch from before the gap */
     }
     predict(parameters, memory, elapsed, temperature_c);
     write_measurements(parameters, field, rows);

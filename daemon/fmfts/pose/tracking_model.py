@@ -1,4 +1,4 @@
-"""What a scene leaves unknown, and how it changes with time and warmth."""
+"""Which parts of the state are unknown in a scene, and how they change with time and temperature."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 class TrackingModel:
     """Which parts of the state are unknown, and how: see fmfts.pose.problem.Part.
 
-    parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline; walk_per_s (SIZE,):
-    what is added to it per second. moment_per_k, moment_per_k_deviation: change of the log moment with temperature.
-    unread_warming_k: how much warmer than at the baseline (a deviation) the pad may be until a temperature is read.
+    parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline. walk_per_s (SIZE,):
+    growth of that variance per second. moment_per_k, moment_per_k_deviation: change of the log moment per kelvin.
+    unread_warming_k: deviation of the pad's warming since the baseline, until a temperature is read.
     """
 
     parts: Parts
@@ -36,9 +36,9 @@ class TrackingModel:
 
     @property
     def estimated(self) -> NDArray[np.intp]:
-        """The columns that a frame estimates, up to the ambient field's."""
+        """The columns that a frame estimates, without the gradient."""
         return np.flatnonzero(np.isin(self.parts[: AMBIENT.stop], (Part.FREE, Part.PRIOR)))
 
 
-# The paper's six unknowns: all that a constant ambient field leaves.
+# The paper's six unknowns, for a constant ambient field.
 PAPER = TrackingModel(parts_of(free=FREE_PAPER))

@@ -12,10 +12,10 @@ from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose import STOP_CHI2, Batch, PoseEstimate, Problem, SensorErrors, Solution, State, Status, Tracker, parts_of
+from fmfts.pose.gate import FALSE_ALARM
 from fmfts.pose.kernel import CHI2, ROWS, STATUS, UNKNOWNS
 from fmfts.pose.problem import MAX_ITERATIONS, NOISE, VALUE, magnet_rows, measurement_rows
 from fmfts.pose.reference import solve_reference
-from fmfts.pose.tracker import FALSE_ALARM
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.scene.tracking import tracking_model_for
 from fmfts_lab.bench.workspace import MODELS

@@ -1,6 +1,6 @@
-"""The compiled path of a healthy frame: what pad_pipeline.py says, where nothing is wrong, in C.
+"""The fast path: C does for healthy frames what pad_pipeline.py does in Python.
 
-Every other frame, and every frame where there is no compiler, is judged by the stages in Python.
+The stages in Python judge every other frame, and all frames where fmfts was built without a compiler.
 """
 
 from fmfts.pipeline.fast.path import FastPath, Judged, Kind, Lane, Passed

@@ -1,4 +1,4 @@
-/* From a board's line to the bus. */
+/* Reads a board's line and publishes the contacts of its healthy frames. */
 #include "_board_line.h"
 
 #include <errno.h>
@@ -27,7 +27,7 @@ static int publish(const fmfts_bus *bus, const fmfts_published_lane *published)
            send(bus, last->text, last->size, DONT_WAIT);
 }
 
-/* As fmfts_pass, of bus->bytes [0, size). */
+/* Handles the frames in bus->bytes [0, size), as fmfts_pass does. */
 static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t arrival_ns)
 {
     size_t begin = 0;
@@ -35,7 +35,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
     while ((zero = memchr(bus->bytes + begin, 0, size - begin))) {
         const uint8_t *text = bus->bytes + begin;
         size_t bytes = (size_t)(zero - text);
-        /* A sample's first two bytes (docs/wire.md) are never zero, so that COBS leaves them where they are. */
+        /* The first two bytes of a sample (docs/wire.md) are never zero, so COBS does not change them. */
         unsigned pad_index = bytes > 2 ? text[2] & 15 : FMFTS_WIRE_PADS;
         PyObject *object = pad_index < FMFTS_WIRE_PADS ? line->lane[pad_index] : NULL;
         fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
@@ -69,10 +69,10 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor)
 {
     ssize_t count = read(descriptor, bus->bytes + line->unread_bytes, FMFTS_READ_BYTES);
     if (count <= 0) {
-        line->needs_python = true; /* it meets the same */
+        line->needs_python = true; /* Python's read() finds the same error, and handles it */
         return true;
     }
-    /* After the read: what came between a look at the clock and it would pass for older than it is. */
+    /* Look at the clock after the read: bytes that came between the two would otherwise get too early a time. */
     int64_t arrival_ns = fmfts_now_ns(CLOCK_MONOTONIC);
     memcpy(bus->bytes, line->unread, line->unread_bytes);
     return pass(line, bus, line->unread_bytes + (size_t)count, arrival_ns);

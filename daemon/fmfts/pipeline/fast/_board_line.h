@@ -1,4 +1,4 @@
-/* A board's line while its frames pass in C: which lanes it has, and what they left unread. */
+/* The serial line of a board while C handles its frames: its lanes, and the bytes that they left. */
 #ifndef FMFTS_BOARD_LINE_H
 #define FMFTS_BOARD_LINE_H
 
@@ -7,11 +7,11 @@
 #include "../../sensor/wire/sample.h"
 
 enum {
-    FMFTS_READ_BYTES = 4096, /* all that Linux holds back of a line */
+    FMFTS_READ_BYTES = 4096, /* the most that Linux buffers of a serial line */
     FMFTS_ROOM = FMFTS_READ_BYTES + FMFTS_LONGEST_LINE + 1,
 };
 
-/* Where contacts go, by zmq_send of the libzmq that the socket is of; and room for what is read. */
+/* Publishes contacts. send: zmq_send of the libzmq that made `socket`. bytes: room for what is read. */
 typedef struct {
     int (*send)(void *socket, const void *data, size_t size, int flags);
     void *socket;
@@ -21,16 +21,16 @@ typedef struct {
 typedef struct {
     PyObject *lane[FMFTS_WIRE_PADS];
     int64_t heard_ns;  /* 0: no frame has passed */
-    bool needs_python; /* what was left is no beginning of a frame, or there is another kind of message to tell of */
+    bool needs_python; /* Python must read `unread`, or learn that the kind of message changed */
     size_t unread_bytes;
-    uint8_t unread[FMFTS_ROOM]; /* what frames did not take: for Python, or the beginning of a frame */
+    uint8_t unread[FMFTS_ROOM]; /* the beginning of a frame, or bytes for Python */
 } fmfts_board_line;
 
-/* The frames that what was left and `size` bytes more, at most FMFTS_READ_BYTES, begin with. False and an exception where a
- * contact could not be sent. Not for a line that needs Python. */
+/* Appends `size` bytes (at most FMFTS_READ_BYTES) to the unread ones, and handles the healthy frames at their beginning.
+ * False and an exception if a contact could not be sent. Do not call it for a line that needs Python. */
 bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns);
 
-/* The same of what the descriptor has to read. */
+/* Like fmfts_pass, but reads the bytes from the descriptor. */
 bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor);
 
 #endif

@@ -1,4 +1,4 @@
-/* What Python hands over, checked before C relies on it. */
+/* Checks the buffers that Python hands over, before C uses them. */
 #ifndef FMFTS_BUFFERS_H
 #define FMFTS_BUFFERS_H
 
@@ -8,7 +8,7 @@
 
 #include "frame_step.h"
 
-/* 0 and ValueError where a buffer has another size. */
+/* 0 and ValueError if the buffer has another size. */
 static inline int has_size(const Py_buffer *buffer, size_t size, const char *what)
 {
     if (buffer->len == (Py_ssize_t)size) {
@@ -18,14 +18,14 @@ static inline int has_size(const Py_buffer *buffer, size_t size, const char *wha
     return 0;
 }
 
-/* 0 and ValueError where a vector is no network that tells a contact. */
+/* 0 and ValueError if the vector is not a network with the outputs x, y and force. */
 static inline int view_network(const Py_buffer *vector, fmfts_network *network)
 {
     if (fmfts_view_network(vector->buf, (size_t)vector->len / sizeof(float), network) &&
         network->outputs == FMFTS_CONTACT) {
         return 1;
     }
-    PyErr_SetString(PyExc_ValueError, "network: none of three outputs");
+    PyErr_SetString(PyExc_ValueError, "network: not a network with three outputs");
     return 0;
 }
 

@@ -1,4 +1,4 @@
-/* fmfts.pipeline.fast._fast: the healthy path for Python, through the stable ABI. Called by path.py only. */
+/* fmfts.pipeline.fast._fast: the fast path for Python, through the stable ABI. Only path.py and fast_loop.py use it. */
 #include "_lane.h"
 
 #include <string.h>
@@ -15,8 +15,8 @@ static void release(Py_buffer *buffers, int count)
 enum { PARAMETERS, MEMORY, OUTCOME, RESPONSE, NETWORK, READINGS, FRAME_BUFFERS };
 
 /* judge(parameters, memory, outcome, response, network, (gain_code, valid, fresh, readings), time_us, temperature_c) →
- * (instant in µs, kind of contact), or None where the frame is not healthy, and `memory` stays what it was. network: a
- * vector of network.h. response: of a model that refines, else None. */
+ * (instant in µs, kind of contact), or None if the frame is not healthy; `memory` is then unchanged. network: a vector as
+ * in network.h. response: a buffer as in refine.h if the model refines, else None. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
     Py_buffer b[FRAME_BUFFERS] = {{0}};
@@ -46,8 +46,8 @@ static PyObject *judge(PyObject *module, PyObject *args)
     return result;
 }
 
-/* message(template, places, outcome, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32, of the integers and
- * of every number in the template; −1 where it has none. */
+/* message(template, places, outcome, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32 offsets in the
+ * template of the integers, then of every number; −1: the template does not have that number. */
 static PyObject *message(PyObject *module, PyObject *args)
 {
     Py_buffer b[3] = {{0}};
@@ -70,8 +70,8 @@ static PyObject *message(PyObject *module, PyObject *args)
 }
 
 static PyMethodDef methods[] = {
-    {"judge", judge, METH_VARARGS, "A frame as far as its contact; see path.py."},
-    {"message", message, METH_VARARGS, "What is published of it; see template.py."},
+    {"judge", judge, METH_VARARGS, "Solve one frame up to its contact; see path.py."},
+    {"message", message, METH_VARARGS, "Encode its message; see template.py."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,4 +1,4 @@
-/* fmfts.pipeline.fast._fast.Lane: lane.h for Python. Made by path.py only. */
+/* fmfts.pipeline.fast._fast.Lane: lane.h for Python. Only path.py makes Lanes. */
 #include "_lane.h"
 
 #include <string.h>
@@ -23,12 +23,13 @@ static int lane_init(PyObject *object, PyObject *args, PyObject *named)
     Py_buffer *b = self->pad;
     (void)named;
     if (b[PARAMETERS].obj) {
-        PyErr_SetString(PyExc_TypeError, "a Lane is made once");
+        PyErr_SetString(PyExc_TypeError, "a Lane can be initialised only once");
         return -1;
     }
     if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*I", &b[PARAMETERS], &b[MEMORY], &b[OUTCOME], &b[RESPONSE], &b[NETWORK],
                           &b[CLOCK], &b[TOPIC], &lane->pad_index) ||
-        !has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") || !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
+        !has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") ||
+        !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
         !has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") ||
         !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock") || !view_network(&b[NETWORK], &lane->network)) {
         return -1;
@@ -60,7 +61,7 @@ static void lane_dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-/* One template, of the tuple (text, places): a copy of the text, a view of the places. */
+/* Takes one template from its tuple (text, places): copies the text, and keeps a view of the places. */
 static int take_template(PyObject *given, fmfts_template *template, Py_buffer *places)
 {
     const char *text;
@@ -79,7 +80,7 @@ static int take_template(PyObject *given, fmfts_template *template, Py_buffer *p
     return 1;
 }
 
-/* begin((template of each kind), kind, number): of the last message, the next ones have their kind's template. */
+/* begin((template of each kind), kind, number): `kind` and `number` are those of the last message. */
 static PyObject *lane_begin(PyObject *object, PyObject *args)
 {
     lane_object *self = (lane_object *)object;
@@ -90,7 +91,7 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     unsigned long long number;
     self->begun = 0;
     if (!lane->parameters) {
-        PyErr_SetString(PyExc_ValueError, "this Lane could not be made");
+        PyErr_SetString(PyExc_ValueError, "this Lane failed to initialise");
         return NULL;
     }
     if (!PyArg_ParseTuple(args, "(OOO)iK", &given[0], &given[1], &given[2], &kind, &number)) {
@@ -132,7 +133,7 @@ static PyObject *latencies_of(const fmfts_lane *lane)
 }
 
 /* end() → (frames, first sequence, last sequence, number, kind, payload, change, arrival_ns, t_sample_ns, t_publish_ns,
- * latencies in s) of what has passed since `begin`; None where nothing has. */
+ * latencies in s) of the frames handled since `begin`; None if there were none. */
 static PyObject *lane_end(PyObject *object, PyObject *unused)
 {
     lane_object *self = (lane_object *)object;
@@ -153,7 +154,7 @@ static PyObject *lane_end(PyObject *object, PyObject *unused)
                      : NULL;
 }
 
-/* last_ns() → when the last frame came that has passed since `begin`, 0: none has. */
+/* last_ns() → arrival time of the last frame handled since `begin`; 0 if there was none. */
 static PyObject *lane_last_ns(PyObject *object, PyObject *unused)
 {
     const lane_object *self = (const lane_object *)object;
@@ -166,20 +167,20 @@ fmfts_published_lane *fmfts_lane_of(PyObject *object)
 {
     lane_object *self = (lane_object *)object;
     if (!PyObject_TypeCheck(object, fmfts_lane_type)) {
-        PyErr_SetString(PyExc_TypeError, "no Lane");
+        PyErr_SetString(PyExc_TypeError, "this object is not a Lane");
         return NULL;
     }
     if (!self->begun) {
-        PyErr_SetString(PyExc_ValueError, "a Lane that was not begun");
+        PyErr_SetString(PyExc_ValueError, "this Lane was not begun");
         return NULL;
     }
     return &self->published;
 }
 
 static PyMethodDef methods[] = {
-    {"begin", lane_begin, METH_VARARGS, "Let frames pass from now on; see path.py."},
-    {"end", lane_end, METH_NOARGS, "What has passed; see path.py."},
-    {"last_ns", lane_last_ns, METH_NOARGS, "When the last frame came; see path.py."},
+    {"begin", lane_begin, METH_VARARGS, "Let C handle frames from now on; see path.py."},
+    {"end", lane_end, METH_NOARGS, "Stop, and tell what was handled; see path.py."},
+    {"last_ns", lane_last_ns, METH_NOARGS, "When the last handled frame arrived; see path.py."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,4 +1,4 @@
-/* What Python sees of lane.h: a Lane for each pad, and the Loop that lets frames pass while it waits. */
+/* lane.h for Python: a Lane for each pad, and a Loop that waits for bytes and lets the lanes handle them. */
 #ifndef FMFTS_LANE_H
 #define FMFTS_LANE_H
 
@@ -7,7 +7,7 @@
 
 extern PyType_Spec fmfts_lane_spec, fmfts_loop_spec;
 
-/* The type made of fmfts_lane_spec. */
+/* The Python type that fmfts_lane_spec describes. */
 extern PyTypeObject *fmfts_lane_type;
 
 typedef struct {
@@ -16,7 +16,7 @@ typedef struct {
     fmfts_lane lane;
 } fmfts_published_lane;
 
-/* Of a Lane; NULL and TypeError of anything else, ValueError of one that was not begun. */
+/* The lane of a Lane object. NULL and TypeError if it is another object, ValueError if it was not begun. */
 fmfts_published_lane *fmfts_lane_of(PyObject *object);
 
 #endif

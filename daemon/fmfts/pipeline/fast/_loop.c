@@ -1,4 +1,4 @@
-/* fmfts.pipeline.fast._fast.Loop: waits for bytes, and lets the frames in them pass to the bus. Made by runtime/fast_loop.py. */
+/* fmfts.pipeline.fast._fast.Loop: waits for bytes, and publishes the contacts of healthy frames; see fast_loop.py. */
 #include "_board_line.h"
 
 #include <errno.h>
@@ -14,11 +14,11 @@ typedef struct {
     fmfts_bus bus;
     fmfts_board_line **line; /* by descriptor */
     int lines;
-    int needy; /* lines that need Python */
-    int turn;  /* the last of them that got it */
+    int waiting;     /* lines that need Python */
+    int last_served; /* the descriptor that wait() returned last of them */
 } loop_object;
 
-/* Loop(epoll, send, socket): a descriptor, and addresses of zmq_send and of a socket that never blocks a sender. */
+/* Loop(epoll, send, socket): the epoll descriptor, and the addresses of zmq_send and of a socket whose sends never block. */
 static int loop_init(PyObject *object, PyObject *args, PyObject *named)
 {
     loop_object *self = (loop_object *)object;
@@ -32,7 +32,7 @@ static int loop_init(PyObject *object, PyObject *args, PyObject *named)
     return 0;
 }
 
-static void forget(fmfts_board_line *line)
+static void free_line(fmfts_board_line *line)
 {
     for (int i = 0; line && i < FMFTS_WIRE_PADS; i++) {
         Py_XDECREF(line->lane[i]);
@@ -45,7 +45,7 @@ static void loop_dealloc(PyObject *object)
     loop_object *self = (loop_object *)object;
     PyTypeObject *type = Py_TYPE(object);
     for (int i = 0; i < self->lines; i++) {
-        forget(self->line[i]);
+        free_line(self->line[i]);
     }
     PyMem_Free(self->line);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
@@ -65,7 +65,7 @@ static int add(PyObject *list, int descriptor)
     return !failed;
 }
 
-/* 0 and MemoryError where the table cannot grow as far as the descriptor. */
+/* Makes the table large enough for the descriptor. 0 and MemoryError if it cannot. */
 static int make_room(loop_object *self, int descriptor)
 {
     if (descriptor < self->lines) {
@@ -82,7 +82,7 @@ static int make_room(loop_object *self, int descriptor)
     return 1;
 }
 
-/* begin(descriptor, unread, lanes): until `end`, frames of these begun lanes pass; unread: what was read already. */
+/* begin(descriptor, unread, lanes): until `end`, these begun lanes handle the line's frames. unread: bytes read before. */
 static PyObject *loop_begin(PyObject *object, PyObject *args)
 {
     loop_object *self = (loop_object *)object;
@@ -94,7 +94,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
         return NULL;
     }
     if (descriptor < 0 || unread_bytes > FMFTS_ROOM || line_of(self, descriptor)) {
-        PyErr_Format(PyExc_ValueError, "descriptor %d, %zd bytes unread: no line that could begin", descriptor,
+        PyErr_Format(PyExc_ValueError, "descriptor %d with %zd bytes unread is no line that could begin", descriptor,
                      unread_bytes);
         return NULL;
     }
@@ -111,18 +111,18 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
             if (published) {
                 PyErr_Format(PyExc_ValueError, "a board has at most %d pads, and each has one Lane", FMFTS_WIRE_PADS);
             }
-            forget(line);
+            free_line(line);
             return NULL;
         }
         line->lane[published->lane.pad_index] = Py_NewRef(lane);
     }
     line->needs_python = unread_bytes > FMFTS_LONGEST_LINE;
-    self->needy += line->needs_python;
+    self->waiting += line->needs_python;
     self->line[descriptor] = line;
     return Py_NewRef(Py_None);
 }
 
-/* end(descriptor) → (unread, when a frame last passed, 0: none did), or None where nothing had begun. */
+/* end(descriptor) → (unread, arrival of the last handled frame or 0), or None if the line was not begun. */
 static PyObject *loop_end(PyObject *object, PyObject *args)
 {
     loop_object *self = (loop_object *)object;
@@ -135,13 +135,13 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
         return Py_NewRef(Py_None);
     }
     PyObject *result = Py_BuildValue("(y#L)", line->unread, (Py_ssize_t)line->unread_bytes, (long long)line->heard_ns);
-    self->needy -= line->needs_python;
+    self->waiting -= line->needs_python;
     self->line[descriptor] = NULL;
-    forget(line);
+    free_line(line);
     return result;
 }
 
-/* take(descriptor, data, arrival_ns) → has all of it passed? The same of bytes that somebody else has read. */
+/* take(descriptor, data, arrival_ns): handles bytes that the caller has read from the line. False if Python is needed. */
 static PyObject *loop_take(PyObject *object, PyObject *args)
 {
     loop_object *self = (loop_object *)object;
@@ -161,11 +161,11 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
     if (!needed && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns)) {
         return NULL;
     }
-    self->needy += line->needs_python - needed;
+    self->waiting += line->needs_python - needed;
     return PyBool_FromLong(!line->needs_python);
 }
 
-/* Waits once; the events, −1 and an exception. */
+/* Waits once. Returns the number of events; −1 and an exception if that failed. */
 static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_event *events)
 {
     int64_t left_ns = until_ns - fmfts_now_ns(CLOCK_MONOTONIC);
@@ -183,7 +183,7 @@ static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_eve
     return count;
 }
 
-/* What is readable passes, as far as it may; descriptors of no line go to `wanted`. 0 and an exception where that failed. */
+/* Lets lanes handle what is readable; adds other descriptors to `wanted`. 0 and an exception if that failed. */
 static int serve(loop_object *self, const struct epoll_event *events, int count, PyObject *wanted)
 {
     for (int i = 0; i < count; i++) {
@@ -196,25 +196,25 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
             if (!fmfts_serve(line, &self->bus, events[i].data.fd)) {
                 return 0;
             }
-            self->needy += line->needs_python;
+            self->waiting += line->needs_python;
         }
     }
     return 1;
 }
 
-/* One line that needs Python, each in turn: others' frames come first, however many need it at once. */
-static int add_needy(loop_object *self, PyObject *wanted)
+/* Adds one line that needs Python to `wanted`. The lines take turns, so the lanes of others go on between them. */
+static int add_waiting(loop_object *self, PyObject *wanted)
 {
-    for (int i = 0; self->needy > 0 && i < self->lines; i++) {
-        self->turn = (self->turn + 1) % self->lines;
-        if (self->line[self->turn] && self->line[self->turn]->needs_python) {
-            return add(wanted, self->turn);
+    for (int i = 0; self->waiting > 0 && i < self->lines; i++) {
+        self->last_served = (self->last_served + 1) % self->lines;
+        if (self->line[self->last_served] && self->line[self->last_served]->needs_python) {
+            return add(wanted, self->last_served);
         }
     }
     return 1;
 }
 
-/* wait(until_ns) → descriptors that Python is to look at, as soon as there are any; none at that time. */
+/* wait(until_ns) → descriptors that Python must read, as soon as there are any; empty after `until_ns`. */
 static PyObject *loop_wait(PyObject *object, PyObject *args)
 {
     loop_object *self = (loop_object *)object;
@@ -225,8 +225,8 @@ static PyObject *loop_wait(PyObject *object, PyObject *args)
         return NULL;
     }
     do {
-        int count = wait_once(self, self->needy ? 0 : until_ns, events);
-        if (count < 0 || !serve(self, events, count, wanted) || !add_needy(self, wanted)) {
+        int count = wait_once(self, self->waiting ? 0 : until_ns, events);
+        if (count < 0 || !serve(self, events, count, wanted) || !add_waiting(self, wanted)) {
             Py_DECREF(wanted);
             return NULL;
         }
@@ -236,9 +236,9 @@ static PyObject *loop_wait(PyObject *object, PyObject *args)
 
 static PyMethodDef methods[] = {
     {"begin", loop_begin, METH_VARARGS, "Let a board's frames pass; see runtime/fast_loop.py."},
-    {"end", loop_end, METH_VARARGS, "Let none pass; see runtime/fast_loop.py."},
-    {"take", loop_take, METH_VARARGS, "Let the frames in these bytes pass."},
-    {"wait", loop_wait, METH_VARARGS, "Let frames pass until Python is needed."},
+    {"end", loop_end, METH_VARARGS, "Give the line back to Python; see runtime/fast_loop.py."},
+    {"take", loop_take, METH_VARARGS, "Handle the frames in these bytes."},
+    {"wait", loop_wait, METH_VARARGS, "Handle frames until Python is needed."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,4 +1,4 @@
-"""The compiled module where it could be built, and whether it is to be used."""
+"""The compiled module, if it could be built, and whether to use it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ except ImportError:  # no compiler was there when the package was built
 
 __all__ = ["AVAILABLE", "NUMBERS", "_fast"]
 
-# FMFTS_SOLVER=numpy leaves everything compiled aside, for comparisons.
+# FMFTS_SOLVER=numpy turns off all compiled code, for comparisons.
 AVAILABLE = _fast is not None and os.environ.get("FMFTS_SOLVER") != "numpy"
 NUMBERS: dict[str, int] = _fast.NUMBERS if AVAILABLE else {}

@@ -1,4 +1,4 @@
-/* Estimator.read and the numbers of contact_message.py, step by step, for a healthy frame. */
+/* For a healthy frame, the steps of Estimator.read and the numbers of contact_message.py. */
 #include <math.h>
 #include <string.h>
 
@@ -15,7 +15,7 @@ static bool has_all_readings(const fmfts_pose_parameters *parameters, size_t rea
 }
 
 /* _pose_message of contact_message.py */
-static void tell_pose(const fmfts_message_parameters *parameters, const double *state, const fmfts_pose *pose,
+static void put_pose(const fmfts_message_parameters *parameters, const double *state, const fmfts_pose *pose,
                       fmfts_numbers *n)
 {
     const double *own = pose->covariance;
@@ -41,11 +41,11 @@ static void tell_pose(const fmfts_message_parameters *parameters, const double *
 /* quiet_force_sd_n of contact_message.py */
 static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
 {
-    double evenly = detection_limit_n / sqrt(3.0);
-    return sqrt(force_sd_n * force_sd_n + evenly * evenly);
+    double uniform_sd_n = detection_limit_n / sqrt(3.0);
+    return sqrt(force_sd_n * force_sd_n + uniform_sd_n * uniform_sd_n);
 }
 
-static fmfts_kind tell_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching,
+static fmfts_kind put_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching,
                                fmfts_numbers *n)
 {
     double detection_limit_n = parameters->detection_limit_n[0];
@@ -60,7 +60,7 @@ static fmfts_kind tell_contact(const fmfts_message_parameters *parameters, const
     return !touching ? FMFTS_QUIET : estimate->over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }
 
-static bool all_numbers(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)
+static bool all_finite(const fmfts_numbers *numbers, bool with_temperature, bool with_ambient)
 {
     double sum = with_temperature ? numbers->temperature_c[0] : 0.0;
     const double *first = numbers->x_m, *ambient = numbers->ambient_t, *last = (const double *)(numbers + 1);
@@ -100,8 +100,8 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     }
     outcome->instant_us = field.instant_us;
     numbers->temperature_c[0] = frame->temperature_c;
-    tell_pose(&parameters->message, state, &pose, numbers);
-    fmfts_kind kind = tell_contact(&parameters->message, &estimate, next->contact.touched[0] != 0.0, numbers);
-    bool is_whole = all_numbers(numbers, !isnan(frame->temperature_c), !isnan(parameters->message.ambient_t[0]));
-    return is_whole ? kind : FMFTS_NO_NUMBER;
+    put_pose(&parameters->message, state, &pose, numbers);
+    fmfts_kind kind = put_contact(&parameters->message, &estimate, next->contact.touched[0] != 0.0, numbers);
+    bool is_healthy = all_finite(numbers, !isnan(frame->temperature_c), !isnan(parameters->message.ambient_t[0]));
+    return is_healthy ? kind : FMFTS_NO_NUMBER;
 }

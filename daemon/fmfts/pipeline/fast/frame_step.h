@@ -1,4 +1,4 @@
-/* A healthy frame, from counts to the numbers of its message: the C of Estimator.read and contact_message.py. */
+/* A healthy frame, from counts to the numbers of its message. The reference is Estimator.read and contact_message.py. */
 #ifndef FMFTS_FRAME_STEP_H
 #define FMFTS_FRAME_STEP_H
 
@@ -7,13 +7,13 @@
 #include "tables.h"
 
 typedef struct {
-    fmfts_memory next; /* what the frame leaves to the one after it, if its contact is a number */
-    double instant_us; /* the device's time of the estimate */
+    fmfts_memory next; /* the memory for the next frame; valid if this frame is healthy */
+    double instant_us; /* the board's time of the estimate */
     fmfts_numbers numbers;
 } fmfts_outcome;
 
-/* FMFTS_NO_NUMBER where the frame is not healthy. readings_bytes: as many as belong to the pad's sensors. response: of a
- * model that refines, else NULL. */
+/* Returns FMFTS_NO_NUMBER if the frame is not healthy. readings_bytes: size of frame->readings; must match the pad's number
+ * of sensors. response: as in refine.h if the model refines, else NULL. */
 fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memory *memory, const fmfts_frame *frame,
                             size_t readings_bytes, const fmfts_network *network, const void *response,
                             size_t response_bytes, fmfts_outcome *outcome);

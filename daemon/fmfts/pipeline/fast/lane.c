@@ -1,4 +1,4 @@
-/* A frame from its bytes to its message. */
+/* Turns the bytes of one healthy frame into its message. */
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include "lane.h"
 
@@ -13,15 +13,15 @@ static double temperature_c(const fmfts_lane *lane, const fmfts_sample *sample)
     return fmfts_temperature_c(sample, lane->parameters->pose.at_zero_c[0], lane->parameters->pose.c_per_count[0]);
 }
 
-/* A thermometer read as the message has it: the first of its numbers is the temperature. */
+/* Whether the sample is this pad's next one, and has a temperature exactly if the template has one (its first number). */
 static bool is_expected(const fmfts_lane *lane, const fmfts_sample *sample)
 {
-    bool told = lane->message[lane->kind].place[FMFTS_MESSAGE_INTEGERS] >= 0;
-    return sample->pad_index == lane->pad_index && told == !isnan(temperature_c(lane, sample)) &&
+    bool has_temperature = lane->message[lane->kind].place[FMFTS_MESSAGE_INTEGERS] >= 0;
+    return sample->pad_index == lane->pad_index && has_temperature == !isnan(temperature_c(lane, sample)) &&
            (lane->passed == 0 || sample->sequence > lane->sequence) && lane->passed < FMFTS_TALLIED;
 }
 
-/* The sample as far as its contact, in the pad's outcome. */
+/* Solves the sample up to its contact, into the pad's outcome. */
 static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
 {
     const fmfts_frame frame = {
@@ -36,7 +36,7 @@ static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
                             &lane->network, lane->response, lane->response_bytes, lane->outcome);
 }
 
-static bool can_say(const fmfts_lane *lane, fmfts_kind kind)
+static bool may_publish(const fmfts_lane *lane, fmfts_kind kind)
 {
     return kind == lane->kind ||
            (kind != FMFTS_NO_NUMBER && lane->message[kind].text != NULL && lane->change_bytes == 0);
@@ -79,7 +79,7 @@ bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t a
     fmfts_kind kind;
     int64_t host_ns;
     if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample) ||
-        !can_say(lane, kind = step(lane, &sample)) ||
+        !may_publish(lane, kind = step(lane, &sample)) ||
         !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
         return false;
     }

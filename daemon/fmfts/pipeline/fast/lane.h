@@ -1,4 +1,4 @@
-/* A frame from the wire to the bus, as long as it is healthy and its message has a template. */
+/* One pad's lane: turns each healthy frame into its message, as long as the message has a template. */
 #ifndef FMFTS_EXPRESS_H
 #define FMFTS_EXPRESS_H
 
@@ -6,45 +6,45 @@
 #include "frame_step.h"
 
 enum {
-    FMFTS_TALLIED = 256, /* frames, between two looks of Python */
+    FMFTS_TALLIED = 256, /* the most frames before Python must look */
     FMFTS_KINDS = FMFTS_NO_NUMBER,
 };
 
-/* A message of `size` bytes, and where its integers and numbers are: message.c. */
+/* A message of `size` bytes. place: offsets of its integers and numbers, see message.c. */
 typedef struct {
-    uint8_t *text; /* NULL: there is none */
+    uint8_t *text; /* NULL: no template */
     size_t size;
     const int32_t *place;
 } fmfts_template;
 
-/* One pad. What is pointed to is Python's, and nobody else's while frames pass here. */
+/* One pad. Python owns what the pointers refer to, and does not touch it while the lane is begun. */
 typedef struct {
     const fmfts_parameters *parameters;
     fmfts_memory *memory;
     fmfts_outcome *outcome;
-    const void *response; /* of a model that refines, else NULL */
+    const void *response; /* refine.h; NULL if the model does not refine */
     size_t response_bytes;
     fmfts_network network;
     fmfts_clock_line *clock;
     unsigned pad_index;
     fmfts_template message[FMFTS_KINDS];
-    fmfts_kind kind; /* of the last message, which stands in its template */
+    fmfts_kind kind; /* of the last message; message[kind].text holds that message */
     uint64_t number;
-    /* The first message of another kind, once there is one: Python has to tell of it. Room for the longest. */
+    /* A copy of the first message whose kind differs from the one before: Python reports the change. */
     uint8_t *change;
     size_t change_bytes;
-    /* Frames that passed: how many, the first's and the last's. */
+    /* The frames handled since the lane was begun: their number, the first one's sequence, and the last one's values. */
     size_t passed;
     uint32_t first_sequence, sequence;
     int64_t arrival_ns, t_sample_ns, t_publish_ns;
     double latency_s[FMFTS_TALLIED];
 } fmfts_lane;
 
-/* Of CLOCK_MONOTONIC or CLOCK_REALTIME. */
+/* The time of CLOCK_MONOTONIC or CLOCK_REALTIME. */
 int64_t fmfts_now_ns(int clock);
 
-/* The line [0, size) of bytes, its closing zero left out. False where it is not a healthy frame of this pad, or of another
- * kind once more: nothing has changed then. */
+/* Handles one packet, without its closing zero. False, and nothing changes, if it is not a healthy frame of this pad, or if
+ * the kind of message changes a second time. */
 bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 #endif

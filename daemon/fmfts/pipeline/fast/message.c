@@ -1,9 +1,9 @@
-/* The numbers of a frame, put into a message that was packed once: template.py. */
+/* Writes the numbers of a frame into a message template: template.py. */
 #include <string.h>
 
 #include "tables.h"
 
-/* Into a msgpack float64 or uint64, whose type byte the template has already. */
+/* Writes 8 bytes, big-endian. The msgpack type byte before them is already in the template. */
 static void put_unsigned(uint8_t *place, uint64_t value)
 {
     for (int byte = 8; byte-- > 0; value >>= 8) {

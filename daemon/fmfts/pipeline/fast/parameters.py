@@ -1,4 +1,4 @@
-"""All that is known of a pad before its first frame, as the compiled path reads it: PARAMETERS in tables.h."""
+"""Fills the table of parameters that the fast path reads (PARAMETERS in tables.h), before the first frame."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
 from fmfts.common.double_table import DoubleTable
 from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact.estimate import CERTAIN_FORCE_DEVIATIONS
 from fmfts.contact.model import (
     CERTAIN_DEVIATIONS,
-    CERTAIN_FORCE_DEVIATIONS,
     HYSTERESIS_MM,
     LIFTED_DEVIATIONS,
     OUTSIDE_DEVIATIONS,
@@ -21,7 +21,7 @@ from fmfts.contact.model import (
 from fmfts.contact.refinement import STEPS
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
-from fmfts.pose import alignment, innovation, tracker
+from fmfts.pose import alignment, gate, innovation, tracker
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.state import SIZE
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 def put_sensors(
     parameters: DoubleTable, mounting: Mounting, mounted: Pad, repeats_allowed: Array, stopped_us: float
 ) -> None:
-    """mounted: the pad with its sensors where the baseline found them."""
+    """mounted: the pad as the baseline found it. repeats_allowed (N, 3). stopped_us: see `Alignment.stopped_us`."""
     parameters.put("sensors", len(mounted.sensors))
     _put_chip(parameters, mounted.chip)
     parameters.put("stopped_us", stopped_us)
@@ -75,10 +75,10 @@ def put_tracking(
     parameters.put("rest", mounting.rest.vector())
     parameters.put("stop_chi2", tracker.STOP_TRACKING)
     parameters.put("max_iterations", MAX_ITERATIONS)
-    parameters.put("reach_m", tracker.REACH_M)
-    parameters.put("log_moment_reach", tracker.LOG_MOMENT_REACH)
-    parameters.put("vague_m", tracker.VAGUE_M)
-    parameters.put("gate_chi2", quantile(tracker.FALSE_ALARM, values - free))
+    parameters.put("reach_m", gate.REACH_M)
+    parameters.put("log_moment_reach", gate.LOG_MOMENT_REACH)
+    parameters.put("vague_m", gate.VAGUE_M)
+    parameters.put("gate_chi2", quantile(gate.FALSE_ALARM, values - free))
     parameters.put("freedom", values - free)
     parameters.put("misfit_frames", tracker.MISFIT_FRAMES)
     parameters.put("memory_frames", innovation.MEMORY_FRAMES)
@@ -135,7 +135,7 @@ def put_contact(
 
 
 def put_message(parameters: DoubleTable, mounting: Mounting, remanence_t: float) -> None:
-    """remanence_t: of the drawing's magnet."""
+    """remanence_t: that of the magnet as drawn, in tesla."""
     parameters.put("rest_variance", np.diagonal(mounting.rest_covariance))
     parameters.put("remanence_t", remanence_t)
     measured = mounting.ambient_t is not None and mounting.ambient_deviation_t is not None

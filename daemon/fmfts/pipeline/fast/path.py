@@ -1,4 +1,4 @@
-"""The compiled path of one pad: its facts, the memory between its frames, and handing that memory over."""
+"""The fast path of one pad: its parameters, and its memory, which Python and C hand over to each other."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class Kind(IntEnum):
-    """What a healthy frame says of contact, as tables.h numbers it."""
+    """The kind of a healthy frame's message: fmfts_kind in tables.h."""
 
     QUIET = 0
     TOUCHED = 1
@@ -36,17 +36,18 @@ KINDS = tuple(Kind)
 
 
 class Judged(NamedTuple):
-    """instant_us: the device's time of the estimate."""
+    """instant_us: the board's time of the estimate."""
 
     instant_us: int
     kind: Kind
 
 
 class Passed(NamedTuple):
-    """Frames that went from their bytes to the bus without Python; sequences of the first and the last of them.
+    """The frames that C published since a lane was begun.
 
-    number, kind, payload, arrival_ns, t_sample_ns, t_publish_ns: of the last message. latencies_s: of each, sample →
-    publish. change: the first message of another kind than before, None where there was none; there is no second.
+    first_sequence, sequence: of the first and the last frame. number, kind, payload, arrival_ns, t_sample_ns,
+    t_publish_ns: of the last message. latencies_s: sample → publish, of each frame. change: the only message whose kind
+    differs from the one before; None if there is none.
     """
 
     frames: int
@@ -67,30 +68,31 @@ class Passed(NamedTuple):
 
 
 class Lane:
-    """Lets a pad's frames pass while they are healthy: lane.h."""
+    """Lets C handle a pad's frames while they are healthy: lane.h."""
 
     def __init__(self, compiled: _fast.Lane) -> None:
         self.compiled = compiled
 
     def begin(self, templates: Sequence[Template], kind: Kind, number: int) -> None:
-        """templates: of each kind. kind, number: of the last message. This has the pad's memory until `end`."""
+        """Let C handle frames until end(). templates: one for each Kind. kind, number: of the last message."""
         quiet, touched, over_range = [(template.text, template.places) for template in templates]
         self.compiled.begin((quiet, touched, over_range), kind, number)
 
     def last_ns(self) -> int:
-        """When the last frame came that has passed since `begin`, 0: none has."""
+        """When the last frame since begin() arrived (host clock, ns); 0 if there was none."""
         return self.compiled.last_ns()
 
     def end(self) -> Passed | None:
-        """None where no frame has passed since `begin`."""
+        """Stop, and return what C handled since begin(); None if there was no frame."""
         passed = self.compiled.end()
         return None if passed is None else Passed(*passed)
 
 
 class FastPath:
-    """Judges frames as `Estimator.read` does, as long as nothing is wrong. Either of the two holds the pad's memory:
+    """Judges healthy frames in C, with the same results as `Estimator.read`.
 
-    `take` it after a healthy frame in Python, `give` it back before the next frame that is judged there.
+    Either C or Python holds the pad's memory. Call take_over() after a healthy frame in Python, and give_back() before
+    Python judges the next frame.
     """
 
     def __init__(self, parameters: DoubleTable, model: ContactModel) -> None:
@@ -115,8 +117,11 @@ class FastPath:
         stopped_us: float,
         detection_limit_n: float,
     ) -> Self | None:
-        """None where nothing compiled is there, or the contact model is not of the compiled network, tells shear or
-        smooths, or has larger error tables than there is room for."""
+        """A fast path; None if C cannot serve this pad.
+
+        C serves contact models of the compiled network without shear and without smoothing, whose error tables fit into
+        tables.h. change_error (5, 5, M), repeats_allowed (N, 3).
+        """
         if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
             return None
         parameters = DoubleTable(_fast.PARAMETERS)
@@ -130,23 +135,23 @@ class FastPath:
         return cls(parameters, model)
 
     def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
-        """None where the frame is not healthy in every respect: the memory then is as it was."""
+        """Judge one frame. None, and the memory is unchanged, if the frame is not healthy in every respect."""
         temperature_c = np.nan if temperature_c is None else temperature_c
         judged = _fast.judge(*self._pad, packed, device_time_us, temperature_c)
         return None if judged is None else Judged(judged[0], KINDS[judged[1]])
 
     def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
-        """The last judged frame's."""
+        """The encoded message of the frame that was judged last."""
         return _fast.message(template.text, template.places, self._outcome, seq, t_sample_ns, t_publish_ns, utc_ns)
 
     def lane(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane:
-        """Of this pad, whose messages are about `topic`; clock: `DeviceClock.line`."""
+        """The lane of this pad. clock: `DeviceClock.line`. topic: of its messages on the bus."""
         if self._lane is None:
             self._lane = Lane(_fast.Lane(self._pad, clock, topic, pad_index))
         return self._lane
 
-    def take(self, *memories: object) -> None:
-        """Take over what the frames before have left: nothing that only Python can judge is pending in it."""
+    def take_over(self, *memories: object) -> None:
+        """Copy the memory of earlier frames to C. It must not hold anything that only Python can judge."""
         for memory in memories:
             hand_over(memory, self._memory)
         self._memory.put("was_sound", 0)
@@ -154,15 +159,15 @@ class FastPath:
 
     @property
     def passed(self) -> int:
-        """Frames judged here since the memory was taken over."""
+        """How many frames C judged since take_over()."""
         return int(self._memory.number("passed"))
 
     @property
     def was_sound(self) -> bool:
-        """The mean of the residuals, at any judgement since then."""
+        """Whether the mean residuals were sound at any judgement since take_over()."""
         return bool(self._memory.number("was_sound"))
 
-    def give(self, *memories: object) -> None:
-        """Give it back, into those that it was taken from."""
+    def give_back(self, *memories: object) -> None:
+        """Copy the memory back into the objects that take_over() read."""
         for memory in memories:
             resume(memory, self._memory)

@@ -1,14 +1,14 @@
-/* The tables of all stages, one after the other, and the numbers of a message. */
+/* The tables of pose/step.h and contact/step.h together, and the numbers of a message. */
 #ifndef FMFTS_FRAME_TABLES_H
 #define FMFTS_FRAME_TABLES_H
 
 #include "../../contact/step.h"
 #include "../../pose/step.h"
 
-/* contact_message.py */
+/* What contact_message.py needs of a pad. */
 #define FMFTS_MESSAGE_PARAMETERS(X)                                                                                    \
-    X(detection_limit_n, 1)                                                                                                     \
-    X(rest_variance, 6)         /* contact_message.py */                                                               \
+    X(detection_limit_n, 1)                                                                                            \
+    X(rest_variance, 6)                                                                                                \
     X(remanence_t, 1)                                                                                                  \
     X(ambient_t, 3)             /* NaN: not measured */                                                                \
     X(ambient_variance, 3)
@@ -28,7 +28,7 @@ typedef struct {
     fmfts_contact_memory contact;
 } fmfts_memory;
 
-/* Numbers of a message. */
+/* The numbers of a message, by the names of its fields. */
 #define FMFTS_NUMBERS(X)                                                                                               \
     X(temperature_c, 1)                                                                                                \
     X(x_m, 1)                                                                                                          \
@@ -51,10 +51,10 @@ typedef struct {
 
 FMFTS_STRUCT(fmfts_numbers, FMFTS_NUMBERS)
 
-/* What a touched, or an untouched, pad publishes: Kind of path.py. */
+/* Kind of path.py. FMFTS_NO_NUMBER: the frame is not healthy. */
 typedef enum { FMFTS_QUIET, FMFTS_TOUCHED, FMFTS_OVER_RANGE, FMFTS_NO_NUMBER } fmfts_kind;
 
-/* message.c: into `text` [size], at the places of its integers and then of every number; a place below zero is none. */
+/* message.c: writes into `text` [size]. place: the offsets of the integers, then of every number; −1: not in the text. */
 enum { FMFTS_MESSAGE_INTEGERS = 4, FMFTS_NUMBER_COUNT = sizeof(fmfts_numbers) / sizeof(double) };
 void fmfts_fill(uint8_t *text, size_t size, const int32_t *place, const unsigned long long *integer,
                 const fmfts_numbers *numbers);

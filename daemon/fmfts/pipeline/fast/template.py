@@ -1,4 +1,4 @@
-"""A contact's message with room for its numbers: msgspec writes it once, C fills it in for every frame."""
+"""A message with room for its numbers: msgspec encodes it once, C writes the numbers of each frame into it."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from fmfts.bus.messages import ContactMessage, PoseMessage, encode
 from fmfts.pipeline.fast.compiled import NUMBERS
 
 INTEGERS = ("seq", "t_sample_ns", "t_publish_ns", "utc_ns")
-# Marks that no text contains; an integer as large as these takes all of its eight bytes.
+# Marks that no other part of a message contains. Integers as large as these take eight bytes, as msgpack writes them.
 FIRST_INTEGER, FIRST_FLOAT = 1 << 63, 1.23456789e300
 
 
 @dataclass(frozen=True, slots=True)
 class Template:
-    """text: the msgpack map. places: int32 offsets of the integers, then of every number of the layout, −1: null."""
+    """text: the msgpack map. places: int32 offsets of the integers, then of each number in the layout; −1: null."""
 
     text: bytes
     places: bytes
 
     @classmethod
     def of(cls, message: ContactMessage, layout: Mapping[str, int] = NUMBERS) -> Template:
-        """layout: the numbers' names in ContactMessage or PoseMessage, and how many each is; None stays null."""
+        """layout: names of fields in ContactMessage or PoseMessage, and how many numbers each has. None stays null."""
         marks = _Marks()
         integers = {name: FIRST_INTEGER + index for index, name in enumerate(INTEGERS)}
         pose = None
         if message.pose is not None:
-            pose = msgspec.structs.replace(message.pose, **marks.instead_of(message.pose, layout))
-        marked = msgspec.structs.replace(message, **integers, **marks.instead_of(message, layout), pose=pose)
+            pose = msgspec.structs.replace(message.pose, **marks.replacing(message.pose, layout))
+        marked = msgspec.structs.replace(message, **integers, **marks.replacing(message, layout), pose=pose)
         text = encode(marked)
         places = [text.index(struct.pack(">Q", integers[name])) for name in INTEGERS]
         for name, count in layout.items():
@@ -42,13 +42,13 @@ class Template:
 
 
 class _Marks:
-    """A number of its own for each number of a message."""
+    """Replaces each number of a message by a mark that occurs only once."""
 
     def __init__(self) -> None:
         self.of: dict[str, list[float]] = {}
         self._next = FIRST_FLOAT
 
-    def instead_of(
+    def replacing(
         self, values: ContactMessage | PoseMessage, layout: Mapping[str, int]
     ) -> dict[str, float | tuple[float, ...]]:
         named = [name for name in layout if getattr(values, name, None) is not None]
