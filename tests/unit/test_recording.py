@@ -97,8 +97,9 @@ def test_what_is_no_recording_is_refused_or_empty(tmp_path: Path, content: bytes
         Replay(tmp_path / "x.mcap")
 
 
-def test_file_of_another_kind_is_no_recording(tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text("[bus]\nendpoint = 'ipc:///tmp/a'\n")
+@pytest.mark.parametrize("content", ["[bus]\nendpoint = 'ipc:///tmp/a'\n", "hello\n"])
+def test_file_of_another_kind_is_no_recording(tmp_path: Path, content: str) -> None:
+    (tmp_path / "a.toml").write_text(content)
     with pytest.raises(RecordingError, match=r"a\.toml is not a recording: it does not begin as an MCAP file does$"):
         list(read(tmp_path / "a.toml"))
 

@@ -142,6 +142,8 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
                     end = file.tell()
                     yield record, end
             except (EndOfFile, struct.error):
+                if os.fstat(file.fileno()).st_size < HEADER_BYTES:
+                    raise InvalidMagic(b"") from None
                 if present.read(1) or file.tell() < HEADER_BYTES:  # otherwise it is cut off, and good up to here
                     raise
     except OSError as error:
