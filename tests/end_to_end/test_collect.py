@@ -23,9 +23,9 @@ def plan(folder: Path, text: str = TWO_PLACES) -> Path:
 
 
 def rows(path: Path, *, unloaded: bool = False) -> list[dict[str, str]]:
-    """The presses of a table, or what was read of the unloaded pad before them."""
-    with path.open() as lines:
-        return [row for row in csv.DictReader(lines) if (row["press"] == "0") == unloaded]
+    """The presses of a table, or readings of the unloaded pad before them; without a line that is still written."""
+    whole, _, _ = path.read_text().rpartition("\n")
+    return [row for row in csv.DictReader(whole.splitlines()) if (row["press"] == "0") == unloaded] if whole else []
 
 
 def frames_behind(row: dict[str, str], folder: Path) -> int:
