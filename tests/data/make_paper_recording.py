@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from end_to_end.paper import readings
 from end_to_end.processes import FirmwareHost
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
@@ -61,8 +61,8 @@ def make(path: Path, port_folder: Path) -> None:
             pass
         take(frames, SETTLING_FRAMES)
         nothing = take(frames, BARE_FRAMES)
-        bare, before = ambient.summarise(nothing), nothing[-1]
-        pipeline.use(ambient.make_bare(drawing, config.tolerance.si(), bare, None))
+        bare, before = baselines.summarise(nothing), nothing[-1]
+        pipeline.use(baselines.make_bare(drawing, config.tolerance.si(), bare, None))
         writer = RecordingWriter(path)
         state = msgspec.structs.replace(state_message(pipeline, config, BOOT), utc_ns=0)
         writer.add("state", PAD, msgspec.to_builtins(state))

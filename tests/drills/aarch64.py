@@ -24,7 +24,7 @@ FROM_PYPI += ["pytest", "hypothesis", "sortedcontainers", "iniconfig", "pluggy",
 PLATFORMS = ("linux", "manylinux_2_28", "manylinux_2_27", "manylinux2014", "manylinux_2_17")
 # What each healthy frame runs through, in C and in Python, and what it rests on: patterns of tests/unit/test_….py.
 # Not client_clock: it is judged by the clock, and an emulated client on a busy machine is late.
-TESTS = ["pose_kernel", "pose_solver", "pose_refusals", "chi2", "alignment", "tracker", "innovation", "touch"]
+TESTS = ["pose_kernel", "pose_solver", "pose_refusals", "chi2", "alignment", "tracker", "mean_residuals", "touch"]
 TESTS += ["smoothing", "contact_network", "refine", "near_magnet", "hmc5983", "wire*", "link", "clock"]
 TESTS += ["arithmetic", "bridge", "messages", "config_file", "schedule", "pipeline", "healthy_path", "express*"]
 ANOTHER_PYTHON = "starts another Python, and the host's kernel does not run an emulated one"
@@ -40,7 +40,7 @@ LEFT_OUT = {
     "contact_network.py::test_one_wrong_weight_is_found": ONNXRUNTIME,
     "contact_network.py::test_healthy_frames_are_judged_the_same_with_onnxruntime": ONNXRUNTIME,
     "touch.py::test_false_contacts_of_noise_come_at_the_stated_rate": STATISTICS,
-    "innovation.py::test_healthy_noise_is_never_a_lasting_fault": STATISTICS,
+    "mean_residuals.py::test_healthy_noise_is_never_a_lasting_fault": STATISTICS,
     "clock.py::test_an_hour_of_a_crystal_that_warms_and_cools_is_followed": "minutes; a shorter drift is followed",
     "refine.py::test_fit_meets_a_smooth_response_between_its_points": "minutes of SciPy, by which pads are calibrated",
     "pipeline.py::test_scripted_finger_is_felt_within_the_published_deviations[2-scene0]": ONE_SEED,

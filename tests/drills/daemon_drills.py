@@ -46,14 +46,14 @@ rate_hz = 75
 """
 STORE_FOR_EVER = """
 import hashlib
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.baseline.files import store
 from fmfts.simulation.baseline import simulated_baseline
 config = PadConfig(name="left", source=SimulatedSource(rate_hz=75))
 pad, baseline = config.pad(), simulated_baseline(config)
 store(baseline, pad)
-print(hashlib.sha256(ambient.encode(baseline)).hexdigest(), flush=True)
+print(hashlib.sha256(baselines.encode(baseline)).hexdigest(), flush=True)
 while True:
     store(baseline, pad)
 """

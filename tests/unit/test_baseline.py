@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World
 
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.baseline import Baseline, BaselineError, make_bare, make_rest, summarise
 from fmfts.baseline.unknowns import Unknowns
 from fmfts.pad import Pad
@@ -119,31 +119,31 @@ class TestFile:
     def _stored(self, world: World, folder: Path) -> tuple[Path, Baseline]:
         baseline, _ = make_rest(world.pad, TOLERANCE, world.recorded(world.field()), world.bare_baseline())
         path = folder / "standard.json"
-        path.write_bytes(ambient.encode(baseline))
+        path.write_bytes(baselines.encode(baseline))
         return path, baseline
 
     def test_comes_back_the_same(self, world: World, pad: Pad, tmp_path: Path) -> None:
         path, baseline = self._stored(world, tmp_path)
-        loaded = ambient.load(path, pad)
+        loaded = baselines.load(path, pad)
         assert loaded == baseline
         assert loaded is not None
         assert (loaded.mounting(pad).offset_t == baseline.mounting(pad).offset_t).all()
 
     def test_absent_file_is_no_baseline(self, pad: Pad, tmp_path: Path) -> None:
-        assert ambient.load(tmp_path / "none.json", pad) is None
+        assert baselines.load(tmp_path / "none.json", pad) is None
 
     @pytest.mark.parametrize("cut", [0, 1, 100, -2])
     def test_truncated_file_is_refused(self, world: World, pad: Pad, tmp_path: Path, cut: int) -> None:
         path, _ = self._stored(world, tmp_path)
         path.write_bytes(path.read_bytes()[:cut])
         with pytest.raises(BaselineError, match="is damaged"):
-            ambient.load(path, pad)
+            baselines.load(path, pad)
 
     def test_file_that_is_too_large_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
         path, _ = self._stored(world, tmp_path)
         path.write_bytes(path.read_bytes() + b" " * 4_000_000)
         with pytest.raises(BaselineError, match="larger than 4 MB"):
-            ambient.load(path, pad)
+            baselines.load(path, pad)
 
     def test_changed_digit_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
         path, _ = self._stored(world, tmp_path)
@@ -151,14 +151,14 @@ class TestFile:
         assert text.count('"temperature_c": 24.0') == 2
         path.write_text(text.replace('"temperature_c": 24.0', '"temperature_c": 24.1', 1))
         with pytest.raises(BaselineError, match="its id does not match"):
-            ambient.load(path, pad)
+            baselines.load(path, pad)
 
     def test_other_pads_file_is_refused(self, world: World, pad: Pad, tmp_path: Path) -> None:
         path, _ = self._stored(world, tmp_path)
         with pytest.raises(BaselineError, match="belongs to pad 'standard'"):
-            ambient.load(path, replace(pad, name="other"))
+            baselines.load(path, replace(pad, name="other"))
         with pytest.raises(BaselineError, match="another geometry"):
-            ambient.load(path, replace(pad, rest_position_m=np.array([0.0, 0.0, 13e-3])))
+            baselines.load(path, replace(pad, rest_position_m=np.array([0.0, 0.0, 13e-3])))
 
 
 def _frames(count: int = 200, drift_t: float = 0.0) -> list[Frame]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mounted_world import NOISE_T, TOLERANCE, World, frames_of, pressing
 
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, Means, Mounting, make_refined, make_rest, means
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
@@ -76,7 +76,7 @@ def test_places_and_gains_are_nearer_to_the_truth(refined: list[tuple[World, Mou
     for world, before, after in refined:
         for which, mounting in enumerate((before, after)):
             squares[which] += _error(world, mounting)[0] ** 2
-        was, now = (ambient.accuracy(mounting, world.pad) for mounting in (before, after))
+        was, now = (baselines.accuracy(mounting, world.pad) for mounting in (before, after))
         assert now["gain_sd"] < was["gain_sd"]
         assert now["sensor_place_sd_m"] < was["sensor_place_sd_m"]
     assert squares[1, 6:18].sum() < 0.9 * squares[0, 6:18].sum()

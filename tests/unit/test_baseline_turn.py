@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mounted_world import TOLERANCE, World, frames_of, turned
 
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, make_bare, make_rest, make_turn, means
 from fmfts.baseline.file_format import StoredTurn
 from fmfts.baseline.gains import relative_deviation
@@ -59,7 +59,7 @@ def test_rest_is_known_better_after_a_turn(turns: list[tuple[World, Turn]]) -> N
     for world, turn in turns:
         before = world.baseline(UNTESTED)
         after = msgspec.structs.replace(before, turn=StoredTurn.of(turn))
-        was, now = (ambient.accuracy(one.mounting(world.pad), world.pad) for one in (before, after))
+        was, now = (baselines.accuracy(one.mounting(world.pad), world.pad) for one in (before, after))
         # The depth also depends on the places, which a turn does not tell.
         assert now["press_1n_sideways_sd_m"] < 0.5 * was["press_1n_sideways_sd_m"]
         assert now["press_1n_force_sd_n"] < was["press_1n_force_sd_n"]
@@ -69,7 +69,7 @@ def test_rest_is_known_better_after_a_turn(turns: list[tuple[World, Turn]]) -> N
     assert np.mean(normalised) < 5.0 + 4 * 0.7
 
 
-def _press_error(world: World, mounting: ambient.Mounting) -> float:
+def _press_error(world: World, mounting: baselines.Mounting) -> float:
     """χ²₅ of a press's change of pose, in the deviations that the baseline leaves."""
     press = np.array([3e-4, -2e-4, -7e-4, 0.08, 0.05, 0, 0, 0, 0])
     pressed = world.rest.stepped(press)
@@ -117,15 +117,15 @@ def test_gains_outlive_the_pad_that_was_turned(pad: Pad) -> None:
     bare = make_bare(pad, UNTESTED, world.recorded(world.bare()), turned_baseline)
     rest, mounting = make_rest(pad, UNTESTED, world.recorded(world.field()), bare, replaced=True)
     assert rest.turn == turned_baseline.turn is not None
-    assert ambient.accuracy(mounting, pad)["gain_sd"] < 0.01
+    assert baselines.accuracy(mounting, pad)["gain_sd"] < 0.01
 
 
 def test_file_with_a_turn_comes_back_the_same(pad: Pad, tmp_path: Path) -> None:
     world = _world(pad, 5)
     baseline, mounting = make_turn(pad, turned(world), world.baseline(UNTESTED))
     path = tmp_path / "standard.json"
-    path.write_bytes(ambient.encode(baseline))
-    loaded = ambient.load(path, pad)
+    path.write_bytes(baselines.encode(baseline))
+    loaded = baselines.load(path, pad)
     assert loaded == baseline
     assert loaded is not None
     assert (loaded.mounting(pad).gain == mounting.gain).all()
@@ -133,7 +133,7 @@ def test_file_with_a_turn_comes_back_the_same(pad: Pad, tmp_path: Path) -> None:
 
 def test_file_without_a_turn_is_as_older_versions_wrote_it(pad: Pad) -> None:
     """The id covers every field of the file: one more, though empty, would make all old files damaged ones."""
-    text = ambient.encode(_world(pad, 6).baseline(UNTESTED))
+    text = baselines.encode(_world(pad, 6).baseline(UNTESTED))
     assert b'"turn"' not in text
     assert b'"refine"' not in text
 
@@ -147,7 +147,7 @@ def test_simulated_pad_tumbles_for_its_turn() -> None:
     request = BaselineRequest(config.pad(), UNTESTED, bare=False, replaced=False, turn=True)
     assert request.seconds == 20.0
     _, mounting = request.make(frames, simulated_baseline(config))
-    assert ambient.accuracy(mounting, config.pad())["gain_sd"] < 0.01
+    assert baselines.accuracy(mounting, config.pad())["gain_sd"] < 0.01
 
 
 def test_one_kind_of_baseline_at_a_time(pad: Pad) -> None:

@@ -120,7 +120,7 @@ def test_scene_decides_the_unknowns() -> None:
 
 def test_magnet_hotter_than_its_board_needs_a_drifting_remanence(pad: Pad) -> None:
     """8 K beyond the thermometer are 1 % of the moment and 70 µm of height: unsaid, 15 published deviations."""
-    for remanence, with_calibration_uncertainty in (("measured", False), ("drifting", True)):
+    for remanence, is_honest in (("measured", False), ("drifting", True)):
         scene = replace_scene(remanence=remanence)
         tracker = Tracker(pad, State.at_rest(pad), tracking_model_for(scene, MagnetConfig()).tracking, 25.0)
         random = np.random.default_rng(5)
@@ -131,7 +131,7 @@ def test_magnet_hotter_than_its_board_needs_a_drifting_remanence(pad: Pad) -> No
             track = tracker.update(field + noise, np.full((4, 3), NOISE_T), FRAME_S, 25.0)
         assert track.estimate is not None
         off = abs(track.estimate.position_m[2] - pad.rest_position_m[2]) / np.sqrt(track.estimate.covariance[2, 2])
-        assert bool(off < 2.0) is with_calibration_uncertainty
+        assert bool(off < 2.0) is is_honest
 
 
 def test_standard_pad_sees_all_that_its_scene_leaves_unknown(pad: Pad) -> None:

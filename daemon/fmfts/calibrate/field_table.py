@@ -15,7 +15,7 @@ from typing import TextIO
 
 import numpy as np
 
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, Mounting
 from fmfts.pad import Array, Pad
 
@@ -86,7 +86,7 @@ def write(columns: Mapping[str, Sequence[str]], out: TextIO) -> None:
 def mounting_of(path: Path, pad: Pad) -> Mounting:
     """The mounting of `pad` from the baseline file at `path`. Raises DataError where the file cannot be used."""
     try:
-        baseline = ambient.load(path, pad)
+        baseline = baselines.load(path, pad)
         if baseline is None:
             raise DataError(f"{path}: there is no such baseline")
         return baseline.mounting(pad)

@@ -50,7 +50,7 @@ class PackedMessage(msgspec.Struct, frozen=True, gc=False):
         return decode_contact(self.payload)
 
 
-class Sender:
+class MessageWriter:
     """Makes the messages of one pad, and numbers them."""
 
     def __init__(self, pad: str, boot: str, model: str) -> None:

@@ -57,15 +57,16 @@ class Estimator:
         self._path: FastPath | None = None
         if baselined.at_rest:
             self._path = FastPath.of(
-                *(
-                    baselined.drawing,
-                    baselined.mounting,
-                    baselined.tracking,
-                    baselined.temperature_c,
-                    model,
-                    self._touch,
-                ),
-                *(baselined.change_error, baselined.repeats_allowed, stopped_us, self.detection_limit_n),
+                baselined.drawing,
+                baselined.mounting,
+                baselined.tracking,
+                baselined.temperature_c,
+                model,
+                self._touch,
+                baselined.change_error,
+                baselined.repeats_allowed,
+                stopped_us,
+                self.detection_limit_n,
             )
 
     def hand_over(self, alignment: Alignment) -> FastPath | None:

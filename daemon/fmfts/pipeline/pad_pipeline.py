@@ -12,7 +12,7 @@ from fmfts.common.memory import require_alike
 from fmfts.contact import ContactModel
 from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.baselined_pad import BaselinedPad
-from fmfts.pipeline.contact_message import PackedMessage, Reading, Sender
+from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Passed
 from fmfts.pose import Alignment, State, TrackingModel
@@ -49,7 +49,7 @@ class PadPipeline:
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: Estimator | None = None
         self._why_none = NO_BASELINE
-        self._sender = Sender(pad.name, boot, model.hash)
+        self._writer = MessageWriter(pad.name, boot, model.hash)
         self._compiled: FastPath | None = None  # not None while C holds the memory
         self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
         self._neighbours: list[NeighbourView] = []
@@ -62,7 +62,7 @@ class PadPipeline:
     @property
     def messages(self) -> int:
         """The number of the last message."""
-        return self._sender.number
+        return self._writer.number
 
     @property
     def model_hash(self) -> str:
@@ -108,7 +108,7 @@ class PadPipeline:
             judged = self._compiled.judge(frame.packed, frame.device_time_us, frame.temperature_c)
             if judged is not None:
                 estimator = self._estimator
-                return self._sender.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
+                return self._writer.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
             self.hand_back()
         return self._judge(frame)
 
@@ -120,12 +120,12 @@ class PadPipeline:
         if self._compiled is None:
             return None
         lane = self._compiled.lane(clock, topic, pad_index)
-        return lane if self._sender.begin(lane) else None
+        return lane if self._writer.begin(lane) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
         """Take the pad back from C. Returns the frames that C handled and the last message; None if there are none."""
         passed = lane.end()
-        return None if passed is None else (passed, self._sender.passed(passed))
+        return None if passed is None else (passed, self._writer.passed(passed))
 
     def _judge(self, frame: Frame) -> ContactMessage:
         sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)
@@ -140,7 +140,7 @@ class PadPipeline:
                 self._sighting.saw(reading.estimate, sampled_ns)
             if reading.health == "ok" and not self._among_others:
                 self._compiled = self._estimator.hand_over(self._alignment)
-        return self._sender.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
+        return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
 
     @property
     def memory(self) -> PipelineMemory:
@@ -150,7 +150,7 @@ class PadPipeline:
         return PipelineMemory(
             self._alignment.memory,
             None if estimator is None else estimator.memory,
-            *(self._sender.number, self._sender.sampled_ns),
+            *(self._writer.number, self._writer.sampled_ns),
             (sighting.last, sighting.covariance, sighting.time_ns),
             self._why_none,
         )
@@ -164,7 +164,7 @@ class PadPipeline:
         self._alignment.memory = memory.alignment
         if self._estimator is not None and memory.estimator is not None:
             self._estimator.recall(memory.estimator)
-        self._sender.number, self._sender.sampled_ns = memory.number, memory.sampled_ns
+        self._writer.number, self._writer.sampled_ns = memory.number, memory.sampled_ns
         self._sighting.last, self._sighting.covariance, self._sighting.time_ns = memory.sighting
         self._why_none = memory.why_no_estimator
 
@@ -180,4 +180,4 @@ class PadPipeline:
         if self._estimator is not None:
             self._estimator.forget_touch()
         reading = Reading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
-        return self._sender.message(reading, None, None, self.mounting, self.baseline)
+        return self._writer.message(reading, None, None, self.mounting, self.baseline)

@@ -75,7 +75,7 @@ def _read(content: bytes) -> PipelineMemory:
     values = msgspec.msgpack.decode(content)
     if isinstance(values, dict) and "format" not in values:
         return convert(snapshot_v1.converted(values), PipelineMemory)
-    told = msgspec.msgpack.decode(content, type=Snapshot)
-    if told.format != FORMAT:
-        raise ValueError(f"format {told.format}, but this version reads only 1 and {FORMAT}: update fmfts")
-    return decode(told.memory, PipelineMemory)
+    wrapped = msgspec.msgpack.decode(content, type=Snapshot)
+    if wrapped.format != FORMAT:
+        raise ValueError(f"format {wrapped.format}, but this version reads only 1 and {FORMAT}: update fmfts")
+    return decode(wrapped.memory, PipelineMemory)

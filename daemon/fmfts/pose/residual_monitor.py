@@ -13,7 +13,7 @@ from fmfts.pad import Pad
 from fmfts.pose.dipole import dipole_field
 from fmfts.pose.field_errors import SensorErrors, change_since
 from fmfts.pose.foreign_field import FOREIGN_DEVIATION
-from fmfts.pose.innovation import Finding, MeanResiduals, MeanResidualsMemory
+from fmfts.pose.mean_residuals import Finding, MeanResiduals, MeanResidualsMemory
 from fmfts.pose.model import predict
 from fmfts.pose.problem import Part, Parts, magnet_rows, measurement_rows
 from fmfts.pose.solver import PoseEstimate

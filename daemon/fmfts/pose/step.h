@@ -1,4 +1,4 @@
-/* A healthy frame, from counts to pose: alignment.c, tracker.c, innovation.c and change.c. The Python file of the same name
+/* A healthy frame, from counts to pose: alignment.c, tracker.c, mean_residuals.c and change.c. The Python file of the same name
  * explains each step, and is its oracle.
  *
  * If a frame is not healthy in every respect, these functions return false, and Python judges the frame. Re-entrant: no
@@ -59,7 +59,7 @@ enum {
     X(gate_chi2, 1)                                                                                                    \
     X(freedom, 1)                                                                                                      \
     X(misfit_frames, 1)         /* tracker.py */                                                                       \
-    X(memory_frames, 1)         /* innovation.py */                                                                    \
+    X(memory_frames, 1)         /* mean_residuals.py */                                                                    \
     X(judged_every, 1)                                                                                                 \
     X(alarm_chi2, 1)                                                                                                   \
     X(sound_chi2, 1)                                                                                                   \
@@ -135,7 +135,7 @@ bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
 bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
                  double temperature_c, fmfts_pose *pose);
 
-/* innovation.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. */
+/* mean_residuals.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. */
 bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
 
 /* change.c: the change of pose, and its covariance. */

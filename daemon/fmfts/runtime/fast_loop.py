@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
-class Line:
+class LentBoard:
     """A board's channels. descriptor: set while C reads it."""
 
     source: ByteSource
@@ -39,7 +39,7 @@ class FastLoop:
 
     def __init__(self, publisher: Publisher) -> None:
         self._epoll = select.epoll()
-        self._lines: dict[int, Line] = {}  # by id of the source
+        self._boards: dict[int, LentBoard] = {}  # by id of the source
         self._unserved: set[int] = set()  # descriptors where end() got back whole packets; the next wait() returns them
         self._loop = None
         send = send_function() if AVAILABLE else None
@@ -49,7 +49,7 @@ class FastLoop:
     def add(self, source: Source, channels: Sequence[Channel]) -> None:
         """Allow C to handle this source's frames, if it is a ByteSource."""
         if self._loop is not None and isinstance(source, ByteSource):
-            self._lines[id(source)] = Line(source, channels)
+            self._boards[id(source)] = LentBoard(source, channels)
 
     def register(self, descriptor: int) -> None:
         self._epoll.register(descriptor, select.EPOLLIN)
@@ -67,7 +67,7 @@ class FastLoop:
 
     def begin(self, source: Source, now_ns: int) -> None:
         """Let C handle the source's frames from now on, if that is possible."""
-        line = self._lines.get(id(source))
+        line = self._boards.get(id(source))
         if line is None or self._loop is None or not (pads := line.source.lendable()):
             return
         channels = [channel for channel in line.channels if channel.pad_index in pads]
@@ -79,7 +79,7 @@ class FastLoop:
 
     def end(self, source: Source) -> None:
         """Take the source back from C, and account for the frames that C handled."""
-        line = self._lines.get(id(source))
+        line = self._boards.get(id(source))
         if line is None or line.descriptor is None or self._loop is None:
             return
         returned = self._loop.end(line.descriptor)
@@ -94,7 +94,7 @@ class FastLoop:
 
     def end_all(self) -> None:
         """Take all sources back from C. Each begins again when it is next served."""
-        for line in self._lines.values():
+        for line in self._boards.values():
             self.end(line.source)
 
     @contextmanager

@@ -22,7 +22,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.config import MagnetConfig, PadConfig, SimulatedSource
 from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
@@ -149,7 +149,7 @@ def store_baselines(folder: Path, count: int) -> None:
     baseline = simulated_baseline(pad_of(0))
     for index in range(count):
         own = msgspec.structs.replace(baseline, pad=f"p{index}").sealed()
-        (target / f"p{index}.json").write_bytes(ambient.encode(own))
+        (target / f"p{index}.json").write_bytes(baselines.encode(own))
 
 
 def cpu_of(pid: int) -> int:

@@ -42,7 +42,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
         if (object && !published) {
             return false;
         }
-        if (!published || !fmfts_express(&published->lane, text, bytes, arrival_ns)) {
+        if (!published || !fmfts_handle_line(&published->lane, text, bytes, arrival_ns)) {
             break;
         }
         line->heard_ns = arrival_ns;

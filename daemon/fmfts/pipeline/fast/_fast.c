@@ -61,7 +61,7 @@ static PyObject *message(PyObject *module, PyObject *args)
         has_size(&b[2], sizeof(fmfts_outcome), "outcome")) {
         result = PyBytes_FromStringAndSize(b[0].buf, b[0].len);
         if (result) {
-            fmfts_fill((uint8_t *)PyBytes_AsString(result), (size_t)b[0].len, b[1].buf, integer,
+            fmfts_write_numbers((uint8_t *)PyBytes_AsString(result), (size_t)b[0].len, b[1].buf, integer,
                        &((const fmfts_outcome *)b[2].buf)->numbers);
         }
     }

@@ -65,7 +65,7 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
     const unsigned long long integer[FMFTS_MESSAGE_INTEGERS] = {
         lane->number, (unsigned long long)lane->t_sample_ns, (unsigned long long)lane->t_publish_ns,
         (unsigned long long)fmfts_now_ns(CLOCK_REALTIME)};
-    fmfts_fill(message->text, message->size, message->place, integer, &lane->outcome->numbers);
+    fmfts_write_numbers(message->text, message->size, message->place, integer, &lane->outcome->numbers);
     if (kind != lane->kind) {
         lane->kind = kind;
         lane->change_bytes = message->size;
@@ -73,7 +73,7 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
     }
 }
 
-bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
+bool fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
 {
     fmfts_sample sample;
     fmfts_kind kind;

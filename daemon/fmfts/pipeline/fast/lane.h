@@ -1,6 +1,6 @@
 /* One pad's lane: turns each healthy frame into its message, as long as the message has a template. */
-#ifndef FMFTS_EXPRESS_H
-#define FMFTS_EXPRESS_H
+#ifndef FMFTS_FAST_LANE_H
+#define FMFTS_FAST_LANE_H
 
 #include "../../sensor/wire/clock.h"
 #include "frame_step.h"
@@ -45,6 +45,6 @@ int64_t fmfts_now_ns(int clock);
 
 /* Handles one packet, without its closing zero. False, and nothing changes, if it is not a healthy frame of this pad, or if
  * the kind of message changes a second time. */
-bool fmfts_express(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
+bool fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 #endif

@@ -18,7 +18,7 @@ static void put_float(uint8_t *place, double value)
     put_unsigned(place, bits);
 }
 
-void fmfts_fill(uint8_t *text, size_t size, const int32_t *place, const unsigned long long *integer,
+void fmfts_write_numbers(uint8_t *text, size_t size, const int32_t *place, const unsigned long long *integer,
                 const fmfts_numbers *numbers)
 {
     const double *number = (const double *)numbers;

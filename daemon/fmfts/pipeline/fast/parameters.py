@@ -21,7 +21,7 @@ from fmfts.contact.model import (
 from fmfts.contact.refinement import STEPS
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
-from fmfts.pose import alignment, gate, innovation, tracker
+from fmfts.pose import alignment, gate, mean_residuals, tracker
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.state import SIZE
@@ -81,10 +81,10 @@ def put_tracking(
     parameters.put("gate_chi2", quantile(gate.FALSE_ALARM, values - free))
     parameters.put("freedom", values - free)
     parameters.put("misfit_frames", tracker.MISFIT_FRAMES)
-    parameters.put("memory_frames", innovation.MEMORY_FRAMES)
-    parameters.put("judged_every", innovation.JUDGED_EVERY)
-    parameters.put("alarm_chi2", quantile(innovation.FALSE_ALARM, values - estimated))
-    parameters.put("sound_chi2", quantile(innovation.SOUND, values - estimated))
+    parameters.put("memory_frames", mean_residuals.MEMORY_FRAMES)
+    parameters.put("judged_every", mean_residuals.JUDGED_EVERY)
+    parameters.put("alarm_chi2", quantile(mean_residuals.FALSE_ALARM, values - estimated))
+    parameters.put("sound_chi2", quantile(mean_residuals.SOUND, values - estimated))
     errors = mounting.field_errors()
     if errors is not None:
         parameters.put("field_errors", errors.by_field.shape[-1])

@@ -56,7 +56,7 @@ typedef enum { FMFTS_QUIET, FMFTS_TOUCHED, FMFTS_OVER_RANGE, FMFTS_NO_NUMBER } f
 
 /* message.c: writes into `text` [size]. place: the offsets of the integers, then of every number; −1: not in the text. */
 enum { FMFTS_MESSAGE_INTEGERS = 4, FMFTS_NUMBER_COUNT = sizeof(fmfts_numbers) / sizeof(double) };
-void fmfts_fill(uint8_t *text, size_t size, const int32_t *place, const unsigned long long *integer,
+void fmfts_write_numbers(uint8_t *text, size_t size, const int32_t *place, const unsigned long long *integer,
                 const fmfts_numbers *numbers);
 
 #endif

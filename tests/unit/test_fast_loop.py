@@ -13,7 +13,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from express_host import TOPIC, Bus, Host, Told, sample_of
+from fast_loop_host import TOPIC, Bus, Host, Told, sample_of
 from test_bridge import PATIENCE_S, board, connected, pad, run  # noqa: F401  (a fixture)
 from test_healthy_path import frames_of, with_faults
 from test_link import hello

@@ -13,13 +13,13 @@ from typing import Any
 
 import msgspec
 import pytest
-from express_host import sample_of
+from fast_loop_host import sample_of
 from test_bridge import plugged
 from test_healthy_path import frames_of
 from test_pipeline import config_of
 
 from emulator.board import Board
-from fmfts import baseline as ambient
+from fmfts import baseline as baselines
 from fmfts.config import BridgeSource, BusConfig, Config
 from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.runtime.daemon import Daemon
@@ -97,7 +97,7 @@ def serving(board: Board, folder: Path, names: list[str]) -> Daemon:
         source = BridgeSource(port=str(board.link), pad_index=index)
         pads.append(msgspec.structs.replace(simulated, name=name, source=source))
         baseline = msgspec.structs.replace(simulated_baseline(simulated), pad=name).sealed()
-        (folder / "fmfts" / "baseline" / f"{name}.json").write_bytes(ambient.encode(baseline))
+        (folder / "fmfts" / "baseline" / f"{name}.json").write_bytes(baselines.encode(baseline))
     return Daemon(Config(pad=tuple(pads), bus=BusConfig(endpoint=f"ipc://{folder}")))
 
 

@@ -1,4 +1,4 @@
-/* Averages the residual of each axis, and judges whether the sensors are healthy: residual_monitor.py, innovation.py. */
+/* Averages the residual of each axis, and judges whether the sensors are healthy: residual_monitor.py, mean_residuals.py. */
 #include <math.h>
 
 #include "model.h"
@@ -87,7 +87,7 @@ static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_me
 }
 
 /* χ² of the mean beyond what the unknowns explain, for the covariance S = I + PPᵀ of noise and patterns P. Generalised
- * least squares gives the same as the projection on parity space in innovation.py. False if the matrix is singular. */
+ * least squares gives the same as the projection on parity space in mean_residuals.py. False if the matrix is singular. */
 static bool chi2_of(const mean_problem *p, double *chi2)
 {
     fmfts_matrix spread, factored, normal;
