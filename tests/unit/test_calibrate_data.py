@@ -231,3 +231,44 @@ def test_calibrated_model_serves_and_its_report_stands_beside_it(
     assert centre["mae_x_mm"] < 0.1
     assert centre["mae_force_n"] < 0.03
     assert plot.read_bytes().startswith(b"\x89PNG")
+    _is_judged_as_the_pad_runs_it(data, target, report["model"], tmp_path, capsys)
+    _is_told_that_shear_is_unknown(target, tmp_path, capsys)
+
+
+def _is_judged_as_the_pad_runs_it(
+    data: str, target: Path, model: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`evaluate` without --model takes model, refine and friction from the file, as `run` does."""
+    found = []
+    for refine, friction in (("false", 0.0), ("true", 0.0), ("false", 0.3)):
+        file = folder / "runs.toml"
+        contact = f'[pad.contact]\nmodel = "{target.name}"\nrefine = {refine}\nfriction = {friction}\n'
+        file.write_text('[[pad]]\nname = "standard"\n[pad.source]\ntype = "simulated"\n' + contact)
+        assert main(["evaluate", data, "--config", str(file), "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    plain, refined, shearing = found
+    assert plain["model"] == refined["model"] == model
+    assert (refined["refine"], shearing["friction"]) == (True, 0.3)
+    everywhere, again, wider = (one["regions"][0] for one in found)
+    # Two steps toward the most likely press: a network of 8 is not there by itself.
+    assert again["mae_force_n"] < everywhere["mae_force_n"]
+    # What a shearing finger does to the standard pad is known from the model that ships.
+    assert wider["in_sd_force_n"] < 0.8 * everywhere["in_sd_force_n"]
+
+
+def _is_told_that_shear_is_unknown(target: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fmfts.contact.model.DEFAULT_PATH", target)  # it was made without --sheared, too
+        assert main(["check-config", "--config", str(folder / "runs.toml")]) == 0
+    assert "friction = 0.3 has no effect: the contact model was made without --sheared" in capsys.readouterr().err
+
+
+def test_standard_pad_needs_no_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = str(written(tmp_path, lambda rows: None, count=225))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("FMFTS_CONFIG", raising=False)
+    monkeypatch.setattr("fmfts.config.file.DEFAULT_PATHS", (tmp_path / "absent.toml",))
+    assert main(["evaluate", data]) == 0
+    assert "refine = false, friction = 0.3" in capsys.readouterr().out

@@ -32,6 +32,8 @@ class Evaluation:
     deviation: Array
     in_range: NDArray[np.bool_]
     model: str
+    refine: bool = False
+    friction: float = 0.0
 
     def rows(self) -> list[Row]:
         """Errors of the presses in range, by region."""
@@ -40,6 +42,8 @@ class Evaluation:
     def facts(self) -> dict[str, Any]:
         return {
             "model": self.model,
+            "refine": self.refine,
+            "friction": self.friction,
             "presses": len(self.press),
             "over_range": int((~self.in_range).sum()),
             "regions": self.rows() if self.in_range.any() else [],
@@ -76,4 +80,6 @@ def judge(labelled: CalibrationSet, tracked: Tracked, model: ContactModel) -> Ev
         deviation.append((np.sqrt(np.diagonal(contact.covariance)) / unit)[:outputs])
         in_range.append(not (contact.over_range or contact.refused))
     press = labelled.press[:, :outputs]
-    return Evaluation(press, np.array(found), np.array(deviation), np.array(in_range), model.hash)
+    return Evaluation(
+        press, np.array(found), np.array(deviation), np.array(in_range), model.hash, model.refines, model.friction
+    )

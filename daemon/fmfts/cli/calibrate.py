@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, lacking
+from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking
 from fmfts.common import exit_codes
 
 
@@ -28,7 +28,11 @@ def add_to(verb: AddVerb) -> None:
     )
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
-    evaluate.add_argument("--model", default="default", metavar="MODEL.onnx", help="default: the model that ships")
+    evaluate.add_argument(
+        "--model",
+        metavar="MODEL.onnx",
+        help="(the pad's [pad.contact] model; its refine and friction hold in any case)",
+    )
     evaluate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw a map of the errors")
     for added in (calibrate, evaluate):
         added.add_argument(
@@ -43,7 +47,7 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    pad = configured_pad(options)
+    pad = configured_or_standard_pad(options)
     try:
         from fmfts.calibrate.command import make_model
         from fmfts.calibrate.training import Options
@@ -87,7 +91,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    pad = configured_pad(options)
+    pad = configured_or_standard_pad(options)
     try:
         from fmfts.calibrate.evaluate import evaluate
     except ImportError as error:
@@ -95,11 +99,15 @@ def _evaluate(options: argparse.Namespace) -> int:
     from fmfts.calibrate.dataset import read_labelled
     from fmfts.calibrate.evaluation import printed
     from fmfts.calibrate.field_table import DataError
-    from fmfts.contact import ContactModel, ModelError
+    from fmfts.contact import ModelError
+    from fmfts.contact.model import SHEAR_UNKNOWN
+    from fmfts.pipeline.configured import load_contact_model
 
     try:
-        model = ContactModel.load(options.model, pad.pad())
+        model = load_contact_model(pad, options.model)
         labelled = read_labelled(options.data, pad.pad(), options.pad_size_mm, options.baseline)
+        if model.shear_is_unknown:
+            _say(f"warning: {SHEAR_UNKNOWN.format(friction=model.friction)}")
         evaluation = evaluate(labelled, options.data, model, pad.scene.ambient, _noise_t(options))
         if options.plot is not None:
             _draw(evaluation, options.plot)
@@ -109,7 +117,8 @@ def _evaluate(options: argparse.Namespace) -> int:
         print(json.dumps(evaluation.facts(), indent=1))
         return 0
     over_range = int((~evaluation.in_range).sum())
-    print(f"model {evaluation.model}, {len(evaluation.press)} presses, {over_range} of them over range")
+    how = f"refine = {str(model.refines).lower()}, friction = {model.friction:g}"
+    print(f"model {evaluation.model} ({how}), {len(evaluation.press)} presses, {over_range} of them over range")
     if evaluation.in_range.any():
         print(printed(evaluation.rows()))
         print("mae, rmse: mean absolute and rms errors; in_sd: rms of error / the model's deviation, ideally 1")

@@ -229,6 +229,7 @@ def _status(options: argparse.Namespace) -> int:
 def _check_config(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
     from fmfts.contact import ModelError
+    from fmfts.contact.model import SHEAR_UNKNOWN
     from fmfts.runtime.daemon import load_models
 
     config = configuration(options)
@@ -247,6 +248,8 @@ def _check_config(options: argparse.Namespace) -> int:
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
             if (warning := other_silicone(pad)) is not None:
                 print(f"{pad.name}: warning: {warning}", file=sys.stderr)
+            if models[pad.name].shear_is_unknown:
+                print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
     return 0
 
 

@@ -79,6 +79,17 @@ def configured_pad(options: argparse.Namespace) -> PadConfig:
     return pad_named(configuration(options), options.pad)
 
 
+def configured_or_standard_pad(options: argparse.Namespace) -> PadConfig:
+    """The same; without any configuration, the standard pad. Raises VerbError."""
+    from fmfts.config import PadConfig, SimulatedSource
+    from fmfts.config.file import is_there_any
+
+    if options.config is None and options.pad is None and not is_there_any():
+        log.info("no configuration: the standard pad")
+        return PadConfig(name="standard", source=SimulatedSource())
+    return configured_pad(options)
+
+
 def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
     """All pads of the file that `--config` names."""
     return configuration(options).pad

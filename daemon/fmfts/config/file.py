@@ -64,6 +64,11 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
     return config, file
 
 
+def is_there_any(environ: Mapping[str, str] = os.environ) -> bool:
+    """Whether a configuration is found where no file is named."""
+    return bool(environ.get(ENVIRONMENT)) or any(candidate.exists() for candidate in DEFAULT_PATHS)
+
+
 def _find(path: Path | None, environ: Mapping[str, str]) -> Path:
     if path is not None:
         return path

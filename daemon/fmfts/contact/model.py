@@ -6,17 +6,18 @@ import hashlib
 from math import sqrt
 from typing import Self
 
+import msgspec
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lower
-from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, Facts, ModelError, parse_facts, parse_response
+from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, ErrorTables, Facts, ModelError, parse_facts, parse_response
 from fmfts.contact.estimate import ContactEstimate, astray_share, doubt
 from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
-from fmfts.contact.shipped import path_of
+from fmfts.contact.shipped import DEFAULT_PATH, path_of
 from fmfts.contact.verified import check_versions, compared, inference_of, read
 from fmfts.pad import Array, Pad
 
@@ -33,6 +34,12 @@ POSE_UNIT = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # m → mm; the axis is a 
 CONTACT_UNIT = np.array([1e-3, 1e-3, 1.0, 1.0, 1.0])  # mm → m; newtons stay
 # Added to a pose's covariance so that it can be inverted even if the pose is called certain: (0.1 µm)², (0.1 mrad)².
 TINY = np.diag([1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
+# For a person who set [pad.contact] friction where nothing is known of its effect.
+SHEAR_UNKNOWN = (
+    "[pad.contact] friction = {friction:g} has no effect: the contact model was made without --sheared, so what a "
+    "shearing finger does to it is not known, and its deviations do not count it: calibrate with --sheared, or use a "
+    "finger that cannot shear and set friction = 0"
+)
 # Places along each side of the pad at which the detection limit is computed.
 UNFELT_PLACES = 15
 # An unknown place is still on the pad: the deviation of a uniform distribution over its width.
@@ -62,7 +69,7 @@ class ContactModel:
         self.facts = facts
         self.hash = digest
         self.refiner = refiner
-        self.smoothing_s = smoothing_s
+        self.refines, self.friction, self.smoothing_s = refiner is not None, friction, smoothing_s
         self.has_shear = facts.outputs == SHEAR_OUTPUT_ORDER
         self._unit = CONTACT_UNIT[: len(facts.outputs)]
         self.rest_pose = np.array(facts.rest_pose)
@@ -88,6 +95,11 @@ class ContactModel:
     def plain(self) -> bool:
         """Whether the fast path can serve this model: it has no shear and does not smooth."""
         return not self.has_shear and self.smoothing_s == 0.0 and (self.refiner is None or self.refiner.compiled)
+
+    @property
+    def shear_is_unknown(self) -> bool:
+        """Whether the finger may shear, and nothing tells what that does to this model's answers."""
+        return self.friction > 0.0 and not self.has_shear and self.facts.friction_error is None
 
     def _friction_deviation(self, friction: float) -> Array | float:
         """Deviation through shear within the cone of friction, at the largest force of each bin of the own error."""
@@ -128,6 +140,8 @@ class ContactModel:
                 f"pad {pad.name!r} has ({pad.geometry_hash}): correct [pad.geometry] and [pad.magnet], or calibrate "
                 "this pad and set [pad.contact] model"
             )
+        if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
+            facts = msgspec.structs.replace(facts, friction_error=_shipped_friction_error(facts.geometry_hash))
         refiner = Refiner(response) if refine and response is not None else None
         model = cls(inference, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction, smoothing_s)
         model.response = response
@@ -246,3 +260,12 @@ class ContactModel:
         self.inference.pose[:] = pose
         self.inference.run()
         return self.inference.contact.astype(np.float64), self.inference.jacobian.astype(np.float64)
+
+
+def _shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
+    """What shear does to the answers of the shipped model, if it is for a pad of this geometry; else None.
+
+    Shear moves the magnet of any pad of one structure alike, whoever measured the presses.
+    """
+    shipped = parse_facts(parse(read(DEFAULT_PATH)).metadata)
+    return shipped.friction_error if shipped.geometry_hash == geometry_hash else None
