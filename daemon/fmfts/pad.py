@@ -30,10 +30,13 @@ def rotation_from_vector(vector_rad: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class SensorArray:
-    """Places of N sensors: `position_m` (N, 3), and `rotation` (N, 3, 3) from each sensor's axes to the pad's."""
+    """Places `position_m` (N, 3) of N sensors, and their `axes` (N, 3, 3): the columns are unit vectors in pad axes.
+
+    The axes of a drawing are at right angles; those of a chip as built not quite.
+    """
 
     position_m: Array
-    rotation: Array
+    axes: Array
 
     @classmethod
     def aligned(cls, position_m: Array) -> Self:
@@ -45,13 +48,13 @@ class SensorArray:
         return len(self.position_m)
 
     def to_pad(self, field: Array) -> Array:
-        """Vectors (…, N, 3) in each sensor's own axes → the same vectors in pad axes."""
-        in_pad_axes: Array = product(self.rotation, field[..., None])[..., 0]
+        """Vectors (…, N, 3) in each sensor's own axes → the same vectors in pad axes. Only for axes at right angles."""
+        in_pad_axes: Array = product(self.axes, field[..., None])[..., 0]
         return in_pad_axes
 
     def to_sensor(self, field: Array) -> Array:
-        """Vectors (…, N, 3) in pad axes → the same vectors in each sensor's own axes."""
-        in_sensor_axes: Array = product(self.rotation.transpose(0, 2, 1), field[..., None])[..., 0]
+        """Vectors (…, N, 3) in pad axes → their components along each sensor's own axes."""
+        in_sensor_axes: Array = product(self.axes.transpose(0, 2, 1), field[..., None])[..., 0]
         return in_sensor_axes
 
 
@@ -125,7 +128,7 @@ class Pad:
         numbers = np.concatenate(
             [
                 self.sensors.position_m.ravel(),
-                self.sensors.rotation.ravel(),
+                self.sensors.axes.ravel(),
                 [self.magnet.diameter_m, self.magnet.length_m],
                 self.rest_position_m,
                 self.rest_axis,
@@ -160,13 +163,18 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """Standard deviations between a pad and its drawing; gain and remanence are relative."""
+    """Standard deviations between a pad and its drawing; gain and remanence are relative.
+
+    cross_axis: of what an axis reads of a field across it, relative to that field, besides the chip's rotation.
+    """
 
     sensor_position_m: float
     magnet_position_m: float
     magnet_tilt_rad: float
     gain: float
     remanence: float
+    sensor_rotation_rad: float = 0.0  # about each axis
+    cross_axis: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

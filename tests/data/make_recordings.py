@@ -81,7 +81,7 @@ def make(name: str, path: Path) -> None:
         name=PAD,
         source=SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=scene.turning_deg_per_s),
         scene=scene.ambient,
-        tolerance=ToleranceConfig(gain=0.005),
+        tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0),
     )
     drawing = config.pad()
     tracking = tracking_model_for(config.scene, config.magnet).tracking

@@ -11,7 +11,7 @@ import numpy as np
 from fmfts.baseline import Baseline, Means, Recording, make_bare, make_rest, means
 from fmfts.baseline.turn import STRENGTH_DEVIATION, UNEVEN_DEVIATION_T
 from fmfts.baseline.unknowns import STANDING_AMBIENT_T
-from fmfts.pad import Pad, Tolerance
+from fmfts.pad import Pad, Tolerance, rotation_from_vector
 from fmfts.pose import State
 from fmfts.sensor.frame import Frame
 from fmfts.simulation.cylinder import cylinder_field
@@ -31,6 +31,7 @@ class World:
 
     def __post_init__(self) -> None:
         random = self.random
+        self.turned, self.cross_axis = np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3, 3))
         self.gain = 1.0 + random.normal(0.0, TOLERANCE.gain, (4, 3))
         self.places = self.pad.sensors.position_m + random.normal(0.0, TOLERANCE.sensor_position_m, (4, 3))
         step = np.concatenate([random.normal(0, 1e-4, 3), random.normal(0, np.radians(1), 2), np.zeros(4)])
@@ -40,7 +41,13 @@ class World:
         self.earth_t = 0.5e-4 * direction / np.linalg.norm(direction)
 
     def bare(self) -> np.ndarray:
-        return self.gain * (self.earth_t + self.surroundings())
+        return self.sensed(self.earth_t + self.surroundings())
+
+    def sensed(self, field_t: np.ndarray) -> np.ndarray:
+        """What the chips report of the fields (…, 4, 3) in pad axes: turned by exact rotations, then skewed, scaled."""
+        field_t = np.broadcast_to(field_t, np.broadcast_shapes(np.shape(field_t), (4, 3)))
+        own = np.einsum("iba,...ib->...ia", self.turned, field_t)
+        return self.gain * (own + np.einsum("iab,...ib->...ia", self.cross_axis, own))
 
     def surroundings(self) -> np.ndarray:
         """(3,) what is different about the ambient field from one recording to the next."""
@@ -50,7 +57,7 @@ class World:
         state = state or self.rest
         magnet = self.pad.magnet.with_remanence(self.remanence_t)
         positions, axes = np.tile(state.position_m, (4, 1)), np.tile(state.axis, (4, 1))
-        return self.gain * (cylinder_field(self.places, positions, axes, magnet) + self.earth_t)
+        return self.sensed(cylinder_field(self.places, positions, axes, magnet) + self.earth_t)
 
     def recorded(self, field: np.ndarray) -> Recording:
         mean = field + self.random.normal(0.0, NOISE_T / np.sqrt(FRAMES), field.shape)
@@ -59,9 +66,28 @@ class World:
     def bare_baseline(self) -> Baseline:
         return make_bare(self.pad, TOLERANCE, self.recorded(self.bare()))
 
-    def spoilt(self, tolerance: float) -> None:
-        """Gains of another `tolerance` than TOLERANCE has."""
-        self.gain = 1.0 + self.random.normal(0.0, tolerance, (4, 3))
+    def matrices(self) -> np.ndarray:
+        """(4, 3, 3) sensitivities: what the chips report of unit fields along their axes in the drawing."""
+        return np.stack([self.sensed(unit) for unit in np.eye(3)], axis=-1)
+
+    def values(self) -> np.ndarray:
+        """(36,) the same as gains, rotations and cross-axis terms."""
+        found = self.matrices()
+        x, y, z = range(3)
+        across = found[:, [y, z, x], [z, x, y]], found[:, [z, x, y], [y, z, x]]
+        gains = np.einsum("iaa->ia", found)
+        parts = gains, (across[0] - across[1]) / 2.0, (across[0] + across[1]) / 2.0
+        return np.concatenate([part.ravel() for part in parts])
+
+    def spoilt(self, tolerance: Tolerance) -> None:
+        """Chips of another `tolerance` than TOLERANCE."""
+        self.gain = 1.0 + self.random.normal(0.0, tolerance.gain, (4, 3))
+        if tolerance.sensor_rotation_rad:
+            vectors = self.random.normal(0.0, tolerance.sensor_rotation_rad, (4, 3))
+            self.turned = np.array([rotation_from_vector(vector) for vector in vectors])
+        if tolerance.cross_axis:
+            upper = np.triu(self.random.normal(0.0, tolerance.cross_axis, (4, 3, 3)), 1)
+            self.cross_axis = upper + upper.transpose(0, 2, 1)
 
     def baseline(self, tolerance: Tolerance) -> Baseline:
         """Bare and rest."""
@@ -115,7 +141,7 @@ def turned(world: World, *, about: float = 1.0, touched: bool = False, seconds: 
     away_m = np.linalg.norm(world.pad.sensors.position_m[0])
     gradient = random.normal(0.0, UNEVEN_DEVIATION_T / away_m, (3, 3))
     gradient = (gradient + gradient.T) / 2.0 - np.eye(3) * np.trace(gradient) / 3.0
-    at_rest = world.field() - world.gain * world.earth_t
+    at_rest = world.field() - world.sensed(world.earth_t)
     press = world.field(world.pressed(np.array([2e-3]), np.array([1e-3]), np.array([0.3]))[0]) - world.field()
     direction = world.earth_t / np.linalg.norm(world.earth_t)
     across = np.cross(direction, [0.0, 0.0, 1.0] if abs(direction[2]) < 0.9 else [1.0, 0.0, 0.0])
@@ -129,7 +155,7 @@ def turned(world: World, *, about: float = 1.0, touched: bool = False, seconds: 
         earth = attitude @ world.earth_t * (1.0 + np.einsum("...i,ij,...j", unit, strength, unit))[..., None]
         here = attitude @ gradient @ attitude.swapaxes(-1, -2) @ world.places[:, :, None]
         pressing = (touched & (times_s > 8.0) & (times_s < 9.0))[..., None]
-        return at_rest + world.gain * (earth + here[..., 0]) + pressing * press
+        return at_rest + world.sensed(earth + here[..., 0]) + pressing * press
 
     return means(frames_of(fields, seconds, random))
 
@@ -153,6 +179,6 @@ def pressing(world: World, count: int = 30, seconds: float = 40.0, robot_rad: fl
         sensor = np.tile(np.arange(4), len(times_s))
         own = cylinder_field(world.places[sensor], position, axis, magnet)
         earth = _rotations(np.array([1.0, 0.0, 0.0]), robot_rad * flat / seconds) @ world.earth_t
-        return world.gain * (own + earth).reshape(len(times_s), 4, 3)
+        return world.sensed((own + earth).reshape(len(times_s), 4, 3))
 
     return means(frames_of(fields, seconds, random))

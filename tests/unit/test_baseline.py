@@ -10,9 +10,11 @@ from mounted_world import NOISE_T, TOLERANCE, World
 from fmfts import baseline as baselines
 from fmfts.baseline import Baseline, BaselineError, make_bare, make_rest, summarise
 from fmfts.baseline.unknowns import Unknowns
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, FREE_PAPER, dipole_field, displacement, solve
 from fmfts.sensor.frame import Frame
+
+HAND_PLACED = replace(TOLERANCE, sensor_rotation_rad=np.radians(1.5), cross_axis=0.002)
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_bare_baseline_measures_the_ambient_field(world: World, pad: Pad) -> Non
     [
         ("reversed", "upside down"),
         ("swapped", "Sensors 2 and 3 are swapped"),
-        ("bad sensor", "Sensor 3 alone is wrong"),
+        ("bad sensor", "[Ss]ensor 3"),
     ],
 )
 def test_refusal_names_the_likely_cause(world: World, pad: Pad, with_bare: bool, fault: str, named: str) -> None:
@@ -84,7 +86,7 @@ def test_refusal_names_the_likely_cause(world: World, pad: Pad, with_bare: bool,
 
 def test_steel_nearby_is_refused_without_blaming_a_sensor(world: World, pad: Pad) -> None:
     steel = dipole_field(world.places, np.array([30e-3, 5e-3, -10e-3]), np.array([1.0, 0.0, 0.0]), 6e-10)
-    with pytest.raises(BaselineError, match=r"No single fault explains it: steel"):
+    with pytest.raises(BaselineError, match=r"No single fault explains it, nor do two: steel"):
         make_rest(pad, TOLERANCE, world.recorded(world.field() + steel), world.bare_baseline())
 
 
@@ -220,7 +222,7 @@ def test_too_few_frames_are_refused() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_field_of_a_mounting_has_the_derivatives_that_its_estimate_uses(pad: Pad, seed: int) -> None:
     """Also where the magnet is tilted: the rest field is known to 10 nT, a ten-thousandth of itself."""
-    unknowns = Unknowns.of(pad, TOLERANCE, ambient_free=True)
+    unknowns = Unknowns.of(pad, HAND_PLACED, ambient_free=True)
     scaled = np.random.default_rng(seed).normal(size=len(unknowns.deviation))
     _, columns = unknowns.predict(*unknowns.unpack(scaled))
     step = 1e-3
@@ -231,15 +233,22 @@ def test_field_of_a_mounting_has_the_derivatives_that_its_estimate_uses(pad: Pad
         assert (more - less).ravel() / (2.0 * step) == pytest.approx(by_unknown, abs=1e-5 * np.abs(by_unknown).max())
 
 
-@pytest.mark.parametrize("gain", [0.005, 0.05])
+@pytest.mark.parametrize(
+    "tolerance",
+    [
+        TOLERANCE,
+        replace(TOLERANCE, gain=0.05),
+        HAND_PLACED,
+    ],
+    ids=["0.5 %", "5 %", "hand-placed"],
+)
 @pytest.mark.parametrize("free", [FREE_PAPER, FREE_FIELD])
-def test_change_of_pose_is_as_uncertain_as_claimed(pad: Pad, free: np.ndarray, gain: float) -> None:
-    """What places and gains leave open scales a press; noise-free fields, so that nothing else is wrong."""
-    tolerance = replace(TOLERANCE, gain=gain)
+def test_change_of_pose_is_as_uncertain_as_claimed(pad: Pad, free: np.ndarray, tolerance: Tolerance) -> None:
+    """What places and chips leave open scales a press; noise-free fields, so that nothing else is wrong."""
     normalised = []
     for seed in range(40):
         world = World(pad, np.random.default_rng(seed))
-        world.gain = 1.0 + np.random.default_rng(seed + 1000).normal(0.0, gain, (4, 3))
+        world.spoilt(tolerance)
         before = make_bare(pad, tolerance, world.recorded(world.bare()))
         _, mounting = make_rest(pad, tolerance, world.recorded(world.field()), before)
         press = np.array([3e-4, -2e-4, -7e-4, 0.08, 0.05, 0, 0, 0, 0])

@@ -21,7 +21,7 @@ def _pressed_and_turned(world: World, mounting: Mounting) -> tuple[np.ndarray, P
     """The field (N, 3) after a press of 1 N while the robot has turned, without noise, and what is solved from it."""
     turn = rotation_from_vector(world.random.normal(0.0, 1.0, 3))
     (state,) = world.pressed(np.array([2e-3]), np.array([-1e-3]), np.array([1.0]))
-    measured = world.field(state) + world.gain * (turn @ world.earth_t - world.earth_t)
+    measured = world.field(state) + world.sensed(turn @ world.earth_t - world.earth_t)
     field = mounting.magnet_field(measured)
     return field, solve(field, mounting.mounted(world.pad), mounting.rest, free=FREE_FIELD)
 

@@ -61,7 +61,7 @@ def told_of(other: str, distance_mm: float = 0.0) -> PadConfig:
     return pad(
         "two" if other == "one" else "one",
         source=SimulatedSource(range_gauss=4.0),
-        tolerance=ToleranceConfig(gain=0.005),
+        tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0),
         scene=SceneConfig(neighbours=(other,)),
         placement=PlacementConfig(position_mm=(distance_mm, 0.0, 0.0), rotation_deg=(8.0, 0.0, 0.0)),
     )

@@ -33,7 +33,8 @@ def config_of(seed: int = 1, **scene: object) -> PadConfig:
     return PadConfig(
         name="left",
         source=SimulatedSource(seed=seed, turning_deg_per_s=turning),
-        tolerance=ToleranceConfig(gain=0.005),
+        # Chips that a machine placed.
+        tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.3),
         scene=SceneConfig(**scene),  # type: ignore[arg-type]
     )
 

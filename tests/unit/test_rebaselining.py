@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from fmfts.config import PadConfig, RebaselineConfig, SceneConfig, SimulatedSource, ToleranceConfig
+from fmfts.config import PadConfig, RebaselineConfig, SceneConfig, SimulatedSource
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -17,6 +17,7 @@ from fmfts.scene.tracking import tracking_model_for
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger
 from fmfts.simulation.source import Simulated
+from fmfts_lab.bench.drills import AS_DRAWN
 
 # Slow enough to run through ten minutes of a pad's life in seconds.
 RATE_HZ = 20
@@ -47,9 +48,7 @@ def life(
 ) -> Run:
     """share: of the magnet's moment that is left."""
     source_config = SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=turning_deg_per_s)
-    config = PadConfig(
-        name="left", source=source_config, scene=SceneConfig(), tolerance=ToleranceConfig(gain=0.005), rebaseline=LIMITS
-    )
+    config = PadConfig(name="left", source=source_config, scene=SceneConfig(), tolerance=AS_DRAWN, rebaseline=LIMITS)
     drawing = config.pad()
     tracking = tracking_model_for(config.scene, config.magnet).tracking
     pipeline = PadPipeline(drawing, load_contact_model(config), "boot", float(RATE_HZ), tracking)

@@ -25,7 +25,7 @@ PERIOD_NS = round(1e9 / 220)
 CONFIG = PadConfig(
     name="left",
     source=SimulatedSource(turning_deg_per_s=0.0),
-    tolerance=ToleranceConfig(gain=0.005),
+    tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0),
     contact=ContactConfig(model="shear"),
 )
 

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.matrix import length
 from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
 from fmfts.baseline.file_format import StoredPresses, StoredRecording, StoredTurn
-from fmfts.baseline.gains import Gains
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.recording import BaselineError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
-from fmfts.baseline.turn import Turn, gains_from_turn
+from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
@@ -65,7 +64,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         bare = None if self.bare is None else self.bare.recording()
         if self.rest is not None:
             known = self._at_rest(pad, self.rest)
-            mounting = estimate_and_judge(pad, tolerance, known.rest, bare, known.gains)
+            mounting = estimate_and_judge(pad, tolerance, known.rest, bare, known.measured)
             mounting = mounting if self.refine is None else refined(known, mounting, self.refine.presses())
             return mounting if self.drift is None else mounting.drifted(np.array(self.drift))
         if bare is not None:
@@ -81,8 +80,8 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
         tolerance = Tolerance(**self.tolerance)
-        gains: Gains | None = None if self.turn is None else gains_from_turn(pad, tolerance, self.turn.turn())
-        return AtRest(pad, tolerance, rest.recording(), None if self.bare is None else self.bare.recording(), gains)
+        measured = None if self.turn is None else sensitivity_from_turn(pad, tolerance, self.turn.turn())
+        return AtRest(pad, tolerance, rest.recording(), None if self.bare is None else self.bare.recording(), measured)
 
     def sealed(self) -> Baseline:
         """A copy with the id that belongs to its content."""

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import lengths, product
-from fmfts.baseline.gains import Gains
+from fmfts.arithmetic.matrix import lengths
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.recording import BaselineError, Recording
+from fmfts.baseline.sensitivity import Sensitivity
+from fmfts.baseline.suspicions import Assumption, combined_changes, no_magnet, single_changes
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
 
@@ -24,18 +23,11 @@ FALSE_REFUSAL = 1e-5
 LARGEST_STRAIN = 4.0
 # The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
-# Tolerances far beyond those of mounting, as a finger or a wrong rest_mm needs them.
-LOADED = {"magnet_position_m": 3e-3, "magnet_tilt_rad": 0.35}
-
-
-@dataclass(frozen=True, slots=True)
-class _Suspicion:
-    mounting: Mounting
-    sentence: str
-
-    @property
-    def plausible(self) -> bool:
-        return _fits(self.mounting)
+# Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
+ALIKE = 2.0 * 2.303
+MOST_TOLD = 3
+# Where no single fault explains a field, so many of the likeliest are combined with each other one.
+MOST_COMBINED = 5
 
 
 def check_bare(pad: Pad, bare: Recording) -> None:
@@ -50,15 +42,19 @@ def check_bare(pad: Pad, bare: Recording) -> None:
 
 
 def estimate_and_judge(
-    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None = None
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, measured: Sensitivity | None = None
 ) -> Mounting:
     """The estimated mounting if it is plausible, else BaselineError with the misfit and its likely cause."""
-    mounting = estimate_mounting(pad, tolerance, rest, bare, gains=gains)
+    mounting = estimate_mounting(pad, tolerance, rest, bare, measured=measured)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
     # Assume perfect sensors here: then the misfit shows at the sensor that causes it, and not at all of them.
     misfit = estimate_mounting(
-        pad, replace(tolerance, sensor_position_m=0.0, gain=0.0), rest, bare, gains=gains
+        pad,
+        replace(tolerance, sensor_position_m=0.0, gain=0.0, sensor_rotation_rad=0.0, cross_axis=0.0),
+        rest,
+        bare,
+        measured=measured,
     ).misfit_t
     worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
     facts = (
@@ -66,16 +62,7 @@ def estimate_and_judge(
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} tolerances from its place; "
         f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e7:+.0f} mG off."
     )
-    plausible = [suspicion for suspicion in _suspicions(pad, tolerance, rest, bare, gains) if suspicion.plausible]
-    if not plausible:
-        cause = (
-            "No single fault explains it: steel or a magnet nearby, or sensors_mm, rest_mm and remanence_t in the "
-            "config are not this pad's."
-        )
-    else:
-        likeliest = min(plausible, key=lambda suspicion: suspicion.mounting.chi2 / suspicion.mounting.measurements)
-        cause = likeliest.sentence
-    raise BaselineError(f"{facts} {cause}")
+    raise BaselineError(f"{facts} {_cause(pad, tolerance, rest, bare, measured)}")
 
 
 def _limit(mounting: Mounting) -> float:
@@ -86,41 +73,31 @@ def _fits(mounting: Mounting) -> bool:
     return mounting.chi2 < _limit(mounting)
 
 
-def _suspicions(
-    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, gains: Gains | None
-) -> Iterator[_Suspicion]:
-    """The single faults to try, each with the mounting that is estimated under the assumption of this fault."""
-    count = len(pad.sensors)
-    yield _Suspicion(
-        estimate_mounting(replace(pad, rest_axis=-pad.rest_axis), tolerance, rest, bare, gains=gains),
-        "The magnet is in upside down: turn it, or negate rest_axis.",
-    )
-    for one, other in combinations(range(count), 2):
-        order = np.arange(count)
-        order[[one, other]] = other, one
-        yield _Suspicion(
-            estimate_mounting(pad, tolerance, _reordered(rest, order), bare and _reordered(bare, order), gains=gains),
-            f"Sensors {one + 1} and {other + 1} are swapped: exchange their channels in the config or their wires.",
-        )
-    loaded = estimate_mounting(pad, replace(tolerance, **LOADED), rest, bare, gains=gains)
-    x, y, z = (loaded.rest.position_m - pad.rest_position_m) * 1e3
-    tilt = np.arccos(np.clip(product(loaded.rest.axis, pad.rest_axis), -1.0, 1.0))
-    yield _Suspicion(
-        loaded,
-        f"The magnet would be off by {x:+.2f}, {y:+.2f}, {z:+.2f} mm and {np.degrees(tilt):.1f}°: "
-        "something presses on the pad, or rest_mm is not this pad's.",
-    )
-    if count < 4:
-        return
-    for sensor in range(count):
-        used = np.arange(count) != sensor
-        yield _Suspicion(
-            estimate_mounting(pad, tolerance, rest, bare, used, gains),
-            f"Sensor {sensor + 1} alone is wrong: a bad chip (run selftest), a bad place, or steel beside it.",
-        )
+def _cause(
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, measured: Sensitivity | None
+) -> str:
+    """The likely cause in a sentence, or both where two are alike."""
+    if no_magnet(pad, tolerance, rest, bare):
+        return "There is no magnet above the sensors: mount the pad, then record --rest."
+    as_drawn = Assumption.of(pad, tolerance)
 
+    def tried(assumption: Assumption) -> tuple[float, Assumption, Mounting]:
+        mounting = assumption.mounting(rest, bare, measured)
+        return mounting.surprise, assumption, mounting
 
-def _reordered(recording: Recording, order: NDArray[np.intp]) -> Recording:
-    return replace(
-        recording, mean_t=recording.mean_t[order], noise_t=recording.noise_t[order], samples=recording.samples[order]
-    )
+    singles = [tried(change(as_drawn)) for change in single_changes(pad, tolerance)]
+    found = [one for one in singles if _fits(one[2])]
+    if not found:
+        together = list(combined_changes(pad))
+        likeliest = sorted((tried(change(as_drawn)) for change in together), key=lambda one: one[0])[:MOST_COMBINED]
+        pairs = (second(first) for _, first, _ in likeliest for second in together)
+        found = [one for one in map(tried, pairs) if _fits(one[2])]
+    if not found:
+        return (
+            "No single fault explains it, nor do two: steel or a magnet nearby, or sensors_mm, rest_mm and remanence_t "
+            "in the config are not this pad's."
+        )
+    least = min(surprise for surprise, _, _ in found)
+    alike = sorted((one for one in found if one[0] < least + ALIKE), key=lambda one: one[0])
+    told = list(dict.fromkeys(assumption.told(mounting) for _, assumption, mounting in alike))
+    return " Or: ".join(told[:MOST_TOLD])

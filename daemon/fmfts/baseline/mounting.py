@@ -12,11 +12,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.elementary import exp, square
-from fmfts.arithmetic.matrix import inverse, lengths, product, root_of_squares, solve
-from fmfts.baseline.gains import Gains, relative_deviation
+from fmfts.arithmetic.elementary import exp, log, square
+from fmfts.arithmetic.matrix import inverse, lengths, log_determinant, product, root_of_squares, solve
 from fmfts.baseline.presses import PressBundle, Presses
 from fmfts.baseline.recording import Recording
+from fmfts.baseline.sensitivity import Sensitivity, relative_deviation, split
 from fmfts.baseline.unknowns import Leftover, Unknowns
 from fmfts.pad import Pad, SensorArray, Tolerance
 from fmfts.pose import FieldErrors, State, dipole_field
@@ -24,6 +24,7 @@ from fmfts.pose import FieldErrors, State, dipole_field
 Array = NDArray[np.float64]
 
 ITERATIONS = 30
+BROKEN_T = 5e-5  # what a broken sensor reads: anything, as the size of the Earth's field
 SETTLED = 1e-6  # the search ends when no step is larger, in prior deviations
 
 
@@ -32,14 +33,15 @@ class Mounting:
     """A pad as it is mounted: all that is needed to get the magnet's field, with its deviation, from a measured one.
 
     rest: the unloaded magnet. rest_covariance: (6, 6) of its step (position, axis, log moment).
-    gain: (N, 3) per axis, measured = gain·true. sensor_position_m: (N, 3).
+    gain, axes: (N, 3) and (N, 3, 3) of the chips as built: see `sensitivity.split`. sensor_position_m: (N, 3).
     offset_t: (N, 3) in sensor axes, the field at rest without the magnet's: the ambient field, and what no parameter
     explains, so that an untouched pad has no residual. rest_field_t: (N, 3) the magnet's field at rest.
-    noise_t: (N, 3) of one sample. gain_deviation: (N, 3) error of a change of field, relative to it. place_deviation:
-    (N, 1) the same for a change of the magnet's field alone, which differs from place to place.
+    noise_t: (N, 3) of one sample. sensitivity_deviation: (N, 3, 3) error of each axis per change of the field along
+    each axis of its chip. place_deviation: (N, 1) relative error of a change of the magnet's field alone.
     systematic_t: a further constant error of every value.
     leftover: what the rest field left uncertain, None if rest was not recorded.
-    chi2: misfit, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted.
+    chi2: misfit, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted. surprise: −2 ln of
+    the evidence for what was assumed, without a constant that all assumptions about one recording share.
     rest_strain: (5,) distance of the rest pose from the drawing's, in tolerances.
     ambient_t, ambient_deviation_t: (3,) from the bare recording, None without one.
     press_chi2: (K,) misfit of each press, if there were any, with 3N − 5 degrees of freedom.
@@ -48,11 +50,12 @@ class Mounting:
     rest: State
     rest_covariance: Array
     gain: Array
+    axes: Array
     sensor_position_m: Array
     offset_t: Array
     rest_field_t: Array
     noise_t: Array
-    gain_deviation: Array
+    sensitivity_deviation: Array
     place_deviation: Array
     systematic_t: float
     leftover: Leftover | None
@@ -62,6 +65,7 @@ class Mounting:
     rest_strain: Array
     ambient_t: Array | None
     ambient_deviation_t: Array | None
+    surprise: float = 0.0
     press_chi2: Array = field(default_factory=lambda: np.zeros(0))
 
     def drifted(self, moved: Array) -> Self:
@@ -69,10 +73,10 @@ class Mounting:
         return replace(self, rest=self.rest.stepped(moved))
 
     def mounted(self, pad: Pad) -> Pad:
-        """The drawing with the estimated sensor places and rest pose."""
+        """The drawing with the estimated sensor places and axes, and rest pose."""
         return replace(
             pad,
-            sensors=SensorArray(self.sensor_position_m, pad.sensors.rotation),
+            sensors=SensorArray(self.sensor_position_m, self.axes),
             rest_position_m=self.rest.position_m,
             rest_axis=self.rest.axis,
         )
@@ -82,7 +86,7 @@ class Mounting:
         return pad.magnet.remanence_t * exp(self.rest.log_moment)
 
     def magnet_field(self, measured_t: Array) -> Array:
-        """The magnet's field from the measured field, both (N, 3) in sensor axes: removes gains and ambient field."""
+        """The magnet's field along `axes` from the measured field, both (N, 3): removes gains and ambient field."""
         return measured_t / self.gain - self.offset_t
 
     def lasting_deviation_t(self, magnet_field_t: Array, ambient_t: Array) -> Array:
@@ -93,8 +97,11 @@ class Mounting:
         count. An error of a sensor's place affects only the magnet's field.
         """
         change = magnet_field_t - self.rest_field_t
-        gain, place = self.gain_deviation * change, self.place_deviation * (change - ambient_t)
-        deviation: Array = np.sqrt(gain * gain + place * place + square(self.systematic_t))
+        place = self.place_deviation * (change - ambient_t)
+        # An axis that was not measured (NaN) says nothing about the errors of the others.
+        seen = np.where(np.isfinite(change), change, 0.0)[:, None]
+        variance = square(self.sensitivity_deviation * seen).sum(axis=2) + place * place + square(self.systematic_t)
+        deviation: Array = np.sqrt(variance)
         return deviation
 
     def field_errors(self) -> FieldErrors | None:
@@ -112,18 +119,20 @@ def estimate_mounting(
     rest: Recording,
     bare: Recording | None,
     used: NDArray[np.bool_] | None = None,
-    gains: Gains | None = None,
+    measured: Sensitivity | None = None,
     presses: Presses | None = None,
+    to_second_order: bool = True,
 ) -> Mounting:
     """The most probable mounting, from the field at rest and, if it was recorded, the field without the pad.
 
     With a bare recording, the difference of the two is the magnet's field, and the ambient field is measured. Without
     one the ambient field is a further unknown, and its estimate is too bad to publish (18–31 mG wrong).
-    used: (N,) sensors to use, None: all. gains: what is known about them, None: only the tolerance.
-    presses: fields of presses that move the magnet, None: no presses. They need all sensors.
+    used: (N,) sensors to use, None: all. measured: sensitivities, None: only their tolerances are known.
+    presses: fields of presses that move the magnet, None: no presses. They need all sensors. to_second_order: count
+    what the linear model neglects; it takes most of the time, and comparing assumptions does not need it.
     """
     count = len(pad.sensors)
-    unknowns = Unknowns.of(pad, tolerance, bare is None, gains)
+    unknowns = Unknowns.of(pad, tolerance, bare is None, measured)
     data, variance = rest.mean_t, square(rest.mean_deviation_t) + square(unknowns.model_deviation_t)
     if bare is not None:
         data, variance = data - bare.mean_t, variance + square(bare.mean_deviation_t)
@@ -132,37 +141,46 @@ def estimate_mounting(
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
     scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle)
     # The covariance is of first order. Its second-order error is added to the deviations of the field.
-    curvature = unknowns.curvature_t(scaled, inverse(normal))
-    weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
-    scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
-    state, places, gain = unknowns.unpack(scaled)
-    misfit = data - unknowns.predict(state, places, gain, octupole_m2=unknowns.cylinder_m2)[0]
-    predicted, _ = unknowns.predict(state, places, gain)
+    curvature = np.zeros(data.size)
+    if to_second_order:
+        curvature = unknowns.curvature_t(scaled, inverse(normal))
+        weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
+        scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
+    spread = np.where(believed, np.sqrt(variance.ravel() + square(curvature)), BROKEN_T)
+    state, places, matrix = unknowns.unpack(scaled)
+    misfit = data - unknowns.predict(state, places, matrix, octupole_m2=unknowns.cylinder_m2)[0]
+    predicted, _ = unknowns.predict(state, places, matrix)
+    gain, axes = split(matrix, pad.sensors.axes)
     scaled_covariance = inverse(normal)
     covariance = scaled_covariance * unknowns.deviation[:, None] * unknowns.deviation
-    magnet_alone = predicted / gain - pad.sensors.to_sensor(np.tile(state.ambient_t, (count, 1)))
+    magnet_alone = predicted / gain - SensorArray(places, axes).to_sensor(np.tile(state.ambient_t, (count, 1)))
     distance = lengths(places - state.position_m)
     ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
-    gain_deviation = relative_deviation(covariance[9 + 3 * count :, 9 + 3 * count :])
+    chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),
         rest_covariance=covariance[:6, :6],
         gain=gain,
+        axes=axes,
         sensor_position_m=places,
         offset_t=rest.mean_t / gain - magnet_alone,
         rest_field_t=magnet_alone,
         noise_t=rest.noise_t,
-        gain_deviation=gain_deviation,
+        sensitivity_deviation=relative_deviation(covariance[9 + 3 * count :, 9 + 3 * count :]),
         place_deviation=_by_place(place_deviation, distance),
         systematic_t=0.0,
         leftover=Leftover(unknowns, scaled, scaled_covariance, np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0)),
-        chi2=float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled)),
+        chi2=chi2,
         measurements=int(believed.sum()),
         misfit_t=misfit,
         rest_strain=scaled[:5],
         ambient_t=ambient,
         ambient_deviation_t=ambient_deviation,
+        surprise=chi2
+        + 2.0 * sum(log(one) for one in spread.tolist())
+        + log_determinant(normal)
+        - log_determinant(unknowns.precision),
         press_chi2=np.zeros(0) if bundle is None else bundle.linearise(scaled).block_chi2,
     )
 
@@ -204,17 +222,20 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
     typical_t = np.sqrt(np.mean(square(at_rest_t)))
     distance = lengths(pad.sensors.position_m - pad.rest_position_m)
     place = _by_place(np.full(shape, tolerance.sensor_position_m), distance)
-    proportional = np.sqrt(square(tolerance.gain) + np.mean(square(place)))
+    # At a random direction of the field, two of three components are across an axis.
+    across = 2.0 * (square(tolerance.sensor_rotation_rad) + square(tolerance.cross_axis))
+    proportional = np.sqrt(square(tolerance.gain) + across + np.mean(square(place)))
     ambient, ambient_deviation = _ambient(pad, bare)
     return Mounting(
         rest=State.at_rest(pad),
         rest_covariance=np.zeros((6, 6)),
         gain=np.ones(shape),
+        axes=pad.sensors.axes,
         sensor_position_m=pad.sensors.position_m,
         offset_t=bare.mean_t,
         rest_field_t=pad.sensors.to_sensor(at_rest_t),
         noise_t=bare.noise_t,
-        gain_deviation=np.zeros(shape),
+        sensitivity_deviation=np.zeros((*shape, 3)),
         place_deviation=np.zeros((shape[0], 1)),
         systematic_t=float(proportional * typical_t),
         leftover=None,

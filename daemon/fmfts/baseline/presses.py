@@ -46,14 +46,14 @@ class PressBundle:
 
         They compare changes from rest: a part of the field at rest that no parameter explains then cancels.
         """
-        rest, places, gain = self.unknowns.unpack(scaled)
+        rest, places, matrix = self.unknowns.unpack(scaled)
         cylinder = self.unknowns.cylinder_m2
-        at_rest, rest_columns = self.unknowns.predict(rest, places, gain, octupole_m2=cylinder)
-        whiten = self._whitening(gain)
+        at_rest, rest_columns = self.unknowns.predict(rest, places, matrix, octupole_m2=cylinder)
+        whiten = self._whitening(matrix)
         own, shared, residual = [], [], []
         for pose, change in zip(self.poses, self.presses.change_t, strict=True):
             state = replace(rest, position_m=pose.position_m, axis=pose.axis)
-            there, columns = self.unknowns.predict(state, places, gain, pose.axis, cylinder)
+            there, columns = self.unknowns.predict(state, places, matrix, pose.axis, cylinder)
             own.append(product(whiten, columns[:, :5]))
             columns[:, :5] = 0.0
             shared.append(product(whiten, (columns - rest_columns) * self.unknowns.deviation))
@@ -68,10 +68,10 @@ class PressBundle:
             for pose, own in zip(self.poses, self.reduced.own_steps(step), strict=True)
         ]
 
-    def _whitening(self, gain: Array) -> Array:
+    def _whitening(self, matrix: Array) -> Array:
         """(3N, 3N) matrix that makes the errors of a change (noise, ambient field) independent with deviation one."""
-        rotation = self.unknowns.pad.sensors.rotation
-        ambient = (gain[:, :, None] * rotation.transpose(0, 2, 1)).reshape(-1, 3) * STANDING_AMBIENT_T
+        to_sensor = self.unknowns.pad.sensors.axes.transpose(0, 2, 1)
+        ambient = product(matrix, to_sensor).reshape(-1, 3) * STANDING_AMBIENT_T
         variance = (square(self.presses.deviation_t)).ravel() + square(self.unknowns.model_deviation_t)
         whitening: Array = solve_lower(cholesky(np.diag(variance) + product(ambient, ambient.T)), np.eye(len(variance)))
         return whitening

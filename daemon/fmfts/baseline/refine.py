@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import lengths, root_of_squares
-from fmfts.baseline.gains import Gains
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.presses import Presses
 from fmfts.baseline.recording import BaselineError, Recording
+from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.unknowns import TYPICAL_CHANGE
 from fmfts.baseline.window_means import MEAN_OF, Means
 from fmfts.common.chi2 import quantile
@@ -48,7 +48,7 @@ class AtRest:
     tolerance: Tolerance
     rest: Recording
     bare: Recording | None
-    gains: Gains | None
+    measured: Sensitivity | None
 
 
 def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:
@@ -60,7 +60,9 @@ def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:
         for one in change
     )
     presses = Presses(change, root_of_squares(fields.deviation_t, known.rest.mean_deviation_t), start)
-    return estimate_mounting(known.pad, known.tolerance, known.rest, known.bare, gains=known.gains, presses=presses)
+    return estimate_mounting(
+        known.pad, known.tolerance, known.rest, known.bare, measured=known.measured, presses=presses
+    )
 
 
 def pick(known: AtRest, mounting: Mounting, means: Means) -> PressFields:

@@ -24,7 +24,9 @@ from fmfts.baseline import (
     means,
     summarise,
 )
+from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.files import previous, store
+from fmfts.baseline.prospects import prospects
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame, Source
 from fmfts.sensor.tasks import PATIENCE_S
@@ -242,5 +244,7 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
             "rest_axis_sd_rad": float(deviation[3:5].max()),
             "chi2": mounting.chi2,
             "measurements": mounting.measurements,
+            "chips": chips_found(mounting),
+            "could_gain": prospects(mounting, pad) if baseline.turn is None and baseline.refine is None else [],
         }
     return facts

@@ -1,7 +1,10 @@
-"""Estimates gains from turning the unloaded pad: all sensors see the same vector of constant length, the Earth's field.
+"""Estimates the sensitivities of the chips by turning the unloaded pad: all see one vector, the Earth's field.
 
-At orientation k every sensor measures y_k = g∘(Rᵀ·u_k) + o, with |u_k| = E, and o the field of its pad's magnet, which
-turns along. A factor common to all gains stays unknown; the moment absorbs it.
+At orientation k every sensor reports y_k = K·Rᵀ·u_k + o. u_k has the constant length E; o is the field of the pad's
+magnet, which turns along, and the chip's offset. The gain and the rotation that all sensors have in common stay
+unknown: the field at rest tells them as far as the magnet's place is known. See V. Renaudin, M. H. Afzal and
+G. Lachapelle, "Complete triaxis magnetometer calibration in the magnetic domain", J. Sensors (2010); here the chips
+share each u_k, instead of an ellipsoid for each chip.
 """
 
 from __future__ import annotations
@@ -13,9 +16,10 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, log, square
 from fmfts.arithmetic.matrix import inverse, least_squares, lengths, product, root_of_squares, singular_values, solve
+from fmfts.baseline import sensitivity
 from fmfts.baseline.bundle import Reduced
-from fmfts.baseline.gains import Gains
 from fmfts.baseline.recording import BaselineError
+from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.window_means import MEAN_OF, Means
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
@@ -52,58 +56,69 @@ class Turn:
         return cls(means.field_t[chosen], means.noise_t / np.sqrt(MEAN_OF), means.time_s[chosen])
 
 
-def gains_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Gains:
-    """Estimate the gains. BaselineError if the orientations do not span space, or another field changed."""
+def sensitivity_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Sensitivity:
+    """Estimate the sensitivities. BaselineError if the orientations do not span space, or another field changed."""
     _require_span(pad, turn)
     deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T * _repeated(len(turn.field_t)))
     count = len(pad.sensors)
     field, offset, strength = _first_guess(pad, turn)
-    gain = np.ones((count, 3))
-    # A tolerance of zero means that the gains are exact; the floor avoids a division by zero.
-    prior = np.full(3 * count, 1.0 / square(max(tolerance.gain, 1e-9)))
+    ideal = sensitivity.ideal(count)
+    values, known = ideal, len(ideal)
+    # A tolerance of zero means that the value is exact; the floor avoids a division by zero.
+    prior = 1.0 / square(np.maximum(sensitivity.deviations(count, tolerance), 1e-9))
     for _ in range(ITERATIONS):
-        reduced = _linearised(pad, turn.field_t, deviation, (gain, offset, strength), field)
+        reduced = _linearised(pad, turn.field_t, deviation, (values, offset, strength), field)
         normal, gradient = reduced.normal.copy(), reduced.gradient.copy()
-        normal[range(3 * count), range(3 * count)] += prior
-        gradient[: 3 * count] -= prior * (gain - 1.0).ravel()
+        normal[range(known), range(known)] += prior
+        gradient[:known] -= prior * (values - ideal)
         # Offsets are about 1e-4, the other unknowns about one; scaling makes the equations well conditioned.
         scale = 1.0 / np.sqrt(np.diagonal(normal))
         step = scale * solve(normal * scale * scale[:, None], scale * gradient)
         field = field + reduced.own_steps(step)
-        gain = gain + step[: 3 * count].reshape(count, 3)
-        offset = offset + step[3 * count : -1].reshape(count, 3)
+        values = values + step[:known]
+        offset = offset + step[known:-1].reshape(count, 3)
         strength *= exp(step[-1])
-        if np.abs(step[: 3 * count]).max() < SETTLED:
+        if np.abs(step[:known]).max() < SETTLED:
             break
-    inflation = _judged(turn, gain, offset, pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1)))
+    inflation = _judged(turn, _reported(pad, values, field) + offset)
     # If the misfits are larger than expected, the recording gets less weight; the prior keeps its own.
-    reduced = _linearised(pad, turn.field_t, deviation * inflation, (gain, offset, strength), field)
+    reduced = _linearised(pad, turn.field_t, deviation * inflation, (values, offset, strength), field)
     normal = reduced.normal + np.diag(np.concatenate([prior, np.zeros(3 * count + 1)]))
     scale = 1.0 / np.sqrt(np.diagonal(normal))
     covariance = inverse(normal * scale * scale[:, None]) * scale * scale[:, None]
-    return Gains(gain, covariance[: 3 * count, : 3 * count])
+    return Sensitivity(values, covariance[:known, :known])
+
+
+def _reported(pad: Pad, values: Array, field: Array) -> Array:
+    """(K, N, 3) what chips of these sensitivities report of the ambient fields (K, 3), without offsets."""
+    seen = pad.sensors.to_sensor(np.repeat(field[:, None], len(pad.sensors), axis=1))
+    reported: Array = product(sensitivity.matrices(values), seen[..., None])[..., 0]
+    return reported
 
 
 def _linearised(
     pad: Pad, measured: Array, deviation: Array, shared: tuple[Array, Array, float], field: Array
 ) -> Reduced:
-    """Shared unknowns: gains (3N), offsets (3N), log strength. Own: field (3). Rows: 3N values, then the strength."""
-    gain, offset, strength = shared
+    """Shared unknowns: sensitivities (9N), offsets (3N), log strength. Own: field (3). Rows: 3N values, strength."""
+    values, offset, strength = shared
     orientations, count = len(measured), len(pad.sensors)
     seen = pad.sensors.to_sensor(np.repeat(field[:, None], count, axis=1))
-    rows = 3 * count
+    rows, known = 3 * count, len(values)
     residual = np.empty((orientations, rows + 1))
     own = np.empty((orientations, rows + 1, 3))
-    columns = np.zeros((orientations, rows + 1, 2 * rows + 1))
+    columns = np.zeros((orientations, rows + 1, known + rows + 1))
     sizes = lengths(field)
-    residual[:, :-1] = ((measured - gain * seen - offset) / deviation).reshape(orientations, rows)
+    misfit = measured - _reported(pad, values, field) - offset
+    residual[:, :-1] = (misfit / deviation).reshape(orientations, rows)
     strength_deviation = STRENGTH_DEVIATION * _repeated(orientations)
     residual[:, -1] = (log(strength) - np.array([log(size) for size in sizes])) / strength_deviation
-    own[:, :-1] = (gain[:, :, None] * pad.sensors.rotation.transpose(0, 2, 1) / deviation[:, :, None]).reshape(rows, 3)
+    by_field = product(sensitivity.matrices(values), pad.sensors.axes.transpose(0, 2, 1))
+    own[:, :-1] = (by_field / deviation[:, :, None]).reshape(rows, 3)
     own[:, -1] = field / (square(sizes) * strength_deviation)[:, None]
     diagonal = np.arange(rows)
-    columns[:, diagonal, diagonal] = (seen / deviation).reshape(orientations, rows)
-    columns[:, diagonal, rows + diagonal] = 1.0 / deviation.ravel()
+    by_value = np.array([sensitivity.columns(one) for one in seen])
+    columns[:, :-1, :known] = (by_value / deviation[:, :, None]).reshape(orientations, rows, known)
+    columns[:, diagonal, known + diagonal] = 1.0 / deviation.ravel()
     columns[:, -1, -1] = -1.0 / strength_deviation
     return Reduced.of(own, columns, residual)
 
@@ -114,7 +129,7 @@ def _repeated(orientations: int) -> float:
 
 
 def _first_guess(pad: Pad, turn: Turn) -> tuple[Array, Array, float]:
-    """Field (K, 3), offsets (N, 3) and strength for gains of one: fits a sphere, which is a linear problem."""
+    """Field (K, 3), offsets (N, 3) and strength for ideal chips: fits a sphere, which is a linear problem."""
     mean = turn.field_t.mean(axis=0)
     swept = pad.sensors.to_pad(turn.field_t - mean).mean(axis=1)
     equations = np.column_stack([2.0 * swept, np.full(len(swept), 1e-5)])
@@ -139,10 +154,10 @@ def _require_span(pad: Pad, turn: Turn) -> None:
         )
 
 
-def _judged(turn: Turn, gain: Array, offset: Array, seen: Array) -> float:
+def _judged(turn: Turn, expected_t: Array) -> float:
     """How much larger than expected the misfits are, at least 1. BaselineError if a touch or steel caused them."""
     deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T)
-    misfit = turn.field_t - gain * seen - offset
+    misfit = turn.field_t - expected_t
     chi2 = square(misfit / deviation).sum(axis=(1, 2))
     freedom = misfit[0].size - 3
     inflation = max(1.0, float(np.sqrt(np.median(chi2) / freedom)))

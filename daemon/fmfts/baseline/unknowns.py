@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, square
-from fmfts.arithmetic.matrix import cholesky, inverse, least_squares, lengths, product
-from fmfts.baseline.gains import Gains
+from fmfts.arithmetic.matrix import cholesky, inverse, least_squares, lengths, product, singular_values
+from fmfts.baseline import sensitivity
+from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FieldErrors, State, dipole_derivatives, octupole_m2
 from fmfts.pose.state import turn_derivative
@@ -24,34 +25,38 @@ AMBIENT_DEVIATION_T = 5e-5
 STANDING_AMBIENT_T = 1e-7
 # The change of pose by a firm press, for which the error of a change is computed.
 TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
+# A smaller variance of a sensitivity is none: of a tolerance of zero.
+EXACT = 1e-15
 # A finger presses down; sideways and in tilt it may move either way.
 HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """Rest pose and log moment (6), ambient field (3), sensor places (3N), gains (3N), in prior deviations from the
-    drawing and the prior's `gain` (N, 3). deviation (9 + 6N,): the prior deviations in SI. precision (9 + 6N, 9 + 6N):
-    of the prior in these units; after a turn of the robot the gains are correlated."""
+    """Rest pose and log moment (6), ambient field (3), sensor places (3N), sensitivities (9N), in prior deviations from
+    the drawing and from the prior's `sensitivity` (9N,). deviation (9 + 12N,): the prior deviations in SI. precision
+    (9 + 12N, 9 + 12N): of the prior in these units; after a turn of the robot the sensitivities are correlated."""
 
     pad: Pad
     deviation: Array
-    gain: Array
+    sensitivity: Array
     precision: Array
 
     @classmethod
-    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, gains: Gains | None = None) -> Self:
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity | None = None) -> Self:
         """ambient_free: the ambient field is unknown; else only its change since a bare recording is.
 
-        gains: what is known about them, None: only the tolerance. With a tolerance of zero they count as exact.
+        measured: the sensitivities, None: only their tolerances are known. What has no tolerance counts as exact.
         """
         count = len(pad.sensors)
-        gains = gains or Gains.untested(count, tolerance.gain)
-        gain_deviation = np.sqrt(np.diagonal(gains.covariance)) if tolerance.gain else np.zeros(3 * count)
-        precision = np.eye(9 + 6 * count)
-        if tolerance.gain:
-            correlation = gains.covariance / gain_deviation / gain_deviation[:, None]
-            precision[9 + 3 * count :, 9 + 3 * count :] = inverse(correlation)
+        known = measured or Sensitivity.untested(count, tolerance)
+        free = np.flatnonzero(np.diagonal(known.covariance) > EXACT)
+        sensitivity_deviation = np.zeros(9 * count)
+        sensitivity_deviation[free] = np.sqrt(np.diagonal(known.covariance))[free]
+        precision = np.eye(9 + 12 * count)
+        if len(free):
+            scale, places = sensitivity_deviation[free], 9 + 3 * count + free
+            precision[np.ix_(places, places)] = inverse(known.covariance[np.ix_(free, free)] / scale / scale[:, None])
         spread = np.concatenate(
             [
                 np.full(3, tolerance.magnet_position_m),
@@ -59,18 +64,18 @@ class Unknowns:
                 [tolerance.remanence],
                 np.full(3, AMBIENT_DEVIATION_T if ambient_free else STANDING_AMBIENT_T),
                 np.full(3 * count, tolerance.sensor_position_m),
-                gain_deviation,
+                sensitivity_deviation,
             ]
         )
-        return cls(pad, spread, gains.mean, precision)
+        return cls(pad, spread, known.mean, precision)
 
     def unpack(self, scaled: Array) -> tuple[State, Array, Array]:
-        """State, sensor places (N, 3) and gains (N, 3)."""
+        """State, sensor places (N, 3) and sensitivity matrices (N, 3, 3)."""
         count = len(self.pad.sensors)
         values = self.deviation * scaled
         places = self.pad.sensors.position_m + values[9 : 9 + 3 * count].reshape(count, 3)
-        gain = self.gain + values[9 + 3 * count :].reshape(count, 3)
-        return State.at_rest(self.pad).stepped(values[:9]), places, gain
+        matrix = sensitivity.matrices(self.sensitivity + values[9 + 3 * count :])
+        return State.at_rest(self.pad).stepped(values[:9]), places, matrix
 
     @property
     def cylinder_m2(self) -> float:
@@ -106,21 +111,21 @@ class Unknowns:
         self,
         state: State,
         places: Array,
-        gain: Array,
+        matrix: Array,
         start_axis: Array | None = None,
         octupole_m2: float | None = None,
     ) -> tuple[Array, Array]:
-        """Field in sensor axes (N, 3) as the chips report it, and its Jacobian (3N, 9 + 6N) in SI.
+        """Field (N, 3) as the chips report it, and its Jacobian (3N, 9 + 12N) in SI.
 
-        octupole_m2: κ of the magnet, None: the tracker's. The tilt is a step in the tangent plane of `start_axis`,
-        None: of the drawing's axis, from which the search for the rest pose starts.
+        matrix (N, 3, 3): sensitivities. octupole_m2: κ of the magnet, None: the tracker's. The tilt is a step in the
+        tangent plane of `start_axis`, None: of the drawing's axis, from which the search for the rest pose starts.
         """
         start_axis = self.pad.rest_axis if start_axis is None else start_axis
         count = len(places)
         strength = self.pad.magnet.strength_t_m3 * exp(state.log_moment)
         octupole_m2 = self.pad.magnet.modelled_octupole_m2 if octupole_m2 is None else octupole_m2
         dipole, by_position, by_axis = dipole_derivatives(places, state.position_m, state.axis, strength, octupole_m2)
-        to_sensor = self.pad.sensors.rotation.transpose(0, 2, 1)
+        to_sensor = self.pad.sensors.axes.transpose(0, 2, 1)
         field = (product(to_sensor, (dipole + state.ambient_t)[:, :, None]))[:, :, 0]
         columns = np.zeros((count, 3, len(self.deviation)))
         columns[:, :, 0:3] = product(to_sensor, by_position)
@@ -129,11 +134,9 @@ class Unknowns:
         columns[:, :, 6:9] = to_sensor
         for sensor in range(count):
             columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = product(-to_sensor[sensor], by_position[sensor])
-        columns *= gain[:, :, None]
-        for sensor in range(count):
-            first = 9 + 3 * (count + sensor)
-            columns[sensor, :, first : first + 3] = np.diag(field[sensor])
-        return gain * field, columns.reshape(3 * count, -1)
+        columns = product(matrix, columns)
+        columns[:, :, 9 + 3 * count :] = sensitivity.columns(field)
+        return product(matrix, field[:, :, None])[:, :, 0], columns.reshape(3 * count, -1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,46 +160,62 @@ class Leftover:
 
         Besides the columns of the M unknowns there is one for the tracker's use of a dipole in place of the cylinder.
         """
-        state, places, gain = self.unknowns.unpack(self.scaled)
+        state, places, matrix = self.unknowns.unpack(self.scaled)
         state = replace(state, ambient_t=np.zeros(3))
-        relative, root, kappa = gain.reshape(-1, 1), self._root, self.unknowns.cylinder_m2
+        gain, root, kappa = lengths(matrix).reshape(-1, 1), self._root, self.unknowns.cylinder_m2
         by_pose = np.empty((5, gain.size, len(self.scaled) + 1))
         for direction, (less, more) in enumerate(_around_half_a_press(state)):
             mistaken = product(
-                self.unknowns.predict(more, places, gain)[1] - self.unknowns.predict(less, places, gain)[1], root
+                self.unknowns.predict(more, places, matrix)[1] - self.unknowns.predict(less, places, matrix)[1], root
             )
-            cylinder = self._cylinder(more, places, gain, kappa) - self._cylinder(less, places, gain, kappa)
-            by_pose[direction] = np.hstack([mistaken, cylinder.reshape(-1, 1)]) / relative / TYPICAL_CHANGE[direction]
-        by_field = np.hstack([root[-gain.size :], np.zeros((gain.size, 1))]) / relative
-        return FieldErrors(by_pose, by_field, self.unknowns.pad.sensors.rotation)
+            cylinder = self._cylinder(more, places, matrix, kappa) - self._cylinder(less, places, matrix, kappa)
+            by_pose[direction] = np.hstack([mistaken, cylinder.reshape(-1, 1)]) / gain / TYPICAL_CHANGE[direction]
+        return FieldErrors(
+            by_pose, np.concatenate([self._by_field(root), np.zeros((gain.size, 3, 1))], axis=2) / gain[:, :, None]
+        )
 
-    def _cylinder(self, state: State, places: Array, gain: Array, octupole_m2: float) -> Array:
+    def _by_field(self, root: Array) -> Array:
+        """(3N, 3, M) errors of the reported values per ambient field along the axes of the pad."""
+        count = len(self.unknowns.pad.sensors)
+        by_own_axes = sensitivity.matrices(root[9 + 3 * count :]).reshape(count, 3, 3, -1)
+        turned = product(self.unknowns.pad.sensors.axes[:, None], by_own_axes)
+        return np.asarray(turned.reshape(3 * count, 3, -1), dtype=np.float64)
+
+    def _cylinder(self, state: State, places: Array, matrix: Array, octupole_m2: float) -> Array:
         """(N, 3) the cylinder's field minus that of the tracker's model."""
-        whole, _ = self.unknowns.predict(state, places, gain, octupole_m2=octupole_m2)
-        modelled, _ = self.unknowns.predict(state, places, gain)
+        whole, _ = self.unknowns.predict(state, places, matrix, octupole_m2=octupole_m2)
+        modelled, _ = self.unknowns.predict(state, places, matrix)
         return whole - modelled
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
         """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that each
-        of M independent deviations of the unknowns causes.
+        of M independent deviations causes; M is at most 25.
 
         At rest the baseline absorbs the errors of places and gains. In a changed pose they have another effect: the
         difference of the field's derivatives there and at rest. The tracker's least squares turn it into an error of
         pose; its unknowns are the columns `solved` (pose 0–4, log moment 5, ambient field 6–8).
         """
-        state, places, gain = self.unknowns.unpack(self.scaled)
-        _, at_rest = self.unknowns.predict(state, places, gain)
+        state, places, matrix = self.unknowns.unpack(self.scaled)
+        _, at_rest = self.unknowns.predict(state, places, matrix)
         root = self._root
         errors = np.empty((5, 5, len(self.scaled)))
         for direction, size in enumerate(TYPICAL_CHANGE):
             step = np.zeros(9)
             step[direction] = size
-            _, there = self.unknowns.predict(state.stepped(step), places, gain)
+            _, there = self.unknowns.predict(state.stepped(step), places, matrix)
             seen = self.weight[:, None] * there[:, solved]
             scale = lengths(seen.T)
             mistaken = product(self.weight[:, None] * (there - at_rest), root)
             errors[direction] = (least_squares(seen / scale, mistaken) / scale[:, None])[:5] / size
+        return fewest_causes(errors.reshape(25, -1)).reshape(5, 5, -1)
+
+
+def fewest_causes(errors: Array) -> Array:
+    """(R, ≤ R) errors of other independent causes, with the same covariance as those of `errors` (R, M)."""
+    if errors.shape[1] <= len(errors):
         return errors
+    _, size, directions = singular_values(errors.T)
+    return np.asarray(directions * size, dtype=np.float64)
 
 
 def _around_half_a_press(rest: State) -> Iterator[tuple[State, State]]:

@@ -104,6 +104,8 @@ class ToleranceConfig(_Section, frozen=True):
     magnet_tilt_deg: NonNegativeFloat = 1.0
     gain: NonNegativeFloat = 0.05
     remanence: NonNegativeFloat = 0.1
+    sensor_rotation_deg: NonNegativeFloat = 1.5
+    cross_axis: NonNegativeFloat = 0.005
 
     def si(self) -> Tolerance:
         """The same facts in SI."""
@@ -113,6 +115,8 @@ class ToleranceConfig(_Section, frozen=True):
             magnet_tilt_rad=math.radians(self.magnet_tilt_deg),
             gain=self.gain,
             remanence=self.remanence,
+            sensor_rotation_rad=math.radians(self.sensor_rotation_deg),
+            cross_axis=self.cross_axis,
         )
 
 

@@ -55,7 +55,7 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     return newest >= before - parameters->stopped_us[0];
 }
 
-/* Interpolates one axis to the instant, subtracts the baseline, and computes the variance. */
+/* Interpolates one axis to the instant, subtracts the baseline, and computes the variance of what one sample adds. */
 static void interpolate(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis, double instant,
                         fmfts_field *field)
 {
@@ -72,17 +72,31 @@ static void interpolate(const fmfts_pose_parameters *parameters, const fmfts_pos
     if (jump > parameters->jump_t[0] && share > 0.0) {
         bend = fmax(share, 1.0 - share) * jump;
     }
-    const double *direction = parameters->direction + 3 * axis, *uniform = memory->state + AMBIENT_VALUE;
-    double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
-    double magnet = aligned / parameters->gain[axis] - parameters->offset_t[axis];
-    double change = magnet - parameters->rest_field_t[axis];
-    double by_gain = parameters->gain_deviation[axis] * change, by_place = parameters->place_deviation[axis / 3] * (change - ambient);
     double noise_square = parameters->noise_t[axis] * parameters->noise_t[axis] *
                           (share * share + (1.0 - share) * (1.0 - share));
-    field->field_t[axis] = magnet;
+    field->field_t[axis] = aligned / parameters->gain[axis] - parameters->offset_t[axis];
     field->lasting_t2[axis] = bend * bend;
-    field->variance_t2[axis] = by_gain * by_gain + by_place * by_place +
-                               parameters->systematic_t[0] * parameters->systematic_t[0] + bend * bend + noise_square;
+    field->variance_t2[axis] = bend * bend + noise_square;
+}
+
+/* Adds the variance of what the baseline leaves unknown: Mounting.lasting_variance_t2. */
+static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int sensor, fmfts_field *field)
+{
+    const double *uniform = memory->state + AMBIENT_VALUE;
+    double change[3];
+    for (int k = 0; k < 3; k++) {
+        change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
+    }
+    for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
+        const double *direction = parameters->direction + 3 * axis, *deviation = parameters->sensitivity_deviation + 3 * axis;
+        double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
+        double by_place = parameters->place_deviation[sensor] * (change[axis - 3 * sensor] - ambient), variance = 0.0;
+        for (int k = 0; k < 3; k++) {
+            variance += deviation[k] * change[k] * (deviation[k] * change[k]);
+        }
+        variance += by_place * by_place + parameters->systematic_t[0] * parameters->systematic_t[0];
+        field->variance_t2[axis] += variance;
+    }
 }
 
 bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame, fmfts_field *field)
@@ -105,6 +119,9 @@ bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     field->instant_us = instant;
     for (int axis = 0; axis < 3 * sensors; axis++) {
         interpolate(parameters, memory, axis, instant, field);
+    }
+    for (int i = 0; i < sensors; i++) {
+        add_lasting(parameters, memory, i, field);
     }
     return true;
 }

@@ -17,21 +17,17 @@ Array = NDArray[np.float64]
 class FieldErrors:
     """Lasting errors of the magnet's field, from one deviation of each of K independent causes; to first order.
 
-    by_pose (5, 3N, K): error (T) per change of the pose from rest (m, rad). by_field (3N, K): relative error of a field
-    along each sensor axis. rotation (N, 3, 3): from sensor axes to pad axes.
+    by_pose (5, 3N, K): error (T) per change of the pose from rest (m, rad). by_field (3N, 3, K): error per change of
+    the ambient field along the pad's axes.
     """
 
     by_pose: Array
     by_field: Array
-    rotation: Array
 
     def at(self, change: Array, ambient_t: Array) -> Array:
         """Errors (3N, K) T in sensor axes, after a change of pose (5,) and of ambient field (3,) since the baseline."""
-        along_axes = product(ambient_t, self.rotation).reshape(-1, 1)
-        errors: Array = (
-            product(change, self.by_pose.reshape(len(change), -1)).reshape(self.by_pose.shape[1:])
-            + along_axes * self.by_field
-        )
+        by_pose = product(change, self.by_pose.reshape(len(change), -1)).reshape(self.by_pose.shape[1:])
+        errors: Array = by_pose + product(ambient_t, self.by_field)
         return errors
 
 

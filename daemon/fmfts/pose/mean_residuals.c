@@ -54,11 +54,14 @@ static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
 static double error_of(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axes, int axis, int cause)
 {
     int causes = (int)parameters->field_errors[0];
-    double sum = dot3(parameters->direction + 3 * axis, memory->change + 5) * parameters->by_field[axis * causes + cause];
+    double sum = 0.0, by_field = 0.0;
     for (int by = 0; by < 5; by++) {
         sum += memory->change[by] * parameters->by_pose[(by * axes + axis) * causes + cause];
     }
-    return sum;
+    for (int along = 0; along < 3; along++) {
+        by_field += memory->change[5 + along] * parameters->by_field[(axis * 3 + along) * causes + cause];
+    }
+    return sum + by_field;
 }
 
 static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, double jacobian[][BASE_COLUMNS],

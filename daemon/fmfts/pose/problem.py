@@ -142,7 +142,7 @@ def measurement_rows(
     """Measurements (3N, 10) of the fields (N, 3) T in each sensor's own axes. age_s (N,): age of each sample."""
     rows = np.empty((len(sensors), 3, MEASUREMENT))
     rows[:, :, PLACE] = sensors.position_m[:, None]
-    rows[:, :, DIRECTION] = sensors.rotation.transpose(0, 2, 1)
+    rows[:, :, DIRECTION] = sensors.axes.transpose(0, 2, 1)
     rows[:, :, VALUE] = field_t
     rows[:, :, NOISE] = deviation_t
     rows[:, :, PROPORTIONAL] = proportional

@@ -19,8 +19,8 @@ enum {
     FMFTS_AXES = 3 * FMFTS_SENSORS,
     FMFTS_STATE = FMFTS_VALUES(1),
     FMFTS_STEP = FMFTS_COLUMNS(1),
-    FMFTS_LEFTOVERS = 9 + 6 * FMFTS_SENSORS, /* unknowns that a baseline may leave: baseline/unknowns.py */
-    FMFTS_FIELD_ERRORS = FMFTS_LEFTOVERS + 1,
+    FMFTS_LEFTOVERS = 25,                           /* causes of errors of a change of pose: baseline/unknowns.py */
+    FMFTS_FIELD_ERRORS = 9 + 12 * FMFTS_SENSORS + 1, /* unknowns that a baseline may leave, and the cylinder: the same */
     FMFTS_CHANGE = 8, /* pose 5 and ambient field 3, since the baseline */
 };
 
@@ -37,7 +37,7 @@ enum {
     X(gain, FMFTS_AXES)         /* mounting.py */                                                                      \
     X(offset_t, FMFTS_AXES)                                                                                            \
     X(rest_field_t, FMFTS_AXES)                                                                                        \
-    X(gain_deviation, FMFTS_AXES)                                                                                      \
+    X(sensitivity_deviation, 3 * FMFTS_AXES)                                                                           \
     X(place_deviation, FMFTS_SENSORS)                                                                                  \
     X(systematic_t, 1)                                                                                                 \
     X(noise_t, FMFTS_AXES)                                                                                             \
@@ -65,7 +65,7 @@ enum {
     X(sound_chi2, 1)                                                                                                   \
     X(field_errors, 1)          /* field_errors.py: how many */                                                        \
     X(by_pose, 5 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                    \
-    X(by_field, FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                       \
+    X(by_field, 3 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                   \
     X(leftovers, 1)                                                                                                    \
     X(change_error, 25 * FMFTS_LEFTOVERS)                                                                              \
     X(longest_gap_s, 1)                                                                                                \

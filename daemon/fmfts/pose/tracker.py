@@ -66,7 +66,7 @@ class Tracker:
     @property
     def ambient_t(self) -> Array:
         """Ambient field (N, 3) T of the last good frame, in sensor axes."""
-        ambient_t: Array = product(self.memory.state.ambient_t, self._pad.sensors.rotation)
+        ambient_t: Array = product(self.memory.state.ambient_t, self._pad.sensors.axes)
         return ambient_t
 
     @property

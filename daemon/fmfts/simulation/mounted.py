@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -17,21 +17,34 @@ MAGNET_PLACE_M = 0.1e-3
 MAGNET_TILT_RAD = np.deg2rad(1.0)
 REMANENCE = 0.01
 GAIN = 0.005
+SENSOR_ROTATION_RAD = float(np.deg2rad(1.5))  # about each axis: breakout boards that a hand placed
+CROSS_AXIS = 0.005
 EARTH_T = 0.5e-4
 
 
 @dataclass(frozen=True, slots=True)
 class MountedPad:
-    """A built pad. rest_axis_from_z (3, 3): from axes in which the unloaded magnet points along +z to pad axes."""
+    """A built pad. rest_axis_from_z (3, 3): from axes in which the unloaded magnet points along +z to pad axes.
+
+    Each chip has its own axes: `pad.sensors` holds them as they are turned, cross_axis (N, 3, 3) what they read across.
+    """
 
     pad: Pad
     gain: Array
     ambient_t: Array
     rest_axis_from_z: Array
     mechanics: Mechanics = field(default_factory=standard_mechanics)
+    cross_axis: Array | None = None
 
     @classmethod
-    def built(cls, drawing: Pad, random: np.random.Generator, mechanics: Mechanics | None = None) -> Self:
+    def built(
+        cls,
+        drawing: Pad,
+        random: np.random.Generator,
+        mechanics: Mechanics | None = None,
+        sensor_rotation_rad: float = SENSOR_ROTATION_RAD,
+        cross_axis: float = CROSS_AXIS,
+    ) -> Self:
         """A pad with random building errors, in the Earth's field of random direction."""
         tilt = np.append(random.normal(0.0, MAGNET_TILT_RAD, 2), 0.0)
         turn = _rotation_from_z(drawing.rest_axis) @ rotation_from_vector(tilt)
@@ -39,7 +52,7 @@ class MountedPad:
         pad = Pad(
             name=drawing.name,
             sensors=type(sensors)(
-                sensors.position_m + random.normal(0.0, SENSOR_PLACE_M, sensors.position_m.shape), sensors.rotation
+                sensors.position_m + random.normal(0.0, SENSOR_PLACE_M, sensors.position_m.shape), sensors.axes
             ),
             magnet=drawing.magnet.with_remanence(drawing.magnet.remanence_t * random.normal(1.0, REMANENCE)),
             rest_position_m=drawing.rest_position_m + random.normal(0.0, MAGNET_PLACE_M, 3),
@@ -49,7 +62,11 @@ class MountedPad:
         ambient = random.standard_normal(3)
         ambient_t = EARTH_T * ambient / np.linalg.norm(ambient)
         gain = random.normal(1.0, GAIN, sensors.position_m.shape)
-        return cls(pad, gain, ambient_t, turn, mechanics or standard_mechanics())
+        turns = [rotation_from_vector(vector) for vector in random.normal(0.0, sensor_rotation_rad, gain.shape)]
+        turned = type(sensors)(pad.sensors.position_m, sensors.axes @ np.array(turns))
+        upper = np.triu(random.normal(0.0, cross_axis, (*gain.shape, 3)), 1)
+        whole = replace(pad, sensors=turned)
+        return cls(whole, gain, ambient_t, turn, mechanics or standard_mechanics(), upper + upper.transpose(0, 2, 1))
 
     @classmethod
     def exact(cls, drawing: Pad, mechanics: Mechanics | None = None) -> Self:
@@ -68,8 +85,11 @@ class MountedPad:
         return cylinder_field(self.pad.sensors.position_m, position_m, axis, magnet or self.pad.magnet)
 
     def sensed(self, field_t: Array) -> Array:
-        """A field (N, 3) in pad axes → the same in the sensors' axes, times their gains."""
-        return self.gain * self.pad.sensors.to_sensor(field_t)
+        """A field (…, N, 3) in pad axes → what the chips report of it."""
+        own = self.pad.sensors.to_sensor(field_t)
+        if self.cross_axis is not None:
+            own = own + np.einsum("iab,...ib->...ia", self.cross_axis, own)
+        return np.asarray(self.gain * own, dtype=np.float64)
 
 
 def _rotation_from_z(axis: Array) -> Array:

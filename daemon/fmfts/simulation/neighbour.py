@@ -32,7 +32,14 @@ class NeighbourMagnet:
         placement = Placement(
             nominal.position_m + random.normal(0.0, nominal.tolerance_m, 3), nominal.rotation, nominal.tolerance_m
         )
-        built = MountedPad.built(neighbour.pad(), seeded(source, "pad"), mechanics_of(neighbour, source))
+        tolerance = neighbour.tolerance.si()
+        built = MountedPad.built(
+            neighbour.pad(),
+            seeded(source, "pad"),
+            mechanics_of(neighbour, source),
+            tolerance.sensor_rotation_rad,
+            tolerance.cross_axis,
+        )
         finger = finger_of(source)
         return cls(built, placement, neighbour.magnet.temperature_coefficient_per_k, finger)
 

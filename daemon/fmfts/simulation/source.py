@@ -24,7 +24,7 @@ from fmfts.simulation.pad_file import mechanics_of
 CATCH_UP_FRAMES = 4  # as many as a board's transmit queue holds; after a longer stall the older frames are lost
 SECOND_NS = 1_000_000_000
 TURNING_AXIS = np.array([0.48, 0.6, 0.64])
-ACROSS_TURNING_AXIS, TUMBLE_S = np.array([0.8, 0.0, -0.6]), 20.0
+TUMBLE_S = 20.0
 ROOM_C = 25.0
 WARMEST_K = 15.0  # final warming of a board
 
@@ -61,7 +61,11 @@ class Simulated:
         try:
             mechanics = mechanics_of(config, source)
             self._built = (
-                MountedPad.exact(drawing, mechanics) if perfect else MountedPad.built(drawing, random, mechanics)
+                MountedPad.exact(drawing, mechanics)
+                if perfect
+                else MountedPad.built(
+                    drawing, random, mechanics, config.tolerance.si().sensor_rotation_rad, config.tolerance.cross_axis
+                )
             )
             self.neighbours = [
                 NeighbourMagnet.beside(config, other, other.source)
@@ -209,10 +213,12 @@ class Simulated:
 
 
 def _tumbled(moment_s: float) -> Array:
-    """Rotation (3, 3) about an axis that itself is tilted about another: the Earth's field gets all directions."""
-    angle = 2.0 * np.pi * moment_s / TUMBLE_S
-    tilt = 1.2 * np.sin(2.0 * angle) * ACROSS_TURNING_AXIS
-    return rotation_from_vector(tilt) @ rotation_from_vector(TURNING_AXIS * 2.0 * angle)
+    """Rotation (3, 3): once about each axis in turn, so that the Earth's field spans space whatever its start."""
+    shares = np.clip(3.0 * (moment_s % TUMBLE_S) / TUMBLE_S - np.arange(3.0), 0.0, 1.0)
+    turned = np.eye(3)
+    for axis, share in zip(np.eye(3), shares, strict=True):
+        turned = rotation_from_vector(2.0 * np.pi * share * axis) @ turned
+    return turned
 
 
 def _less(counts: NDArray[np.int16], unbiased: NDArray[np.int16], saturated_count: int) -> list[Axes]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from fmfts.pose import SOLVER
 from fmfts_lab.bench import (
     accuracy,
+    as_built,
     baselines,
     contact,
     convergence,
@@ -27,8 +28,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     verbs = parser.add_subparsers(
         required=True,
-        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | neighbours | contact | "
-        "latency | frame | resident",
+        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
+        "contact | latency | frame | resident",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -62,6 +63,15 @@ def main() -> None:
     verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
     verb.add_argument("--pads", type=int, default=20, help="how many pads are built, for each row")
     verb.set_defaults(run=baselines.run)
+    verb = verbs.add_parser("as-built", help="chips turned by hand: health, errors and honesty after each baseline")
+    verb.add_argument("--pads", type=int, default=20, help="how many pads are built, for each row")
+    verb.add_argument("--seconds", type=float, default=9.1, help="of presses and pauses, for each pad and baseline")
+    verb.add_argument("--rotations", type=float, nargs="+", default=as_built.ROTATIONS_DEG, metavar="DEGREES")
+    verb.add_argument("--gains", type=float, nargs="+", default=as_built.GAINS)
+    verb.add_argument("--refine", action="store_true", help="with contact.refine")
+    verb.add_argument("--unnamed", action="store_true", help="without tolerances of rotation and cross-axis")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=as_built.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
     verb.set_defaults(run=neighbours.run)

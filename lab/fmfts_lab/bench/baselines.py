@@ -11,7 +11,7 @@ from fmfts.baseline import Mounting
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
-from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.mounted import CROSS_AXIS, MountedPad
 from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field
 from fmfts_lab.bench.workspace import standard_pad
 
@@ -27,13 +27,13 @@ def run(options: Namespace) -> None:
     print(
         f"{options.pads} pads, contact MAE over the pad at {FORCES_N} N, x and y (mm) / force (N) / shear (N, ±6 mm)\n"
     )
-    print("gains ±   " + " ".join(f"{name:>22}" for name in KINDS))
-    for gain in (0.005, 0.05):
+    print("gains ±, chips turned by   " + " ".join(f"{name:>22}" for name in KINDS))
+    for gain, rotation_deg in ((0.005, 0.0), (0.05, 0.0), (0.005, 1.5), (0.05, 1.5)):
         errors = np.array(
-            [_errors(drawing, contact, sheared, gain, [options.seed, pad]) for pad in range(options.pads)]
+            [_errors(drawing, contact, sheared, gain, rotation_deg, [options.seed, pad]) for pad in range(options.pads)]
         )
         cells = [f"{place * 1e3:8.3f} /{force:6.4f} /{shear:5.2f}" for place, force, shear in errors.mean(axis=0)]
-        print(f"{gain:7.1%}   " + " ".join(f"{cell:>22}" for cell in cells))
+        print(f"{gain:7.1%} {rotation_deg:14.1f}°   " + " ".join(f"{cell:>22}" for cell in cells), flush=True)
     perfect = MountedPad.exact(drawing)
     _, own = bare_and_rest(perfect, drawing, Tolerance(1e-9, 1e-9, 1e-9, 0.0, 1e-9), np.random.default_rng(0))
     place, force = _contact_error(perfect, drawing, own, contact)
@@ -41,12 +41,14 @@ def run(options: Namespace) -> None:
 
 
 def _errors(
-    drawing: Pad, contact: ContactModel, sheared: ContactModel, gain: float, seed: list[int]
+    drawing: Pad, contact: ContactModel, sheared: ContactModel, gain: float, rotation_deg: float, seed: list[int]
 ) -> list[tuple[float, float, float]]:
     random = np.random.default_rng(seed)
-    built = MountedPad.built(drawing, random)
+    rotation_rad = float(np.deg2rad(rotation_deg))
+    cross_axis = CROSS_AXIS if rotation_deg else 0.0
+    built = MountedPad.built(drawing, random, sensor_rotation_rad=rotation_rad, cross_axis=cross_axis)
     built = replace(built, gain=random.normal(1.0, gain, built.gain.shape))
-    tolerance = Tolerance(1e-4, 1e-4, np.deg2rad(1.0), gain, 0.05)
+    tolerance = Tolerance(1e-4, 1e-4, np.deg2rad(1.0), gain, 0.05, rotation_rad, cross_axis)
     found = mountings(built, drawing, tolerance, random)
     return [
         (*_contact_error(built, drawing, found[kind], contact), _shear_error(built, drawing, found[kind], sheared))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, ToleranceConfig, neighbours_of
+from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, neighbours_of
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.neighbours import neighbours_around
@@ -18,7 +18,7 @@ from fmfts.scene.tracking import tracking_model_for
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
 from fmfts.simulation.source import Simulated
-from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ, Ambient
+from fmfts_lab.bench.drills import AS_DRAWN, FRAME_NS, RATE_HZ, Ambient
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 
 DISTANCES_MM = (20, 30, 60, 100, 200)
@@ -57,7 +57,7 @@ def pair(distance_mm: float, ambient: Ambient, seed: int) -> tuple[PadConfig, Pa
         return PadConfig(
             name=name,
             source=SimulatedSource(seed=seed, range_gauss=4.0, finger="none", turning_deg_per_s=turning),
-            tolerance=ToleranceConfig(gain=0.005),
+            tolerance=AS_DRAWN,
             scene=SceneConfig(ambient=ambient, neighbours=(other,)),
             placement=placement,
         )

@@ -6,17 +6,18 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
-from fmfts.baseline.gains import Gains, relative_deviation
+from fmfts.baseline.sensitivity import relative_deviation
 from fmfts.baseline.turn import (
     INDEPENDENT,
     ORIENTATIONS,
     STRENGTH_DEVIATION,
     UNEVEN_DEVIATION_T,
     Turn,
-    gains_from_turn,
+    sensitivity_from_turn,
 )
 from fmfts.baseline.window_means import MEAN_OF
 from fmfts.config import MagnetConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
@@ -28,7 +29,7 @@ from fmfts.scene.tracking import COEFFICIENT_SHARE, tracking_model_for
 from fmfts.sensor.chips import NOISE_T
 from fmfts.simulation.finger import Touch
 from fmfts.simulation.source import Simulated
-from fmfts_lab.bench.drills import Ambient
+from fmfts_lab.bench.drills import AS_DRAWN, Ambient
 from fmfts_lab.bench.tapped import pipeline_of
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 from fmfts_lab.bench.workspace import Array, standard_pad
@@ -52,7 +53,7 @@ def run(options: Namespace) -> None:
     )
     print("errors are of frames that are ok; the band of an honest covariance (95 %) is that of independent frames\n")
     pad, random, draws = standard_pad(), np.random.default_rng(options.seed), range(options.draws)
-    perfect = Gains.untested(len(pad.sensors), 0.0)
+    perfect = Gains.off_by(pad, 0.0)
     _turned("drifting, perfect gains", "drifting", [perfect], frames, random)
     within = [_within(pad, SELFTESTED, random) for _ in draws]
     _turned("drifting, within ±0.5 %", "drifting", within, frames, random)
@@ -64,16 +65,29 @@ def run(options: Namespace) -> None:
         _warm(options.warm_minutes, range(options.seed, options.seed + options.warm_pads))
 
 
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """true (N, 3), and the deviation (N, 3) of their errors, which is all that the tracker knows."""
+
+    true: Array
+    deviation: Array
+
+    @classmethod
+    def off_by(cls, pad: Pad, deviation: float) -> Self:
+        shape = len(pad.sensors), 3
+        return cls(np.ones(shape), np.full(shape, deviation))
+
+
 def _drawn(pad: Pad, deviation: float, random: np.random.Generator) -> Gains:
     """Random gains with this deviation; the tracker knows only the deviation."""
-    count = len(pad.sensors)
-    return replace(Gains.untested(count, deviation), mean=1.0 + deviation * random.standard_normal((count, 3)))
+    true = 1.0 + deviation * random.standard_normal((len(pad.sensors), 3))
+    return replace(Gains.off_by(pad, deviation), true=true)
 
 
 def _within(pad: Pad, most: float, random: np.random.Generator) -> Gains:
     """Random gains that are wrong by at most `most`."""
-    count = len(pad.sensors)
-    return replace(Gains.untested(count, most / np.sqrt(3.0)), mean=1.0 + random.uniform(-most, most, (count, 3)))
+    true = 1.0 + random.uniform(-most, most, (len(pad.sensors), 3))
+    return replace(Gains.off_by(pad, most / np.sqrt(3.0)), true=true)
 
 
 def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
@@ -83,7 +97,7 @@ def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
     x, y and z that arises so cannot be told from gains by any turn.
     """
     count, at_rest = len(pad.sensors), _field(pad, State.at_rest(pad))
-    true = _drawn(pad, UNTESTED, random).mean
+    true = _drawn(pad, UNTESTED, random).true
     moments = np.linspace(0, TURN_FRAMES, ORIENTATIONS)
     seen = np.array([_earth(moment) + EARTH_AT_FIRST_T for moment in moments])
     unit, stronger = seen / np.linalg.norm(seen, axis=1, keepdims=True), random.normal(0.0, STRENGTH_DEVIATION, (3, 3))
@@ -92,9 +106,12 @@ def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
     noise = np.full((count, 3), NOISE_T / np.sqrt(MEAN_OF))
     fields = at_rest + seen[:, None] + np.repeat(uneven, ORIENTATIONS // INDEPENDENT, axis=0)
     measured = true * fields + random.normal(0.0, noise, (ORIENTATIONS, count, 3))
-    found = gains_from_turn(pad, ToleranceConfig(gain=UNTESTED).si(), Turn(measured, noise, moments * FRAME_S))
-    left = true / found.mean
-    return replace(found, mean=left / left.mean())
+    tolerance = ToleranceConfig(gain=UNTESTED, sensor_rotation_deg=0.0, cross_axis=0.0).si()
+    found = sensitivity_from_turn(pad, tolerance, Turn(measured, noise, moments * FRAME_S))
+    left = true / found.mean[: true.size].reshape(true.shape)
+    return Gains(
+        left / left.mean(), np.einsum("iaa->ia", relative_deviation(found.covariance)) / np.sqrt(1.0 - 1.0 / true.size)
+    )
 
 
 def _turned(label: str, ambient: Ambient, pads: Sequence[Gains], frames: int, random: np.random.Generator) -> None:
@@ -122,16 +139,17 @@ def _turn(
     The tracker alone solves fields of its own model, so that the errors can be compared with the bound.
 
     The gains are wrong. The baseline makes the field at rest agree, so only the change since then has their error.
-    gains: the true gains for a change (mean), and how well they are known.
+    gains: the true gains for a change, and how well they are known.
     """
     pad, rest = standard_pad(), State.at_rest(standard_pad())
     tracker = Tracker(pad, rest, tracking_model_for(SceneConfig(ambient=ambient), MagnetConfig()).tracking, 25.0)
-    gain_deviation = relative_deviation(gains.covariance)
+    # The moment absorbs what all gains have in common.
+    gain_deviation = gains.deviation * np.sqrt(1.0 - 1.0 / gains.true.size)
     at_rest, ratios, nees = _field(pad, rest), [], []
     for frame in range(frames):
         truth, turned = _pressed(rest, frame), _earth(frame)
         change = _field(pad, truth) + turned - at_rest
-        measured = at_rest + gains.mean * change + random.normal(0.0, NOISE_T, change.shape)
+        measured = at_rest + gains.true * change + random.normal(0.0, NOISE_T, change.shape)
         deviation = np.hypot(NOISE_T, gain_deviation * change)
         track = tracker.update(measured, deviation, FRAME_S, 25.0)
         health[track.health] += 1
@@ -222,7 +240,7 @@ def _warm_pad(minutes: float, seed: int, warm: Warm) -> None:
     config = PadConfig(
         name="warm",
         source=SimulatedSource(seed=seed, finger="none", turning_deg_per_s=20.0),
-        tolerance=ToleranceConfig(gain=SELFTESTED),
+        tolerance=AS_DRAWN,
         scene=SceneConfig(ambient="drifting"),
     )
     pipeline = pipeline_of(config, load_contact_model(config))

@@ -16,10 +16,19 @@ from fmfts.calibrate.dataset import CalibrationSet, standard_pad
 from fmfts.calibrate.simulated import pressed_fields, rest_field_of
 from fmfts.calibrate.training import Options, calibrate
 from fmfts.contact import ContactModel
-from fmfts.pad import Array, Pad, Tolerance
+from fmfts.pad import Array, Pad, SensorArray, Tolerance
 from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
 from fmfts.sensor.chips import NOISE_T
-from fmfts.simulation.mounted import EARTH_T, GAIN, MAGNET_PLACE_M, MAGNET_TILT_RAD, SENSOR_PLACE_M, MountedPad
+from fmfts.simulation.mounted import (
+    CROSS_AXIS,
+    EARTH_T,
+    GAIN,
+    MAGNET_PLACE_M,
+    MAGNET_TILT_RAD,
+    SENSOR_PLACE_M,
+    SENSOR_ROTATION_RAD,
+    MountedPad,
+)
 from fmfts_lab.bench import recorded
 from fmfts_lab.study import paper_chart
 from fmfts_lab.study.harness import Facts, Request, Row, Study
@@ -37,10 +46,10 @@ DRAWING = "drawing"
 BASELINES = (*recorded.KINDS, DRAWING)
 HIDDEN, TRAINED_ON = 16, 8000  # small: two steps of the table bring the answer to the most likely one
 # Each cause alone, all together, and none (a pad exactly as drawn).
-CAUSES = ("noise", "gains", "sensors placed", "magnet placed", "tilt", "stiffness", "remanence")
+CAUSES = ("noise", "gains", "sensors placed", "chips turned", "magnet placed", "tilt", "stiffness", "remanence")
 ERRORS = ("mae_x_mm", "mae_y_mm", "mae_f_n")
 COLUMNS = ("kind", "baseline", "causes", "pad", *ERRORS, "presses", "case", "size", "trained_mse", "left_out_mse")
-TOLERANCE = Tolerance(SENSOR_PLACE_M, MAGNET_PLACE_M, MAGNET_TILT_RAD, GAIN, 0.05)
+TOLERANCE = Tolerance(SENSOR_PLACE_M, MAGNET_PLACE_M, MAGNET_TILT_RAD, GAIN, 0.05, SENSOR_ROTATION_RAD, CROSS_AXIS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +64,21 @@ class Made:
     def with_causes(cls, drawing: Pad, causes: tuple[str, ...], random: np.random.Generator) -> Made:
         whole, plain = MountedPad.built(drawing, random), MountedPad.exact(drawing)
         remanence_t = REMANENCES_T[1] if "remanence" in causes else REMANENCES_T[0]
-        sensors = whole.pad.sensors if "sensors placed" in causes else drawing.sensors
+        placed, turned = (
+            whole.pad.sensors if cause in causes else drawing.sensors for cause in ("sensors placed", "chips turned")
+        )
         tilt = whole if "tilt" in causes else plain
         pad = replace(
             drawing,
-            sensors=sensors,
+            sensors=SensorArray(placed.position_m, turned.axes),
             magnet=drawing.magnet.with_remanence(remanence_t),
             rest_position_m=whole.pad.rest_position_m if "magnet placed" in causes else drawing.rest_position_m,
             rest_axis=tilt.pad.rest_axis,
         )
         gain = random.normal(1.0, GAIN, whole.gain.shape) if "gains" in causes else plain.gain
-        built = MountedPad(pad, gain, EARTH_T * _direction(random), tilt.rest_axis_from_z)
+        cross_axis = whole.cross_axis if "chips turned" in causes else None
+        ambient_t = EARTH_T * _direction(random)
+        built = MountedPad(pad, gain, ambient_t, tilt.rest_axis_from_z, cross_axis=cross_axis)
         softer = random.normal(1.0, STIFFNESS) if "stiffness" in causes else 1.0
         return cls(built, float(softer), NOISE_T if "noise" in causes else 0.0)
 

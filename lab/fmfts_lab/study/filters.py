@@ -89,7 +89,7 @@ class UnscentedKalman(ExtendedKalman):
     def __init__(self, world: World) -> None:
         super().__init__(world)
         self._place = world.drawing.sensors.position_m
-        self._rotation = world.drawing.sensors.rotation
+        self._rotation = world.drawing.sensors.axes
         self._magnet = world.drawing.magnet.strength_t_m3, world.drawing.magnet.modelled_octupole_m2
 
     def _update(self, seen: Array) -> tuple[Updated, Array, Array]:

@@ -98,7 +98,7 @@ class World:
         own = self._magnet_field(resting(self.built, time_s), np.zeros(len(time_s)))
         before: Baseline | None = None
         for is_bare, fields in ((True, ambient), (False, ambient + own)):
-            counts = self.counts(self._sensed(fields), random)
+            counts = self.counts(self.built.sensed(fields), random)
             request = BaselineRequest(self.drawing, self.config.tolerance.si(), bare=is_bare, replaced=False)
             before, _ = request.make(list(self._frames(counts, time_s, np.zeros(len(time_s)))), before)
         assert before is not None
@@ -121,17 +121,13 @@ class World:
         field_t += turned[:, None]
         for foreign in self.foreign:
             field_t += foreign(path, self.built)
-        return self._sensed(field_t)
+        return self.built.sensed(field_t)
 
     def _magnet_field(self, path: Path, warming_k: Array) -> Array:
         pad = self.built.pad
         field_t = cylinder_field(pad.sensors.position_m, path.position_m[:, None], path.axis[:, None], pad.magnet)
         field_t *= (1.0 + self.config.magnet.temperature_coefficient_per_k * warming_k)[:, None, None]
         return field_t
-
-    def _sensed(self, field_t: Array) -> Array:
-        sensed: Array = self.built.gain * self.built.pad.sensors.to_sensor(field_t)
-        return sensed
 
     def _frames(self, counts: Counts, time_s: Array, warming_k: Array) -> Iterator[Frame]:
         shape, chip = counts.shape[1], self.drawing.chip
@@ -152,12 +148,15 @@ def drawn_world(config: PadConfig, turning_deg_per_s: float = 0.0) -> World:
 
 def built_world(config: PadConfig, seed: int, turning_deg_per_s: float = 0.0) -> World:
     """A pad with random errors of manufacture within the tolerances; no method knows them."""
-    built = MountedPad.built(config.pad(), np.random.default_rng([seed, 11]))
+    random = np.random.default_rng([seed, 11])
+    built = MountedPad.built(config.pad(), random, sensor_rotation_rad=0.0, cross_axis=0.0)
     return World(_tested(config), config.pad(), built, turning_rad_per_s=float(np.deg2rad(turning_deg_per_s)))
 
 
 def _tested(config: PadConfig) -> PadConfig:
-    return msgspec.structs.replace(config, tolerance=ToleranceConfig(gain=0.005))
+    return msgspec.structs.replace(
+        config, tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0)
+    )
 
 
 def in_scene(config: PadConfig, scene: SceneConfig) -> PadConfig:
