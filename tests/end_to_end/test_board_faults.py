@@ -140,6 +140,22 @@ class TestSensors:
         host.tell("mux 0 none")
         daemon.wait_for(lambda contact: contact.health == "ok")
 
+    def test_time_of_the_last_sample_stays_while_no_sensor_answers(
+        self, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
+        host.tell("mux 0 unplugged")
+        before = daemon.wait_for(lambda contact: contact.sensors_ok == 0)
+        time.sleep(2.5)  # two whole statuses
+        after = daemon.wait_for(lambda contact: contact.sensors_ok == 0)
+        assert after.seq > before.seq + 100  # the board goes on sending
+        assert after.t_sample_ns == before.t_sample_ns
+        assert 2.0e9 < after.t_publish_ns - after.t_sample_ns < 20e9
+        status = status_of(daemon)
+        assert status.latency_max_s is None
+        assert status.rate_hz > 0.5 * status.rate_nominal_hz
+        host.tell("mux 0 none")
+        daemon.wait_for(lambda contact: contact.health == "ok")
+
 
 class TestBaseline:
     def test_without_one_there_is_neither_pose_nor_force(self, tmp_path: Path, host: FirmwareHost) -> None:

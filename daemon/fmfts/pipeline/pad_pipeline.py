@@ -128,9 +128,11 @@ class PadPipeline:
         return None if passed is None else (passed, self._writer.passed(passed))
 
     def _judge(self, frame: Frame) -> ContactMessage:
-        sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)
-        aligned = self._alignment.push(frame.field_t, sampled_us, frame.fresh)
-        sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid)
+        if frame.valid.any():
+            sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        else:
+            sampled_ns = self._writer.sampled_ns  # the frame holds no sample, so the newest is still the last one
         if self._estimator is None:
             reading = Reading("no_baseline", self._why_none, frame.usable)
         else:

@@ -61,10 +61,17 @@ class Alignment:
         )
         self.stopped_us = STOPPED_PERIODS * period_us
 
-    def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
-        """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new."""
+    def push(
+        self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_], valid: NDArray[np.bool_] | None = None
+    ) -> Aligned:
+        """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
+
+        valid (N,): which sensors gave a sample at all; None: all. The `time_us` of the others means nothing, because
+        their age is not known. If no sensor is valid, the instant stays where it was.
+        """
         memory = self.memory
-        if time_us.max() < memory.time_us[0].max() - self.stopped_us:
+        told_us = time_us if valid is None else time_us[valid]
+        if told_us.size and told_us.max() < memory.time_us[0].max() - self.stopped_us:
             # The board was reset, so its clock began again.
             memory.field_t[:], memory.time_us[:] = np.nan, 0
         if fresh.all():
