@@ -17,7 +17,7 @@ from fmfts.common import exit_codes
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "config.toml"
 CALIBRATION = ROOT / "tests" / "data" / "calibration_1.23T.csv"
-CODES = [value for name, value in vars(exit_codes).items() if name.isupper()]
+CODES = list(exit_codes.MEANING)
 
 
 def changed(folder: Path, before: str, after: str) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from fmfts.baseline import Baseline, BaselineError, encode, load
+from fmfts.common.writing import why_not_written
 from fmfts.pad import Pad
 from fmfts.service.state import state_directory, write_atomically
 
-ELSEWHERE = "make it writable for this user, or name another folder with XDG_STATE_HOME (a service: StateDirectory=)"
+ELSEWHERE = "name another folder with XDG_STATE_HOME (a service: StateDirectory=)"
 
 
 class StateError(Exception):
@@ -20,7 +21,7 @@ def path_of(pad_name: str) -> Path:
     try:
         return state_directory() / "baseline" / f"{pad_name}.json"
     except OSError as error:
-        raise StateError(f"no folder for baselines: {error.filename}: {error.strerror}: {ELSEWHERE}") from error
+        raise StateError(f"no folder for baselines: {error.filename}: {why_not_written(error, ELSEWHERE)}") from error
     except RuntimeError as error:
         raise StateError(f"no folder for baselines: {error}: set HOME or XDG_STATE_HOME") from error
 
@@ -55,7 +56,7 @@ def store(baseline: Baseline, pad: Pad) -> Path:
         write_atomically(path, encode(baseline))
     except OSError as error:
         raise StateError(
-            f"pad '{pad.name}': the baseline cannot be written to {path}: {error.strerror}: {ELSEWHERE}"
+            f"pad '{pad.name}': the baseline cannot be written to {path}: {why_not_written(error, ELSEWHERE)}"
         ) from error
     return path
 

@@ -38,6 +38,10 @@ SHORTEST_S, LONGEST_S = 0.5, 60.0
 OVERTIME_S = 5.0
 
 
+class OptionError(BaselineError):
+    """The options of a request exclude each other or are out of range."""
+
+
 @dataclass(frozen=True, slots=True)
 class Recorded:
     """A baseline that is stored and may be used."""
@@ -70,9 +74,9 @@ class BaselineRequest:
 
     def __post_init__(self) -> None:
         if self.bare + self.turn + self.refine > 1:
-            raise BaselineError(f"pad '{self.pad.name}': one of bare, turn and refine at a time")
+            raise OptionError(f"pad '{self.pad.name}': one of bare, turn and refine at a time")
         if not SHORTEST_S <= self.seconds <= LONGEST_S:
-            raise BaselineError(
+            raise OptionError(
                 f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.seconds:g} s"
             )
 

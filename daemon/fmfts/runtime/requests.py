@@ -12,8 +12,9 @@ import msgspec
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError
 from fmfts.baseline.request import BaselineJob, BaselineRequest, Recorded, Restoration
-from fmfts.bus.control import BadRequestError, Request
+from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Request
 from fmfts.bus.messages import StatusMessage
+from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
@@ -64,7 +65,7 @@ class Verbs:
         try:
             self._handlers[request.verb](request)
         except (BadRequestError, SourceError, BaselineError, StateError) as error:
-            request.fail(str(error))
+            request.refuse(error)
         except Exception as error:
             log.exception("%s: internal error, worth reporting", request.verb)
             fail_internally(request, error)
@@ -141,9 +142,7 @@ class Verbs:
         )
         if not channel.source.state.connected:
             state = channel.source.state
-            raise BadRequestError(
-                f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}"
-            )
+            raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
         channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
         self._await_baseline(request, channel, channel.job)
 
@@ -158,10 +157,7 @@ class Verbs:
         if pad is None and len(self._channels) == 1:
             return next(iter(self._channels.values()))
         if pad is None or pad not in self._channels:
-            known = ", ".join(sorted(self._channels))
-            raise BadRequestError(
-                f"the running daemon has no pad '{pad}', but {known}" if pad else f"which pad? one of {known}"
-            )
+            raise NoSuchPadError(no_such_pad(pad, sorted(self._channels), "the running daemon"))
         return self._channels[pad]
 
 

@@ -15,13 +15,24 @@ def faults_of(source: Source, pad_index: int) -> list[str]:
     return pads + sensors + sorted(state.warnings.values())
 
 
-def probe_facts(pad: str, source: Source, pad_index: int, silence: str) -> dict[str, Any]:
-    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected."""
+def is_sound(source: Source, pad_index: int) -> bool:
+    """Nothing is known to be wrong with this pad or its sensors. Warnings about the whole source do not count."""
     state = source.state
+    return pad_index not in state.pad_faults and all(pad != pad_index for pad, _ in state.sensor_faults)
+
+
+def probe_facts(pad: str, source: Source, pad_index: int, silence: str) -> dict[str, Any]:
+    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected.
+
+    sound: the pad is connected, and all its sensors can be used.
+    """
+    state = source.state
+    connected = state.connected and not silence
     return {
         "pad": pad,
         "source": state.description,
-        "connected": state.connected and not silence,
+        "connected": connected,
+        "sound": connected and is_sound(source, pad_index),
         "reason": state.reason or silence,
         "board": state.board,
         "faults": faults_of(source, pad_index),

@@ -11,7 +11,7 @@ import serial
 
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.source import AbsentError, SourceError, SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
@@ -108,7 +108,7 @@ class Bridge:
 
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
-            raise SourceError(
+            raise AbsentError(
                 f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
             )
         self._link.request_selftest(pad_index, time.monotonic_ns())

@@ -14,7 +14,7 @@ import msgspec
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
-from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.source import AbsentError, SourceState
 from fmfts.sensor.wire.clock import HostClock
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import Verb
@@ -75,7 +75,7 @@ class I2c:
 
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
-            raise SourceError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
+            raise AbsentError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
         self._link.request_selftest(pad_index, time.monotonic_ns())
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
