@@ -119,8 +119,14 @@ class TestSensors:
     ) -> None:
         host.tell(f"fault 0 1 saturate-{axis}")
         degraded = daemon.wait_for(lambda contact: contact.health == "degraded")
-        assert "sensor 2" in degraded.reason
+        assert degraded.reason == f"sensor 2 is saturated on {axis} at ±0.88 G (set range_gauss = 1.3): left out"
         assert degraded.sensors_ok == 0b1101
+        probed = daemon.request("probe")["pads"][0]
+        assert probed["faults"] == [degraded.reason.removesuffix(": left out")]
+        assert not probed["sound"]
+        deadline = time.monotonic() + 5.0
+        while status_of(daemon).sensor_faults != probed["faults"]:
+            assert time.monotonic() < deadline
         assert degraded.pose is not None
         # Eleven values instead of twelve: the pose stays within five of its own deviations.
         deviation = np.array(degraded.pose.position_sd_m)

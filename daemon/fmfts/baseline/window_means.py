@@ -12,6 +12,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.baseline.recording import MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.missing import SILENT, missing_sensors
 
 Array = NDArray[np.float64]
 
@@ -46,8 +47,8 @@ def means(frames: Sequence[Frame]) -> Means:
     if whole.sum() < max(MINIMUM_FRAMES, len(frames) // 2):
         sensor = int(np.argmax(absent.sum(axis=0)))
         raise BaselineError(
-            f"only {whole.sum()} of {len(frames)} frames are whole: sensor {sensor + 1} is absent or saturated in "
-            f"{absent[:, sensor].sum()}: check its wiring, or choose a larger range_gauss"
+            f"only {whole.sum()} of {len(frames)} frames are whole: in {absent[:, sensor].sum()}, sensor {sensor + 1} "
+            f"is {_what_is_wrong(frames, sensor)}"
         )
     fields, times = fields[whole], times[whole]
     count = len(fields) // MEAN_OF
@@ -59,6 +60,13 @@ def means(frames: Sequence[Frame]) -> Means:
         time_s=(times[: count * MEAN_OF].reshape(count, MEAN_OF).mean(axis=1) - times[0]) * 1e-6,
         noise_t=_noise(frames),
     )
+
+
+def _what_is_wrong(frames: Sequence[Frame], sensor: int) -> str:
+    """With a sensor that is missing in many frames: what the last of them shows."""
+    found = (missing_sensors(frame).get(sensor) for frame in reversed(frames))
+    what = next((each for each in found if each is not None), SILENT)
+    return f"{what}: check its wiring" if what == SILENT else what
 
 
 def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, PadConfig
 from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
+from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.probing import is_sound, probe_facts
 from fmfts.sensor.tasks import PATIENCE_S, Selftest, Task
 from fmfts.simulation.baseline import hold_still
@@ -111,7 +112,7 @@ def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
 def probe(config: Config) -> dict[str, Any]:
     """Facts about every device of the configuration, as each reports them."""
     sources = open_sources(config.pad)
-    with_frames: set[str] = set()
+    missing: dict[str, dict[int, str]] = {}  # by pad, of its last frame
     whole: set[str] = set()  # pads whose sensors all gave a sample, and are not said to be at fault
     until = time.monotonic() + PATIENCE_S
     try:
@@ -119,14 +120,14 @@ def probe(config: Config) -> dict[str, Any]:
             for source, names in sources:
                 for frame in source.poll(time.monotonic_ns()):
                     if frame.pad_index in names:
-                        with_frames.add(names[frame.pad_index])
-                        if frame.valid.all() and is_sound(source, frame.pad_index):
+                        found = missing[names[frame.pad_index]] = missing_sensors(frame)
+                        if is_sound(source, frame.pad_index, found):
                             whole.add(names[frame.pad_index])
             time.sleep(TURN_S)
         silence = f"connected, but no frame within {PATIENCE_S:g} s"
         return {
             "pads": [
-                probe_facts(name, source, index, "" if name in with_frames else silence)
+                probe_facts(name, source, index, "" if name in missing else silence, missing.get(name, {}))
                 for source, names in sources
                 for index, name in names.items()
             ]

@@ -68,7 +68,7 @@ class Channel:
     @property
     def faults(self) -> list[str]:
         """A sentence for each thing that is wrong with the source now."""
-        return faults_of(self.source, self.pad_index)
+        return faults_of(self.source, self.pad_index, self.pipeline.missing)
 
     def frame(self, frame: Frame) -> None:
         """Process one frame: publish its contact message, and an event for each change."""

@@ -106,7 +106,7 @@ class Verbs:
         request.arguments_as(_Nothing)
         request.reply(
             pads=[
-                probe_facts(name, channel.source, channel.pad_index, _silence(channel))
+                probe_facts(name, channel.source, channel.pad_index, _silence(channel), channel.pipeline.missing)
                 for name, channel in self._channels.items()
             ]
         )
