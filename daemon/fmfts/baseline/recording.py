@@ -28,6 +28,10 @@ class BaselineError(Exception):
     """A baseline cannot be recorded, stored or used; the text says why, with the figure, and what to do."""
 
 
+class ForeignError(BaselineError):
+    """A baseline was recorded with other sensors: on another board, or in a simulation."""
+
+
 @contextmanager
 def solvable(otherwise: str) -> Iterator[None]:
     """Turns SingularError into BaselineError: equations with numbers far from any pad's may have no solution.

@@ -21,7 +21,7 @@ from fmfts.sensor.tasks import PATIENCE_S, Selftest, Task
 from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import ScriptedFinger
 from fmfts.simulation.source import Simulated
-from fmfts.sources import open_sources
+from fmfts.sources import open_sources, origin_of
 from fmfts.view.progress import progress_bar
 from fmfts_client import ControlError, EndpointError, RefusedError, request
 from fmfts_client.endpoints import for_client, named_base
@@ -67,13 +67,13 @@ def record_baseline(
     """Record a baseline on the device itself, judge and store it; returns its facts. pads: all pads of the file."""
     with ThreadPoolExecutor(max_workers=1) as executor:
         require_device(pad)
-        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
+        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine, origin_of(pad))
         try:
-            before = stored(work.pad)
+            before = stored(work.pad, work.origin)
         except BaselineError:
             if turn or refine:
                 raise
-            # The file is damaged and will be replaced; its bare recording cannot be trusted.
+            # The file is damaged, or another board's, and will be replaced; its bare recording cannot be trusted.
             before = None
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
@@ -89,7 +89,7 @@ def restore_baseline(pad: PadConfig) -> dict[str, Any]:
     """Replace the baseline by the one before it; returns its facts."""
     drawing = pad.pad()
     require_device(pad)
-    return restore(drawing).facts(drawing)
+    return restore(drawing, origin_of(pad)).facts(drawing)
 
 
 def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bool) -> dict[str, Any]:

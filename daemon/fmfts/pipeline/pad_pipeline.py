@@ -102,6 +102,8 @@ class PadPipeline:
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
+        self.hand_back()
+        self._estimator = None
         self._why_none = reason
 
     def process(self, frame: Frame) -> ContactMessage:

@@ -11,6 +11,7 @@ import msgspec
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError
+from fmfts.baseline.origin import Origin
 from fmfts.baseline.request import BaselineJob, BaselineRequest, Recorded, Restoration
 from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Request
 from fmfts.bus.messages import StatusMessage
@@ -127,7 +128,7 @@ class Verbs:
             return
         require_device(self._configs[channel.name])
         if arguments.restore:
-            restoration = Restoration(pad, self._executor)
+            restoration = Restoration(pad, self._executor, _origin(channel))
             self._await_baseline(request, channel, restoration)
             return
         tolerance = self._configs[channel.name].tolerance.si()
@@ -139,6 +140,7 @@ class Verbs:
             arguments.duration_s,
             arguments.turn,
             arguments.refine,
+            channel.origin,
         )
         if not channel.source.state.connected:
             state = channel.source.state
@@ -159,6 +161,11 @@ class Verbs:
         if pad is None or pad not in self._channels:
             raise NoSuchPadError(no_such_pad(pad, sorted(self._channels), "the running daemon"))
         return self._channels[pad]
+
+
+def _origin(channel: Channel) -> Origin | None:
+    """The sensors that there are now, as far as they are known."""
+    return None if channel.origin is None else channel.origin.on(channel.source.state.board)
 
 
 def _recorded(channel: Channel) -> Baseline | None:
