@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -135,3 +136,14 @@ def test_own_directory_is_found_as_the_daemon_finds_it_and_refused_when_others_m
         (where / directory).chmod(0o750)
         others = {"XDG_RUNTIME_DIR": ""} | {variable: str(where)}
         assert "not a directory of yours alone" in refused(program, "demo", **others)
+
+
+def test_folder_that_everybody_may_write_to_is_refused(program: Path, tmp_path: Path) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    ended = subprocess.run(
+        [program, "demo", f"ipc://{shared}"], capture_output=True, text=True, timeout=20, check=False, input=""
+    )
+    assert ended.returncode != 0
+    assert "may be written to by every user" in ended.stdout + ended.stderr

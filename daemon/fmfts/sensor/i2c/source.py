@@ -19,7 +19,7 @@ from fmfts.sensor.wire.clock import HostClock
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wired_pad import PadOnI2c
-from fmfts.service.realtime import thread_priority
+from fmfts.service.realtime import memory_is_locked, thread_priority
 
 READ_BYTES = 65536
 CHECK_NS = 100_000_000
@@ -92,8 +92,10 @@ class I2c:
         self.state.disconnect("closed", time.monotonic_ns())
 
     def _start(self, now_ns: int) -> None:
-        # A late poll makes a late contact, so the reader gets the priority of the daemon's loop.
-        config = msgspec.structs.replace(self._config, realtime_priority=thread_priority())
+        # A late poll makes a late contact, so the reader gets the priority of the daemon's loop, and locked memory.
+        config = msgspec.structs.replace(
+            self._config, realtime_priority=thread_priority(), lock_memory=memory_is_locked()
+        )
         command = [sys.executable, "-m", "fmfts.sensor.i2c.reader", str(self._record.descriptor)]
         command.append(msgspec.json.encode(config).decode())
         pipe = subprocess.PIPE
