@@ -132,6 +132,18 @@ def test_reset_of_the_board_is_seen_from_its_valid_sensors() -> None:
     assert aligned.time_us == 5000
 
 
+def test_samples_before_a_long_gap_do_not_make_the_ones_after_it_uncertain() -> None:
+    """The pad moved meanwhile: a line across the gap would be as uncertain as the whole way."""
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+    for step in range(4):
+        alignment.push(_rows(1e-4, 1e-4, 1e-4, 1e-4), 1000 + step * PERIOD_US + offsets, FRESH)
+    moved = _rows(3e-4, 3e-4, -1e-4, 5e-4)
+    aligned = alignment.push(moved, 500_000 + offsets, FRESH)
+    assert aligned.field_t == pytest.approx(moved)
+    assert (aligned.bend_t == 0.0).all()
+
+
 def test_gap_of_two_periods_at_the_end_of_a_tap_is_as_uncertain_as_it_is() -> None:
     """A chip faster than the frames loses a conversion now and then, just as a 0.3 G tap of 50 ms ends."""
 

@@ -40,6 +40,8 @@ def test_check_config_refuses_the_model_of_another_pad_as_run_would(
     said = capsys.readouterr().err
     assert said.startswith("fmfts-daemon check-config: contact model ")
     assert "was trained for a pad of other dimensions" in said
+    assert "magnet.rest_mm is 0, 0, 12 in the model and 0, 0, 11 in the configuration" in said
+    assert "sensors_mm" not in said.split("configuration")[0]
 
 
 def test_absent_package_comes_with_the_line_that_installs_it(
