@@ -120,7 +120,7 @@ class Pad:
     @property
     def dimensions(self) -> Dimensions:
         """The numbers that `geometry_hash` is of, by their keys in the configuration, in its units."""
-        numbers = {
+        numbers: dict[str, Array | list[float]] = {
             "geometry.sensors_mm": self.sensors.position_m.ravel() * 1e3,
             "geometry.sensor_rotations (as matrices)": self.sensors.rotation.ravel(),
             "magnet.diameter_mm": [self.magnet.diameter_m * 1e3],

@@ -80,7 +80,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
             f"sensor {sensor + 1} answered in {valid[:, sensor].sum()} of {len(frames)} frames: check wiring"
         ),
     )
-    overflow = np.array([frame.overflow for frame in frames]).any(axis=0)
+    overflow: NDArray[np.bool_] = np.asarray(np.array([frame.overflow for frame in frames]).any(axis=0), dtype=np.bool_)
     chip, gain_code = frames[0].chip, frames[0].gain_code
     _require(
         np.asarray(~overflow.any(axis=1), dtype=np.bool_),
