@@ -51,7 +51,7 @@ def ended_by(*errors: type[Exception]) -> Iterator[None]:
 
 def not_written(error: OSError, path: object) -> VerbError:
     """The error for an output that cannot be written."""
-    return VerbError(code_of(error), f"{error.filename or path}: {why_not_written(error)}")
+    return VerbError(code_of(error), f"{path}: {why_not_written(error)}")
 
 
 def lacking(error: ImportError, extra: str) -> VerbError:

@@ -53,6 +53,6 @@ def _study(options: argparse.Namespace) -> int:
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
-        raise not_written(error, options.out) from error
+        raise not_written(error, error.filename or options.out) from error
     print(json.dumps(facts, indent=1) if options.json else study.printed(facts))
     return 0
