@@ -119,7 +119,7 @@ class TestSensors:
     ) -> None:
         host.tell(f"fault 0 1 saturate-{axis}")
         degraded = daemon.wait_for(lambda contact: contact.health == "degraded")
-        assert degraded.reason == f"sensor 2 is saturated on {axis} at ±0.88 G (set range_gauss = 1.3): left out"
+        assert degraded.reason == f"sensor 2 is saturated on {axis} at ±2.5 G (set range_gauss = 4): left out"
         assert degraded.sensors_ok == 0b1101
         probed = daemon.request("probe")["pads"][0]
         assert probed["faults"] == [degraded.reason.removesuffix(": left out")]
