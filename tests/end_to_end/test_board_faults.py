@@ -125,7 +125,7 @@ class TestSensors:
         assert probed["faults"] == [degraded.reason.removesuffix(": left out")]
         assert not probed["sound"]
         deadline = time.monotonic() + 5.0
-        while status_of(daemon).sensor_faults != probed["faults"]:
+        while list(status_of(daemon).sensor_faults) != probed["faults"]:
             assert time.monotonic() < deadline
         assert degraded.pose is not None
         # Eleven values instead of twelve: the pose stays within five of its own deviations.
