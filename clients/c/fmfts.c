@@ -499,8 +499,14 @@ static bool bus_in(const char *directory, char endpoint[ENDPOINT_SIZE], char why
 
 static bool bus_of(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFTS_TEXT_SIZE])
 {
-    if (starts_with(base, "ipc:///"))
-        return bus_in(base + strlen("ipc://"), endpoint, why);
+    if (starts_with(base, "ipc:///")) {
+        const char *directory = base + strlen("ipc://");
+        struct stat found;
+        if (stat(directory, &found) == 0 && found.st_mode & S_IWOTH)
+            return fail(why, "%.80s may be written to by every user: any of them could send false forces through it. Name "
+                             "a folder that is yours alone (mkdir -m 700), or chmod o-w it", directory);
+        return bus_in(directory, endpoint, why);
+    }
     const char *colon = strrchr(base, ':');
     if (starts_with(base, "tcp://") && colon > base + strlen("tcp://") && strlen(base) < ENDPOINT_SIZE) {
         const char *port = colon + 1;

@@ -15,6 +15,7 @@ from fmfts.arithmetic.series import cos, sin
 from fmfts.sensor.chips import DEFAULT_CHIP, NOISE_T, Chip
 
 Array = NDArray[np.float64]
+Dimensions = dict[str, tuple[float, ...]]
 
 
 def rotation_from_vector(vector_rad: Array) -> Array:
@@ -120,6 +121,19 @@ class Pad:
     chip: Chip = DEFAULT_CHIP  # each of the sensors is one
 
     @property
+    def dimensions(self) -> Dimensions:
+        """The numbers that `geometry_hash` is of, by their keys in the configuration, in its units."""
+        numbers: dict[str, Array | list[float]] = {
+            "geometry.sensors_mm": self.sensors.position_m.ravel() * 1e3,
+            "geometry.sensor_rotations (as matrices)": self.sensors.axes.ravel(),
+            "magnet.diameter_mm": [self.magnet.diameter_m * 1e3],
+            "magnet.length_mm": [self.magnet.length_m * 1e3],
+            "magnet.rest_mm": self.rest_position_m * 1e3,
+            "magnet.rest_axis": self.rest_axis,
+        }
+        return {name: tuple(round(float(value), 6) + 0.0 for value in values) for name, values in numbers.items()}
+
+    @property
     def geometry_hash(self) -> str:
         """Twelve hex digits of all nominal dimensions, by which baselines and models know the pad that they are for.
 
@@ -136,6 +150,19 @@ class Pad:
         )
         canonical = ",".join(f"{value + 0.0:.9f}" for value in np.round(numbers, 9) + 0.0)
         return hashlib.sha256(canonical.encode()).hexdigest()[:12]
+
+
+def differences(one: Dimensions, other: Dimensions, whose: str, others: str) -> str:
+    """The dimensions that differ, as text, each with both values. whose, others: who has which."""
+    return "; ".join(
+        f"{name} is {_listed(one[name])} {whose} and {_listed(other[name])} {others}"
+        for name in one
+        if name in other and one[name] != other[name]
+    )
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 @dataclass(frozen=True, slots=True)

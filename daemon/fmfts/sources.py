@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fmfts.baseline.origin import Origin
 from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.source import Source, SourceError
@@ -91,6 +92,19 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
         mux_address=source.mux_address,
         channels=source.channels,
     )
+
+
+def origin_of(pad: PadConfig) -> Origin | None:
+    """The pad's sensors as far as the configuration tells; None: it is a recording, whose baseline is in it."""
+    match pad.source:
+        case BridgeSource(chip=chip, uid=uid, pad_index=pad_index):
+            return Origin("bridge", chip, uid=None if uid is None else uid.lower(), pad_index=pad_index)
+        case I2cSource(chip=chip, bus=bus, mux_address=mux_address, channels=channels):
+            return Origin("i2c", chip, bus=bus, mux_address=mux_address, channels=channels)
+        case SimulatedSource(chip=chip, seed=seed):
+            return Origin("simulated", chip, seed=seed)
+        case ReplaySource():
+            return None
 
 
 def _chips_of(pad: PadConfig) -> dict[str, Any]:

@@ -135,3 +135,10 @@ def test_own_directory_is_found_as_the_daemon_finds_it_and_refused_when_others_m
         (where / directory).chmod(0o750)
         others = {"XDG_RUNTIME_DIR": ""} | {variable: str(where)}
         assert "not a directory of yours alone" in refused(program, "demo", **others)
+
+
+def test_folder_that_everybody_may_write_to_is_refused(program: Path, tmp_path: Path) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    assert "may be written to by every user" in refused(program, "demo", f"ipc://{shared}")

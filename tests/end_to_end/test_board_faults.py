@@ -119,8 +119,14 @@ class TestSensors:
     ) -> None:
         host.tell(f"fault 0 1 saturate-{axis}")
         degraded = daemon.wait_for(lambda contact: contact.health == "degraded")
-        assert "sensor 2" in degraded.reason
+        assert degraded.reason == f"sensor 2 is saturated on {axis} at ±2.5 G (set range_gauss = 4): left out"
         assert degraded.sensors_ok == 0b1101
+        probed = daemon.request("probe")["pads"][0]
+        assert probed["faults"] == [degraded.reason.removesuffix(": left out")]
+        assert not probed["sound"]
+        deadline = time.monotonic() + 5.0
+        while list(status_of(daemon).sensor_faults) != probed["faults"]:
+            assert time.monotonic() < deadline
         assert degraded.pose is not None
         # Eleven values instead of twelve: the pose stays within five of its own deviations.
         deviation = np.array(degraded.pose.position_sd_m)
@@ -137,6 +143,22 @@ class TestSensors:
         host.tell("mux 0 unplugged")
         lost = daemon.wait_for(lambda contact: contact.health in ("lost", "stale"))
         assert lost.contact is None
+        host.tell("mux 0 none")
+        daemon.wait_for(lambda contact: contact.health == "ok")
+
+    def test_time_of_the_last_sample_stays_while_no_sensor_answers(
+        self, host: FirmwareHost, daemon: RunningDaemon
+    ) -> None:
+        host.tell("mux 0 unplugged")
+        before = daemon.wait_for(lambda contact: contact.sensors_ok == 0)
+        time.sleep(2.5)  # two whole statuses
+        after = daemon.wait_for(lambda contact: contact.sensors_ok == 0)
+        assert after.seq > before.seq + 100  # the board goes on sending
+        assert after.t_sample_ns == before.t_sample_ns
+        assert 2.0e9 < after.t_publish_ns - after.t_sample_ns < 20e9
+        status = status_of(daemon)
+        assert status.latency_max_s is None
+        assert status.rate_hz > 0.5 * status.rate_nominal_hz
         host.tell("mux 0 none")
         daemon.wait_for(lambda contact: contact.health == "ok")
 

@@ -80,6 +80,22 @@ def test_reader_of_an_ordinary_daemon_is_ordinary(kernel: KernelBus, tmp_path: P
         assert scheduling(reader_of(daemon)) == ORDINARY
 
 
+def test_reader_locks_its_memory_as_the_daemon_does(kernel: KernelBus, tmp_path: Path) -> None:
+    config = CONFIG.format(priority=0).replace("[service]", "[service]\nlock_memory = true")
+    with RunningDaemon(tmp_path, config) as daemon:
+        assert locked_kb(reader_of(daemon)) > 0
+
+
+def test_reader_of_a_daemon_that_locks_nothing_locks_nothing(kernel: KernelBus, tmp_path: Path) -> None:
+    with RunningDaemon(tmp_path, CONFIG.format(priority=0)) as daemon:
+        assert locked_kb(reader_of(daemon)) == 0
+
+
+def locked_kb(process: int) -> int:
+    status = Path(f"/proc/{process}/status").read_text()
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck:"))
+
+
 @pytest.mark.skipif(not CAN_GIVE_IT_UP, reason="needs root and setpriv, to give the right up")
 def test_reader_that_may_not_come_first_says_so_and_reads(kernel: KernelBus) -> None:
     config = msgspec.structs.replace(reader_config({0: on_i2c(pad())}), realtime_priority=PRIORITY)

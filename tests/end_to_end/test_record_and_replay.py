@@ -165,7 +165,7 @@ def test_full_disk_ends_the_recorder_with_a_sentence(daemon: RunningDaemon, tmp_
     ended = subprocess.run(
         ["bash", "-c", limited], env=daemon.environment, capture_output=True, text=True, timeout=60, check=False
     )
-    assert ended.returncode == 69, ended
+    assert ended.returncode == 73, ended
     assert "File too large" in ended.stderr
     assert "Traceback" not in ended.stderr
     assert sum(1 for _ in read(tmp_path / "a.mcap")) > 50
@@ -183,6 +183,6 @@ def test_recorder_without_a_daemon_says_so(tmp_path: Path, options: tuple[str, .
 
 def test_recording_of_a_pad_that_is_not_there_names_those_that_are(daemon: RunningDaemon, tmp_path: Path) -> None:
     ended = daemon.command("record", tmp_path / "a.mcap", "--pad", "lift", "--seconds", "0.5")
-    assert ended.returncode == 69
-    assert "no pad 'lift'; the daemon there has left, right, far" in ended.stderr
+    assert ended.returncode == 2
+    assert "no pad 'lift' here; this daemon has 'left', 'right', 'far'; did you mean 'left'?" in ended.stderr
     assert not (tmp_path / "a.mcap").exists()

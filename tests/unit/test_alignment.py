@@ -109,6 +109,41 @@ def test_nothing_at_all_is_nothing() -> None:
     assert np.isnan(aligned.field_t).all()
 
 
+def test_frames_without_a_valid_sensor_are_no_reset_of_the_board() -> None:
+    """Their ages are 65535 µs, "that or more": as a time it would lie before the samples that came last."""
+    alignment = Alignment(4, PERIOD_US)
+    last_us = 10_000_000
+    for step in (2, 1, 0):
+        alignment.push(_rows(1.0, 2.0, 3.0, 4.0), np.full(4, last_us - step * PERIOD_US), FRESH)
+    before = alignment.memory.time_us.copy()
+    for step in range(1, 100):
+        unknown_us = np.full(4, last_us + step * PERIOD_US - 65535)
+        aligned = alignment.push(np.full((4, 3), np.nan), unknown_us, ~FRESH, ~FRESH)
+        assert aligned.time_us == last_us
+        assert np.isnan(aligned.field_t).all()
+    assert (alignment.memory.time_us == before).all()
+
+
+def test_reset_of_the_board_is_seen_from_its_valid_sensors() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    valid = np.array([True, True, False, True])
+    alignment.push(_rows(1.0, 2.0, 3.0, 4.0), np.full(4, 10_000_000), FRESH)
+    aligned = alignment.push(_rows(1.0, 2.0, np.nan, 4.0), np.array([5000, 5000, 5000 - 65535, 5000]), valid, valid)
+    assert aligned.time_us == 5000
+
+
+def test_samples_before_a_long_gap_do_not_make_the_ones_after_it_uncertain() -> None:
+    """The pad moved meanwhile: a line across the gap would be as uncertain as the whole way."""
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+    for step in range(4):
+        alignment.push(_rows(1e-4, 1e-4, 1e-4, 1e-4), 1000 + step * PERIOD_US + offsets, FRESH)
+    moved = _rows(3e-4, 3e-4, -1e-4, 5e-4)
+    aligned = alignment.push(moved, 500_000 + offsets, FRESH)
+    assert aligned.field_t == pytest.approx(moved)
+    assert (aligned.bend_t == 0.0).all()
+
+
 def test_gap_of_two_periods_at_the_end_of_a_tap_is_as_uncertain_as_it_is() -> None:
     """A chip faster than the frames loses a conversion now and then, just as a 0.3 G tap of 50 ms ends."""
 

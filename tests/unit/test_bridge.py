@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import tty
 from binascii import crc_hqx
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -179,6 +180,39 @@ def test_a_silent_board_is_disconnected_and_asked_until_it_speaks(board: Board) 
     run(bridge, board, until=lambda: bridge.state.connected)
     assert board.requests[0].verb == Verb.HELLO
     bridge.close()
+
+
+@pytest.mark.parametrize("bound", [False, True])
+@pytest.mark.parametrize(
+    ("sent", "shown"),
+    [
+        (b"$GPGGA,123519,4807.038,N\r\n" * 3, r"'$GPGGA,123519,4807.038,N'"),
+        (bytes(range(0x80, 0xD0)), "80 81 82"),
+    ],
+    ids=["text", "bytes"],
+)
+def test_bytes_that_are_no_packet_are_called_so_and_shown(
+    tmp_path: Path, bound: bool, sent: bytes, shown: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    bridge = Bridge({0: pad(Path(os.ttyname(theirs)), **({"uid": "ab" * 12} if bound else {}))}, tmp_path)
+    try:
+        bridge.poll(time.monotonic_ns())
+        for _ in range(10):
+            os.write(ours, sent)
+            bridge.poll(time.monotonic_ns())
+        bridge.poll(time.monotonic_ns() + 1_600_000_000)
+        assert not bridge.state.connected
+        reason = bridge.state.reason
+        assert f"{10 * len(sent)} bytes came in 1.6 s, but no packet; they begin with {shown}" in reason
+        assert "wrong baud (it is 460800), or another device?" in reason
+        assert bridge.state.garbage_bytes > 0
+        assert [record.message for record in caplog.records if "but no packet" in record.message]
+    finally:
+        bridge.close()
+        os.close(ours)
+        os.close(theirs)
 
 
 @pytest.mark.parametrize("bound", [False, True])

@@ -189,8 +189,13 @@ def test_target_that_cannot_be_written_is_refused_before_anything_is_solved(
     data = str(written(tmp_path, lambda rows: None))
     absent, report, folder = tmp_path / "absent" / "m.onnx", tmp_path / "m.json", tmp_path / "folder.onnx"
     folder.mkdir()
-    for target, complaint in ((absent, "No such file"), (report, "choose another"), (folder, "directory")):
-        assert main(["calibrate", data, "-o", str(target), "--config", config]) == exit_codes.DATA
+    unwritable, refused = exit_codes.UNWRITABLE, exit_codes.DATA
+    for target, complaint, code in (
+        (absent, f"{absent}: No such file or directory: make its folder first", unwritable),
+        (report, "choose another", refused),
+        (folder, "directory", unwritable),
+    ):
+        assert main(["calibrate", data, "-o", str(target), "--config", config]) == code
         said = capsys.readouterr().err
         assert complaint in said
         assert "solving" not in said

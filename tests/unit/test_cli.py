@@ -17,7 +17,7 @@ from fmfts.common import exit_codes
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "config.toml"
 CALIBRATION = ROOT / "tests" / "data" / "calibration_1.23T.csv"
-CODES = [value for name, value in vars(exit_codes).items() if name.isupper()]
+CODES = list(exit_codes.MEANING)
 
 
 def changed(folder: Path, before: str, after: str) -> str:
@@ -40,6 +40,8 @@ def test_check_config_refuses_the_model_of_another_pad_as_run_would(
     said = capsys.readouterr().err
     assert said.startswith("fmfts-daemon check-config: contact model ")
     assert "was trained for a pad of other dimensions" in said
+    assert "magnet.rest_mm is 0, 0, 12 in the model and 0, 0, 11 in the configuration" in said
+    assert "sensors_mm" not in said.split("configuration")[0]
 
 
 def test_absent_package_comes_with_the_line_that_installs_it(

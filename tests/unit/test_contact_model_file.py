@@ -14,9 +14,10 @@ import pytest
 from onnx import TensorProto, helper
 from test_contact_model import CALIBRATION
 
+from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES
-from fmfts.contact.shipped import DEFAULT_PATH
+from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
 from fmfts.pad import Pad
 
 
@@ -88,7 +89,16 @@ def answer_with_nan(proto: onnx.ModelProto) -> None:
         (with_facts(lambda facts: facts.update(outputs=["y_mm", "x_mm", "force_n"])), "output order"),
         (with_facts(lambda facts: facts["envelope"].update(pose_max=[0, 0, 11, 0, 0, 1])), "zero force"),  # type: ignore[attr-defined]
         (with_facts(lambda facts: facts["own_error"].update(x_mm=[[1.0]])), "row per force"),  # type: ignore[attr-defined]
-        (with_facts(lambda facts: facts.update(geometry_hash="0123456789ab")), "other dimensions"),
+        (
+            with_facts(lambda facts: facts.update(geometry_hash="0123456789ab")),
+            "does not say (the model's have the hash 0123456789ab",
+        ),
+        (
+            with_facts(
+                lambda facts: facts.update(geometry_hash="0123456789ab", dimensions={"magnet.diameter_mm": [3]})
+            ),
+            "magnet.diameter_mm is 3 in the model and 2 in the configuration",
+        ),
         (double_output, "its tensors are pose, twice, jacobian"),
         (fixed_batch, "pose has the shape"),
         (answer_with_nan, "does not answer with numbers"),
@@ -179,3 +189,8 @@ def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path:
     only_named = with_facts(lambda facts: facts.update(outputs=SHEAR_OUTPUT_ORDER))
     with pytest.raises(ModelError, match="own error is not told for each"):
         ContactModel.load(edited(tmp_path, only_named), pad)
+
+
+def test_dimensions_of_the_standard_pad_are_those_of_the_configuration() -> None:
+    pad = PadConfig(name="standard", source=SimulatedSource()).pad()
+    assert (pad.geometry_hash, pad.dimensions) == (STANDARD_HASH, STANDARD_DIMENSIONS)

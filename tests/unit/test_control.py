@@ -179,7 +179,7 @@ def test_malformed_request_is_answered_with_the_reason(
 def test_number_that_is_none_never_leaves_in_an_answer(server: ControlServer, dealer: Dealer) -> None:
     requests, _ = dealer.ask(server, msgpack.packb({"id": 1, "verb": "selftest"}))
     requests[0].reply(noise_t=[1.0, math.nan])
-    assert dealer.answer() == {"id": 1, "error": "internal error: noise_t.1 is not a finite number"}
+    assert dealer.answer() == {"id": 1, "error": "internal error: noise_t.1 is not a finite number", "code": 65}
 
 
 def test_request_is_answered_once(server: ControlServer, dealer: Dealer) -> None:

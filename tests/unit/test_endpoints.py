@@ -129,3 +129,18 @@ def test_client_outside_the_services_group_is_told_so(no_service: Path, monkeypa
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     with pytest.raises(EndpointError, match="usermod -aG fmfts"):
         for_client(None, {})
+
+
+def test_named_folder_that_everybody_may_write_to_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    """Also with the sticky bit, as /tmp has it: whoever makes the socket first gets the clients."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    base = f"ipc://{shared}"
+    for find in (for_daemon, for_client):
+        for given in ({"FMFTS_BUS": base}, {}):
+            with pytest.raises(EndpointError, match=r"every user .*false forces.*mkdir -m 700 .*chmod o-w"):
+                find(base if not given else None, given)
+    shared.chmod(0o775)
+    assert for_daemon(base, {}) == for_client(base, {}) == Endpoints.from_base(base)
+    assert for_client(f"{base}/not-there-yet", {}) == Endpoints.from_base(f"{base}/not-there-yet")

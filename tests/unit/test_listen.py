@@ -195,13 +195,13 @@ def serving_status(base: str, *pads: Any) -> Iterator[None]:
         yield
 
 
-def test_pad_that_the_daemon_does_not_have_is_named(base: str) -> None:
+def test_mistyped_pad_is_named_at_once_with_the_one_that_was_meant(base: str, caplog: pytest.LogCaptureFixture) -> None:
     out = io.StringIO()
     with serving_status(base, {"pad": "left"}, {"pad": "right"}):
-        assert listen("nobody", 0.1, out, endpoint=base) == exit_codes.UNAVAILABLE
-    assert out.getvalue().splitlines() == [
-        f"waiting for pad nobody on {base}/bus …",
-        f"nothing arrived from {base}/bus: no pad 'nobody'; the daemon there has left, right",
+        assert listen("lef", None, out, endpoint=base) == exit_codes.USAGE  # None: else it would listen for ever
+    assert out.getvalue() == ""
+    assert [record.message for record in caplog.records] == [
+        "no pad 'lef' here; this daemon has 'left', 'right'; did you mean 'left'?"
     ]
 
 

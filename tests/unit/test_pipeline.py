@@ -5,7 +5,7 @@ import tempfile
 import time
 from collections import Counter
 from dataclasses import replace
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 import pytest
@@ -236,3 +236,26 @@ def test_weakest_felt_touch_is_where_the_pad_feels_least() -> None:
         press = np.zeros((1, 2 + response.loads))
         press[0, :3] = 14.0, 14.0, share * detection_limit_n
         assert (np.sum((response.change(press)[0] / scale) ** 2) > 40.0) is np.bool_(felt)
+
+
+@pytest.mark.parametrize("ambient", ["constant", "drifting"])
+@pytest.mark.parametrize("gap_s", [0.5, 5.0])
+def test_first_frame_after_a_gap_in_which_the_pad_was_pressed_is_good(
+    ambient: Literal["constant", "drifting"], gap_s: float
+) -> None:
+    config = PadConfig(
+        name="left",
+        source=SimulatedSource(finger="none", turning_deg_per_s=0.0),
+        scene=SceneConfig(ambient=ambient),
+    )
+    source, begins_s = Simulated(config), 0.5
+    source.finger = lambda time_s: Touch(0.0, 0.0, 3.0 if time_s > begins_s + gap_s / 2 else 0.0)
+    pipeline = pipeline_of(config, simulated_baseline(config))
+    after = []
+    for step in range(round(220 * (begins_s + gap_s + 0.1))):
+        for frame in source.poll(round(step * 1e9 / 220)):
+            if not begins_s < frame.device_time_us * 1e-6 < begins_s + gap_s:
+                message = pipeline.process(frame)
+                after += [message] if frame.device_time_us * 1e-6 >= begins_s + gap_s else []
+    assert [(one.health, one.reason) for one in after[:5]] == [("ok", "")] * 5
+    assert after[4].contact

@@ -23,7 +23,14 @@ class UnreachableError(ControlError):
 
 
 class RefusedError(ControlError):
-    """The daemon answered with an error; the text is the daemon's."""
+    """The daemon answered with an error; the text is the daemon's.
+
+    code: the exit code with which a command ends that meets the same error; None: the daemon is of an older version.
+    """
+
+    def __init__(self, text: str, code: Optional[int] = None) -> None:
+        super().__init__(text)
+        self.code = code
 
 
 def request(
@@ -53,7 +60,8 @@ def request(
             if reply.pop("id", None) != number:
                 continue
             if "error" in reply:
-                raise RefusedError(f"{verb}: {reply['error']}")
+                code = reply.get("code")
+                raise RefusedError(f"{verb}: {reply['error']}", code if isinstance(code, int) else None)
             if reply.pop("ok", None) is True:
                 return reply
             deadline = time.monotonic() + timeout_s

@@ -70,7 +70,7 @@ def for_client(endpoint: Optional[Union[str, Endpoints]] = None, environ: Mappin
         return endpoint
     base = endpoint or named_base(environ=environ)
     if base:
-        return Endpoints.from_base(base)
+        return _guarded(base)
     if SERVICE_DIRECTORY.is_dir():
         if not os.access(SERVICE_DIRECTORY, os.X_OK):
             raise EndpointError(
@@ -88,9 +88,31 @@ def for_daemon(configured: Optional[str] = None, environ: Mapping[str, str] = os
     """
     base = named_base(configured, environ)
     if base:
-        return Endpoints.from_base(base)
+        return _guarded(base)
     service = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
     return Endpoints._in_directory(Path(service) if service else _own_directory(environ))
+
+
+def _guarded(base: str) -> Endpoints:
+    """The endpoints of a named base. EndpointError if any user may put a socket there (also with the sticky bit).
+
+    A folder of another user, or of a group, may be meant: who named it trusts them.
+    """
+    endpoints = Endpoints.from_base(base)
+    if base.startswith("ipc://"):
+        directory = Path(base[len("ipc://") :])
+        try:
+            mode = directory.stat().st_mode
+        except OSError:
+            return endpoints  # it is not there yet, or closed: whoever uses it says so
+        if mode & stat.S_IWOTH:
+            raise EndpointError(
+                f"{directory} may be written to by every user ({stat.filemode(mode)}): any of them could send false "
+                f"forces through a socket there. Name a folder inside it that is yours alone "
+                f"(mkdir -m 700 {directory}/fmfts; {OVERRIDE}=ipc://{directory}/fmfts), or close this one "
+                f"(chmod o-w {directory})"
+            )
+    return endpoints
 
 
 def _own_directory(environ: Mapping[str, str]) -> Path:

@@ -14,7 +14,8 @@ from fmfts.arithmetic.matrix import length
 from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
 from fmfts.baseline.file_format import StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
-from fmfts.baseline.recording import BaselineError, Recording, solvable
+from fmfts.baseline.origin import Origin, foreign
+from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
@@ -43,6 +44,8 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rest: StoredRecording | None
     turn: StoredTurn | None = None
     refine: StoredPresses | None = None
+    # The sensors that it was recorded with; None: it is of an older version, or no file's.
+    origin: Origin | None = None
     # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
     drift: tuple[float, ...] | None = None
 
@@ -70,6 +73,14 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         if bare is not None:
             return nominal_mounting(pad, tolerance, bare)
         raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
+
+    def recorded_on(self, origin: Origin | None) -> Baseline:
+        """A copy that says with which sensors it was recorded."""
+        return msgspec.structs.replace(self, origin=origin).sealed()
+
+    def is_foreign_to(self, origin: Origin | None) -> bool:
+        """Whether it was recorded with other sensors. False where either is not known."""
+        return self.origin is not None and origin is not None and not self.origin.agrees_with(origin)
 
     def drifted(self, moved: Array) -> Baseline:
         """A copy with rest moved by (5,), in m and in rad in the tangent plane of its axis."""
@@ -166,8 +177,12 @@ def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording
         )
 
 
-def load(path: Path, pad: Pad) -> Baseline | None:
-    """The stored baseline, None if there is none; BaselineError if the file is damaged or belongs to another pad."""
+def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
+    """The stored baseline, None if there is none.
+
+    BaselineError if the file is damaged or belongs to another pad, ForeignError if it was recorded with other sensors
+    than `origin`.
+    """
     again = "record it again (fmfts-daemon baseline)"
     try:
         with path.open("rb") as file:
@@ -191,6 +206,8 @@ def load(path: Path, pad: Pad) -> Baseline | None:
         raise BaselineError(f"pad '{pad.name}': baseline {path} belongs to pad '{baseline.pad}': {again}")
     if baseline.geometry_hash != pad.geometry_hash:
         raise BaselineError(f"pad '{pad.name}': baseline {path} was recorded with another geometry: {again}")
+    if baseline.origin is not None and origin is not None and baseline.is_foreign_to(origin):
+        raise ForeignError(foreign(pad.name, baseline.origin, origin))
     return baseline
 
 

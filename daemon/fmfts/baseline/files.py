@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from fmfts.baseline import Baseline, BaselineError, encode, load
+from fmfts.baseline.origin import Origin
+from fmfts.common.writing import why_not_written
 from fmfts.pad import Pad
 from fmfts.service.state import state_directory, write_atomically
 
-ELSEWHERE = "make it writable for this user, or name another folder with XDG_STATE_HOME (a service: StateDirectory=)"
+ELSEWHERE = "name another folder with XDG_STATE_HOME (a service: StateDirectory=)"
 
 
 class StateError(Exception):
@@ -20,7 +22,7 @@ def path_of(pad_name: str) -> Path:
     try:
         return state_directory() / "baseline" / f"{pad_name}.json"
     except OSError as error:
-        raise StateError(f"no folder for baselines: {error.filename}: {error.strerror}: {ELSEWHERE}") from error
+        raise StateError(f"no folder for baselines: {error.filename}: {why_not_written(error, ELSEWHERE)}") from error
     except RuntimeError as error:
         raise StateError(f"no folder for baselines: {error}: set HOME or XDG_STATE_HOME") from error
 
@@ -29,14 +31,17 @@ def previous_of(path: Path) -> Path:
     return path.with_suffix(".previous.json")
 
 
-def stored(pad: Pad) -> Baseline | None:
-    """The baseline in use, None if none was recorded. BaselineError if it is damaged or belongs to another pad."""
+def stored(pad: Pad, origin: Origin | None = None) -> Baseline | None:
+    """The baseline in use, None if none was recorded. BaselineError if it is damaged or belongs to another pad.
+
+    origin: the sensors that there are now, as far as they are known. ForeignError if it was recorded with others.
+    """
     path = path_of(pad.name)
     try:
-        return load(path, pad)
+        return load(path, pad, origin)
     except BaselineError as error:
         previous = previous_of(path)
-        if not _is_good(previous, pad):
+        if not _is_good(previous, pad, origin):
             raise
         restore = f"fmfts-daemon baseline --restore --pad {pad.name}"
         raise BaselineError(f"{error}; or bring the one before back, from {previous}: {restore}") from error
@@ -55,22 +60,22 @@ def store(baseline: Baseline, pad: Pad) -> Path:
         write_atomically(path, encode(baseline))
     except OSError as error:
         raise StateError(
-            f"pad '{pad.name}': the baseline cannot be written to {path}: {error.strerror}: {ELSEWHERE}"
+            f"pad '{pad.name}': the baseline cannot be written to {path}: {why_not_written(error, ELSEWHERE)}"
         ) from error
     return path
 
 
-def previous(pad: Pad) -> Baseline:
-    """The good baseline before the one in use. BaselineError if there is none."""
+def previous(pad: Pad, origin: Origin | None = None) -> Baseline:
+    """The good baseline before the one in use. BaselineError if there is none, or as from `stored`."""
     path = previous_of(path_of(pad.name))
-    baseline = load(path, pad)
+    baseline = load(path, pad, origin)
     if baseline is None:
         raise BaselineError(f"pad '{pad.name}': there is no {path}: record a baseline (fmfts-daemon baseline)")
     return baseline
 
 
-def _is_good(path: Path, pad: Pad) -> bool:
+def _is_good(path: Path, pad: Pad, origin: Origin | None = None) -> bool:
     try:
-        return load(path, pad) is not None
+        return load(path, pad, origin) is not None
     except BaselineError:
         return False

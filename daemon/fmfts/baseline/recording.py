@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.missing import saturated
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,10 @@ STEADY_FIELD_T = 5e-8
 
 class BaselineError(Exception):
     """A baseline cannot be recorded, stored or used; the text says why, with the figure, and what to do."""
+
+
+class ForeignError(BaselineError):
+    """A baseline was recorded with other sensors: on another board, or in a simulation."""
 
 
 @contextmanager
@@ -75,10 +80,11 @@ def summarise(frames: Sequence[Frame]) -> Recording:
             f"sensor {sensor + 1} answered in {valid[:, sensor].sum()} of {len(frames)} frames: check wiring"
         ),
     )
-    overflow = np.array([frame.overflow for frame in frames]).any(axis=(0, 2))
+    overflow: NDArray[np.bool_] = np.asarray(np.array([frame.overflow for frame in frames]).any(axis=0), dtype=np.bool_)
+    chip, gain_code = frames[0].chip, frames[0].gain_code
     _require(
-        ~np.asarray(overflow, dtype=np.bool_),
-        lambda sensor: f"sensor {sensor + 1} is saturated: choose a larger range_gauss",
+        np.asarray(~overflow.any(axis=1), dtype=np.bool_),
+        lambda sensor: f"sensor {sensor + 1} is {saturated(chip, gain_code, overflow[sensor])}",
     )
     fresh = np.array([frame.fresh & frame.valid for frame in frames])
     fields = np.array([frame.field_t for frame in frames])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,9 @@ from fmfts.baseline import (
 )
 from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.files import previous, store
+from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.prospects import prospects
+from fmfts.baseline.recording import ForeignError
 from fmfts.pad import Pad, Tolerance
 from fmfts.sensor import Frame, Source
 from fmfts.sensor.tasks import PATIENCE_S
@@ -38,6 +40,10 @@ TURN_S, REFINE_S = 20.0, 40.0
 SHORTEST_S, LONGEST_S = 0.5, 60.0
 # The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
 OVERTIME_S = 5.0
+
+
+class OptionError(BaselineError):
+    """The options of a request exclude each other or are out of range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,8 @@ class BaselineRequest:
     """bare: the pad is not mounted; else it is mounted and unloaded. replaced: it is another pad than the last time.
 
     turn, refine: improve the last baseline by turning the robot, or by presses anywhere. duration_s None: the usual
-    time for this kind of recording. BaselineError if the options exclude each other or the duration is out of range.
+    time for this kind of recording. origin: the sensors that it is recorded with. BaselineError if the options exclude
+    each other or the duration is out of range.
     """
 
     pad: Pad
@@ -69,12 +76,13 @@ class BaselineRequest:
     duration_s: float | None = None
     turn: bool = False
     refine: bool = False
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         if self.bare + self.turn + self.refine > 1:
-            raise BaselineError(f"pad '{self.pad.name}': one of bare, turn and refine at a time")
+            raise OptionError(f"pad '{self.pad.name}': one of bare, turn and refine at a time")
         if not SHORTEST_S <= self.seconds <= LONGEST_S:
-            raise BaselineError(
+            raise OptionError(
                 f"pad '{self.pad.name}': a baseline takes {SHORTEST_S:g} to {LONGEST_S:g} s, not {self.seconds:g} s"
             )
 
@@ -85,7 +93,22 @@ class BaselineRequest:
         return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
-        """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough."""
+        """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
+
+        A `before` of other sensors is left out; `turn` and `refine`, which only add to it, are refused.
+        """
+        if before is not None and before.is_foreign_to(self.origin):
+            if self.turn or self.refine:
+                assert before.origin is not None
+                assert self.origin is not None
+                raise ForeignError(foreign(self.pad.name, before.origin, self.origin))
+            before = None
+        baseline, mounting = self._make(frames, before)
+        # Turning and presses only add to a baseline, and so do not tell whose it is.
+        origin = baseline.origin if self.turn or self.refine else self.origin
+        return (baseline if baseline.origin == origin else baseline.recorded_on(origin)), mounting
+
+    def _make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         try:
             if self.turn:
                 return make_turn(self.pad, means(frames), before)
@@ -109,12 +132,13 @@ class BaselineRequest:
         return Recorded(baseline, mounting, store(baseline, self.pad), gained)
 
 
-def restore(pad: Pad) -> Recorded:
+def restore(pad: Pad, origin: Origin | None = None) -> Recorded:
     """Bring the previous baseline back; the present one, if it is good, becomes the previous one.
 
-    BaselineError if there is no previous one, StateError if it cannot be stored.
+    BaselineError if there is no previous one, ForeignError if it is of other sensors than `origin`, StateError if it
+    cannot be stored.
     """
-    baseline = previous(pad)
+    baseline = previous(pad, origin)
     return Recorded(baseline, baseline.mounting(pad), store(baseline, pad), {})
 
 
@@ -163,6 +187,7 @@ class BaselineJob:
     def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
         self._request = request
         self._before = before
+        self._source = source
         self._executor = executor
         self._collection = Collection(source, request.seconds)
         self._result: Future[Recorded] | None = None
@@ -173,7 +198,10 @@ class BaselineJob:
             return
         self._collection.take(frame)
         if self._collection.complete:
-            self._result = self._executor.submit(self._request.record, self._collection.frames, self._before)
+            request = self._request
+            if request.origin is not None:  # by now the board has said which one it is
+                request = replace(request, origin=request.origin.on(self._source.state.board))
+            self._result = self._executor.submit(request.record, self._collection.frames, self._before)
 
     @property
     def share(self) -> float:
@@ -199,9 +227,9 @@ class Restoration:
 
     share = 0.0
 
-    def __init__(self, pad: Pad, executor: Executor) -> None:
+    def __init__(self, pad: Pad, executor: Executor, origin: Origin | None = None) -> None:
         self._pad = pad
-        self._result = executor.submit(restore, pad)
+        self._result = executor.submit(restore, pad, origin)
 
     @property
     def recorded(self) -> Recorded | None:
@@ -223,6 +251,7 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
         "pad": baseline.pad,
         "baseline": baseline.id,
         "kind": baseline.kind,
+        **({} if baseline.origin is None else {"recorded_on": str(baseline.origin)}),
         "duration_s": recording.duration_s,
         "temperature_c": recording.temperature_c,
         "noise_t": float(np.sqrt(np.mean(square(np.array(recording.noise_t))))),

@@ -143,6 +143,12 @@ def _require_span(pad: Pad, turn: Turn) -> None:
     swept = pad.sensors.to_pad(turn.field_t - turn.field_t.mean(axis=0)).mean(axis=1)
     sweep = np.ptp(product(swept, singular_values(swept)[2]), axis=0)
     needed = max(SMALLEST_SWEEP_T, SMALLEST_SHARE * sweep.max())
+    if sweep.max() < SMALLEST_SWEEP_T:
+        raise BaselineError(
+            f"the robot did not turn: the field moved by {sweep.max() * 1e4:.2f} G only, and it moves by more than "
+            f"{SMALLEST_SWEEP_T * 1e4:.2f} G where a robot turns in the Earth's field: begin again, and turn the robot "
+            "while the recording runs: half around about one axis, then about another one, across the first"
+        )
     if sweep.min() < needed:
         arc = 2.0 * np.degrees(np.arcsin(min(1.0, sweep.min() / sweep.max())))
         wanted = 2.0 * np.degrees(np.arcsin(SMALLEST_SHARE))

@@ -12,6 +12,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.baseline.recording import MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.missing import SILENT, missing_sensors
 
 Array = NDArray[np.float64]
 
@@ -46,8 +47,8 @@ def means(frames: Sequence[Frame]) -> Means:
     if whole.sum() < max(MINIMUM_FRAMES, len(frames) // 2):
         sensor = int(np.argmax(absent.sum(axis=0)))
         raise BaselineError(
-            f"only {whole.sum()} of {len(frames)} frames are whole: sensor {sensor + 1} is absent or saturated in "
-            f"{absent[:, sensor].sum()}: check its wiring, or choose a larger range_gauss"
+            f"only {whole.sum()} of {len(frames)} frames are whole: in {absent[:, sensor].sum()}, sensor {sensor + 1} "
+            f"is {_what_is_wrong(frames, sensor)}"
         )
     fields, times = fields[whole], times[whole]
     count = len(fields) // MEAN_OF
@@ -61,14 +62,18 @@ def means(frames: Sequence[Frame]) -> Means:
     )
 
 
+def _what_is_wrong(frames: Sequence[Frame], sensor: int) -> str:
+    """With a sensor that is missing in many frames: what the last of them shows."""
+    found = (missing_sensors(frame).get(sensor) for frame in reversed(frames))
+    what = next((each for each in found if each is not None), SILENT)
+    return f"{what}: check its wiring" if what == SILENT else what
+
+
 def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
     """Fields (K, N, 3) and their instants (K,) in µs."""
     span_us = frames[-1].device_time_us - frames[0].device_time_us
     alignment = Alignment(len(frames[0].valid), period_us=span_us / (len(frames) - 1))
-    pushed = [
-        alignment.push(frame.field_t, frame.device_time_us - frame.age_us.astype(np.int64), frame.fresh)
-        for frame in frames
-    ]
+    pushed = [alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid) for frame in frames]
     return np.array([one.field_t for one in pushed]), np.array([one.time_us for one in pushed], dtype=np.float64)
 
 

@@ -12,6 +12,7 @@ import zmq
 from fmfts.bus.keys import ServerKey
 from fmfts.bus.messages import NotFiniteError, encode_facts, not_finite_field
 from fmfts.bus.server import BoundSocket
+from fmfts.common.exit_codes import DATA, code_of
 
 READING = frozenset({"status", "probe", "pads"})
 CHANGING = frozenset({"baseline", "selftest"})
@@ -28,6 +29,14 @@ _decoder = msgspec.msgpack.Decoder(dict[str, Any])
 
 class BadRequestError(ValueError):
     """A request is not valid; its sender receives the text."""
+
+
+class NoSuchPadError(BadRequestError):
+    """The request names a pad that the daemon does not have, or none where there are several."""
+
+
+class AbsentError(BadRequestError):
+    """The device that the request needs is not connected."""
 
 
 class Request:
@@ -58,9 +67,13 @@ class Request:
             return
         self._send(answer, last=True)
 
-    def fail(self, text: str) -> None:
-        """Answer that it was not done and nothing was changed; `text` says why."""
-        self._send(encode_facts({"id": self._identity, "error": text}), last=True)
+    def fail(self, text: str, code: int = DATA) -> None:
+        """Answer that it was not done and nothing was changed; `text` says why. code: of common/exit_codes.py."""
+        self._send(encode_facts({"id": self._identity, "error": text, "code": code}), last=True)
+
+    def refuse(self, error: Exception) -> None:
+        """Answer with an error whose cause common/exit_codes.py knows."""
+        self.fail(str(error), code_of(error))
 
     def progress(self, **facts: Any) -> None:
         """Report that the work goes on; the answer comes later."""
@@ -113,7 +126,7 @@ class ControlServer:
             self._require_trust(content["verb"])
             return Request(self, route, identity, content)
         except BadRequestError as error:
-            self._send(route, encode_facts({"id": identity, "error": str(error)}))
+            self._send(route, encode_facts({"id": identity, "error": str(error), "code": code_of(error)}))
             return None
 
     def _require_trust(self, verb: str) -> None:

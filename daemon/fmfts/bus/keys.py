@@ -13,6 +13,7 @@ import zmq
 from zmq.utils import z85
 
 from fmfts.bus.lock import BusError
+from fmfts.common.writing import why_not_written
 from fmfts.service.state import write_atomically
 from fmfts_client.keys import KEY_CHARACTERS, BadKeyError, read_fields
 
@@ -20,6 +21,14 @@ CLIENT_NAME = re.compile(r"^[A-Za-z0-9._-]{1,64}$")
 LARGEST_LIST = 1 << 20
 PRIVATE, READABLE = 0o600, 0o640
 ADVICE = "`fmfts-daemon keys new NAME` makes what is missing"
+
+
+class NotWrittenError(BusError):
+    """A key or the list of keys cannot be written."""
+
+
+class OptionError(BusError):
+    """A client's name that cannot be, is taken, or is not on the list."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +81,7 @@ class KeyFolder:
         Makes the daemon's own key first where there is none.
         """
         if not CLIENT_NAME.match(name):
-            raise BusError(f"{name!r} is not a client's name: 1 to 64 letters, digits, dots, - or _")
+            raise OptionError(f"{name!r} is not a client's name: 1 to 64 letters, digits, dots, - or _")
         try:
             self.folder.mkdir(mode=0o750, parents=True, exist_ok=True)
             if not self._server.exists():
@@ -81,21 +90,24 @@ class KeyFolder:
                 self._clients.touch(READABLE)
             known = self.clients()
             if name in known:
-                raise BusError(f"there is a client {name!r} already: `fmfts-daemon keys forget {name}` first")
+                raise OptionError(f"there is a client {name!r} already: `fmfts-daemon keys forget {name}` first")
             public, secret = zmq.curve_keypair()
             head = f"# The key of fmfts client {name}: whoever has it is let in. FMFTS_KEY names this file.\n"
             lines = _line("server", self.server().public) + _line("public", public) + _line("secret", secret)
             _create(output, head + lines)
             self._write(known | {name: z85.decode(public)})
         except OSError as error:
-            raise BusError(f"{error.filename}: {error.strerror}") from error
+            raise NotWrittenError(f"{error.filename}: {why_not_written(error)}") from error
 
     def forget(self, name: str) -> None:
         """Remove a client's key from the list. A client that is connected stays so until the daemon restarts."""
         known = self.clients()
         if known.pop(name, None) is None:
-            raise BusError(f"there is no client {name!r} in {self._clients}: {', '.join(known) or 'nobody'}")
-        self._write(known)
+            raise OptionError(f"there is no client {name!r} in {self._clients}: {', '.join(known) or 'nobody'}")
+        try:
+            self._write(known)
+        except OSError as error:
+            raise NotWrittenError(f"{error.filename or self._clients}: {why_not_written(error)}") from error
 
     def _write(self, clients: dict[str, bytes]) -> None:
         text = "".join(f"{z85.encode(key).decode()} {name}\n" for name, key in clients.items())

@@ -194,6 +194,7 @@ def describe(known: LabelledPoses, response: Response, network: ContactNetwork, 
     return Facts(
         contract=CONTRACT_VERSION,
         geometry_hash=calibration.pad.geometry_hash,
+        dimensions=calibration.pad.dimensions,
         inputs=INPUT_ORDER,
         outputs=SHEAR_OUTPUT_ORDER[:outputs],
         rest_pose=tuple(rest.tolist()),

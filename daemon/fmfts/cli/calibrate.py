@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking
+from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking, not_written
 from fmfts.common import exit_codes
 
 
@@ -82,7 +82,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
-        raise VerbError(exit_codes.DATA, f"{options.output}: {error.strerror}") from error
+        raise not_written(error, options.output) from error
     if options.json:
         print(json.dumps(report, indent=1))
     else:
@@ -132,8 +132,10 @@ def _draw(evaluation: object, target: Path) -> None:
         raise lacking(error, "plot") from error
     try:
         draw(evaluation, target)  # type: ignore[arg-type]
-    except (OSError, ValueError) as error:
-        raise VerbError(exit_codes.DATA, f"{target}: {error}") from error
+    except OSError as error:
+        raise not_written(error, target) from error
+    except ValueError as error:  # matplotlib does not know the suffix
+        raise VerbError(exit_codes.USAGE, f"{target}: {error}") from error
 
 
 def _noise_t(options: argparse.Namespace) -> float:

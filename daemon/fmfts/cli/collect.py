@@ -7,7 +7,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad, ended_by
 from fmfts.common import exit_codes
 
 
@@ -33,7 +33,7 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _collect(options: argparse.Namespace) -> int:
-    from fmfts.collect.errors import CollectError, RefusedError
+    from fmfts.collect.errors import CollectError
     from fmfts.config.file import load
     from fmfts.view.facts import print_facts
 
@@ -43,11 +43,8 @@ def _collect(options: argparse.Namespace) -> int:
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler)
     signal.signal(signal.SIGTSTP, signal.SIG_IGN)
-    try:
+    with ended_by(CollectError):
         facts = _carry_out(options, config, pad)
-    except CollectError as error:
-        code = exit_codes.DATA if isinstance(error, RefusedError) else exit_codes.UNAVAILABLE
-        raise VerbError(code, str(error)) from error
     print_facts(facts, as_json=options.json)
     return 0
 

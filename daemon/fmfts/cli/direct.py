@@ -15,43 +15,43 @@ from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, PadConfig
 from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
-from fmfts.sensor.probing import probe_facts
+from fmfts.sensor.missing import missing_sensors
+from fmfts.sensor.probing import is_sound, probe_facts
 from fmfts.sensor.tasks import PATIENCE_S, Selftest, Task
 from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import ScriptedFinger
 from fmfts.simulation.source import Simulated
-from fmfts.sources import open_sources
+from fmfts.sources import open_sources, origin_of
 from fmfts.view.progress import progress_bar
-from fmfts_client import ControlError, EndpointError, request
-from fmfts_client import RefusedError as RefusedByDaemon
+from fmfts_client import ControlError, EndpointError, RefusedError, request
 from fmfts_client.endpoints import for_client, named_base
 
 TURN_S = 0.002
 
 
 class AbsentError(Exception):
-    """Neither a daemon nor the device answers, or the result cannot be stored."""
+    """Neither a daemon nor the device answers."""
 
 
-class RefusedError(Exception):
-    """The daemon or the device refused the request, or the data do not allow it."""
+# What the functions here raise; common/exit_codes.py says with which exit code each ends.
+ERRORS = AbsentError, BaselineError, BusError, ControlError, EndpointError, SourceError, StateError
 
 
 def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | None:
     """The answer of the daemon that runs with `config`; None where none runs. Shows progress on a terminal.
 
-    Raises RefusedError or AbsentError.
+    Raises ERRORS.
     """
-    try:
-        endpoints = for_client(named_base(config.bus.endpoint))
-        if serving_pid(endpoints.control) is None:
-            return None
-        with progress_bar(verb) as show:
+    endpoints = for_client(named_base(config.bus.endpoint))
+    if serving_pid(endpoints.control) is None:
+        return None
+    with progress_bar(verb) as show:
+        try:
             return request(verb, endpoint=endpoints, progress=lambda facts: show(facts.get("share", 0.0)), **arguments)
-    except RefusedByDaemon as error:
-        raise RefusedError(str(error).removeprefix(f"{verb}: ")) from error
-    except (ControlError, EndpointError, BusError) as error:
-        raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
+        except RefusedError as error:
+            raise RefusedError(str(error).removeprefix(f"{verb}: "), error.code) from error
+        except ControlError as error:
+            raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
 
 
 def record_baseline(
@@ -65,15 +65,15 @@ def record_baseline(
     duration_s: float | None,
 ) -> dict[str, Any]:
     """Record a baseline on the device itself, judge and store it; returns its facts. pads: all pads of the file."""
-    with _errors_named(), ThreadPoolExecutor(max_workers=1) as executor:
+    with ThreadPoolExecutor(max_workers=1) as executor:
         require_device(pad)
-        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine)
+        work = BaselineRequest(pad.pad(), pad.tolerance.si(), bare, replaced, duration_s, turn, refine, origin_of(pad))
         try:
-            before = stored(work.pad)
+            before = stored(work.pad, work.origin)
         except BaselineError:
             if turn or refine:
                 raise
-            # The file is damaged and will be replaced; its bare recording cannot be trusted.
+            # The file is damaged, or another board's, and will be replaced; its bare recording cannot be trusted.
             before = None
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
@@ -88,9 +88,8 @@ def record_baseline(
 def restore_baseline(pad: PadConfig) -> dict[str, Any]:
     """Replace the baseline by the one before it; returns its facts."""
     drawing = pad.pad()
-    with _errors_named():
-        require_device(pad)
-        return restore(drawing).facts(drawing)
+    require_device(pad)
+    return restore(drawing, origin_of(pad)).facts(drawing)
 
 
 def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bool) -> dict[str, Any]:
@@ -100,7 +99,7 @@ def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bo
 
 def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
     """Run the self-test on the device itself; returns its facts."""
-    with _errors_named(), _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as show:
+    with _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as show:
         first_frame = Collection(source, duration_s=0.0)
         for _ in _turns(source, pad_index, first_frame.take):
             if first_frame.complete:
@@ -112,23 +111,23 @@ def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
 
 def probe(config: Config) -> dict[str, Any]:
     """Facts about every device of the configuration, as each reports them."""
-    try:
-        sources = open_sources(config.pad)
-    except SourceError as error:
-        raise AbsentError(str(error)) from error
-    with_frames: set[str] = set()
+    sources = open_sources(config.pad)
+    missing: dict[str, dict[int, str]] = {}  # by pad, of its last frame
+    whole: set[str] = set()  # pads whose sensors all gave a sample, and are not said to be at fault
     until = time.monotonic() + PATIENCE_S
     try:
-        while time.monotonic() < until and len(with_frames) < len(config.pad):
+        while time.monotonic() < until and len(whole) < len(config.pad):
             for source, names in sources:
-                with_frames |= {
-                    names[frame.pad_index] for frame in source.poll(time.monotonic_ns()) if frame.pad_index in names
-                }
+                for frame in source.poll(time.monotonic_ns()):
+                    if frame.pad_index in names:
+                        found = missing[names[frame.pad_index]] = missing_sensors(frame)
+                        if is_sound(source, frame.pad_index, found):
+                            whole.add(names[frame.pad_index])
             time.sleep(TURN_S)
         silence = f"connected, but no frame within {PATIENCE_S:g} s"
         return {
             "pads": [
-                probe_facts(name, source, index, "" if name in with_frames else silence)
+                probe_facts(name, source, index, "" if name in missing else silence, missing.get(name, {}))
                 for source, names in sources
                 for index, name in names.items()
             ]
@@ -166,22 +165,8 @@ def _turns(source: Source, pad_index: int, take: Callable[[Frame], None]) -> Ite
 
 @contextmanager
 def _opened(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[tuple[Source, int]]:
-    try:
-        ((source, names),) = open_sources([pad], pads)
-    except SourceError as error:
-        raise AbsentError(str(error)) from error
+    ((source, names),) = open_sources([pad], pads)
     try:
         yield source, next(iter(names))
     finally:
         source.close()
-
-
-@contextmanager
-def _errors_named() -> Iterator[None]:
-    """Turns errors of the baseline, the source and the state into RefusedError and AbsentError."""
-    try:
-        yield
-    except (BaselineError, SourceError) as error:
-        raise RefusedError(str(error)) from error
-    except StateError as error:
-        raise AbsentError(str(error)) from error

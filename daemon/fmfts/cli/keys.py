@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configuration
+from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by
 from fmfts.common import exit_codes
 
 
@@ -27,7 +27,7 @@ def _keys(options: argparse.Namespace) -> int:
     if (options.name is None) != (options.action == "list"):
         raise VerbError(exit_codes.USAGE, f"keys {options.action}: {'no' if options.name else 'a'} NAME is needed")
     store = KeyFolder(Path(folder))
-    try:
+    with ended_by(BusError):
         if options.action == "new":
             output = options.output or Path(f"{options.name}.key")
             store.add(options.name, output)
@@ -36,6 +36,4 @@ def _keys(options: argparse.Namespace) -> int:
             store.forget(options.name)
         else:
             print("\n".join(store.clients()))
-    except BusError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     return 0

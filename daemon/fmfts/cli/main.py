@@ -17,7 +17,7 @@ from fmfts.cli import collect as collect_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
-from fmfts.cli.verb import AddVerb, VerbError, configuration, pad_named, seconds, serving_base
+from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, pad_named, seconds, serving_base
 from fmfts.common import exit_codes
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
@@ -28,9 +28,8 @@ EPILOG = """\
 A new pad: check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
 If a daemon runs, probe, selftest and baseline go through it.
 
-exit codes: 0 done; 1 the self-test failed; 2 usage; 65 data, device or daemon refused; 69 device, daemon, place to
-store or a Python package absent; 78 bad configuration; 130 interrupted
-"""
+exit codes, the same for every verb:
+""" + "\n".join(f"{code:5} {meaning}" for code, meaning in exit_codes.MEANING.items())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,11 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{command}: {failure}", file=sys.stderr)
         return failure.code
     except KeyboardInterrupt:
-        return 130
+        return exit_codes.INTERRUPTED
     except BrokenPipeError:
         # The reader of the output has ended: write nothing more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
+        return exit_codes.READER_GONE
 
 
 def _parser(requested: str | None) -> argparse.ArgumentParser:
@@ -158,13 +157,9 @@ def _run(options: argparse.Namespace) -> int:
     from fmfts_client.endpoints import EndpointError
 
     config = configuration(options)
-    try:
-        with Daemon(config) as daemon:
-            daemon.run()
-    except (BusError, EndpointError) as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
-    except (ModelError, SourceError, StateError, RealtimeError) as error:
-        raise VerbError(exit_codes.CONFIG, str(error)) from error
+    errors = BusError, EndpointError, ModelError, SourceError, StateError, RealtimeError
+    with ended_by(*errors), Daemon(config) as daemon:
+        daemon.run()
     return 0
 
 
@@ -193,16 +188,12 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
 
     config = configuration(options)
     pad = pad_named(config, options.pad)
-    try:
+    with ended_by(*direct.ERRORS):
         facts = direct.ask_daemon(verb, config, pad=pad.name, **arguments)
         if facts is None:
             facts = directly(pad, config.pad, **arguments)
-    except direct.RefusedError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except direct.AbsentError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
-    return 0 if facts.get("passed", True) else 1
+    return exit_codes.DONE if facts.get("passed", True) else exit_codes.FAULTY
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -210,14 +201,12 @@ def _probe(options: argparse.Namespace) -> int:
     from fmfts.view.facts import print_facts
 
     config = configuration(options)
-    try:
+    with ended_by(*direct.ERRORS):
         facts = direct.ask_daemon("probe", config) or direct.probe(config)
-    except direct.RefusedError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
-    except direct.AbsentError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
-    return 0 if all(pad["connected"] for pad in facts["pads"]) else exit_codes.UNAVAILABLE
+    if not all(pad["connected"] for pad in facts["pads"]):
+        return exit_codes.UNAVAILABLE
+    return exit_codes.DONE if all(pad["sound"] for pad in facts["pads"]) else exit_codes.FAULTY
 
 
 def _status(options: argparse.Namespace) -> int:
@@ -233,10 +222,8 @@ def _check_config(options: argparse.Namespace) -> int:
     from fmfts.runtime.daemon import load_models
 
     config = configuration(options)
-    try:
+    with ended_by(ModelError):
         models = load_models(config)
-    except ModelError as error:
-        raise VerbError(exit_codes.CONFIG, str(error)) from error
     if options.json:
         import msgspec
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads, not_written
 from fmfts.common import exit_codes
 
 
@@ -72,5 +72,5 @@ def _pose(options: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader of the output has ended; main handles it
         raise
     except OSError as error:
-        raise VerbError(exit_codes.DATA, f"{options.output}: {error.strerror}") from error
+        raise not_written(error, options.output) from error
     return 0

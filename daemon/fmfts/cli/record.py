@@ -6,7 +6,7 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, seconds, serving_base
+from fmfts.cli.verb import AddVerb, ended_by, seconds, serving_base
 from fmfts.common import exit_codes
 
 
@@ -30,13 +30,12 @@ def _record(options: argparse.Namespace) -> int:
     from fmfts.recording.file import RecordingError
     from fmfts.recording.recorder import Recorder
     from fmfts.view.facts import print_facts
+    from fmfts.view.silence import NoSuchPadError
     from fmfts_client import EndpointError, SchemaError
 
-    try:
-        with closing(Recorder(options.output, options.pad, serving_base(options))) as recorder:
-            facts = recorder.run(options.seconds)
-    except (RecordingError, EndpointError, SchemaError) as error:
-        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
+    errors = RecordingError, EndpointError, SchemaError, NoSuchPadError
+    with ended_by(*errors), closing(Recorder(options.output, options.pad, serving_base(options))) as recorder:
+        facts = recorder.run(options.seconds)
     print_facts(facts, as_json=options.json)
     return 0
 
@@ -48,13 +47,11 @@ def _replay(options: argparse.Namespace) -> int:
     from fmfts.recording.file import RecordingError
     from fmfts.view.facts import print_facts
 
-    try:
+    with ended_by(RecordingError):
         replay = Replay(options.recording, options.model)
         for contact in replay.contacts():
             if options.contacts:
                 print(msgspec.json.encode(contact).decode())
-    except RecordingError as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
     if not options.contacts:
         print_facts(replay.facts(), as_json=options.json)
     return 0 if replay.comparison.is_the_same else exit_codes.DATA

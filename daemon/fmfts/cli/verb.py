@@ -6,10 +6,14 @@ import argparse
 import logging
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from fmfts.common import exit_codes
+from fmfts.common.exit_codes import code_of
+from fmfts.common.names import no_such_pad
+from fmfts.common.writing import why_not_written
 
 if TYPE_CHECKING:
     from fmfts.config import Config, PadConfig
@@ -34,6 +38,20 @@ def seconds(text: str) -> float:
     if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"{text}: must be more than 0 seconds")
     return value
+
+
+@contextmanager
+def ended_by(*errors: type[Exception]) -> Iterator[None]:
+    """Turns these errors into VerbError, with the exit code of their cause (common/exit_codes.py)."""
+    try:
+        yield
+    except errors as error:
+        raise VerbError(code_of(error), str(error)) from error
+
+
+def not_written(error: OSError, path: object) -> VerbError:
+    """The error for an output that cannot be written."""
+    return VerbError(code_of(error), f"{path}: {why_not_written(error)}")
 
 
 def lacking(error: ImportError, extra: str) -> VerbError:
@@ -68,9 +86,7 @@ def pad_named(config: Config, name: str | None) -> PadConfig:
     if name is None and len(known) == 1:
         return config.pad[0]
     if name not in known:
-        raise VerbError(
-            exit_codes.USAGE, f"{f'no pad {name!r}' if name else 'which pad?'}: --pad one of {', '.join(known)}"
-        )
+        raise VerbError(exit_codes.USAGE, no_such_pad(name, list(known), "the configuration"))
     return known[name]
 
 

@@ -15,5 +15,9 @@ class AbsentError(CollectError):
     """A device does not answer, or stopped answering (exit code 69)."""
 
 
+class NotWrittenError(CollectError):
+    """The rows cannot be written (exit code 73)."""
+
+
 class StoppedError(CollectError):
     """Something went wrong while the rod was down, and the rod was lifted. The text is the reason (exit code 69)."""

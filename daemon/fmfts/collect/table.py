@@ -17,7 +17,8 @@ from typing import Self
 import msgspec
 
 from fmfts.calibrate.field_table import field_columns
-from fmfts.collect.errors import RefusedError
+from fmfts.collect.errors import NotWrittenError, RefusedError
+from fmfts.common.writing import why_not_written
 from fmfts.service.state import write_atomically
 
 FORMAT = 2
@@ -99,7 +100,7 @@ class Table:
                 os.close(self._rows)
                 raise
         except OSError as error:
-            raise RefusedError(f"{error.filename or path}: {error.strerror}") from error
+            raise NotWrittenError(f"{error.filename or path}: {why_not_written(error)}") from error
 
     def __enter__(self) -> Self:
         return self
@@ -108,12 +109,12 @@ class Table:
         os.close(self._rows)
 
     def add(self, row: Row) -> None:
-        """Write a row; it is on the disk when this returns. Raises RefusedError where that fails."""
+        """Write a row; it is on the disk when this returns. Raises NotWrittenError where that fails."""
         assert row.press not in self.done
         try:
             self._append(self._rows, _line(row.cells()))
         except OSError as error:
-            raise RefusedError(f"{self.path}: {error.strerror}: make room, then go on with the same command") from error
+            raise NotWrittenError(f"{self.path}: {why_not_written(error)}; the same command goes on") from error
         self.done |= {row.press} - {UNTOUCHED}
 
     @staticmethod

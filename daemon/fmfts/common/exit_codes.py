@@ -1,6 +1,65 @@
-"""Exit codes of the commands, from sysexits.h."""
+"""The exit codes of every verb. One cause has one code, whichever verb meets it; `--help` and the manual print them."""
 
+from __future__ import annotations
+
+DONE = 0
+FAULTY = 1
 USAGE = 2
 DATA = 65  # EX_DATAERR
 UNAVAILABLE = 69  # EX_UNAVAILABLE
-CONFIG = 78  # EX_CONFIG: systemd does not restart the service after it
+UNWRITABLE = 73  # EX_CANTCREAT
+CONFIG = 78  # EX_CONFIG: systemd does not restart the service after it, nor after UNWRITABLE
+INTERRUPTED = 130
+READER_GONE = 141
+
+MEANING = {
+    DONE: "done",
+    FAULTY: "the self-test failed, or probe found a sensor that gives nothing",
+    USAGE: "usage: a wrong option, or a pad that is not there",
+    DATA: "data, device or daemon refused",
+    UNAVAILABLE: "device, daemon or a Python package absent",
+    UNWRITABLE: "a file or folder cannot be written, or the disk is full",
+    CONFIG: "bad configuration",
+    INTERRUPTED: "interrupted with Ctrl-C",
+    READER_GONE: "the reader of a pipe left",
+}
+
+# By the name of the error, so that nothing is imported here. An error without a name of its own counts as its base.
+OF_ERROR = {
+    # a wrong option or name
+    "NoSuchPadError": USAGE,
+    "OptionError": USAGE,
+    # what was asked cannot be done with these data, or now
+    "BaselineError": DATA,
+    "BadRequestError": DATA,
+    "CannotError": DATA,
+    "CollectError": UNAVAILABLE,
+    "DataError": DATA,
+    "RecordingError": DATA,
+    "RefusedError": DATA,
+    # somebody does not answer
+    "AbsentError": UNAVAILABLE,
+    "BusError": UNAVAILABLE,
+    "ControlError": UNAVAILABLE,
+    "EndpointError": UNAVAILABLE,
+    "NothingCameError": UNAVAILABLE,
+    "SchemaError": UNAVAILABLE,
+    # a place cannot be written
+    "NotWrittenError": UNWRITABLE,
+    "OSError": UNWRITABLE,
+    "StateError": UNWRITABLE,
+    # the configuration cannot be carried out
+    "ConfigError": CONFIG,
+    "ModelError": CONFIG,
+    "RealtimeError": CONFIG,
+    "SourceError": CONFIG,
+}
+
+
+def code_of(error: BaseException) -> int:
+    """The exit code of this error's cause. An answer of the daemon (`RefusedError`) brings its own, as `code`."""
+    told = getattr(error, "code", None)
+    if isinstance(told, int):
+        return told
+    names = (kind.__name__ for kind in type(error).__mro__)
+    return next((OF_ERROR[name] for name in names if name in OF_ERROR), DATA)

@@ -70,10 +70,11 @@ class ErrorTables(Struct, frozen=True, forbid_unknown_fields=True):
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """What a model says of itself.
 
-    own_error: errors besides those that the Jacobian carries over from the pose. response_error: errors of the response
-    that the network was trained on, measured with presses left out of its fit; None in older models. friction_error:
-    rms error of noise-free answers per newton of shear, over its directions, in a model of three outputs; None if the
-    calibration set had no shear. scene, noise_ut: what the model was trained for. data: SHA-256 of the calibration set.
+    dimensions: of the pad, those that geometry_hash is of; None in older models. own_error: errors besides those that
+    the Jacobian carries over from the pose. response_error: errors of the response that the network was trained on,
+    measured with presses left out of its fit; None in older models. friction_error: rms error of noise-free answers per
+    newton of shear, over its directions, in a model of three outputs; None if the calibration set had no shear. scene,
+    noise_ut: what the model was trained for. data: SHA-256 of the calibration set.
     """
 
     contract: Literal[2]
@@ -90,6 +91,7 @@ class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     data: str
     made_by: str
     response_error: ErrorTables | None = None
+    dimensions: dict[str, tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
         if self.inputs != INPUT_ORDER:

@@ -17,9 +17,9 @@ from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
-from fmfts.contact.shipped import DEFAULT_PATH, path_of
+from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH, path_of
 from fmfts.contact.verified import check_versions, compared, inference_of, read
-from fmfts.pad import Array, Pad
+from fmfts.pad import Array, Pad, differences
 
 REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
 
@@ -136,9 +136,9 @@ class ContactModel:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         if facts.geometry_hash != pad.geometry_hash:
             raise ModelError(
-                f"contact model {file} was trained for a pad of other dimensions ({facts.geometry_hash}) than "
-                f"pad {pad.name!r} has ({pad.geometry_hash}): correct [pad.geometry] and [pad.magnet], or calibrate "
-                "this pad and set [pad.contact] model"
+                f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: "
+                f"{_difference(facts, pad)}: correct [pad.geometry] and [pad.magnet], or calibrate this pad and set "
+                "[pad.contact] model"
             )
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
             facts = msgspec.structs.replace(facts, friction_error=_shipped_friction_error(facts.geometry_hash))
@@ -269,3 +269,11 @@ def _shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
     """
     shipped = parse_facts(parse(read(DEFAULT_PATH)).metadata)
     return shipped.friction_error if shipped.geometry_hash == geometry_hash else None
+
+
+def _difference(facts: Facts, pad: Pad) -> str:
+    """Which dimensions of the model's pad differ from those of `pad`, where the model tells them."""
+    its = STANDARD_DIMENSIONS if facts.geometry_hash == STANDARD_HASH else facts.dimensions
+    found = "" if its is None else differences(its, pad.dimensions, "in the model", "in the configuration")
+    hashes = f"the model's have the hash {facts.geometry_hash}, the pad's {pad.geometry_hash}"
+    return found or f"which ones, this file does not say ({hashes})"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
 from fmfts.pose.track import TrackerMemory
+from fmfts.pose.tracker import NOTHING_SAID
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 # A finger never lifts the magnet. If the magnet stays lifted for this long, its baseline was recorded under load.
@@ -100,9 +101,16 @@ class Estimator:
         self._touch.forget()
 
     def read(
-        self, aligned: Aligned, temperature_c: float | None, neighbours: Sequence[NeighbourEstimate] = ()
+        self,
+        aligned: Aligned,
+        temperature_c: float | None,
+        neighbours: Sequence[NeighbourEstimate] = (),
+        missing: Mapping[int, str] = NOTHING_SAID,
     ) -> Reading:
-        """Judge one aligned frame. neighbours: the felt magnets of other pads at the time of this frame."""
+        """Judge one aligned frame. neighbours: the felt magnets of other pads at the time of this frame.
+
+        missing: what is wrong with sensors that cannot be used, for the reason.
+        """
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
@@ -114,7 +122,7 @@ class Estimator:
             elsewhere = root_of_squares(elsewhere, placement_deviation(self.baselined.pad.sensors, neighbours))
         noise = self.mounting.noise_t * aligned.noise_share
         deviation = np.sqrt(square(lasting) + square(elsewhere) + square(noise))
-        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours)
+        track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours, missing)
         if self._ambient_motion is not None:
             track = self._ambient_motion.judge(track, field, deviation)
         if not self.baselined.at_rest:

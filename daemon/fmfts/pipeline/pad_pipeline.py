@@ -19,6 +19,7 @@ from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.sensor import Frame
+from fmfts.sensor.missing import missing_sensors
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
 
@@ -54,6 +55,7 @@ class PadPipeline:
         self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
         self._neighbours: list[NeighbourView] = []
         self._among_others = False
+        self._missing: dict[int, str] = {}
 
     @property
     def baseline(self) -> Baseline | None:
@@ -67,6 +69,11 @@ class PadPipeline:
     @property
     def model_hash(self) -> str:
         return self._model.hash
+
+    @property
+    def missing(self) -> dict[int, str]:
+        """Sensor (from 0) → why it could not be used in the last frame; empty while frames are absent."""
+        return {} if self._compiled is not None else self._missing
 
     @property
     def detection_limit_n(self) -> float:
@@ -95,6 +102,8 @@ class PadPipeline:
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
+        self.hand_back()
+        self._estimator = None
         self._why_none = reason
 
     def process(self, frame: Frame) -> ContactMessage:
@@ -128,14 +137,18 @@ class PadPipeline:
         return None if passed is None else (passed, self._writer.passed(passed))
 
     def _judge(self, frame: Frame) -> ContactMessage:
-        sampled_us = frame.device_time_us - frame.age_us.astype(np.int64)
-        aligned = self._alignment.push(frame.field_t, sampled_us, frame.fresh)
-        sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid)
+        if frame.valid.any():
+            sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        else:
+            sampled_ns = self._writer.sampled_ns  # the frame holds no sample, so the newest is still the last one
+        stuck = None if self._estimator is None else aligned.repeats > self._estimator.baselined.repeats_allowed
+        self._missing = missing_sensors(frame, stuck)
         if self._estimator is None:
             reading = Reading("no_baseline", self._why_none, frame.usable)
         else:
             seen = [view.at(sampled_ns) for view in self._neighbours]
-            reading = self._estimator.read(aligned, frame.temperature_c, seen)
+            reading = self._estimator.read(aligned, frame.temperature_c, seen, self._missing)
             if reading.estimate is not None and reading.contact is not None:
                 self._sighting.saw(reading.estimate, sampled_ns)
             if reading.health == "ok" and not self._among_others:
@@ -179,5 +192,6 @@ class PadPipeline:
         self.hand_back()
         if self._estimator is not None:
             self._estimator.forget_touch()
+        self._missing = {}
         reading = Reading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
         return self._writer.message(reading, None, None, self.mounting, self.baseline)

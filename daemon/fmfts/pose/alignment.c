@@ -12,7 +12,8 @@ static int little_endian(const uint8_t *bytes)
     return bytes[0] | bytes[1] << 8;
 }
 
-/* Puts the fresh samples into the memory. False if one is missing, saturated or stuck, or if the board was reset. */
+/* Puts the fresh samples into the memory. False if one is missing, saturated or stuck, or if the board was reset,
+ * or if no frame came for long. */
 static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
@@ -52,7 +53,7 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
             }
         }
     }
-    return newest >= before - parameters->stopped_us[0];
+    return newest >= before - parameters->stopped_us[0] && newest <= before + parameters->longest_gap_us[0];
 }
 
 /* Interpolates one axis to the instant, subtracts the baseline, and computes the variance of what one sample adds. */

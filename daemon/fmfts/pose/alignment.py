@@ -22,6 +22,9 @@ Times = NDArray[np.int64]
 
 # A chip that is this many periods behind the others has stopped: the others do not wait for it.
 STOPPED_PERIODS = 2.5
+# After a longer gap than this (or STOPPED_PERIODS, at low rates) the samples before it say nothing of the motion since:
+# the line from them to the next sample would make that as uncertain as the whole way that the pad moved in the gap.
+LONGEST_GAP_US = 300_000.0
 # Probability that a healthy axis repeats one value so often: once in ten hours on a pad of twelve axes at 220 Hz.
 FALSE_STANDSTILL = 1e-8
 # A sample jumps if it is half a gauss off the line through the two before; a tap of 1 N in 50 ms is off by a tenth.
@@ -61,12 +64,21 @@ class Alignment:
         )
         self.stopped_us = STOPPED_PERIODS * period_us
 
-    def push(self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_]) -> Aligned:
-        """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new."""
+    def push(
+        self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_], valid: NDArray[np.bool_] | None = None
+    ) -> Aligned:
+        """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
+
+        valid (N,): which sensors gave a sample at all; None: all. The `time_us` of the others means nothing, because
+        their age is not known. If no sensor is valid, the instant stays where it was.
+        """
         memory = self.memory
-        if time_us.max() < memory.time_us[0].max() - self.stopped_us:
-            # The board was reset, so its clock began again.
-            memory.field_t[:], memory.time_us[:] = np.nan, 0
+        told_us = time_us if valid is None else time_us[valid]
+        if told_us.size and memory.time_us[0].any():
+            later_us = told_us.max() - memory.time_us[0].max()
+            # The board was reset, so its clock began again; or no frame came for long.
+            if later_us < -self.stopped_us or later_us > longest_gap_us(self.stopped_us):
+                memory.field_t[:], memory.time_us[:] = np.nan, 0
         if fresh.all():
             memory.field_t[2], memory.field_t[1], memory.field_t[0] = memory.field_t[1], memory.field_t[0], field_t
             memory.time_us[2], memory.time_us[1], memory.time_us[0] = memory.time_us[1], memory.time_us[0], time_us
@@ -108,6 +120,11 @@ class Alignment:
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
         return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, memory.repeats.copy())
+
+
+def longest_gap_us(stopped_us: float) -> float:
+    """The longest time between two frames over which samples are interpolated. stopped_us: see Alignment."""
+    return max(LONGEST_GAP_US, stopped_us)
 
 
 def repeats_allowed(noise_t: Array, step_t: Array | float) -> Array:

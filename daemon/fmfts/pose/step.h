@@ -32,6 +32,7 @@ enum {
     X(at_zero_c, 1)             /* NaN: no thermometer */                                                              \
     X(c_per_count, 1)                                                                                                  \
     X(stopped_us, 1)            /* alignment.py */                                                                     \
+    X(longest_gap_us, 1)                                                                                               \
     X(jump_t, 1)                                                                                                       \
     X(repeats_allowed, FMFTS_AXES)                                                                                     \
     X(gain, FMFTS_AXES)         /* mounting.py */                                                                      \

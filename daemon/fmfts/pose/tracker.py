@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from fmfts.pose.tracking_model import TrackingModel
 
 Array = NDArray[np.float64]
 
+NOTHING_SAID: Mapping[int, str] = MappingProxyType({})
 # Solve to a thousandth of a deviation: before rest is recorded, deviations include the mounting's tolerances (0.4 mm).
 STOP_TRACKING = 1e-6
 # While a disturbance lasts, the search for a single faulty sensor is repeated once in so many frames. It is slow: it
@@ -58,6 +60,7 @@ class Tracker:
         watch = None if self._monitor is None else self._monitor.memory
         self.memory = TrackerMemory(rest, covariance, unread_variance, watch)
         self._neighbours: Sequence[NeighbourEstimate] = ()
+        self._missing: Mapping[int, str] = NOTHING_SAID
 
     @property
     def _moment_deviation(self) -> float:
@@ -96,14 +99,16 @@ class Tracker:
         temperature_c: float | None = None,
         lasting_t: Array | None = None,
         neighbours: Sequence[NeighbourEstimate] = (),
+        missing: Mapping[int, str] = NOTHING_SAID,
     ) -> Track:
         """Judge one frame.
 
         field_t (N, 3): the magnet's field in sensor axes, NaN where it was not measured. deviation_t (N, 3). lasting_t
         (N, 3): the part of deviation_t that averaging does not reduce, and that `errors` do not contain. elapsed_s:
         since the last frame. temperature_c: of the pad; None keeps the last one. neighbours: felt magnets.
+        missing: sensor → what is wrong with it, for the reason, where field_t is NaN.
         """
-        self._neighbours = neighbours
+        self._neighbours, self._missing = neighbours, missing
         self.memory.since_good_s += max(elapsed_s, 0.0)
         self._nearest = None
         if self._monitor is None or lasting_t is None:
@@ -123,7 +128,7 @@ class Tracker:
         used = np.isfinite(field_t)
         whole: NDArray[np.bool_] = np.asarray(used.all(axis=1), dtype=np.bool_)
         if whole.sum() < FEWEST_SENSORS:
-            return Track(None, used, "lost", f"{_listed(~whole)} silent, saturated or stuck: fewer than three are left")
+            return Track(None, used, "lost", f"{self._why_not(whole)}: fewer than three sensors are left")
         prior = self._predicted(temperature_c)
         estimate = self._solve(field_t, deviation_t, prior)
         if not fits(estimate, self._rest):
@@ -131,7 +136,15 @@ class Tracker:
         published = self._accept(estimate)
         if whole.all():
             return Track(published, used, "ok", "")
-        return Track(published, used, "degraded", f"{_listed(~whole)} silent, saturated or stuck: left out")
+        return Track(published, used, "degraded", f"{self._why_not(whole)}: left out")
+
+    def _why_not(self, whole: NDArray[np.bool_]) -> str:
+        """What is wrong with the sensors that are not `whole` (N,)."""
+        blamed = None if self._monitor is None else self._monitor.blamed
+        what = {sensor: self._missing.get(sensor, "without a new sample") for sensor in np.flatnonzero(~whole).tolist()}
+        if blamed in what and blamed not in self._missing:
+            what[blamed] = "at odds with the others"
+        return "; ".join(f"sensor {sensor + 1} is {why}" for sensor, why in what.items())
 
     def _predicted(self, temperature_c: float | None) -> Prior:
         """The prior of this frame: the last good state at this temperature, widened by time and warming since then."""
@@ -242,8 +255,3 @@ class Tracker:
         if not (foreign or is_plausible(whole, self._rest)):
             return "lost", "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?"
         return "disturbed", "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
-
-
-def _listed(sensors: NDArray[np.bool_]) -> str:
-    numbers = ", ".join(str(sensor + 1) for sensor in np.flatnonzero(sensors))
-    return f"sensor {numbers}"

@@ -22,6 +22,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, FrameMessage, StateMessage, StatusMessage
+from fmfts.common.writing import why_not_written
 
 KINDS: dict[str, type[AnyMessage]] = {
     "contact": ContactMessage,
@@ -40,6 +41,10 @@ class RecordingError(Exception):
     """A recording cannot be written or read; the text names the file, why, and what to do."""
 
 
+class NotWrittenError(RecordingError):
+    """A recording cannot be written."""
+
+
 @dataclass(frozen=True, slots=True)
 class Recorded:
     """A message of a recording. kind: a key of KINDS."""
@@ -50,7 +55,7 @@ class Recorded:
 
 
 class RecordingWriter:
-    """Writes a new file. Raises RecordingError where it exists already, or cannot be made."""
+    """Writes a new file. Raises NotWrittenError where it exists already, or cannot be made."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -64,15 +69,14 @@ class RecordingWriter:
             self._writer.start(PROFILE)
             self.flush()
         except FileExistsError as error:
-            raise RecordingError(
+            raise NotWrittenError(
                 f"{path}: {error.strerror}: a recording is never overwritten; give another name"
             ) from error
         except OSError as error:
-            absent = "" if path.parent.is_dir() else f": there is no folder {path.parent}: make it first"
-            raise RecordingError(f"{path}: {error.strerror}{absent}") from error
+            raise NotWrittenError(f"{path}: {why_not_written(error)}") from error
 
     def add(self, kind: str, pad: str, body: dict[str, Any]) -> None:
-        """Write a message. body: as it arrived from the bus. Raises RecordingError where the disk is full."""
+        """Write a message. body: as it arrived from the bus. Raises NotWrittenError where the disk is full."""
         with _disk(self.path):
             channel = self._channels.get((kind, pad))
             if channel is None:
@@ -85,7 +89,7 @@ class RecordingWriter:
             self.messages += 1
 
     def flush(self) -> None:
-        """End the chunk: its messages survive the end of this process. Raises RecordingError where the disk is full."""
+        """End the chunk: its messages survive the end of this process. NotWrittenError: the disk is full."""
         with _disk(self.path):
             self._writer.flush()
 
@@ -239,4 +243,4 @@ def _disk(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}: the messages before can be read from it") from error
+        raise NotWrittenError(f"{path}: {why_not_written(error)}; the messages before can be read from it") from error

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 import zmq
 
 from fmfts.recording.file import RecordingError, RecordingWriter
-from fmfts.view.silence import why_nothing_came
+from fmfts.view.silence import require_pad, why_nothing_came
 from fmfts_client import Endpoints, Message, Subscription
+from fmfts_client.endpoints import for_client
 
 FLUSH_S = 1.0
 PATIENCE_S = 5.0
@@ -19,22 +21,29 @@ TURN_S = 0.1
 BATCH = 1000
 
 
+class NothingCameError(RecordingError):
+    """No message arrived, so there is nothing to record."""
+
+
 class Recorder:
     """Writes a daemon's messages. Leaves out a pad's frames before its first state: they could not be replayed."""
 
     def __init__(self, output: Path, pad: str | None, endpoint: str | Endpoints | None) -> None:
-        """pad: record this pad and its neighbours; None: all pads. Raises EndpointError or RecordingError."""
+        """pad: record this pad and its neighbours; None: all pads.
+
+        Raises EndpointError, NoSuchPadError or RecordingError.
+        """
+        require_pad(for_client(endpoint), pad)
         self._pad = pad
         self._group = None if pad is None else with_neighbours(pad, endpoint)
         pad = pad if self._group == {pad} else None
         # Subscribe to contacts first: then every recorded frame has its contact.
         self._bus = Subscription(("contact", "event", "status"), pad, endpoint)
-        try:
-            self._frames = Subscription(("frame", "state"), pad, endpoint)
+        with ExitStack() as opened:
+            opened.enter_context(closing(self._bus))
+            self._frames = opened.enter_context(closing(Subscription(("frame", "state"), pad, endpoint)))
             self._writer = RecordingWriter(output)
-        except Exception:
-            self._bus.close()
-            raise
+            opened.pop_all()  # from here on, `close` closes them
         self._poller = zmq.Poller()
         for subscription in (self._bus, self._frames):
             self._poller.register(subscription.socket, zmq.POLLIN)
@@ -63,7 +72,9 @@ class Recorder:
         if not self._writer.messages:
             self._writer.discard()
             why = why_nothing_came(self._bus.endpoints, self._pad)
-            raise RecordingError(f"nothing came in {time.monotonic() - begun_s:.1f} s, so nothing was recorded: {why}")
+            raise NothingCameError(
+                f"nothing came in {time.monotonic() - begun_s:.1f} s, so nothing was recorded: {why}"
+            )
         self._writer.finish()
         return {
             "recording": str(self._writer.path),

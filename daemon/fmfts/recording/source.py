@@ -14,7 +14,7 @@ from fmfts.config import PadConfig, ReplaySource
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.source import CannotError, SourceError, SourceState
 
 # After a longer stall of this computer, playing goes on where it was, later, without skipping frames.
 LONGEST_STALL_NS = 100_000_000
@@ -81,7 +81,7 @@ class Replayed:
         return frames
 
     def request_selftest(self, pad_index: int) -> None:
-        raise SourceError(f"{self.state.description}: there are no chips to test")
+        raise CannotError(f"{self.state.description}: there are no chips to test")
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
         return None

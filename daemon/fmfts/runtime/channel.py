@@ -6,6 +6,7 @@ import logging
 import time
 
 from fmfts.baseline import Baseline
+from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.request import BaselineJob
 from fmfts.bus.frame_message import frame_message
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
@@ -39,6 +40,9 @@ class Channel:
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
         self.config: PadConfig | None = None  # goes to recorders with the state; without it, they get no state
+        self.origin: Origin | None = None  # the pad's sensors, as the configuration names them; None: do not ask
+        self._baseline: Baseline | None = None  # the last that was to be used, whose board may be away
+        self._board: object = None  # uid of the board that the baseline was last compared with
         self._rebaselining: Rebaselining | None = None
         self._publisher = publisher
         self._topic = contact_topic(self.name)
@@ -68,7 +72,7 @@ class Channel:
     @property
     def faults(self) -> list[str]:
         """A sentence for each thing that is wrong with the source now."""
-        return faults_of(self.source, self.pad_index)
+        return faults_of(self.source, self.pad_index, self.pipeline.missing)
 
     def frame(self, frame: Frame) -> None:
         """Process one frame: publish its contact message, and an event for each change."""
@@ -78,10 +82,10 @@ class Channel:
         if self.job is not None:
             self.job.take(frame)
         self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9
-        overdue = self._late_s > OVERDUE_S
+        unusable = self._late_s > OVERDUE_S or not self._board_is_known()
         if self._publisher.frames_wanted(self.name, arrived_ns):
-            self._tell_recorders(frame, used=not overdue)
-        if overdue:
+            self._tell_recorders(frame, used=not unusable)
+        if unusable:
             self._statistics.dropped += 1
             return
         answer = self._answered(frame)
@@ -123,11 +127,37 @@ class Channel:
 
     def use(self, baseline: Baseline) -> None:
         """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
+        self._baseline = baseline
+        self._board = self.source.state.board.get("uid")  # who gives a baseline has compared it
         mounting = self.pipeline.use(baseline)
         self._rebaselining = None
         if self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None:
             self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, self.config.rebaseline.si())
         self._publisher.state_changed(self.name)
+
+    def _board_is_known(self) -> bool:
+        """Compare the baseline with the board whenever that says who it is. False: it has not said so yet."""
+        baseline, uid = self._baseline, self.source.state.board.get("uid")
+        if baseline is None or baseline.origin is None or baseline.origin.uid is None or self.origin is None:
+            return True
+        if uid is None:
+            self._board = None
+            return False
+        if uid != self._board:
+            self._board = uid
+            self._compare(baseline, baseline.origin, self.origin.on(self.source.state.board))
+        return True
+
+    def _compare(self, baseline: Baseline, whose: Origin, mine: Origin) -> None:
+        """Use the baseline if it is this board's. Else go on without one, until its own board is back."""
+        if not whose.agrees_with(mine):
+            reason = foreign(self.name, whose, mine)
+            log.error("%s", reason)
+            self._rebaselining = None
+            self.pipeline.refuse(reason)
+            self._publisher.state_changed(self.name)
+        elif self.pipeline.baseline is None:
+            self.use(baseline)
 
     def is_silent(self, now_ns: int) -> bool:
         last_ns = self._last_used_ns
@@ -145,6 +175,8 @@ class Channel:
             return
         if last is None:
             reason = "; ".join(self.faults) or "connected, but no frame yet"
+        elif not self._board_is_known():
+            reason = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
         elif now_ns - last < self._silent_ns:
             reason = f"frames come {self._late_s:.1f} s late: this computer is overloaded, or the board's clock stands"
         else:

@@ -14,8 +14,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Self
 
-from fmfts.baseline import BaselineError
+from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import stored
+from fmfts.baseline.origin import unbound
+from fmfts.baseline.recording import ForeignError
 from fmfts.bus.control import ControlServer
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
@@ -23,6 +25,7 @@ from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
 from fmfts.contact import ContactModel
+from fmfts.pad import Pad
 from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
@@ -37,7 +40,7 @@ from fmfts.sensor import Source
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
 from fmfts.simulation.baseline import simulated_baseline
-from fmfts.sources import open_sources
+from fmfts.sources import open_sources, origin_of
 from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
@@ -206,10 +209,10 @@ class Daemon:
         if (doubt := other_silicone(config)) is not None:
             log.warning("pad '%s': %s", pad.name, doubt)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, float(config.source.rate_hz))
-        channel.config = config
+        channel.config, channel.origin = config, origin_of(config)
         try:
             replays = isinstance(config.source, ReplaySource)
-            baseline = recorded_baseline(source, pad_index) if replays else stored(pad)
+            baseline = recorded_baseline(source, pad_index) if replays else _stored(config, pad)
             if baseline is None and isinstance(config.source, SimulatedSource):
                 baseline = simulated_baseline(config, neighbours_of(config, self._pads))
                 log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
@@ -217,6 +220,12 @@ class Daemon:
                 log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
             else:
                 channel.use(baseline)
+                if (
+                    channel.origin is not None
+                    and baseline.origin is None
+                    and not isinstance(config.source, SimulatedSource)
+                ):
+                    log.warning("%s", unbound(pad.name))
         except BaselineError as error:
             log.error("%s", error)
             pipeline.refuse(str(error))
@@ -245,6 +254,17 @@ class Daemon:
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)
         self._stopping = True
+
+
+def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
+    """The stored baseline of the pad. A simulated pad takes none of other sensors: it simulates its own."""
+    try:
+        return stored(pad, origin_of(config))
+    except ForeignError as error:
+        if not isinstance(config.source, SimulatedSource):
+            raise
+        log.warning("%s; until then it simulates its own", error)
+        return None
 
 
 def load_models(config: Config) -> dict[str, ContactModel]:

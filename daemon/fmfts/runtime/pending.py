@@ -10,6 +10,7 @@ from typing import Any
 from fmfts.baseline import BaselineError
 from fmfts.baseline.files import StateError
 from fmfts.bus.control import Request
+from fmfts.common.exit_codes import UNAVAILABLE
 from fmfts.sensor import SourceError
 from fmfts.sensor.tasks import Task
 
@@ -36,7 +37,7 @@ class Pending:
             return self._reply(self.task.facts()) or self._give_up(self.task.problem(now_s)) or self._tell(now_s)
         except (BaselineError, SourceError, StateError) as error:
             log.warning("%s", error)
-            self._request.fail(str(error))
+            self._request.refuse(error)
         except Exception as error:
             log.exception("%s: internal error, worth reporting", self._request.verb)
             fail_internally(self._request, error)
@@ -51,7 +52,7 @@ class Pending:
 
     def _give_up(self, problem: str) -> bool:
         if problem:
-            self._request.fail(f"pad '{self._pad}': {problem}")
+            self._request.fail(f"pad '{self._pad}': {problem}", UNAVAILABLE)
         return bool(problem)
 
     def _tell(self, now_s: float) -> bool:

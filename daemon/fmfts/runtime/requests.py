@@ -11,9 +11,11 @@ import msgspec
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError
+from fmfts.baseline.origin import Origin
 from fmfts.baseline.request import BaselineJob, BaselineRequest, Recorded, Restoration
-from fmfts.bus.control import BadRequestError, Request
+from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Request
 from fmfts.bus.messages import StatusMessage
+from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
@@ -64,7 +66,7 @@ class Verbs:
         try:
             self._handlers[request.verb](request)
         except (BadRequestError, SourceError, BaselineError, StateError) as error:
-            request.fail(str(error))
+            request.refuse(error)
         except Exception as error:
             log.exception("%s: internal error, worth reporting", request.verb)
             fail_internally(request, error)
@@ -105,7 +107,7 @@ class Verbs:
         request.arguments_as(_Nothing)
         request.reply(
             pads=[
-                probe_facts(name, channel.source, channel.pad_index, _silence(channel))
+                probe_facts(name, channel.source, channel.pad_index, _silence(channel), channel.pipeline.missing)
                 for name, channel in self._channels.items()
             ]
         )
@@ -126,7 +128,7 @@ class Verbs:
             return
         require_device(self._configs[channel.name])
         if arguments.restore:
-            restoration = Restoration(pad, self._executor)
+            restoration = Restoration(pad, self._executor, _origin(channel))
             self._await_baseline(request, channel, restoration)
             return
         tolerance = self._configs[channel.name].tolerance.si()
@@ -138,12 +140,11 @@ class Verbs:
             arguments.duration_s,
             arguments.turn,
             arguments.refine,
+            channel.origin,
         )
         if not channel.source.state.connected:
             state = channel.source.state
-            raise BadRequestError(
-                f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}"
-            )
+            raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
         channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
         self._await_baseline(request, channel, channel.job)
 
@@ -158,11 +159,13 @@ class Verbs:
         if pad is None and len(self._channels) == 1:
             return next(iter(self._channels.values()))
         if pad is None or pad not in self._channels:
-            known = ", ".join(sorted(self._channels))
-            raise BadRequestError(
-                f"the running daemon has no pad '{pad}', but {known}" if pad else f"which pad? one of {known}"
-            )
+            raise NoSuchPadError(no_such_pad(pad, sorted(self._channels), "the running daemon"))
         return self._channels[pad]
+
+
+def _origin(channel: Channel) -> Origin | None:
+    """The sensors that there are now, as far as they are known."""
+    return None if channel.origin is None else channel.origin.on(channel.source.state.board)
 
 
 def _recorded(channel: Channel) -> Baseline | None:

@@ -23,6 +23,8 @@ class PadStatistics:
     rate_hz: float = 0.0
     _last: tuple[int, int] | None = None  # run, sequence
     _first_ns: int | None = None
+    _sampled_ns: int = 0  # of the last message
+    _published: int = 0  # messages since the last `interval`
     _latencies_s: list[float] = field(default_factory=list)
 
     def frame(self, frame: Frame) -> None:
@@ -33,7 +35,11 @@ class PadStatistics:
         self._last = frame.run, frame.sequence
 
     def published(self, sampled_ns: int, published_ns: int) -> None:
-        self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
+        """Count a message. One without a new sample has no latency: `t_sample_ns` says how old its sample is."""
+        self._published += 1
+        if sampled_ns != self._sampled_ns:
+            self._latencies_s.append((published_ns - sampled_ns) * 1e-9)
+        self._sampled_ns = sampled_ns
 
     def passed(self, passed: Passed) -> None:
         """Count the frames that C handled; they are of the same run as the last one."""
@@ -43,14 +49,16 @@ class PadStatistics:
             run, before = self._last
             self._last = run, passed.sequence
         self.gaps += max(passed.sequence - before - passed.frames, 0)
+        self._published += len(passed.latencies_s)
         self._latencies_s += passed.latencies_s
+        self._sampled_ns = passed.t_sample_ns
 
     def interval(self, now_ns: int) -> tuple[float, float, float] | None:
-        """End the interval and set `rate_hz`. Returns latencies p50, p99, max in s; None if nothing was published."""
-        count = len(self._latencies_s)
+        """End the interval and set `rate_hz`. Returns latencies p50, p99, max in s; None if no sample was published."""
         if self._first_ns is not None and now_ns > self._first_ns:
-            self.rate_hz = count / ((now_ns - self._first_ns) * 1e-9)
-        self._first_ns = now_ns
+            self.rate_hz = self._published / ((now_ns - self._first_ns) * 1e-9)
+        self._first_ns, self._published = now_ns, 0
+        count = len(self._latencies_s)
         if not count:
             return None
         ordered = sorted(self._latencies_s)

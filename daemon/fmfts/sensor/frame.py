@@ -67,6 +67,11 @@ class Frame:
         return usable
 
     @property
+    def sampled_us(self) -> NDArray[np.int64]:
+        """(N,) when each sample was taken, on the source's clock; of sensors that are not valid it means nothing."""
+        return self.device_time_us - self.age_us.astype(np.int64)
+
+    @property
     def field_t(self) -> NDArray[np.float64]:
         """(N, 3) field in tesla, in each sensor's own axes, NaN where an axis holds no measurement."""
         field: NDArray[np.float64] = self.counts.astype(np.float64) * self.chip.step_t[self.gain_code]

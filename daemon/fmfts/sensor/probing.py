@@ -2,27 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from fmfts.sensor import Source
 
+NOTHING_MISSING: Mapping[int, str] = MappingProxyType({})
 
-def faults_of(source: Source, pad_index: int) -> list[str]:
-    """A sentence for everything that is wrong with this pad, its sensors, or with the whole source, now."""
+
+def faults_of(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHING_MISSING) -> list[str]:
+    """A sentence for everything that is wrong with this pad, its sensors, or with the whole source, now.
+
+    missing: what frames show of sensors that cannot be used (missing.py). What the source says of a sensor is better.
+    """
     state = source.state
-    sensors = [text for (pad, _), text in sorted(state.sensor_faults.items()) if pad == pad_index]
+    sensors = {sensor: text for (pad, sensor), text in state.sensor_faults.items() if pad == pad_index}
+    seen = {sensor: f"sensor {sensor + 1} is {what}" for sensor, what in missing.items()}
     pads = [text for pad, text in state.pad_faults.items() if pad == pad_index]
-    return pads + sensors + sorted(state.warnings.values())
+    return pads + [text for _, text in sorted((seen | sensors).items())] + sorted(state.warnings.values())
 
 
-def probe_facts(pad: str, source: Source, pad_index: int, silence: str) -> dict[str, Any]:
-    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected."""
+def is_sound(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHING_MISSING) -> bool:
+    """Nothing is known to be wrong with this pad or its sensors. Warnings about the whole source do not count."""
     state = source.state
+    faulty = bool(missing) or any(pad == pad_index for pad, _ in state.sensor_faults)
+    return not faulty and pad_index not in state.pad_faults
+
+
+def probe_facts(
+    pad: str, source: Source, pad_index: int, silence: str, missing: Mapping[int, str] = NOTHING_MISSING
+) -> dict[str, Any]:
+    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected.
+
+    missing: as for `faults_of`. sound: the pad is connected, and all its sensors can be used.
+    """
+    state = source.state
+    connected = state.connected and not silence
     return {
         "pad": pad,
         "source": state.description,
-        "connected": state.connected and not silence,
+        "connected": connected,
+        "sound": connected and is_sound(source, pad_index, missing),
         "reason": state.reason or silence,
         "board": state.board,
-        "faults": faults_of(source, pad_index),
+        "faults": faults_of(source, pad_index, missing),
     }

@@ -13,6 +13,14 @@ class SourceError(Exception):
     """A source cannot do what was asked; the text names pad, device, cause and what to do next."""
 
 
+class AbsentError(SourceError):
+    """The device is not connected."""
+
+
+class CannotError(SourceError):
+    """The device is there, but cannot do this, or not now."""
+
+
 @dataclass(slots=True)
 class SourceState:
     """What a source knows of itself; read by `status`, written by the source alone. Counters only grow."""

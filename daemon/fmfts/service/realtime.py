@@ -35,6 +35,12 @@ def lock_memory() -> None:
         )
 
 
+def memory_is_locked() -> bool:
+    """Whether pages of this process are locked in memory (proc(5), VmLck)."""
+    status = Path("/proc/self/status").read_text()
+    return any(line.startswith("VmLck:") and int(line.split()[1]) > 0 for line in status.splitlines())
+
+
 def _why_not_locked(code: int) -> str:
     """The reason in words. ENOMEM means that the limit is too low, not that memory is short (mlock(2))."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]

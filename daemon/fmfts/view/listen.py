@@ -19,7 +19,7 @@ from rich.text import Text
 
 from fmfts.common import exit_codes
 from fmfts.view.picture import render_contact
-from fmfts.view.silence import why_nothing_came
+from fmfts.view.silence import NoSuchPadError, require_pad, why_nothing_came
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import (
     Contact,
@@ -56,16 +56,17 @@ def listen(
 ) -> int:
     """Show `pad` (None: all) for `seconds` (None: until Ctrl-C), then a summary. Returns the exit code.
 
-    0, or UNAVAILABLE when there is nothing to listen to: no endpoint can be found, the daemon has another schema, or
-    no message arrived in `seconds`.
+    0; USAGE when the daemon has no such pad; UNAVAILABLE when there is nothing to listen to: no endpoint can be found,
+    the daemon has another schema, or no message arrived in `seconds`.
     """
     out = sys.stdout if out is None else out
     try:
         with Subscription(("contact", "event", "status"), pad, endpoint) as subscription, _stopped_by_signals():
+            require_pad(subscription.endpoints, pad)
             return _listen(subscription, pad, seconds, out, as_json)
-    except (EndpointError, SchemaError) as error:
+    except (EndpointError, SchemaError, NoSuchPadError) as error:
         log.error("%s", error)
-        return exit_codes.UNAVAILABLE
+        return exit_codes.code_of(error)
     except BrokenPipeError:  # the reader of a pipe ended (`listen | head`): discard what is still buffered
         os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
         return 0

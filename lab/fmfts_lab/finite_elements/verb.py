@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, lacking
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad, lacking, not_written
 from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
@@ -59,8 +59,10 @@ def _pad_model(options: argparse.Namespace) -> int:
     try:
         write_pad_file(options.output, mechanics, slab)
         draw(mechanics, picture)
-    except (OSError, ValueError) as error:
-        raise VerbError(exit_codes.DATA, str(error)) from error
+    except OSError as error:
+        raise not_written(error, options.output) from error
+    except ValueError as error:  # matplotlib does not know the suffix
+        raise VerbError(exit_codes.USAGE, f"{picture}: {error}") from error
     if options.solved is None:
         print(f"{options.output}: linear, to 2 % up to 0.25 N on the standard slab; --solved tables larger forces")
     else:

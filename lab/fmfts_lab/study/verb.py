@@ -7,7 +7,7 @@ import json
 from importlib import import_module
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads, lacking
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads, lacking, not_written
 from fmfts.common import exit_codes
 
 # Each is a module with `run(request: Request) -> Facts`, and `printed(facts: Facts) -> str`.
@@ -53,6 +53,6 @@ def _study(options: argparse.Namespace) -> int:
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
     except OSError as error:
-        raise VerbError(exit_codes.DATA, f"{error.filename or options.out}: {error.strerror}") from error
+        raise not_written(error, error.filename or options.out) from error
     print(json.dumps(facts, indent=1) if options.json else study.printed(facts))
     return 0

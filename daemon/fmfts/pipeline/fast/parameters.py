@@ -38,6 +38,7 @@ def put_sensors(
     parameters.put("sensors", len(mounted.sensors))
     _put_chip(parameters, mounted.chip)
     parameters.put("stopped_us", stopped_us)
+    parameters.put("longest_gap_us", alignment.longest_gap_us(stopped_us))
     parameters.put("jump_t", alignment.JUMP_T)
     parameters.put("repeats_allowed", repeats_allowed)
     parameters.put("gain", mounting.gain)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -11,13 +12,15 @@ import serial
 
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.source import AbsentError, SourceError, SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import UID_BYTES, Verb
 from fmfts.sensor.wired_pad import PadOnBoard
+
+log = logging.getLogger(__name__)
 
 READ_BYTES = 4096  # the size of Linux's buffer for a serial line
 FIRST_BACKOFF_NS = 50_000_000
@@ -54,6 +57,7 @@ class Bridge:
         self._backoff_ns = FIRST_BACKOFF_NS
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
+        self._strange_is_logged = False
         self._outbox = b""
         self._unread = b""  # bytes from give_back(): packets, or the beginning of one
 
@@ -108,7 +112,7 @@ class Bridge:
 
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
-            raise SourceError(
+            raise AbsentError(
                 f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
             )
         self._link.request_selftest(pad_index, time.monotonic_ns())
@@ -209,7 +213,9 @@ class Bridge:
                 self._found[self._port] = f"holds board {link.hello.uid.hex()}"
                 self._give_port_up(now_ns)
             elif now_ns - self._opened_ns >= IDENTIFY_NS:
-                silence = "answers, but tells no uid" if link.heard_ns else "holds no board that answers"
+                strange = link.strange.sentence((now_ns - self._opened_ns) / 1e9, self._baud)
+                self._log_strange(strange)
+                silence = "answers, but tells no uid" if link.heard_ns else strange or "holds no board that answers"
                 self._found[self._port] = self.state.warnings.get("wire version", silence)
                 self._give_port_up(now_ns)
         elif now_ns - self._quiet_since_ns >= SILENCE_NS:
@@ -219,6 +225,7 @@ class Bridge:
             self._candidates.clear()
             self.state.description = f"bridge on {self._port}"
             self.state.connect(now_ns)
+            self._strange_is_logged = False
 
     def _has_lost_its_name(self, now_ns: int) -> bool:
         """True if the port's name now belongs to a device that was plugged in later: then do not wait for this one."""
@@ -230,13 +237,21 @@ class Bridge:
     def _silent(self, now_ns: int) -> None:
         quiet_s = (now_ns - self._quiet_since_ns) / 1e9
         silent = f"the port is open but silent for {quiet_s:.1f} s: is the board powered and running?"
-        reason = self.state.warnings.get("wire version", silent)
+        strange = self._link.strange.sentence(quiet_s, self._baud)
+        reason = self.state.warnings.get("wire version", strange or silent)
+        self._log_strange(strange)
         if now_ns - self._quiet_since_ns >= REOPEN_NS:
             self._disconnect(reason, now_ns)
             return
         if self.state.connected:
             self._link.requests.ask(Verb.HELLO)
         self.state.disconnect(reason, now_ns)
+
+    def _log_strange(self, strange: str | None) -> None:
+        """Once until a board is there: the reason in the status goes on counting."""
+        if strange is not None and not self._strange_is_logged:
+            self._strange_is_logged = True
+            log.warning("%s: %s", self._port, strange)
 
     def _send(self, now_ns: int) -> None:
         assert self._descriptor is not None

@@ -27,7 +27,7 @@ from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.packets import ALL_PADS, UID_BYTES, Hello, Packet, Reply, Request, Result, Status, Verb
 from fmfts.sensor.wired_pad import Settings
-from fmfts.service.realtime import RealtimeError, take_thread_priority
+from fmfts.service.realtime import RealtimeError, lock_memory, take_thread_priority
 
 STATUS_NS = 1_000_000_000
 WATCH_NS = 250_000_000
@@ -191,9 +191,12 @@ def complain(sentence: str | None) -> None:
 
 
 def _come_first(config: ReaderConfig) -> None:
-    """Called after all imports, which take half a second. If the priority is refused, the reader works without it."""
+    """Called after all imports, which take half a second. What is refused, the reader works without."""
     try:
-        take_thread_priority(config.realtime_priority)
+        if config.lock_memory:
+            lock_memory()
+        if config.realtime_priority:
+            take_thread_priority(config.realtime_priority)
     except RealtimeError as error:
         complain(f"the reader of I2C bus {config.bus} may be late on a busy computer: {error}")
 
@@ -203,8 +206,7 @@ def main(arguments: list[str]) -> int:
     config = msgspec.json.decode(arguments[1], type=ReaderConfig)
     try:
         reader = Reader(config, I2cBus(config.bus, CallRecord(int(arguments[0]))))
-        if config.realtime_priority:
-            _come_first(config)
+        _come_first(config)
         reader.run()
     except SourceError as error:
         complain(str(error))

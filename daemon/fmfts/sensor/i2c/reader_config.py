@@ -30,6 +30,7 @@ class ReaderConfig(Struct, frozen=True):
     trigger: int
     pads: tuple[PadWiring, ...]
     realtime_priority: int = 0  # for SCHED_FIFO; 0: an ordinary process
+    lock_memory: bool = False
 
     @property
     def trigger_name(self) -> str:

@@ -14,12 +14,12 @@ import msgspec
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
-from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.source import AbsentError, SourceState
 from fmfts.sensor.wire.clock import HostClock
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wired_pad import PadOnI2c
-from fmfts.service.realtime import thread_priority
+from fmfts.service.realtime import memory_is_locked, thread_priority
 
 READ_BYTES = 65536
 CHECK_NS = 100_000_000
@@ -75,7 +75,7 @@ class I2c:
 
     def request_selftest(self, pad_index: int) -> None:
         if not self.state.connected:
-            raise SourceError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
+            raise AbsentError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
         self._link.request_selftest(pad_index, time.monotonic_ns())
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:
@@ -92,8 +92,10 @@ class I2c:
         self.state.disconnect("closed", time.monotonic_ns())
 
     def _start(self, now_ns: int) -> None:
-        # A late poll makes a late contact, so the reader gets the priority of the daemon's loop.
-        config = msgspec.structs.replace(self._config, realtime_priority=thread_priority())
+        # A late poll makes a late contact, so the reader gets the priority of the daemon's loop, and locked memory.
+        config = msgspec.structs.replace(
+            self._config, realtime_priority=thread_priority(), lock_memory=memory_is_locked()
+        )
         command = [sys.executable, "-m", "fmfts.sensor.i2c.reader", str(self._record.descriptor)]
         command.append(msgspec.json.encode(config).decode())
         pipe = subprocess.PIPE

@@ -58,6 +58,7 @@ class Decoder:
         self.foreign_version: int | None = None  # wire version of the last packet that had another one
         self._pending = b""
         self._joined = False
+        self._overlong = False
 
     def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample], bytes]:
         """The samples at the beginning of `data`, unpacked in C, and the rest of `data`, for `feed`."""
@@ -89,6 +90,8 @@ class Decoder:
                 if packet is not None:
                     packets.append(packet)
             self._joined = True
+        # Nothing that is so long without a zero is the rest of a packet.
+        self._overlong |= len(pending) > MAX_LINE_BYTES
         # Of an endless line only one byte more than allowed is kept: enough to recognise it as garbage.
         self._pending = pending[: MAX_LINE_BYTES + 1]
         self._count_garbage(0, len(pending) - len(self._pending))
@@ -112,6 +115,6 @@ class Decoder:
             return None
 
     def _count_garbage(self, packets: int, size: int) -> None:
-        if self._joined:
+        if self._joined or self._overlong:
             self.garbage_packets += packets
             self.garbage_bytes += size

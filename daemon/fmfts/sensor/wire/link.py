@@ -27,6 +27,7 @@ from fmfts.sensor.wire.packets import (
 )
 from fmfts.sensor.wire.requests import REPEAT_NS, Requests
 from fmfts.sensor.wire.selftests import Selftests
+from fmfts.sensor.wire.strange import StrangeBytes
 from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
@@ -52,6 +53,7 @@ class Link:
         self._board = Board(pads, state, uid)
         self._decoder = Decoder()
         self._hello_due_ns: int | None = None
+        self.strange = StrangeBytes()
         self._misfits = 0
         self._selftests = Selftests()
         # The chip of each pad by (pad index, bytes of readings): pads that agree with the last hello.
@@ -92,6 +94,7 @@ class Link:
         self._accepted.clear()
         self.heard_ns = self._misfits = 0
         self._decoder = Decoder()
+        self.strange.forget()
         self._clock.restart()
         self.requests.clear()
 
@@ -116,13 +119,18 @@ class Link:
 
         Never raises: packets that contradict the board's hello are left out, counted, and named in `warnings`.
         """
+        arrived = data
         samples, data = self._decoder.leading_samples(data)
         frames = [frame for sample in samples if (frame := self._wire_frame(sample, now_ns)) is not None]
+        if samples:
+            self.strange.forget()
         if not data:
             return frames
+        self.strange.add(arrived)
         before = (self._decoder.crc_errors, self._decoder.garbage_bytes)
         for packet in self._decoder.feed(data):
             self.heard_ns = now_ns
+            self.strange.forget()
             if type(packet) is Sample:
                 frame = self._frame(packet, now_ns)
                 if frame is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmfts.sensor.chips import Chip
 from fmfts.sensor.chips.selftest import selftest_facts
-from fmfts.sensor.source import SourceError
+from fmfts.sensor.source import CannotError
 from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.packets import HelloPad, Selftest
 
@@ -24,7 +24,7 @@ class Selftests:
 
     def begin(self, pad_index: int, name: str, now_ns: int) -> None:
         if pad_index in self._deadlines_ns:
-            raise SourceError(f"pad {name!r}: a self-test is running already: wait for its result")
+            raise CannotError(f"pad {name!r}: a self-test is running already: wait for its result")
         self._results.pop(pad_index, None)
         self._deadlines_ns[pad_index] = now_ns + TIME_LIMIT_NS
 

@@ -1,0 +1,67 @@
+"""Says whose a baseline is: the board, the I2C bus and mux, or the simulation whose sensors it was recorded with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import msgspec
+
+Kind = Literal["bridge", "i2c", "simulated"]
+
+
+class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The sensors of one pad. A fact that is None is not known.
+
+    uid, pad_index: of a board. bus, mux_address, channels: of chips on an I2C bus; chips have no numbers of their own.
+    seed: of a simulated pad. chip: what kind of chip they are.
+    """
+
+    kind: Kind
+    chip: str
+    uid: str | None = None
+    pad_index: int | None = None
+    bus: int | None = None
+    mux_address: int | None = None
+    channels: tuple[int, ...] | None = None
+    seed: int | None = None
+
+    def on(self, board: Mapping[str, object]) -> Origin:
+        """The same with what the board says of itself (`SourceState.board`)."""
+        uid = board.get("uid")
+        return (
+            msgspec.structs.replace(self, uid=uid.lower()) if self.kind == "bridge" and isinstance(uid, str) else self
+        )
+
+    def agrees_with(self, other: Origin) -> bool:
+        """False if a fact that both know differs."""
+        mine, its = msgspec.structs.astuple(self), msgspec.structs.astuple(other)
+        return all(one is None or two is None or one == two for one, two in zip(mine, its, strict=True))
+
+    def __str__(self) -> str:
+        match self.kind:
+            case "bridge":
+                board = "a board that told no uid" if self.uid is None else f"board {self.uid}"
+                return f"{board}, pad_index {self.pad_index}, {self.chip}"
+            case "i2c":
+                mux = "?" if self.mux_address is None else f"0x{self.mux_address:02x}"
+                channels = ", ".join(map(str, self.channels or ()))
+                return f"I2C bus {self.bus}, mux {mux}, channels {channels}, {self.chip}"
+            case _:
+                return f"a simulated pad, seed {self.seed}, {self.chip}"
+
+
+def foreign(pad: str, whose: Origin, mine: Origin) -> str:
+    """The sentence that refuses a baseline. whose: it is; mine: the sensors that there are now."""
+    return (
+        f"pad '{pad}': its baseline was recorded on {whose}, but the pad is on {mine}, whose sensors differ: "
+        f"record this one's: `fmfts-daemon baseline --bare --pad {pad}` without the pad, then `--rest` with it"
+    )
+
+
+def unbound(pad: str) -> str:
+    """The sentence for a baseline of an older version, which does not say whose it is."""
+    return (
+        f"pad '{pad}': its baseline does not say on which board it was recorded, so it is believed; "
+        f"`fmfts-daemon baseline --rest --pad {pad}` records one that does"
+    )

@@ -1,0 +1,43 @@
+"""Says which sensors of a frame cannot be used, and why: silent, saturated on an axis, or stuck on one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.sensor.chips import Chip
+from fmfts.sensor.frame import Frame
+
+AXES = "xyz"
+SILENT = "silent"
+
+
+def missing_sensors(frame: Frame, stuck: NDArray[np.bool_] | None = None) -> dict[int, str]:
+    """Sensor (from 0) → what is wrong with it, to follow "sensor 1 is ". stuck (N, 3): axes that repeat one value."""
+    found = {}
+    overflow = frame.overflow
+    for sensor in range(len(frame.valid)):
+        if not frame.valid[sensor]:
+            found[sensor] = SILENT
+        elif overflow[sensor].any():
+            found[sensor] = saturated(frame.chip, frame.gain_code, overflow[sensor])
+        elif stuck is not None and stuck[sensor].any():
+            found[sensor] = f"stuck on {_named(stuck[sensor])}, which repeats one value (run selftest)"
+    return found
+
+
+def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
+    """What is wrong with a sensor whose `axes` (3,) are saturated, and the range to set."""
+    now = chip.ranges_gauss[gain_code] if gain_code < len(chip.ranges_gauss) else 0.0
+    larger = [each for each in chip.ranges_gauss if each > now]
+    do = f"set range_gauss = {larger[0]:g}" if larger else "no range is larger: is another magnet near?"
+    return f"saturated on {_named(axes)} at ±{now:g} G ({do})"
+
+
+def named_sensors(found: dict[int, str]) -> str:
+    """As a sentence: "sensor 2 is saturated on x at ±0.88 G (set range_gauss = 1.3)"."""
+    return "; ".join(f"sensor {sensor + 1} is {what}" for sensor, what in sorted(found.items()))
+
+
+def _named(axes: NDArray[np.bool_]) -> str:
+    return " and ".join(AXES[axis] for axis in np.flatnonzero(axes))
