@@ -218,6 +218,8 @@ static const struct field contact_fields[] = {
     NULLABLE(NUMBER, fmfts_contact, shear_y_sd_n),
     FIELD(FLAG, fmfts_contact, over_range),
     NULLABLE(NUMBER, fmfts_contact, force_min_n),
+    NULLABLE(NUMBER, fmfts_contact, displacement_m),
+    NULLABLE(NUMBER, fmfts_contact, displacement_sd_m),
     {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose)},
     FIELD(INTEGER, fmfts_contact, sensors_ok),
     FIELD(WORD, fmfts_contact, solver),

@@ -132,7 +132,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, 12000]", "would feel next to nothing (these are millimetres)"),
         (PAD + '[pad.scene]\nneighbours = ["z"]', "scene.neighbours[0] = 'z': there is no such pad: the pads are a"),
         (PAD + '[pad.scene]\nneighbours = ["a"]', "a pad is not its own neighbour"),
-        (PAD + '[pad.contact]\nmodel = "no.onnx"', 'neither "default" nor "shear" nor a file: there is no /'),
+        (PAD + '[pad.contact]\nmodel = "no.onnx"', 'neither "default" nor "shear" nor "none" nor a file: there is no /'),
         (PAD + '[pad.scene]\nneighbours = ["b"]\n' + PAD.replace('"a"', '"b"'), "pad 'a' (first [[pad]]): placement.position_mm: its magnet is where that of its neighbour 'b' is: say in [pad.placement] of both"),
         (PAD + PAD, "pad 'a' (second [[pad]]): name = 'a': another pad has this name"),
         (BRIDGE + BRIDGE.replace('"b"', '"c"'), "pad 'c' (second [[pad]]): source.pad_index: pad 'b' reads the same sensors"),

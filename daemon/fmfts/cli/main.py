@@ -228,7 +228,7 @@ def _status(options: argparse.Namespace) -> int:
 
 def _check_config(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
-    from fmfts.contact import ModelError
+    from fmfts.contact import ModelError, NoContactModel
     from fmfts.runtime.daemon import load_models
 
     config = configuration(options)
@@ -244,7 +244,12 @@ def _check_config(options: argparse.Namespace) -> int:
         print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
-            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
+            model = models[pad.name]
+            if isinstance(model, NoContactModel):
+                print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, touch and displacement only")
+                print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)
+                continue
+            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")
             if (warning := other_silicone(pad)) is not None:
                 print(f"{pad.name}: warning: {warning}", file=sys.stderr)
     return 0

@@ -17,6 +17,7 @@ from fmfts.config import (
     SourceConfig,
     collect,
 )
+from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
@@ -137,8 +138,11 @@ def _rest(pad: PadConfig) -> Iterator[Problem]:
 
 
 def _model(pad: PadConfig) -> Iterator[Problem]:
-    if pad.contact.model not in SHIPPED_PATHS and not Path(pad.contact.model).is_file():
-        yield ("contact", "model"), f'neither "default" nor "shear" nor a file: there is no {pad.contact.model}'
+    if pad.contact.model not in (NO_MODEL, *SHIPPED_PATHS) and not Path(pad.contact.model).is_file():
+        yield (
+            ("contact", "model"),
+            f'neither "default" nor "shear" nor "none" nor a file: there is no {pad.contact.model}',
+        )
 
 
 def other_silicone(pad: PadConfig) -> str | None:

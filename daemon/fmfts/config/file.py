@@ -16,6 +16,7 @@ from msgspec import inspect
 
 from fmfts.config import BoardUid, Config, PadName, ReplaySource, SimulatedSource
 from fmfts.config.checks import problem_in
+from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 
 ENVIRONMENT = "FMFTS_CONFIG"
@@ -100,7 +101,7 @@ def _line_shown(text: str, error: str) -> str:
 def _with_absolute_paths(config: Config, folder: Path) -> Config:
     pads = []
     for pad in config.pad:
-        if pad.contact.model not in SHIPPED_PATHS:
+        if pad.contact.model not in (NO_MODEL, *SHIPPED_PATHS):
             contact = msgspec.structs.replace(pad.contact, model=str(folder / pad.contact.model))
             pad = msgspec.structs.replace(pad, contact=contact)
         if isinstance(pad.source, ReplaySource):

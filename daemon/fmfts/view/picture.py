@@ -18,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fmfts.common import exit_codes
+from fmfts.view.tally import displacement_text
 from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
 
 HALF_WIDTH_M = 0.020  # the bus does not tell the pad's size; a contact farther out is drawn at the edge
@@ -126,12 +127,14 @@ def _figures(contact: Contact, status: Status | None, rate_hz: float | None, arr
     figures.add_column(no_wrap=False, min_width=23, max_width=23)
     figures.add_row("health", Text(contact.health, _health_style(contact.health)))
     if contact.reason:
-        figures.add_row("", Text(contact.reason, "red"))
+        figures.add_row("", Text(contact.reason, "yellow" if contact.health == "ok" else "red"))
     figures.add_row("contact", {True: "yes", False: "no", None: "not known"}[contact.contact])
     figures.add_row("force", Text(force_text(contact), _force_style(contact)))
     figures.add_row("", _bar(contact))
     for name, value, deviation in (("x", contact.x_m, contact.x_sd_m), ("y", contact.y_m, contact.y_sd_m)):
         figures.add_row(name, _with_deviation(value, deviation, 1e3, 2, "mm"))
+    if contact.displacement_m is not None:
+        figures.add_row("moved", displacement_text(contact))
     if contact.shear_x_n is not None and contact.shear_y_n is not None:
         figures.add_row("shear", f"{contact.shear_x_n:+.2f} {contact.shear_y_n:+.2f} N")
     _add_pose(figures, contact)

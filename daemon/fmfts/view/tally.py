@@ -115,7 +115,8 @@ def now_line(tally: Tally) -> str:
     contact = tally.contact
     if contact is None or not tally.alive:
         return f"{tally.pad}: nothing arrives"
-    parts = [f"{tally.pad}: {contact.health}" + (f" ({contact.reason})" if contact.reason else "")]
+    healthy = contact.health == "ok"
+    parts = [f"{tally.pad}: {contact.health}" + (f" ({contact.reason})" if contact.reason and not healthy else "")]
     if contact.over_range:
         parts.append(f"more than {contact.force_min_n or 0.0:.2f} N")
     elif contact.contact is None:
@@ -126,10 +127,22 @@ def now_line(tally: Tally) -> str:
         parts.append(f"{contact.force_n:.2f} N at ({contact.x_m * 1e3:+.1f}, {contact.y_m * 1e3:+.1f}) mm")
     else:
         parts.append("contact")
+    if contact.displacement_m is not None:
+        parts.append(f"magnet {displacement_text(contact)} from rest")
     if tally.rate_hz is not None:
         parts.append(f"{tally.rate_hz:.1f} Hz")
     if contact.t_sample_ns:
         sample_to_publish_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
         ago = "" if contact.clock_ahead_s is None else f", {contact.sample_age_s * 1e3:.1f} ms ago"
         parts.append(f"sampled {sample_to_publish_ms:.2f} ms before publishing{ago}")
+    if contact.reason and healthy:
+        parts.append(contact.reason)
     return "  ".join(parts)
+
+
+def displacement_text(contact: Contact) -> str:
+    """How far the magnet is from rest, as text in millimetres."""
+    if contact.displacement_m is None:
+        return "–"
+    deviation = "" if contact.displacement_sd_m is None else f" ± {contact.displacement_sd_m * 1e3:.3f}"
+    return f"{contact.displacement_m * 1e3:.3f}{deviation} mm"
