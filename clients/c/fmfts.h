@@ -142,6 +142,12 @@ bool fmfts_measured(const struct fmfts_contact *contact);
  * on another machine the shortest delay of the network is not included. */
 double fmfts_sample_age_s(const struct fmfts_contact *contact);
 
+/* Why nothing arrives, as a sentence with what to do: no daemon is there, it has no such pad (and which it has), it
+ * speaks another schema version, or it refuses the key. True, and "" in `why`, if contacts of the pad do arrive.
+ * Listens to all pads of the daemon for up to `timeout_ms` (1000 is enough), on a connection of its own, and allocates:
+ * call it before a control loop, not in it. */
+bool fmfts_why(const struct fmfts_client *client, int timeout_ms, char why[FMFTS_TEXT_SIZE]);
+
 /* "ok", "degraded", …; "unknown" for any other value. */
 const char *fmfts_health_name(enum fmfts_health health);
 
