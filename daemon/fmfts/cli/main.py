@@ -15,6 +15,7 @@ from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
 from fmfts.cli import collect as collect_verb
 from fmfts.cli import keys as keys_verb
+from fmfts.cli import next_step
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli.verb import AddVerb, VerbError, configuration, pad_named, seconds, serving_base
@@ -202,7 +203,18 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
     except direct.AbsentError as error:
         raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
+    after = {"selftest": next_step.after_selftest, "baseline": next_step.after_baseline}[verb]
+    _say_next(options, after(facts, _config_words(options), f" --pad {options.pad}" if options.pad else ""))
     return 0 if facts.get("passed", True) else 1
+
+
+def _config_words(options: argparse.Namespace) -> str:
+    return "" if options.config is None else f" --config {options.config}"
+
+
+def _say_next(options: argparse.Namespace, sentence: str) -> None:
+    if sentence and not options.json:
+        print(f"next: {sentence}")
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -217,6 +229,7 @@ def _probe(options: argparse.Namespace) -> int:
     except direct.AbsentError as error:
         raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     print_facts(facts, as_json=options.json)
+    _say_next(options, next_step.after_probe(facts, _config_words(options)))
     return 0 if all(pad["connected"] for pad in facts["pads"]) else exit_codes.UNAVAILABLE
 
 

@@ -37,12 +37,18 @@ MOST_NEIGHBOURS = 3  # the solver's state holds four magnets
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
 
 
-def problem_in(config: Config) -> Problem | None:
-    """The first problem of `config`; None where there is none."""
-    return next(_problems(config), None)
+def problems_in(config: Config) -> list[Problem]:
+    """All problems of `config`. What pads share is looked at only if each pad alone is good."""
+    problems = [*_of_the_bus(config), *_of_pads(config)]
+    problems += ((("collect", *keys), text) for keys, text in collect.problems(config.collect))
+    problems += _names(config.pad)
+    if not problems:
+        for check in (_neighbours, _shared_sensors, _i2c_buses):
+            problems += check(config.pad)
+    return problems
 
 
-def _problems(config: Config) -> Iterator[Problem]:
+def _of_the_bus(config: Config) -> Iterator[Problem]:
     base = config.bus.endpoint
     if base is not None:
         try:
@@ -51,6 +57,9 @@ def _problems(config: Config) -> Iterator[Problem]:
             yield ("bus", "endpoint"), str(error)
         if base.startswith("tcp://") and config.bus.keys is None and not is_loopback(base):
             yield ("bus", "endpoint"), "other machines are let in with keys alone: set bus.keys (docs/security.md)"
+
+
+def _of_pads(config: Config) -> Iterator[Problem]:
     if not config.pad:
         yield ("pad",), "at least one [[pad]] is needed"
     for number, pad in enumerate(config.pad):
@@ -58,12 +67,6 @@ def _problems(config: Config) -> Iterator[Problem]:
         for check in checks:
             for keys, text in check(pad):
                 yield ("pad", number, *keys), text
-    for keys, text in collect.problems(config.collect):
-        yield ("collect", *keys), text
-    yield from _names(config.pad)
-    yield from _neighbours(config.pad)
-    yield from _shared_sensors(config.pad)
-    yield from _i2c_buses(config.pad)
 
 
 def _source(pad: PadConfig) -> Iterator[Problem]:
@@ -107,7 +110,7 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (
                 ("geometry", "sensors_mm", second),
-                f"is within {SENSOR_SPACING_MM:g} mm of sensor {first} (these are millimetres)",
+                f"is within {SENSOR_SPACING_MM:g} mm of sensor {first + 1} (these are millimetres)",
             )
     rotations = pad.geometry.sensor_rotations_deg
     if rotations and len(rotations) != len(places):

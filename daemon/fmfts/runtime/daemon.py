@@ -22,7 +22,7 @@ from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
-from fmfts.contact import ContactModel, NoContactModel
+from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
@@ -260,9 +260,15 @@ def load_models(config: Config) -> dict[str, ContactModel | NoContactModel]:
     """The contact models by pad; pads of the same structure share one. ModelError if a model's file cannot be used."""
     loaded: dict[tuple[object, ...], ContactModel | NoContactModel] = {}
     models = {}
+    wrong: list[str] = []
     for pad in config.pad:
         key = (pad.contact, pad.pad().geometry_hash)
-        if key not in loaded:
-            loaded[key] = contact_model_of(pad)
-        models[pad.name] = loaded[key]
+        try:
+            if key not in loaded:
+                loaded[key] = contact_model_of(pad)
+            models[pad.name] = loaded[key]
+        except ModelError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise ModelError("\n".join(wrong))
     return models
