@@ -74,5 +74,5 @@ def test_gains_of_a_recording_are_told_in_words_with_units(capsys: pytest.Captur
         "gains, relative to each other: ± 0.0030 (was ± 0.0500)",
         "press of 1 N: force: ± 0.018 N (was ± 0.071 N)",
         "press of 1 N: place: ± 0.070 mm (was ± 0.300 mm)",
-        "places of the sensors: ± 0.090 mm",
+        "places of the sensors: ± 0.090 mm (was ± 0.100 mm)",
     ]
