@@ -38,7 +38,7 @@ ifneq ($(PAPER),)
 else ifneq ($(FIRMWARE),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/firmware_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else
-	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
+	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)))
 endif
 
 PARTS ?=

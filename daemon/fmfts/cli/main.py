@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
 import sys
@@ -13,9 +12,11 @@ from typing import Any
 
 from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
+from fmfts.cli import check_config, next_step
 from fmfts.cli import collect as collect_verb
+from fmfts.cli import demo as demo_verb
+from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
-from fmfts.cli import next_step
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli.verb import AddVerb, VerbError, configuration, pad_named, seconds, serving_base
@@ -26,7 +27,7 @@ LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed o
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 LABORATORY = {"study": "compare methods on this pad", "pad-model": "make a simulated pad by finite elements"}
 EPILOG = """\
-A new pad: check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
+A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
 If a daemon runs, probe, selftest and baseline go through it.
 
 exit codes: 0 done; 1 the self-test failed; 2 usage; 65 data, device or daemon refused; 69 device, daemon, place to
@@ -100,11 +101,13 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
         facts(added)
     facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
     facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
-    facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
+    facts(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
     facts(listen)
+    demo_verb.add_to(verb)
+    init_verb.add_to(verb)
     keys_verb.add_to(verb)
     record_verbs.add_to(verb, LISTENERS_CONFIG)
     pose_verb.add_to(verb)
@@ -237,35 +240,6 @@ def _status(options: argparse.Namespace) -> int:
     from fmfts.view.status import status
 
     return status(as_json=options.json, endpoint=serving_base(options))
-
-
-def _check_config(options: argparse.Namespace) -> int:
-    from fmfts.config.checks import other_silicone
-    from fmfts.contact import ModelError, NoContactModel
-    from fmfts.runtime.daemon import load_models
-
-    config = configuration(options)
-    try:
-        models = load_models(config)
-    except ModelError as error:
-        raise VerbError(exit_codes.CONFIG, str(error)) from error
-    if options.json:
-        import msgspec
-
-        print(json.dumps(msgspec.to_builtins(config), indent=1))
-    else:
-        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
-        for pad in config.pad:
-            kind = pad.source.__struct_config__.tag
-            model = models[pad.name]
-            if isinstance(model, NoContactModel):
-                print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, touch and displacement only")
-                print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)
-                continue
-            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")
-            if (warning := other_silicone(pad)) is not None:
-                print(f"{pad.name}: warning: {warning}", file=sys.stderr)
-    return 0
 
 
 def _listen(options: argparse.Namespace) -> int:

@@ -65,8 +65,8 @@ def _find(path: Path | None, environ: Mapping[str, str]) -> Path:
             return candidate
     raise ConfigError(
         f"no configuration found: neither --config nor ${ENVIRONMENT} is given, and there is no "
-        f"{' or '.join(map(str, DEFAULT_PATHS))}: describe your pads in one of them; the config.toml that ships is an "
-        "example"
+        f"{' or '.join(map(str, DEFAULT_PATHS))}: `fmfts-daemon init` finds the board and writes one; "
+        "`fmfts-daemon demo` needs none"
     )
 
 
