@@ -60,6 +60,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 141
 
 
+def command_line() -> argparse.ArgumentParser:
+    """The parser of this package's own verbs: for manual pages and completion."""
+    return _parser("run")
+
+
 def _parser(requested: str | None) -> argparse.ArgumentParser:
     """The parser of all verbs. requested: the first word of the command line; None where there is none."""
     parser = argparse.ArgumentParser(
