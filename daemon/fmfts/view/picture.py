@@ -22,6 +22,7 @@ from fmfts.common import exit_codes
 from fmfts.view.history import History
 from fmfts.view.tally import displacement_text
 from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
+from fmfts_client.endpoints import for_client
 
 Places = Sequence[tuple[float, float]]
 
@@ -236,9 +237,11 @@ def main() -> int:
     if contact is None:
         print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
         return exit_codes.UNAVAILABLE
-    options.out.write_text(
-        as_svg(render_contact(contact, status, rate_hz, arrival_s), "fmfts-daemon listen"), encoding="utf-8"
-    )
+    from fmfts.view.places import sensor_places  # it imports this module
+
+    sensors_m = sensor_places(for_client()).get(options.pad, ())
+    picture = render_contact(contact, status, rate_hz, arrival_s, sensors_m=sensors_m)
+    options.out.write_text(as_svg(picture, "fmfts-daemon listen"), encoding="utf-8")
     return 0
 
 
