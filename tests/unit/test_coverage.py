@@ -77,7 +77,7 @@ def test_turning_about_one_axis_alone_is_told_what_is_missing() -> None:
     source = still()
     source.turning_rad_per_s = 1.0
     said, enough_s = hints(source, TurnCoverage(CONFIG.pad()), 15.0)
-    assert said[-1].startswith("turn about another axis, across the first: 0° of 90°")
+    assert said[-1].startswith("turn about another axis, across the first: 0 %")
     assert enough_s == np.inf
 
 

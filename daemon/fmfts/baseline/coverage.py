@@ -61,7 +61,8 @@ class TurnCoverage:
             self._block.clear()
         if self._frames % LOOK_FRAMES == 0 and len(self._means) >= 3:
             swept = np.array(self._means) - np.mean(self._means, axis=0)
-            self._sweep_t = np.sort(np.ptp(product(swept, singular_values(swept)[2]), axis=0))[::-1]
+            sweep_t = np.ptp(product(swept, singular_values(swept)[2]), axis=0)
+            self._sweep_t = np.array(sorted(sweep_t.tolist(), reverse=True))
 
     @property
     def enough(self) -> bool:
@@ -81,15 +82,11 @@ class TurnCoverage:
         first, _, last = self._sweep_t
         if first < 2.0 * SMALLEST_SWEEP_T:
             return "the field hardly turns yet: turn the robot half around about one axis"
-        if last < max(SMALLEST_SWEEP_T, SWEEP_SHARE * first):
-            arc, wanted = (2.0 * np.degrees(np.arcsin(min(share, 1.0))) for share in (last / first, SWEEP_SHARE))
-            return f"turn about another axis, across the first: {_tens(arc):.0f}° of {_tens(wanted):.0f}° so far"
+        needed = max(SMALLEST_SWEEP_T, SWEEP_SHARE * first)
+        if last < needed:
+            # In steps of ten: a hint that changes all the time cannot be read.
+            return f"turn about another axis, across the first: {10 * int(10.0 * last / needed)} % of what it needs"
         return ""
-
-
-def _tens(angle_deg: float) -> float:
-    """In steps of ten: a hint that changes all the time cannot be read."""
-    return 10.0 * round(angle_deg / 10.0)
 
 
 class PressCoverage:
