@@ -1,5 +1,6 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
+# make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
 # make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (three minutes)
@@ -26,7 +27,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
 
-.PHONY: collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
 # instead, because Python would print a traceback if Ctrl-C came while it starts.
@@ -38,8 +39,11 @@ ifneq ($(PAPER),)
 else ifneq ($(FIRMWARE),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/firmware_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else
-	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo --config config.toml $(if $(SECONDS),--seconds $(SECONDS)))
+	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)))
 endif
+
+transcript: $(VENV)/.installed-test firmware
+	$(BIN)/python tests/end_to_end/first_use.py
 
 PARTS ?=
 test: test-packages $(VENV)/.installed-test firmware-for-tests

@@ -18,7 +18,7 @@ IN_PLACE = sed -e 's|@LIB@|$(INSTALL_LIB)|' -e 's|@PYTHON@|$(SYSTEM_PYTHON)|' -e
 INSTALL_PACKAGES = $(call missing_packages,python3-pip python3-dev gcc)
 DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential python3-pip python3-dev)
 
-.PHONY: install uninstall deb drill-service test-fresh drills soak aarch64 same-numbers
+.PHONY: install uninstall deb lint-deb drill-service test-fresh drills soak aarch64 same-numbers
 
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
@@ -45,7 +45,7 @@ uninstall:
 
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 DEB_BUILD := build/deb
-DEB_SOURCES := Makefile pyproject.toml README.md CHANGELOG.md LICENSE config.toml daemon clients/python systemd
+DEB_SOURCES := Makefile pyproject.toml README.md CHANGELOG.md LICENSE config.toml daemon docs clients/python systemd
 
 # A package for Debian 12, in build/. It fetches what Debian lacks from PyPI, by hash (systemd/debian/vendored.txt).
 deb:
@@ -58,6 +58,11 @@ deb:
 	cd $(DEB_BUILD)/fmfts && dpkg-buildpackage --no-sign --build=binary
 	mv $(DEB_BUILD)/fmfts_$(VERSION)_*.deb build/
 	@ls -l build/fmfts_$(VERSION)_*.deb
+
+# Fails on any error that lintian finds in the package.
+lint-deb: deb
+	@$(call need,$(call missing_packages,lintian),exit 1)
+	lintian --fail-on error build/fmfts_$(VERSION)_$(shell dpkg --print-architecture).deb
 
 # The package on a plain Debian 12 under real systemd (root; ten minutes the first time, then five).
 drill-service: deb firmware

@@ -1,4 +1,4 @@
-/* The client in four parts: msgpack, the schema, where the daemon is and who may listen, the client. */
+/* The client in five parts: msgpack, the schema, where the daemon is and who may listen, the client, why it hears nothing. */
 #define _GNU_SOURCE
 #include "fmfts.h"
 
@@ -218,6 +218,8 @@ static const struct field contact_fields[] = {
     NULLABLE(NUMBER, fmfts_contact, shear_y_sd_n),
     FIELD(FLAG, fmfts_contact, over_range),
     NULLABLE(NUMBER, fmfts_contact, force_min_n),
+    NULLABLE(NUMBER, fmfts_contact, displacement_m),
+    NULLABLE(NUMBER, fmfts_contact, displacement_sd_m),
     {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose)},
     FIELD(INTEGER, fmfts_contact, sensors_ok),
     FIELD(WORD, fmfts_contact, solver),
@@ -669,6 +671,7 @@ struct fmfts_client {
     void *context, *socket;
     bool remote;
     struct sender_clock clock;
+    char endpoint[ENDPOINT_SIZE];
     char topic[sizeof "contact/" + FMFTS_WORD_SIZE];
     char refusal[FMFTS_TEXT_SIZE];
     uint64_t refused, restarts;
@@ -682,7 +685,7 @@ static bool set_option(void *socket, int option, const void *value, size_t size,
     return zmq_setsockopt(socket, option, value, size) == 0 || fail(why, "ZeroMQ: %s", zmq_strerror(zmq_errno()));
 }
 
-static bool listen_to(struct fmfts_client *client, const char *endpoint, char why[FMFTS_TEXT_SIZE])
+static bool open_socket(struct fmfts_client *client, const char *endpoint, char why[FMFTS_TEXT_SIZE])
 {
     int none = 0, high_mark = HIGH_MARK;
     int64_t largest = LARGEST_MESSAGE;
@@ -691,12 +694,15 @@ static bool listen_to(struct fmfts_client *client, const char *endpoint, char wh
     if (!client->socket)
         return fail(why, "ZeroMQ: %s", zmq_strerror(zmq_errno()));
     /* ZMQ_CONFLATE cannot be used: it drops the topic part. */
-    if (!set_option(client->socket, ZMQ_LINGER, &none, sizeof none, why) ||
-        !set_option(client->socket, ZMQ_RCVHWM, &high_mark, sizeof high_mark, why) ||
-        !set_option(client->socket, ZMQ_MAXMSGSIZE, &largest, sizeof largest, why) ||
-        !set_option(client->socket, ZMQ_SUBSCRIBE, client->topic, strlen(client->topic), why) ||
-        !show_key(client->socket, endpoint, why))
-        return false;
+    return set_option(client->socket, ZMQ_LINGER, &none, sizeof none, why) &&
+           set_option(client->socket, ZMQ_RCVHWM, &high_mark, sizeof high_mark, why) &&
+           set_option(client->socket, ZMQ_MAXMSGSIZE, &largest, sizeof largest, why) &&
+           set_option(client->socket, ZMQ_SUBSCRIBE, client->topic, strlen(client->topic), why) &&
+           show_key(client->socket, endpoint, why);
+}
+
+static bool connect_to(struct fmfts_client *client, const char *endpoint, char why[FMFTS_TEXT_SIZE])
+{
     /* tcp may lead to another machine: through a tunnel, even with a loopback address. */
     client->remote = starts_with(endpoint, "tcp://");
     return zmq_connect(client->socket, endpoint) == 0 ||
@@ -718,7 +724,8 @@ struct fmfts_client *fmfts_connect(const char *pad, const char *endpoint, char w
         return NULL;
     }
     snprintf(client->topic, sizeof client->topic, "contact/%s", pad);
-    if (listen_to(client, bus, why))
+    snprintf(client->endpoint, sizeof client->endpoint, "%s", bus);
+    if (open_socket(client, bus, why) && connect_to(client, bus, why))
         return client;
     fmfts_close(client);
     return NULL;
@@ -914,4 +921,191 @@ bool fmfts_measured(const struct fmfts_contact *contact)
 double fmfts_sample_age_s(const struct fmfts_contact *contact)
 {
     return age_s(contact, contact->t_sample_ns);
+}
+
+/* ---- why nothing arrives: as clients/python/fmfts_client/diagnosis.py finds it ---- */
+
+enum { MOST_PADS = 16, MONITORED = 6 /* bytes of a monitor's first part: the event (16 bits) and its value */ };
+
+/* events: of the connection, as libzmq reports them. wrong: what is wrong with the pad's own messages. */
+struct heard {
+    unsigned events;
+    int pads;
+    bool sound;
+    char wrong[FMFTS_TEXT_SIZE];
+    char pad[MOST_PADS][FMFTS_WORD_SIZE];
+};
+
+/* libzmq before 4.3 does not report how a handshake ended. */
+#ifdef ZMQ_EVENT_HANDSHAKE_FAILED_AUTH
+enum {
+    REFUSED_KEY = ZMQ_EVENT_HANDSHAKE_FAILED_AUTH,
+    OTHER_PROTOCOL = ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL,
+    SERVED = ZMQ_EVENT_HANDSHAKE_SUCCEEDED
+};
+#else
+enum { REFUSED_KEY = 0, OTHER_PROTOCOL = 0, SERVED = ZMQ_EVENT_CONNECTED };
+#endif
+
+/* How many letters must be added, taken away or changed to make one word of the other. */
+static size_t edits(const char *one, const char *other)
+{
+    size_t row[FMFTS_WORD_SIZE], length = strlen(other);
+    for (size_t j = 0; j <= length; j++)
+        row[j] = j;
+    for (size_t i = 1; one[i - 1]; i++) {
+        size_t before = row[0];
+        row[0] = i;
+        for (size_t j = 1; j <= length; j++) {
+            size_t changed = before + (one[i - 1] != other[j - 1]), added = row[j - 1] + 1;
+            before = row[j];
+            row[j] = row[j] + 1 < added ? row[j] + 1 : added;
+            row[j] = changed < row[j] ? changed : row[j];
+        }
+    }
+    return row[length];
+}
+
+/* The pad whose name differs from `wanted` by the fewest letters; NULL where half or more of them differ. */
+static const char *nearest_name(const struct heard *heard, const char *wanted)
+{
+    const char *nearest = NULL;
+    size_t fewest = SIZE_MAX;
+    for (int i = 0; i < heard->pads; i++) {
+        const char *name = heard->pad[i];
+        size_t count = edits(wanted, name), longer = strlen(name) > strlen(wanted) ? strlen(name) : strlen(wanted);
+        if (count < fewest && 2 * count < longer) {
+            nearest = name;
+            fewest = count;
+        }
+    }
+    return nearest;
+}
+
+/* Keeps the names in the order of the alphabet. */
+static void hear_pad(struct heard *heard, const char *name)
+{
+    int at = 0;
+    while (at < heard->pads && strcmp(heard->pad[at], name) < 0)
+        at++;
+    size_t size = strlen(name) + 1;
+    if (size > FMFTS_WORD_SIZE || heard->pads == MOST_PADS || (at < heard->pads && strcmp(heard->pad[at], name) == 0))
+        return;
+    memmove(heard->pad[at + 1], heard->pad[at], (size_t)(heard->pads - at) * FMFTS_WORD_SIZE);
+    memcpy(heard->pad[at], name, size);
+    heard->pads++;
+}
+
+/* Takes one message of any pad, if there is one. */
+static bool hear_message(struct fmfts_client *all, const char *pad, struct heard *heard)
+{
+    char topic[sizeof all->topic] = {0}, why[FMFTS_TEXT_SIZE];
+    int more, size = receive(all, topic, sizeof topic - 1, &more), body = 0;
+    if (size < 0)
+        return false;
+    while (more)
+        body = receive(all, all->body, sizeof all->body, &more);
+    if ((size_t)size >= sizeof topic || strlen(topic) <= strlen("contact/"))
+        return true;
+    const char *name = topic + strlen("contact/");
+    size_t known = body < 0 ? 0 : (size_t)body < sizeof all->body ? (size_t)body : sizeof all->body;
+    enum fmfts_result result = fmfts_decode(all->body, known, &all->next, why);
+    if (result == FMFTS_WRONG_VERSION)
+        fail(heard->wrong, "%s", why);
+    else
+        hear_pad(heard, name);
+    if (result == FMFTS_REFUSED && strcmp(name, pad) == 0)
+        fail(heard->wrong, "a message of pad '%.64s' must not be used: %.150s", pad, why);
+    heard->sound |= result == FMFTS_NEW && strcmp(name, pad) == 0;
+    return true;
+}
+
+static void hear_events(void *monitor, struct heard *heard)
+{
+    uint8_t event[MONITORED];
+    char address[ENDPOINT_SIZE];
+    while (zmq_recv(monitor, event, sizeof event, ZMQ_DONTWAIT) == MONITORED) {
+        uint16_t bits;
+        memcpy(&bits, event, sizeof bits);
+        heard->events |= bits;
+        zmq_recv(monitor, address, sizeof address, ZMQ_DONTWAIT);
+    }
+}
+
+static void hear_all(struct fmfts_client *all, void *monitor, const char *pad, int timeout_ms, struct heard *heard)
+{
+    int64_t deadline_ns = monotonic_ns() + timeout_ms * INT64_C(1000000);
+    while (!heard->sound && !*heard->wrong && monotonic_ns() < deadline_ns) {
+        zmq_pollitem_t readable = {.socket = all->socket, .events = ZMQ_POLLIN};
+        zmq_poll(&readable, 1, 50);
+        for (int i = 0; i < MOST_AT_ONCE && !heard->sound && hear_message(all, pad, heard); i++) {
+        }
+        hear_events(monitor, heard);
+    }
+}
+
+static bool why_not_connected(const char *bus, unsigned events, char why[FMFTS_TEXT_SIZE])
+{
+    const char *key = starts_with(bus, "tcp://") ? named("FMFTS_KEY") : NULL;
+    if (events & REFUSED_KEY)
+        return fail(why, "the daemon at %s refuses the key in %s: `fmfts-daemon keys list` there shows those it "
+                         "knows", bus, key ? key : "FMFTS_KEY");
+    if (events & OTHER_PROTOCOL && !key)
+        return fail(why, "the daemon at %s hears clients with a key only: set FMFTS_KEY to the file of yours", bus);
+    if (events & OTHER_PROTOCOL || (key && events & ZMQ_EVENT_DISCONNECTED))
+        return fail(why, "the daemon at %s has other keys than %s says, or none: get a new key from its machine",
+                    bus, key ? key : "FMFTS_KEY");
+    if (events & SERVED)
+        return fail(why, "a program serves %s and sends no contacts: is it fmfts-daemon, and does `fmfts-daemon "
+                         "status` answer?", bus);
+    const char *path = bus + strlen("ipc://");
+    if (starts_with(bus, "ipc://") && access(path, W_OK) != 0 && errno == EACCES)
+        return fail(why, "%s is closed to you: join the group of its daemon (as a service: sudo usermod -aG fmfts "
+                         "$USER, then log in again)", path);
+    return fail(why, "no daemon at %s: is fmfts-daemon running, and on this endpoint (FMFTS_BUS)?", bus);
+}
+
+static bool tell_pads(const char *bus, const char *pad, const struct heard *heard, char why[FMFTS_TEXT_SIZE])
+{
+    char names[FMFTS_TEXT_SIZE] = "";
+    for (int i = 0; i < heard->pads; i++) {
+        size_t used = strlen(names);
+        snprintf(names + used, sizeof names - used, "%s'%s'", i ? ", " : "", heard->pad[i]);
+    }
+    const char *nearest = nearest_name(heard, pad);
+    if (nearest)
+        return fail(why, "no pad '%s' at %s; did you mean '%s'? It has %s", pad, bus, nearest, names);
+    return fail(why, "no pad '%s' at %s; it has %s", pad, bus, names);
+}
+
+bool fmfts_why(const struct fmfts_client *client, int timeout_ms, char why[FMFTS_TEXT_SIZE])
+{
+    static const char watched[] = "inproc://fmfts-why";
+    const char *pad = client->topic + strlen("contact/");
+    struct heard heard = {0};
+    *why = 0;
+    struct fmfts_client *all = calloc(1, sizeof *all);
+    if (!all)
+        return fail(why, "no memory");
+    snprintf(all->topic, sizeof all->topic, "contact/");
+    void *monitor = NULL;
+    bool listens = open_socket(all, client->endpoint, why);
+    if (listens && zmq_socket_monitor(all->socket, watched, ZMQ_EVENT_ALL) == 0)
+        monitor = zmq_socket(all->context, ZMQ_PAIR);
+    listens = listens && monitor && zmq_connect(monitor, watched) == 0 && connect_to(all, client->endpoint, why);
+    if (listens)
+        hear_all(all, monitor, pad, timeout_ms, &heard);
+    if (monitor) {
+        zmq_socket_monitor(all->socket, NULL, 0);
+        zmq_close(monitor);
+    }
+    fmfts_close(all);
+    if (!listens)
+        return *why ? false : fail(why, "ZeroMQ: %s", zmq_strerror(zmq_errno()));
+    if (heard.sound)
+        return true;
+    if (*heard.wrong)
+        return fail(why, "%s", heard.wrong);
+    return heard.pads ? tell_pads(client->endpoint, pad, &heard, why)
+                      : why_not_connected(client->endpoint, heard.events, why);
 }

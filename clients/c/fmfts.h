@@ -83,13 +83,15 @@ struct fmfts_contact {
     int64_t utc_ns;             /* t_publish_ns as a date, since 1970 */
     struct fmfts_number temperature_c;
     enum fmfts_health health;
-    char reason[FMFTS_TEXT_SIZE]; /* why health is not ok, for people */
+    char reason[FMFTS_TEXT_SIZE]; /* why health is not ok, or place and force are not known; for people */
     enum fmfts_touch contact;
     struct fmfts_number x_m, x_sd_m, y_m, y_sd_m;
     struct fmfts_number force_n, force_sd_n;
     struct fmfts_number shear_x_n, shear_x_sd_n, shear_y_n, shear_y_sd_n;
     bool over_range;                 /* pressed harder than the model's range */
     struct fmfts_number force_min_n; /* if over_range: the force is at least this */
+    /* How far the magnet is from rest. Known only of a pad without a contact model, which knows no place and no force. */
+    struct fmfts_number displacement_m, displacement_sd_m;
     struct fmfts_pose pose;
     int64_t sensors_ok; /* bit i: sensor i was used */
     char solver[FMFTS_WORD_SIZE];
@@ -132,12 +134,19 @@ uint64_t fmfts_restarts(const struct fmfts_client *client); /* of the daemon */
 const char *fmfts_refusal(const struct fmfts_client *client); /* why the last message was refused; "" if none was */
 
 /* May `contact` and `force_n` (and, if touched, `x_m` and `y_m`) be used as a measurement? True if health is ok, touch
- * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force". */
+ * and force are known and in range, and a touch has a place. Does not check the age. False does not mean "no force":
+ * a pad without a contact model knows the touch, and no force. */
 bool fmfts_measured(const struct fmfts_contact *contact);
 
 /* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. For a daemon
  * on another machine the shortest delay of the network is not included. */
 double fmfts_sample_age_s(const struct fmfts_contact *contact);
+
+/* Why nothing arrives, as a sentence with what to do: no daemon is there, it has no such pad (and which it has), it
+ * speaks another schema version, or it refuses the key. True, and "" in `why`, if contacts of the pad do arrive.
+ * Listens to all pads of the daemon for up to `timeout_ms` (1000 is enough), on a connection of its own, and allocates:
+ * call it before a control loop, not in it. */
+bool fmfts_why(const struct fmfts_client *client, int timeout_ms, char why[FMFTS_TEXT_SIZE]);
 
 /* "ok", "degraded", …; "unknown" for any other value. */
 const char *fmfts_health_name(enum fmfts_health health);

@@ -72,6 +72,9 @@ class Talker:
     def latest(self, timeout_ms: int = 0) -> dict[str, Any]:
         return self._ask(b"%d\n" % timeout_ms)
 
+    def why(self, timeout_ms: int) -> dict[str, Any]:
+        return self._ask(b"?%d\n" % timeout_ms)
+
     def heard(self) -> dict[str, Any]:
         """What it says without being asked; there will be no questions."""
         assert self._process.stdin is not None

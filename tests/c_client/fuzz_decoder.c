@@ -26,7 +26,8 @@ static void require_whole(const struct fmfts_contact *contact)
     const struct fmfts_number *numbers[] = {
         &contact->temperature_c, &contact->x_m,       &contact->x_sd_m,       &contact->y_m,
         &contact->y_sd_m,        &contact->force_n,   &contact->force_sd_n,   &contact->shear_x_n,
-        &contact->shear_x_sd_n,  &contact->shear_y_n, &contact->shear_y_sd_n, &contact->force_min_n};
+        &contact->shear_x_sd_n,  &contact->shear_y_n, &contact->shear_y_sd_n, &contact->force_min_n,
+        &contact->displacement_m, &contact->displacement_sd_m};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         require_number(numbers[i]);
     const struct fmfts_pose *pose = &contact->pose;

@@ -1,4 +1,5 @@
-/* listen PAD [BASE]: each line on standard input is a timeout in milliseconds, and answered with a line of JSON. */
+/* listen PAD [BASE]: each line on standard input is a timeout in milliseconds, and answered with a line of JSON. With a "?"
+ * before it, the answer is that of fmfts_why(). */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,6 +18,13 @@ int main(int count, char **words)
     }
     while (fgets(line, sizeof line, stdin)) {
         struct fmfts_contact contact;
+        if (*line == '?') {
+            printf("{\"arrives\": %s, ", fmfts_why(client, atoi(line + 1), why) ? "true" : "false");
+            show_text("why", why);
+            printf("\"result\": null}\n");
+            fflush(stdout);
+            continue;
+        }
         enum fmfts_result result = fmfts_latest(client, &contact, atoi(line));
         printf("{\"result\": %d, ", (int)result);
         if (result == FMFTS_NEW) {

@@ -91,6 +91,8 @@ void show_contact(const struct fmfts_contact *contact)
     optional("shear_y_sd_n", &contact->shear_y_sd_n);
     printf("\"over_range\": %s, ", contact->over_range ? "true" : "false");
     optional("force_min_n", &contact->force_min_n);
+    optional("displacement_m", &contact->displacement_m);
+    optional("displacement_sd_m", &contact->displacement_sd_m);
     show_pose(&contact->pose);
     integer("sensors_ok", contact->sensors_ok);
     show_text("solver", contact->solver);

@@ -74,4 +74,8 @@ def assert_runs(tree: Path) -> None:
     words = [sys.executable, "-sP", "-c", code]
     said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert said.stdout.startswith(f"{library}/fmfts/__init__.py\nfmfts-daemon "), said.stdout + said.stderr
+    words = [sys.executable, "-sP", "-m", "fmfts", "init", "--simulated", "--config", str(tree / "written.toml")]
+    subprocess.run(words, env=environment, capture_output=True, check=True)
+    assert (tree / "written.toml").read_text() == (ROOT / "config.toml").read_text(), "it ships in the package"
+    (tree / "written.toml").unlink()
     assert [part for part in compiled_parts() if not (library / part).exists()] == []

@@ -52,6 +52,8 @@ def contact_message(**changes: Any) -> ContactMessage:
         "shear_y_sd_n": None,
         "over_range": False,
         "force_min_n": None,
+        "displacement_m": None,
+        "displacement_sd_m": None,
         "pose": pose_message(),
         "sensors_ok": 0b1111,
         "solver": "numpy",

@@ -196,7 +196,7 @@ def test_recording_measures_mean_and_noise() -> None:
 
 
 def test_moving_field_is_refused_with_the_figure() -> None:
-    with pytest.raises(BaselineError, match=r"the field moves: sensor \d, axis [xyz] wandered by \d+\.\d mG"):
+    with pytest.raises(BaselineError, match=r"the field moves: sensor \d, axis [xyz] wandered by \d+\.\d\d µT"):
         summarise(_frames(drift_t=2e-6))
 
 

@@ -13,6 +13,7 @@ import pytest
 from fmfts.bus.messages import Health
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
+from fmfts.contact.shipped import DEFAULT_PATH
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "config.toml"
@@ -36,6 +37,8 @@ def test_check_config_refuses_the_model_of_another_pad_as_run_would(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = changed(tmp_path, "rest_mm = [0, 0, 12]", "rest_mm = [0, 0, 11]")
+    text = Path(config).read_text()
+    Path(config).write_text(text.replace('model = "default"', f'model = "{DEFAULT_PATH}"'))
     assert main(["check-config", "--config", config]) == exit_codes.CONFIG
     said = capsys.readouterr().err
     assert said.startswith("fmfts-daemon check-config: contact model ")

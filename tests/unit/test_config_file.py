@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from fmfts.config import BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
+from fmfts.config.conversion import convert
 from fmfts.config.file import ConfigError, load
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
@@ -88,8 +89,8 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + "[pads]", "pads: there is no such key; did you mean pad?"),
         (PAD + "[pad.magnets]", SIMULATED + "magnets: there is no such key; did you mean magnet?"),
         (PAD + 'trigger = "both"', SIMULATED + "source.trigger = 'both': must be one of \"free\", \"simultaneous\""),
-        (PAD + "[pad.geometry]\nsensors_mm = [[1, 2]]", SIMULATED + "geometry.sensors_mm[0] = [1, 2]: must be a list of 3, each a number"),
-        (PAD + '[pad.magnet]\nrest_mm = [1, 2, "z"]', SIMULATED + "magnet.rest_mm[2] = 'z': must be a number"),
+        (PAD + "[pad.geometry]\nsensors_mm = [[1, 2]]", SIMULATED + "geometry.sensors_mm, sensor 1 = [1, 2]: must be a list of 3, each a number"),
+        (PAD + '[pad.magnet]\nrest_mm = [1, 2, "z"]', SIMULATED + "magnet.rest_mm, value 3 = 'z': must be a number"),
         (PAD + "[pad.magnet]\nremanence_t = 0", SIMULATED + "magnet.remanence_t = 0: must be a number greater than 0 and at most 2"),
         (PAD + "[pad.scene]\nsteel_nearby = 1", SIMULATED + "scene.steel_nearby = 1: must be true or false"),
         (PAD + "[pad.contact]\nmodel = 3", SIMULATED + "contact.model = 3: must be text in quotes"),
@@ -104,7 +105,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         ("", "pad is missing: give a list of tables"),
         ("pad = []", "pad = []: at least one [[pad]] is needed"),
         (BRIDGE + 'uid = "12"', "pad 'b' (first [[pad]]): source.uid = '12': must be text in quotes: 24 hexadecimal digits"),
-        (I2C + "channels = [0, 1, 2, 9]", "pad 'i' (first [[pad]]): source.channels[3] = 9: must be a whole number from 0 to 7"),
+        (I2C + "channels = [0, 1, 2, 9]", "pad 'i' (first [[pad]]): source.channels, sensor 4 = 9: must be a whole number from 0 to 7"),
         (PAD + "[pad.magnet]\nlength_mm = 0.002", SIMULATED + "magnet.length_mm = 0.002: must be a number from 0.2 to 50"),
     ],
 )  # fmt: skip
@@ -123,16 +124,16 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [-8, -8, 0]]", "at least 3 sensors are needed: with two, a diagonal pair is singular"),
         (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 18, 2)]}", "at most 8 sensors"),
-        (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [8, 8, 0.5]]", "geometry.sensors_mm[2] = [8, 8, 0.5]: is within 1 mm of sensor 0 (these are millimetres)"),
+        (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [8, 8, 0.5]]", "geometry.sensors_mm, sensor 3 = [8, 8, 0.5]: is within 1 mm of sensor 1 (these are millimetres)"),
         (PAD + "[pad.geometry]\nsensor_rotations_deg = [[0, 0, 90]]", "either empty or one rotation vector for each of the 4 sensors, not 1"),
         (PAD + "[pad.magnet]\nrest_axis = [0, 0, 0]", "magnet.rest_axis = [0, 0, 0]: a direction is needed, and this has none"),
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, -12]", "magnet.rest_mm = [0, 0, -12]: the magnet rests above the sensors"),
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, 0.012]", "its z must be greater than theirs by 1 mm, half its size"),
         (PAD + "[pad.magnet]\nrest_mm = [8, 8, 1.5]", "magnet.rest_mm = [8, 8, 1.5]: at least 2.0 mm from every sensor, not 1.5 mm"),
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, 12000]", "would feel next to nothing (these are millimetres)"),
-        (PAD + '[pad.scene]\nneighbours = ["z"]', "scene.neighbours[0] = 'z': there is no such pad: the pads are a"),
+        (PAD + '[pad.scene]\nneighbours = ["z"]', "scene.neighbours, name 1 = 'z': there is no such pad: the pads are a"),
         (PAD + '[pad.scene]\nneighbours = ["a"]', "a pad is not its own neighbour"),
-        (PAD + '[pad.contact]\nmodel = "no.onnx"', 'neither "default" nor "shear" nor a file: there is no /'),
+        (PAD + '[pad.contact]\nmodel = "no.onnx"', 'neither "default" nor "shear" nor "none" nor a file: there is no /'),
         (PAD + '[pad.scene]\nneighbours = ["b"]\n' + PAD.replace('"a"', '"b"'), "pad 'a' (first [[pad]]): placement.position_mm: its magnet is where that of its neighbour 'b' is: say in [pad.placement] of both"),
         (PAD + PAD, "pad 'a' (second [[pad]]): name = 'a': another pad has this name"),
         (BRIDGE + BRIDGE.replace('"b"', '"c"'), "pad 'c' (second [[pad]]): source.pad_index: pad 'b' reads the same sensors"),
@@ -142,7 +143,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
         ('[bus]\nendpoint = "tcp://0.0.0.0:5570"\n' + PAD, "bus.endpoint = 'tcp://0.0.0.0:5570': other machines are let in with keys alone"),
         ('[bus]\nendpoint = "udp://x"\n' + PAD, "bus.endpoint = 'udp://x': 'udp://x' is not a base of endpoints"),
-        *((PAD + f"[pad.magnet]\nrest_mm = [0, {number}, 12]", f"magnet.rest_mm[1] = {number}: must be a finite number") for number in ("nan", "inf", "-inf")),
+        *((PAD + f"[pad.magnet]\nrest_mm = [0, {number}, 12]", f"magnet.rest_mm, value 2 = {number}: must be a finite number") for number in ("nan", "inf", "-inf")),
         (PAD + "[pad.tolerance]\ngain = nan", "tolerance.gain = nan: must be a finite number"),
     ],
 )  # fmt: skip
@@ -228,7 +229,35 @@ def test_any_wrong_value_of_any_key_is_an_error_that_names_it(table: str, data: 
     target[key] = data.draw(VALUES)
     try:
         msgspec.convert(content, Config)
-    except msgspec.ValidationError as error:
-        said = config_file._explain(content, str(error))
+    except msgspec.ValidationError:
+        (said, *_) = convert(content).wrong
         assert key in said or f"{table}." in said
         assert "must be" in said or "is missing" in said or "no such key" in said
+
+
+def test_all_errors_are_told_at_once(tmp_path: Path) -> None:
+    text = (
+        PAD + "rate = 100\nrange_gauss = 3\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [1, 2], [3, 4, 5]]\n"
+        "[pad.magnet]\nremanence_t = nan\nlength_mm = 0.002\n[pad.scene]\nsteel = true\n"
+        '[[pad]]\n[pad.source]\ntype = "bridge"\n'
+    )
+    lines = complaint(tmp_path, text).splitlines()
+    assert lines[0] == "8 things are wrong:"
+    expected = (
+        "magnet.remanence_t = nan: must be a finite number",
+        "source.rate: there is no such key",
+        "geometry.sensors_mm, sensor 2 = [1, 2]",
+        "magnet.length_mm = 0.002",
+        "scene.steel: there is no such key; did you mean steel_nearby?",
+        "second [[pad]]: name is missing",
+        "second [[pad]]: source.port is missing",
+        "source.range_gauss = 3: the chip has no range",
+    )
+    assert [number for number, part in enumerate(expected) if not any(part in line for line in lines)] == []
+
+
+def test_an_error_brings_no_further_ones_with_it(tmp_path: Path) -> None:
+    """What stands in for a wrong value is not judged."""
+    text = I2C + 'channels = [0, 1, 2, "x"]\n[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0]]\n'
+    assert "source.channels, sensor 4 = 'x'" in complaint(tmp_path, text)
+    assert "\n" not in complaint(tmp_path, text)

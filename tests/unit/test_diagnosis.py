@@ -83,7 +83,7 @@ def refusal(pad: Pad, seed: int, *names: str) -> str:
         bare = make_bare(pad, PLACED, world.recorded(world.bare()))
         make_rest(pad, PLACED, world.recorded(world.field()), bare)
     except BaselineError as error:
-        return str(error).split("mG off. ", 1)[-1]
+        return str(error).split(" µT off. ", 1)[-1]
     return ""
 
 

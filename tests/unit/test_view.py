@@ -9,13 +9,14 @@ from typing import Any
 
 import msgspec
 import pytest
-from bus_messages import contact_message, pose_message
+from bus_messages import contact_message, pose_message, status_message
 from rich.console import Console
 
 from fmfts.bus.messages import encode
+from fmfts.view.history import History
 from fmfts.view.picture import as_svg, render_contact, tilt_deg
 from fmfts.view.tally import Tally, now_line
-from fmfts_client import Contact
+from fmfts_client import Contact, Status
 
 
 def contact(**changes: Any) -> Contact:
@@ -31,7 +32,7 @@ def drawn(one: Contact, compact: bool = False) -> list[str]:
 
 def test_contact_is_drawn_where_it_is() -> None:
     """One column a millimetre, one row two, x to the right and y up, inside a frame of one character."""
-    rows = drawn(contact(x_m=0.010, y_m=0.008, force_n=1.0, pose=None))
+    rows = drawn(contact(x_m=0.010, y_m=0.008, force_n=1.0, pose=None))[:-1]  # the last one is the legend
     marked = [
         (column - 21, 11 - row) for row, text in enumerate(rows) for column, cell in enumerate(text) if cell == "●"
     ]
@@ -43,7 +44,7 @@ def test_contact_is_drawn_where_it_is() -> None:
 
 def test_harder_touch_is_drawn_larger_and_none_not_at_all() -> None:
     def size(**changes: Any) -> int:
-        return "\n".join(drawn(contact(pose=None, **changes))).count("●")
+        return "\n".join(drawn(contact(pose=None, **changes))[:-1]).count("●")
 
     assert 0 < size(force_n=0.2) < size(force_n=2.0) < size(force_n=4.5)
     assert size(contact=False) == 0
@@ -150,3 +151,55 @@ def test_old_news_are_shown_as_silence() -> None:
     tally = Tally("demo")
     tally.add(contact(t_publish_ns=time.monotonic_ns() - 1_000_000_000))
     assert now_line(tally) == "demo: nothing arrives"
+
+
+SENSORS_M = [(0.008, 0.008), (0.008, -0.008), (-0.008, 0.008), (-0.008, -0.008)]
+
+
+def whole(width: int, **changes: Any) -> list[str]:
+    """All that `listen` draws of a pad, on a terminal of that width."""
+    tally = Tally("demo")
+    for number in range(20):
+        tally.add(contact(t_publish_ns=number * 250_000_000, force_n=0.1 * number))
+    status = Status.from_message(msgspec.msgpack.decode(encode(status_message(source="simulated pad, seed 1"))))
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    with console.capture() as capture:
+        console.print(render_contact(contact(**changes), status, 219.9, 0.001, False, width, SENSORS_M, tally.history))
+    return capture.get().splitlines()
+
+
+def test_picture_has_a_legend_a_scale_sensors_the_source_and_the_past() -> None:
+    text = "\n".join(whole(100, x_m=0.0, y_m=0.0))
+    marks = (
+        "● contact",
+        "▒ magnet",
+        "□ sensor",
+        "10 mm",
+        "pad demo: simulated pad, seed 1",
+        "▁",
+        "█",
+        "past 10 s",
+    )
+    for part in marks:
+        assert part in text
+    surface = [line[:43] for line in text.splitlines()[:22]]
+    places = [(at - 21, 11 - row) for row, line in enumerate(surface) for at, cell in enumerate(line) if cell == "□"]
+    assert sorted(places) == [(-8, -4), (-8, 4), (8, -4), (8, 4)]
+
+
+@pytest.mark.parametrize("width", range(40, 101))
+def test_picture_is_never_wider_than_the_terminal_and_its_frame_is_whole(width: int) -> None:
+    lines = whole(width)
+    assert max(map(len, lines)) <= width
+    assert {len(line) for line in lines} == {len(lines[0])}
+    assert lines[0].startswith("╭")
+    assert all(line.startswith("│") and line.endswith("│") for line in lines[1:-1])
+    assert "1.50 ± 0.05 N" in "\n".join(lines)
+
+
+def test_history_keeps_the_largest_of_each_half_second_and_leaves_gaps() -> None:
+    history = History()
+    for time_s, value in ((0.0, 1.0), (0.2, 2.0), (0.6, 4.0), (2.0, None), (2.6, 1.0)):
+        history.add(round(time_s * 1e9), value)
+    assert history.blocks(6) == "▄█···▂"
+    assert history.largest == 4.0

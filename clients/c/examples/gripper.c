@@ -40,6 +40,8 @@ int main(int count, char **words)
         fprintf(stderr, "gripper: %s\n", why);
         return 69;
     }
+    if (!fmfts_why(client, 1000, why)) /* before the loop: it may take a second */
+        fprintf(stderr, "gripper: %s\n", why);
     struct fmfts_contact contact = {.health = FMFTS_DISCONNECTED};
     enum { UNSET, CLOSED, OPEN } hand = UNSET;
     enum fmfts_result result;

@@ -22,6 +22,7 @@ def why_open(client: Client) -> str:
 
 
 with Client(sys.argv[1] if len(sys.argv) > 1 else "demo") as client:
+    print(client.why(), file=sys.stderr)  # before the loop: it may take a second
     is_open = None
     while True:
         reason = why_open(client)

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Optional, Union
 
 from fmfts_client.contact import Contact, Status
+from fmfts_client.diagnosis import why_nothing
 from fmfts_client.endpoints import Endpoints
 from fmfts_client.fields import MessageError
 from fmfts_client.subscription import Subscription
@@ -16,6 +17,7 @@ from fmfts_client.subscription import Subscription
 ALIVE_S = 0.3  # three messages: the daemon sends at 10 Hz or more, also while the hardware is silent
 RATE_WINDOW_S = 1.0
 RATE_TOLERANCE = 0.1
+WHY_S = 1.0  # ten messages of each pad, and time to connect
 
 
 class Client:
@@ -102,6 +104,14 @@ class Client:
     def valid(self) -> bool:
         """May a controller act on the last contact now: is it alive, fresh, and `Contact.valid`?"""
         return self.alive and self.fresh and self.contact is not None and self.contact.valid
+
+    def why(self, timeout_s: float = WHY_S) -> str:
+        """Why nothing arrives, as a sentence with what to do; "" if contacts of the pad do arrive and can be read.
+
+        Listens to all pads of the daemon for up to `timeout_s`, on a connection of its own: not for a control loop.
+        It tells that no daemon is there, that it has no such pad (and which it has), another version, or a refused key.
+        """
+        return why_nothing(self.pad, self._subscription.endpoints, timeout_s)
 
     def _next(self, timeout_s: Optional[float]) -> Optional[Contact]:
         deadline = None if timeout_s is None else time.monotonic() + timeout_s

@@ -55,6 +55,8 @@ class Contact:
     shear_y_sd_n: Optional[float]
     over_range: bool
     force_min_n: Optional[float]
+    displacement_m: Optional[float]
+    displacement_sd_m: Optional[float]
     pose: Optional[Pose]
     sensors_ok: int
     solver: str
@@ -77,7 +79,8 @@ class Contact:
         """May `contact` and `force_n` (and, in contact, `x_m` and `y_m`) be used as a measurement?
 
         True when health is "ok", contact is known, the force is estimated and inside the model's range, and a touch has
-        a place. `Client.valid` also checks the age. A contact that is not valid does not mean "no force".
+        a place. `Client.valid` also checks the age. A contact that is not valid does not mean "no force". A pad without
+        a contact model is never valid: it knows `contact` and `displacement_m`, and no force.
         """
         known = self.health == "ok" and self.contact is not None and self.force_n is not None
         placed = not self.contact or (self.x_m is not None and self.y_m is not None)

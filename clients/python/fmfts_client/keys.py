@@ -54,9 +54,14 @@ def read_fields(path: Path, names: tuple[str, ...]) -> list[bytes]:
     return [keys[name].encode("ascii", errors="replace") for name in names]
 
 
+def key_in_use(environ: Mapping[str, str] = os.environ) -> Optional[Path]:
+    """The file that FMFTS_KEY names; None where it names none."""
+    return Path(environ[KEY_VARIABLE]) if environ.get(KEY_VARIABLE) else None
+
+
 def client_key(path: Optional[Path] = None, environ: Mapping[str, str] = os.environ) -> Optional[ClientKey]:
     """The key in `path`, or else in the file that FMFTS_KEY names; None where neither is given."""
-    chosen = path or (Path(environ[KEY_VARIABLE]) if environ.get(KEY_VARIABLE) else None)
+    chosen = path or key_in_use(environ)
     return None if chosen is None else ClientKey(*read_fields(chosen, ("server", "public", "secret")))
 
 

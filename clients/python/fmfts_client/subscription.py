@@ -38,6 +38,8 @@ class Subscription:
 
     A message that cannot be decoded is skipped, counted in `refused` and explained in `refusal`. Another schema version
     raises SchemaError. "frame" and "state" come from another socket than the other kinds.
+
+    watch: makes `monitor`, a socket with libzmq's events of the connection (made, refused, lost); else that is None.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Subscription:
         kinds: Sequence[str] = ("contact", "event", "status"),
         pad: Optional[str] = None,
         endpoint: Optional[Union[str, Endpoints]] = None,
+        watch: bool = False,
     ) -> None:
         raw = set(kinds) & FRAME_SOCKET_KINDS
         if raw and set(kinds) - FRAME_SOCKET_KINDS:
@@ -69,6 +72,7 @@ class Subscription:
             raise
         # ipc is on one machine, with one clock. tcp may come from anywhere; through a tunnel, even on the loopback.
         self._clock = SenderClock() if endpoint.startswith("tcp://") else None
+        self.monitor: Optional[zmq.Socket[Any]] = self._socket.get_monitor_socket() if watch else None
         self._socket.connect(endpoint)
 
     @property
@@ -125,6 +129,10 @@ class Subscription:
         return self._clock.ahead_s
 
     def close(self) -> None:
+        if self.monitor is not None:
+            self._socket.disable_monitor()
+            self.monitor.close()
+            self.monitor = None
         self._socket.close()
 
     def __enter__(self) -> Subscription:

@@ -36,7 +36,7 @@ def check_bare(pad: Pad, bare: Recording) -> None:
     if size.max() > LARGEST_AMBIENT_T:
         sensor = int(np.argmax(size))
         raise BaselineError(
-            f"sensor {sensor + 1} sees {size[sensor] * 1e4:.2f} G without the pad (the Earth's field has 0.25–0.65 G): "
+            f"sensor {sensor + 1} sees {size[sensor] * 1e6:.0f} µT without the pad (the Earth's field has 25–65 µT): "
             "is the magnet still mounted, or steel or another magnet nearby?"
         )
 
@@ -60,7 +60,7 @@ def estimate_and_judge(
     facts = (
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} tolerances from its place; "
-        f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e7:+.0f} mG off."
+        f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off."
     )
     raise BaselineError(f"{facts} {_cause(pad, tolerance, rest, bare, measured)}")
 

@@ -104,7 +104,7 @@ def summarise(frames: Sequence[Frame]) -> Recording:
             axis = int(np.argmax(wander[sensor] / limit))
             raise BaselineError(
                 f"the field moves: sensor {sensor + 1}, axis {'xyz'[axis]} wandered by "
-                f"{wander[sensor, axis] * 1e7:.1f} mG (steady is below {limit[axis] * 1e7:.1f} mG): "
+                f"{wander[sensor, axis] * 1e6:.2f} µT (steady is below {limit[axis] * 1e6:.2f} µT): "
                 "leave pad and robot still, and record again"
             )
     temperatures = [frame.temperature_c for frame in frames if frame.temperature_c is not None]

@@ -25,6 +25,7 @@ from fmfts.baseline import (
     summarise,
 )
 from fmfts.baseline.chips_found import chips_found
+from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.files import previous, store
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.prospects import prospects
@@ -91,6 +92,14 @@ class BaselineRequest:
         if self.duration_s is not None:
             return self.duration_s
         return TURN_S if self.turn else REFINE_S if self.refine else DURATION_S
+
+    @property
+    def coverage(self) -> Coverage | None:
+        """Guides the person, and ends the recording when it has enough. None if nobody need do anything meanwhile, or
+        if a duration was asked for."""
+        if self.duration_s is not None:
+            return None
+        return TurnCoverage(self.pad) if self.turn else PressCoverage(self.pad) if self.refine else None
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
@@ -190,6 +199,7 @@ class BaselineJob:
         self._source = source
         self._executor = executor
         self._collection = Collection(source, request.seconds)
+        self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
 
     def take(self, frame: Frame) -> None:
@@ -197,7 +207,9 @@ class BaselineJob:
         if self._result is not None:
             return
         self._collection.take(frame)
-        if self._collection.complete:
+        if self._coverage is not None:
+            self._coverage.take(frame)
+        if self._collection.complete or (self._coverage is not None and self._coverage.enough):
             request = self._request
             if request.origin is not None:  # by now the board has said which one it is
                 request = replace(request, origin=request.origin.on(self._source.state.board))
@@ -206,6 +218,12 @@ class BaselineJob:
     @property
     def share(self) -> float:
         return self._collection.share
+
+    @property
+    def hint(self) -> str:
+        if self._coverage is None:
+            return ""
+        return "enough: computing" if self._result is not None else self._coverage.hint
 
     @property
     def recorded(self) -> Recorded | None:
@@ -226,6 +244,7 @@ class Restoration:
     """A Task: brings the previous baseline back."""
 
     share = 0.0
+    hint = ""
 
     def __init__(self, pad: Pad, executor: Executor, origin: Origin | None = None) -> None:
         self._pad = pad

@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 
 # Prior deviations of what is wrong, far beyond those of mounting: as a finger, a wrong rest_mm or a wrong part needs.
 ELSEWHERE_M, ELSEWHERE_RAD, REMANENCE, TURNED_RAD, GAIN = 2e-3, 0.2, 1.0, 0.2, 0.2
-ALL_TURNED_RAD, ALL_GAINS = 0.08, 0.05
+ALL_GAINS = 0.05
+HAND_PLACED_DEG = 1.5, 5.0  # with care, and without
 QUARTER = np.pi / 2.0
 
 
@@ -66,7 +67,8 @@ Change = Callable[[Assumption], Assumption]
 
 def single_changes(drawing: Pad, tolerance: Tolerance) -> Iterator[Change]:
     """Each thing that may be wrong alone, as a change of what is assumed."""
-    yield partial(_all_turned, tolerance=tolerance)
+    for rotation_deg in HAND_PLACED_DEG:
+        yield partial(_all_turned, tolerance=tolerance, rotation_deg=rotation_deg)
     yield partial(_all_gains, tolerance=tolerance)
     if len(drawing.sensors) > 3:
         for sensor in range(len(drawing.sensors)):
@@ -126,15 +128,16 @@ def _other_magnet(before: Assumption) -> Assumption:
     return _with(before, sentence, tolerance=replace(before.tolerance, remanence=REMANENCE))
 
 
-def _all_turned(before: Assumption, tolerance: Tolerance) -> Assumption:
+def _all_turned(before: Assumption, tolerance: Tolerance, rotation_deg: float) -> Assumption:
     def sentence(_: Mounting) -> str:
         return (
             "The chips are turned by more than tolerance.sensor_rotation_deg = "
-            f"{np.degrees(tolerance.sensor_rotation_rad):.3g} allows: set it to 5, then --turn measures them."
+            f"{np.degrees(tolerance.sensor_rotation_rad):.3g} allows: set it to {rotation_deg:g}, then --turn measures "
+            "them."
         )
 
     count = len(before.order)
-    beyond = before.beyond + np.repeat([0.0, ALL_TURNED_RAD, 0.0], 3 * count)
+    beyond = before.beyond + np.repeat([0.0, np.radians(rotation_deg), 0.0], 3 * count)
     return _with(before, sentence, beyond=beyond)
 
 

@@ -70,6 +70,8 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     shear_y_sd_n: float | None
     over_range: bool
     force_min_n: float | None
+    displacement_m: float | None = None
+    displacement_sd_m: float | None = None
     pose: PoseMessage | None
     sensors_ok: int
     solver: Solver
@@ -80,7 +82,8 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
 NO_ESTIMATE: dict[str, None] = dict.fromkeys(
     (
         *("contact", "x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n"),
-        *("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n", "force_min_n", "pose"),
+        *("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n", "force_min_n"),
+        *("displacement_m", "displacement_sd_m", "pose"),
     )
 )
 

@@ -1,4 +1,4 @@
-"""`make demo`: runs the daemon and a live view in one terminal, with their own sockets and state."""
+"""`fmfts-daemon demo`: runs the daemon and a live view in one terminal, with their own sockets and state."""
 
 # Slow imports are in `main`, where Ctrl-C is handled.
 from __future__ import annotations
@@ -13,6 +13,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from fmfts.cli.verb import AddVerb, seconds
 
 START_S = 20.0
 STOP_S = 5.0
@@ -105,17 +107,36 @@ def end_on_signals() -> None:
             signal.signal(number, signal.default_int_handler)
 
 
+def add_to(verb: AddVerb) -> None:
+    _add_seconds(verb("demo", _quietly, "show a simulated pad in this terminal", "another than the simulated pad's"))
+
+
+def _add_seconds(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
+
+
+def _quietly(options: argparse.Namespace) -> int:
+    try:
+        return _demo(options)
+    except KeyboardInterrupt:
+        return 0
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--config", type=Path, required=True)
-    parser.add_argument("--seconds", type=float)
-    options = parser.parse_args()
+    parser = argparse.ArgumentParser(prog="python -m fmfts.cli.demo", description=__doc__)
+    parser.add_argument("--config", type=Path, metavar="FILE", help="another than the simulated pad's")
+    _add_seconds(parser)
+    return _demo(parser.parse_args())
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from fmfts.config.example import EXAMPLE_PATH
     from fmfts.view.listen import listen
 
     end_on_signals()
     with (
         tempfile.TemporaryDirectory(prefix="fmfts-demo-") as folder,
-        running_daemon(options.config, Path(folder)) as base,
+        running_daemon(options.config or EXAMPLE_PATH, Path(folder)) as base,
     ):
         return listen(None, options.seconds, endpoint=base)
 

@@ -22,7 +22,7 @@ from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import ScriptedFinger
 from fmfts.simulation.source import Simulated
 from fmfts.sources import open_sources, origin_of
-from fmfts.view.progress import progress_bar
+from fmfts.view.progress import Show, progress_bar
 from fmfts_client import ControlError, EndpointError, RefusedError, request
 from fmfts_client.endpoints import for_client, named_base
 
@@ -42,16 +42,21 @@ def ask_daemon(verb: str, config: Config, **arguments: Any) -> dict[str, Any] | 
 
     Raises ERRORS.
     """
-    endpoints = for_client(named_base(config.bus.endpoint))
-    if serving_pid(endpoints.control) is None:
-        return None
-    with progress_bar(verb) as show:
-        try:
-            return request(verb, endpoint=endpoints, progress=lambda facts: show(facts.get("share", 0.0)), **arguments)
-        except RefusedError as error:
-            raise RefusedError(str(error).removeprefix(f"{verb}: "), error.code) from error
-        except ControlError as error:
-            raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
+    try:
+        endpoints = for_client(named_base(config.bus.endpoint))
+        if serving_pid(endpoints.control) is None:
+            return None
+        with progress_bar(verb) as show:
+            return request(
+                verb,
+                endpoint=endpoints,
+                progress=lambda facts: show(facts.get("share", 0.0), facts.get("hint", "")),
+                **arguments,
+            )
+    except RefusedError as error:
+        raise RefusedError(str(error).removeprefix(f"{verb}: "), error.code) from error
+    except (ControlError, EndpointError, BusError) as error:
+        raise AbsentError(str(error).removeprefix(f"{verb}: ")) from error
 
 
 def record_baseline(
@@ -137,14 +142,14 @@ def probe(config: Config) -> dict[str, Any]:
             source.close()
 
 
-def _finished(pad: str, task: Task, turns: Iterator[None], show: Callable[[float], None]) -> dict[str, Any]:
+def _finished(pad: str, task: Task, turns: Iterator[None], show: Show) -> dict[str, Any]:
     """Runs `turns` until the task has its facts; returns them."""
     for _ in turns:
         facts = task.facts()
         if facts is not None:
             return facts
         _require_no_problem(pad, task.problem(time.monotonic()))
-        show(task.share)
+        show(task.share, task.hint)
     raise AssertionError("turns never end")
 
 

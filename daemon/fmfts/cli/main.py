@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
 import sys
@@ -13,7 +12,10 @@ from typing import Any
 
 from fmfts import __version__
 from fmfts.cli import calibrate as calibration_verbs
+from fmfts.cli import check_config, next_step
 from fmfts.cli import collect as collect_verb
+from fmfts.cli import demo as demo_verb
+from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
@@ -25,7 +27,7 @@ LISTENERS_CONFIG = "the daemon's file, if that sets [bus] endpoint; not needed o
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 LABORATORY = {"study": "compare methods on this pad", "pad-model": "make a simulated pad by finite elements"}
 EPILOG = """\
-A new pad: check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
+A new pad: init, check-config, probe, selftest, baseline --bare, baseline --rest, run; then listen and status.
 If a daemon runs, probe, selftest and baseline go through it.
 
 exit codes, the same for every verb:
@@ -55,6 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of the output has ended: write nothing more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.READER_GONE
+
+
+def command_line() -> argparse.ArgumentParser:
+    """The parser of this package's own verbs: for manual pages and completion."""
+    return _parser("run")
 
 
 def _parser(requested: str | None) -> argparse.ArgumentParser:
@@ -98,11 +105,13 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
         facts(added)
     facts(verb("probe", _probe, "say what is connected, and what is wrong with it"))
     facts(verb("status", _status, "ask a running daemon how its pads are", LISTENERS_CONFIG))
-    facts(verb("check-config", _check_config, "read the configuration and say what is wrong with it"))
+    facts(verb("check-config", check_config.run, "read the configuration and say what is wrong with it"))
     listen = verb("listen", _listen, "show the contacts of a running daemon", LISTENERS_CONFIG)
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
     facts(listen)
+    demo_verb.add_to(verb)
+    init_verb.add_to(verb)
     keys_verb.add_to(verb)
     record_verbs.add_to(verb, LISTENERS_CONFIG)
     pose_verb.add_to(verb)
@@ -193,7 +202,18 @@ def _through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str,
         if facts is None:
             facts = directly(pad, config.pad, **arguments)
     print_facts(facts, as_json=options.json)
+    after = {"selftest": next_step.after_selftest, "baseline": next_step.after_baseline}[verb]
+    _say_next(options, after(facts, _config_words(options), f" --pad {options.pad}" if options.pad else ""))
     return exit_codes.DONE if facts.get("passed", True) else exit_codes.FAULTY
+
+
+def _config_words(options: argparse.Namespace) -> str:
+    return "" if options.config is None else f" --config {options.config}"
+
+
+def _say_next(options: argparse.Namespace, sentence: str) -> None:
+    if sentence and not options.json:
+        print(f"next: {sentence}")
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -204,6 +224,7 @@ def _probe(options: argparse.Namespace) -> int:
     with ended_by(*direct.ERRORS):
         facts = direct.ask_daemon("probe", config) or direct.probe(config)
     print_facts(facts, as_json=options.json)
+    _say_next(options, next_step.after_probe(facts, _config_words(options)))
     if not all(pad["connected"] for pad in facts["pads"]):
         return exit_codes.UNAVAILABLE
     return exit_codes.DONE if all(pad["sound"] for pad in facts["pads"]) else exit_codes.FAULTY
@@ -213,31 +234,6 @@ def _status(options: argparse.Namespace) -> int:
     from fmfts.view.status import status
 
     return status(as_json=options.json, endpoint=serving_base(options))
-
-
-def _check_config(options: argparse.Namespace) -> int:
-    from fmfts.config.checks import other_silicone
-    from fmfts.contact import ModelError
-    from fmfts.contact.model import SHEAR_UNKNOWN
-    from fmfts.runtime.daemon import load_models
-
-    config = configuration(options)
-    with ended_by(ModelError):
-        models = load_models(config)
-    if options.json:
-        import msgspec
-
-        print(json.dumps(msgspec.to_builtins(config), indent=1))
-    else:
-        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
-        for pad in config.pad:
-            kind = pad.source.__struct_config__.tag
-            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {models[pad.name].hash}…")
-            if (warning := other_silicone(pad)) is not None:
-                print(f"{pad.name}: warning: {warning}", file=sys.stderr)
-            if models[pad.name].shear_is_unknown:
-                print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
-    return 0
 
 
 def _listen(options: argparse.Namespace) -> int:

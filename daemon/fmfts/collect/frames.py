@@ -19,7 +19,8 @@ from fmfts.bus.messages import StateMessage
 from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.config import PadConfig
-from fmfts.contact import ModelError
+from fmfts.contact import ContactModel, ModelError, NoContactModel
+from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingError, RecordingWriter
@@ -53,8 +54,7 @@ class Frames:
             if self._writer is None:
                 self._writer = RecordingWriter(self.path)
                 state = start_of_replay(self._pad, self._baseline, self._boot)
-                if state is not None:
-                    self._writer.add("state", self._pad.name, msgspec.to_builtins(state, builtin_types=(bytes,)))
+                self._writer.add("state", self._pad.name, msgspec.to_builtins(state, builtin_types=(bytes,)))
             for frame in frames:
                 utc_ns = frame.host_time_ns + self._utc_ahead_ns
                 message = frame_message(frame, self._pad.name, self._boot, utc_ns)
@@ -64,17 +64,20 @@ class Frames:
             raise RefusedError(f"{error}: make room, then go on with the same command") from error
 
 
-def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
-    """The state from which a replay starts; None where no contact model fits the pad: then only frames are recorded."""
-    for path in (pad.contact.model, "default"):
+def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage:
+    """The state from which a replay starts; without place and force where no contact model fits the pad."""
+    pipeline = pipeline_of(pad, _fitting_model(pad), boot)
+    pipeline.use(baseline)
+    return state_message(pipeline, pad, boot)
+
+
+def _fitting_model(pad: PadConfig) -> ContactModel | NoContactModel:
+    for path in () if pad.contact.model == NO_MODEL else (pad.contact.model, "default"):
         try:
-            model = load_contact_model(pad, path)
+            return load_contact_model(pad, path)
         except ModelError:
             continue
-        pipeline = pipeline_of(pad, model, boot)
-        pipeline.use(baseline)
-        return state_message(pipeline, pad, boot)
-    return None
+    return no_model_for(pad.contact.model)
 
 
 def _next_path(table: Path) -> Path:

@@ -1,6 +1,6 @@
 """Defines the tables and keys of the configuration file; names end in their unit. config.toml explains every key.
 
-`file.load` reads a file; `checks.problem_in` finds errors that the types here do not exclude.
+`file.load` reads a file; `checks.problems_in` finds errors that the types here do not exclude.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from fmfts.config import (
     SourceConfig,
     collect,
 )
+from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
@@ -36,12 +37,18 @@ MOST_NEIGHBOURS = 3  # the solver's state holds four magnets
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
 
 
-def problem_in(config: Config) -> Problem | None:
-    """The first problem of `config`; None where there is none."""
-    return next(_problems(config), None)
+def problems_in(config: Config) -> list[Problem]:
+    """All problems of `config`. What pads share is looked at only if each pad alone is good."""
+    problems = [*_of_the_bus(config), *_of_pads(config)]
+    problems += ((("collect", *keys), text) for keys, text in collect.problems(config.collect))
+    problems += _names(config.pad)
+    if not problems:
+        for check in (_neighbours, _shared_sensors, _i2c_buses):
+            problems += check(config.pad)
+    return problems
 
 
-def _problems(config: Config) -> Iterator[Problem]:
+def _of_the_bus(config: Config) -> Iterator[Problem]:
     base = config.bus.endpoint
     if base is not None:
         try:
@@ -50,6 +57,9 @@ def _problems(config: Config) -> Iterator[Problem]:
             yield ("bus", "endpoint"), str(error)
         if base.startswith("tcp://") and config.bus.keys is None and not is_loopback(base):
             yield ("bus", "endpoint"), "other machines are let in with keys alone: set bus.keys (docs/security.md)"
+
+
+def _of_pads(config: Config) -> Iterator[Problem]:
     if not config.pad:
         yield ("pad",), "at least one [[pad]] is needed"
     for number, pad in enumerate(config.pad):
@@ -57,12 +67,6 @@ def _problems(config: Config) -> Iterator[Problem]:
         for check in checks:
             for keys, text in check(pad):
                 yield ("pad", number, *keys), text
-    for keys, text in collect.problems(config.collect):
-        yield ("collect", *keys), text
-    yield from _names(config.pad)
-    yield from _neighbours(config.pad)
-    yield from _shared_sensors(config.pad)
-    yield from _i2c_buses(config.pad)
 
 
 def _source(pad: PadConfig) -> Iterator[Problem]:
@@ -106,7 +110,7 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (
                 ("geometry", "sensors_mm", second),
-                f"is within {SENSOR_SPACING_MM:g} mm of sensor {first} (these are millimetres)",
+                f"is within {SENSOR_SPACING_MM:g} mm of sensor {first + 1} (these are millimetres)",
             )
     rotations = pad.geometry.sensor_rotations_deg
     if rotations and len(rotations) != len(places):
@@ -137,8 +141,11 @@ def _rest(pad: PadConfig) -> Iterator[Problem]:
 
 
 def _model(pad: PadConfig) -> Iterator[Problem]:
-    if pad.contact.model not in SHIPPED_PATHS and not Path(pad.contact.model).is_file():
-        yield ("contact", "model"), f'neither "default" nor "shear" nor a file: there is no {pad.contact.model}'
+    if pad.contact.model not in (NO_MODEL, *SHIPPED_PATHS) and not Path(pad.contact.model).is_file():
+        yield (
+            ("contact", "model"),
+            f'neither "default" nor "shear" nor "none" nor a file: there is no {pad.contact.model}',
+        )
 
 
 def other_silicone(pad: PadConfig) -> str | None:

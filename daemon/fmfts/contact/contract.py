@@ -32,6 +32,10 @@ class ModelError(Exception):
     """A contact model cannot be used. The text names the file, what is wrong, and what to do."""
 
 
+class OtherPadError(ModelError):
+    """The model is whole, and for a pad of other dimensions."""
+
+
 class Envelope(Struct, frozen=True, forbid_unknown_fields=True):
     """The range of the calibration: smallest and largest pose components (rest included), largest force, places."""
 

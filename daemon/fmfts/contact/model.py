@@ -11,7 +11,15 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lower
-from fmfts.contact.contract import SHEAR_OUTPUT_ORDER, ErrorTables, Facts, ModelError, parse_facts, parse_response
+from fmfts.contact.contract import (
+    SHEAR_OUTPUT_ORDER,
+    ErrorTables,
+    Facts,
+    ModelError,
+    OtherPadError,
+    parse_facts,
+    parse_response,
+)
 from fmfts.contact.estimate import ContactEstimate, astray_share, doubt
 from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
@@ -135,7 +143,7 @@ class ContactModel:
         except ValueError as error:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
         if facts.geometry_hash != pad.geometry_hash:
-            raise ModelError(
+            raise OtherPadError(
                 f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: "
                 f"{_difference(facts, pad)}: correct [pad.geometry] and [pad.magnet], or calibrate this pad and set "
                 "[pad.contact] model"

@@ -1,4 +1,4 @@
-"""The contact models for the standard pad. Any other text in `[pad.contact] model` is a path."""
+"""The contact models for the standard pad. Any other text in `[pad.contact] model` is a path, or "none"."""
 
 from __future__ import annotations
 

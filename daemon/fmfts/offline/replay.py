@@ -14,7 +14,8 @@ import msgspec
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
 from fmfts.config import PadConfig
-from fmfts.contact import ContactModel, ModelError
+from fmfts.contact import ContactModel, ModelError, NoContactModel
+from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -193,8 +194,10 @@ class Replay:
         for state in states:
             self._put(state)
 
-    def _model(self, config: PadConfig, state: StateMessage) -> ContactModel:
+    def _model(self, config: PadConfig, state: StateMessage) -> ContactModel | NoContactModel:
         """The contact model with the recorded hash. Never opens a path that is written in the recording."""
+        if state.model == NO_MODEL:
+            return no_model_for(config.contact.model)
         for path in self._model_paths:
             try:
                 model = load_contact_model(config, path)

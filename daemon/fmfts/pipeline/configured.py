@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fmfts.config import PadConfig
-from fmfts.contact import ContactModel
+from fmfts.contact import ContactModel, NoContactModel, OtherPadError
+from fmfts.contact.no_model import NO_MODEL, no_model_for
+from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import scene_model_of
@@ -23,7 +25,23 @@ def load_contact_model(config: PadConfig, path: str | None = None) -> ContactMod
     )
 
 
-def pipeline_of(config: PadConfig, model: ContactModel, boot: str) -> PadPipeline:
+def contact_model_of(config: PadConfig) -> ContactModel | NoContactModel:
+    """The configured contact model. No model where the file asks for "none", or for a shipped one that does not fit.
+
+    ModelError if another file is configured and cannot serve this pad.
+    """
+    name = config.contact.model
+    if name == NO_MODEL:
+        return no_model_for(name)
+    try:
+        return load_contact_model(config)
+    except OtherPadError:
+        if name not in SHIPPED_PATHS:
+            raise
+        return no_model_for(name)
+
+
+def pipeline_of(config: PadConfig, model: ContactModel | NoContactModel, boot: str) -> PadPipeline:
     """A pipeline, still without a baseline. boot: written into each of its messages."""
     tracking = scene_model_of(config).tracking
     return PadPipeline(config.pad(), model, boot, float(config.source.rate_hz), tracking)

@@ -26,7 +26,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value."""
+    """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value.
+
+    distance_m: how far the magnet is from rest, and the deviation of that; of a pad without a contact model only.
+    """
 
     health: Health
     reason: str
@@ -35,6 +38,7 @@ class Reading:
     contact: ContactEstimate | None = None
     touching: bool | None = None
     detection_limit_n: float = 0.0
+    distance_m: tuple[float, float] | None = None
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):
@@ -117,6 +121,13 @@ class MessageWriter:
         estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False}
         if reading.contact is not None and reading.touching is not None:
             estimates |= _contact_fields(reading.contact, reading.touching, reading.detection_limit_n)
+        if reading.distance_m is not None and reading.touching is not None:
+            distance_m, deviation_m = reading.distance_m
+            estimates |= {
+                "contact": reading.touching,
+                "displacement_m": distance_m,
+                "displacement_sd_m": deviation_m,
+            }
         if reading.estimate is not None and mounting is not None:
             estimates["pose"] = _pose_message(reading.estimate, mounting)
         return ContactMessage(

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import root_of_squares
-from fmfts.contact import ContactModel, Smoother, TouchDetector
+from fmfts.contact import ContactModel, NoContactModel, Smoother, TouchDetector
 from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
 from fmfts.pipeline.baselined_pad import BaselinedPad
@@ -17,8 +17,9 @@ from fmfts.pipeline.contact_message import Reading
 from fmfts.pipeline.fast import FastPath
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
+from fmfts.pose.change import distance
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
-from fmfts.pose.track import TrackerMemory
+from fmfts.pose.track import Track, TrackerMemory
 from fmfts.pose.tracker import NOTHING_SAID
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
@@ -42,7 +43,9 @@ class EstimatorMemory:
 class Estimator:
     """Field → pose → contact of a pad that has a baseline."""
 
-    def __init__(self, baselined: BaselinedPad, model: ContactModel, rate_hz: float, stopped_us: float) -> None:
+    def __init__(
+        self, baselined: BaselinedPad, model: ContactModel | NoContactModel, rate_hz: float, stopped_us: float
+    ) -> None:
         self.baselined = baselined
         self.baseline = baselined.baseline
         self.mounting = baselined.mounting
@@ -53,9 +56,13 @@ class Estimator:
         self._smoother = Smoother(model.smoothing_s)
         ambient_motion = None if self._ambient_motion is None else self._ambient_motion.memory
         self.memory = EstimatorMemory(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion)
-        resting = baselined.resting_covariance()
-        self.detection_limit_n = 0.0 if resting is None else model.detection_limit_n(resting, self._touch.onset_chi2)
+        self.detection_limit_n = 0.0
         self._path: FastPath | None = None
+        if isinstance(model, NoContactModel):
+            return  # its frames are judged in Python
+        resting = baselined.resting_covariance()
+        if resting is not None:
+            self.detection_limit_n = model.detection_limit_n(resting, self._touch.onset_chi2)
         if baselined.at_rest:
             self._path = FastPath.of(
                 baselined.drawing,
@@ -133,7 +140,10 @@ class Estimator:
         if elapsed_s > self._touch.longest_gap_s:
             self._touch.forget()
         estimate = self.baselined.with_calibration_uncertainty(track.estimate)
-        touching = self._touch.update(*displacement(estimate, self.mounting.rest))
+        change, covariance = displacement(estimate, self.mounting.rest)
+        touching = self._touch.update(change, covariance)
+        if isinstance(self._model, NoContactModel):
+            return _without_model(self._model, track, touching, distance(change, covariance))
         # The contact model was trained on the pad as drawn.
         contact = self._model.estimate(*self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s))
         if memory.lifted_s < LIFTED_S:
@@ -143,3 +153,11 @@ class Estimator:
         return Reading(
             track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
         )
+
+
+def _without_model(
+    model: NoContactModel, track: Track, touching: bool | None, distance_m: tuple[float, float]
+) -> Reading:
+    """Touch and displacement, but neither place nor force. Whether a press can lift this pad's magnet is not known."""
+    reason = f"{track.reason}; {model.reason}" if track.reason else model.reason
+    return Reading(track.health, reason, track.used, track.estimate, touching=touching, distance_m=distance_m)

@@ -9,7 +9,7 @@ import numpy as np
 from fmfts.baseline import Baseline, Mounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
-from fmfts.contact import ContactModel
+from fmfts.contact import ContactModel, NoContactModel
 from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
@@ -42,7 +42,9 @@ class PipelineMemory:
 class PadPipeline:
     """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too."""
 
-    def __init__(self, pad: Pad, model: ContactModel, boot: str, rate_hz: float, tracking: TrackingModel) -> None:
+    def __init__(
+        self, pad: Pad, model: ContactModel | NoContactModel, boot: str, rate_hz: float, tracking: TrackingModel
+    ) -> None:
         self.pad = pad
         self._model = model
         self._rate_hz = rate_hz
@@ -149,7 +151,7 @@ class PadPipeline:
         else:
             seen = [view.at(sampled_ns) for view in self._neighbours]
             reading = self._estimator.read(aligned, frame.temperature_c, seen, self._missing)
-            if reading.estimate is not None and reading.contact is not None:
+            if reading.estimate is not None and (reading.contact is not None or reading.distance_m is not None):
                 self._sighting.saw(reading.estimate, sampled_ns)
             if reading.health == "ok" and not self._among_others:
                 self._compiled = self._estimator.hand_over(self._alignment)

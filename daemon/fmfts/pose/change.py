@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product
+from fmfts.arithmetic.matrix import length, product
 from fmfts.pad import Pad
 from fmfts.pose.solver import PoseEstimate
 from fmfts.pose.state import State, tangent_basis
@@ -27,6 +28,15 @@ def displacement(estimate: PoseEstimate, rest: State) -> tuple[Array, Array]:
     project[:3, :3] = np.eye(3)
     project[3:, 3:] = basis.T
     return change, product(project, estimate.pose_covariance, project.T)
+
+
+def distance(change: Array, covariance: Array) -> tuple[float, float]:
+    """How far (m) a change (5,) of pose moved the magnet's centre, and the deviation along that direction."""
+    moved, spread = change[:3], covariance[:3, :3]
+    size = length(moved)
+    # A change of exactly zero has no direction: then the largest deviation of the three.
+    variance = float(product(moved, spread, moved)) / (size * size) if size > 0.0 else float(np.diagonal(spread).max())
+    return size, sqrt(max(variance, 0.0))
 
 
 def widened(estimate: PoseEstimate, rest: State, covariance: Array) -> PoseEstimate:

@@ -24,9 +24,9 @@ from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
-from fmfts.contact import ContactModel
+from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.pad import Pad
-from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
+from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
@@ -64,6 +64,13 @@ class Daemon:
         models = load_models(config)
         for pad in config.pad:
             model = models[pad.name]
+            if isinstance(model, NoContactModel):
+                log.warning(
+                    "pad '%s': it tells touch and displacement, no place and no force: %s", pad.name, model.reason
+                )
+                if pad.rebaseline.enabled:
+                    log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
+                continue
             by = model.inference.by
             log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
@@ -200,13 +207,15 @@ class Daemon:
             self._schedule.review()
         return bool(requests)
 
-    def _channel(self, config: PadConfig, source: Source, pad_index: int, model: ContactModel) -> Channel:
+    def _channel(
+        self, config: PadConfig, source: Source, pad_index: int, model: ContactModel | NoContactModel
+    ) -> Channel:
         pipeline, scene = pipeline_of(config, model, self._boot), scene_model_of(config)
         pad = pipeline.pad
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in observability_warnings(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
-        if (doubt := other_silicone(config)) is not None:
+        if not isinstance(model, NoContactModel) and (doubt := other_silicone(config)) is not None:
             log.warning("pad '%s': %s", pad.name, doubt)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, float(config.source.rate_hz))
         channel.config, channel.origin = config, origin_of(config)
@@ -267,13 +276,19 @@ def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
         return None
 
 
-def load_models(config: Config) -> dict[str, ContactModel]:
-    """The contact models by pad; pads of the same structure share one. ModelError if a model is not for its pad."""
-    loaded: dict[tuple[object, ...], ContactModel] = {}
+def load_models(config: Config) -> dict[str, ContactModel | NoContactModel]:
+    """The contact models by pad; pads of the same structure share one. ModelError if a model's file cannot be used."""
+    loaded: dict[tuple[object, ...], ContactModel | NoContactModel] = {}
     models = {}
+    wrong: list[str] = []
     for pad in config.pad:
         key = (pad.contact, pad.pad().geometry_hash)
-        if key not in loaded:
-            loaded[key] = load_contact_model(pad)
-        models[pad.name] = loaded[key]
+        try:
+            if key not in loaded:
+                loaded[key] = contact_model_of(pad)
+            models[pad.name] = loaded[key]
+        except ModelError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise ModelError("\n".join(wrong))
     return models

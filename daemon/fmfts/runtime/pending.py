@@ -29,7 +29,7 @@ class Pending:
         self._pad = pad
         self._done = done
         self._told_s = time.monotonic()
-        request.progress(share=task.share)
+        self._report()
 
     def settle(self, now_s: float) -> bool:
         """Answer if the task has ended or failed, else report progress from time to time. True: it was answered."""
@@ -58,8 +58,12 @@ class Pending:
     def _tell(self, now_s: float) -> bool:
         if now_s - self._told_s >= PROGRESS_S:
             self._told_s = now_s
-            self._request.progress(share=self.task.share)
+            self._report()
         return False
+
+    def _report(self) -> None:
+        hint = {"hint": self.task.hint} if self.task.hint else {}
+        self._request.progress(share=self.task.share, **hint)
 
 
 def fail_internally(request: Request, error: Exception) -> None:

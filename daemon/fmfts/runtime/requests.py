@@ -98,6 +98,7 @@ class Verbs:
                 "baseline": channel.pipeline.baseline and channel.pipeline.baseline.id,
                 "rate_nominal_hz": float(self._configs[name].source.rate_hz),
                 "geometry_hash": channel.pipeline.pad.geometry_hash,
+                "sensors_m": channel.pipeline.pad.sensors.position_m.tolist(),
             }
             for name, channel in self._channels.items()
         ]

@@ -19,6 +19,10 @@ class Task(Protocol):
     def share(self) -> float:
         """How much of it is done, 0 to 1."""
 
+    @property
+    def hint(self) -> str:
+        """What a person should do now, "" if nothing."""
+
     def facts(self) -> dict[str, Any] | None:
         """The result, None while there is none. Raises what made an end of the work."""
 
@@ -35,6 +39,8 @@ class Selftest:
         self._pad_index = pad_index
         source.request_selftest(pad_index)
         self._begun_s = time.monotonic()
+
+    hint = ""
 
     @property
     def share(self) -> float:

@@ -1,4 +1,4 @@
-"""Prints facts for a person (in millimetres, milligauss and degrees) or for a program (JSON, SI units)."""
+"""Prints facts for a person (in millimetres, microtesla and degrees) or for a program (JSON, SI units)."""
 
 from __future__ import annotations
 
@@ -20,10 +20,21 @@ UNITS = {
     "_remanence_t": Unit("T", 1.0, 4),
     "_remanence_sd_t": Unit("T", 1.0, 4),
     "_m": Unit("mm", 1e3, 3),
-    "_t": Unit("mG", 1e7, 2),
+    "_t": Unit("µT", 1e6, 3),
+    "_n": Unit("N", 1.0, 3),
+    "_um": Unit("µm", 1.0, 1),
     "_rad": Unit("°", math.degrees(1.0), 2),
     "_s": Unit("s", 1.0, 2),
     "_c": Unit("°C", 1.0, 1),
+}
+# Keys whose own words tell a person too little, with the unit's place in the sentence.
+LABELS = {
+    "gain_sd": "gains, relative to each other",
+    "sensor_place_sd_m": "places of the sensors",
+    "press_1n_sideways_sd_m": "press of 1 N: place",
+    "press_1n_force_sd_n": "press of 1 N: force",
+    "with_bare": "with a bare recording",
+    "chi2": "χ² of the fit",
 }
 HEXADECIMAL = ("address",)  # keys whose value is written as boards and data sheets do
 
@@ -34,7 +45,10 @@ def print_facts(facts: dict[str, Any], as_json: bool) -> None:
 
 def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:
     for key, value in facts.items():
-        if value in ("", {}):
+        if value in ("", {}) or key.startswith("was_"):
+            continue
+        if key.startswith("now_"):
+            yield indent + _gained(key.removeprefix("now_"), facts)
             continue
         if isinstance(value, dict):
             yield f"{indent}{key}:"
@@ -48,12 +62,19 @@ def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:
             yield f"{indent}{name}: {text}"
 
 
+def _gained(key: str, facts: dict[str, Any]) -> str:
+    """A deviation after `--turn` or `--refine`, beside the one before."""
+    _, now = _readable(key, facts[f"now_{key}"])
+    was = "" if facts.get(f"was_{key}") is None else f" (was ± {_readable(key, facts[f'was_{key}'])[1]})"
+    return f"{LABELS.get(key) or _readable(key, 0.0)[0].removesuffix(' sd')}: ± {now}{was}"
+
+
 def _readable(key: str, value: Any) -> tuple[str, str]:
     if key.endswith(HEXADECIMAL) and isinstance(value, int):
         return key.replace("_", " "), f"{value:#04x}"
     suffix = next((suffix for suffix in UNITS if f"_{key}".endswith(suffix)), "")
     unit = UNITS.get(suffix, PLAIN)
-    name = key[: key.rindex("_")] if suffix else key
+    name = LABELS.get(key) or (key[: key.rindex("_")] if suffix else key)
     return name.replace("_", " "), f"{_number(value, unit)} {unit.name}".strip()
 
 

@@ -18,12 +18,14 @@ from rich.live import Live
 from rich.text import Text
 
 from fmfts.common import exit_codes
-from fmfts.view.picture import render_contact
+from fmfts.view.picture import Places, render_contact
+from fmfts.view.places import sensor_places
 from fmfts.view.silence import NoSuchPadError, require_pad, why_nothing_came
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import (
     Contact,
     EndpointError,
+    Endpoints,
     Event,
     Message,
     MessageError,
@@ -75,9 +77,13 @@ def listen(
 def _listen(subscription: Subscription, pad: str | None, seconds: float | None, out: TextIO, as_json: bool) -> int:
     tallies: dict[str, Tally] = {}
     waiting = f"waiting for {'fmfts-daemon' if pad is None else f'pad {pad}'} on {subscription.endpoints.bus} …"
-    output: _Output = (
-        _Json(out) if as_json else _Pictures(tallies, waiting, out) if out.isatty() else _Lines(tallies, waiting, out)
-    )
+    output: _Output
+    if as_json:
+        output = _Json(out)
+    elif out.isatty():
+        output = _Pictures(tallies, waiting, out, subscription.endpoints)
+    else:
+        output = _Lines(tallies, waiting, out)
     end = None if seconds is None else time.monotonic() + seconds
     try:
         for message in _messages(subscription, output, end):
@@ -158,10 +164,12 @@ def _event_line(message: Message) -> str:
 class _Pictures:
     interval_s = 1.0 / PICTURES_PER_SECOND
 
-    def __init__(self, tallies: dict[str, Tally], waiting: str, out: TextIO) -> None:
+    def __init__(self, tallies: dict[str, Tally], waiting: str, out: TextIO, endpoints: Endpoints) -> None:
         self._tallies = tallies
         self._waiting = waiting
         self._event = ""
+        self._endpoints = endpoints
+        self._sensors: dict[str, Places] = {}
         self._live = Live(console=Console(file=out, markup=False, highlight=False), auto_refresh=False)
         self._live.start()
 
@@ -181,7 +189,18 @@ class _Pictures:
     def _picture(self, tally: Tally, compact: bool) -> RenderableType:
         if tally.contact is None or not tally.alive:
             return Text(now_line(tally), "bold red")
-        return render_contact(tally.contact, tally.status, tally.rate_hz, tally.arrival_s, compact)
+        if tally.pad not in self._sensors:
+            self._sensors |= {tally.pad: ()} | sensor_places(self._endpoints)
+        return render_contact(
+            tally.contact,
+            tally.status,
+            tally.rate_hz,
+            tally.arrival_s,
+            compact,
+            self._live.console.width,
+            self._sensors[tally.pad],
+            tally.history,
+        )
 
 
 class _Lines:

@@ -10,6 +10,7 @@ import io
 import math
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console, RenderableType
@@ -18,10 +19,17 @@ from rich.table import Table
 from rich.text import Text
 
 from fmfts.common import exit_codes
+from fmfts.view.history import History
+from fmfts.view.tally import displacement_text
 from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
+from fmfts_client.endpoints import for_client
+
+Places = Sequence[tuple[float, float]]
 
 HALF_WIDTH_M = 0.020  # the bus does not tell the pad's size; a contact farther out is drawn at the edge
 HALF_COLUMNS = 20  # a column is 1 mm wide; a row is twice as high
+WIDTH, COMPACT_WIDTH = 77, 57  # columns of a picture with figures beside the surface
+LEGEND = (("●", "contact"), ("▒", "magnet"), ("□", "sensor"))
 FULL_BAR_N = 5.0
 BAR_COLUMNS = 20
 MAGNET_RADIUS_M = 0.002
@@ -33,16 +41,42 @@ def render_contact(
     rate_hz: float | None = None,
     arrival_s: float | None = None,
     compact: bool = False,
+    width: int = WIDTH,
+    sensors_m: Places = (),
+    history: History | None = None,
 ) -> RenderableType:
     """The picture of one contact.
 
-    status: adds the configured rate. rate_hz: as the listener counted it. arrival_s: age of the sample when its message
-    arrived at the listener. compact: half as wide, for several pads.
+    status: adds the configured rate, and what the source is. rate_hz: as the listener counted it. arrival_s: age of the
+    sample when its message arrived at the listener. compact: half as wide, for several pads. width: columns that there
+    are; a narrow picture is compact, and a narrower one has its figures below the surface. sensors_m: x and y of each.
     """
+    compact = compact or width < WIDTH
+    half_columns = HALF_COLUMNS // 2 if compact else HALF_COLUMNS
+    surface = _surface(contact, half_columns, sensors_m)
+    figures = _figures(contact, status, rate_hz, arrival_s, history)
     table = Table.grid(padding=(0, 1))
-    surface = _surface(contact, HALF_COLUMNS // 2 if compact else HALF_COLUMNS)
-    table.add_row(surface, _figures(contact, status, rate_hz, arrival_s))
-    return Panel.fit(table, title=Text(f"pad {contact.pad}"), border_style=_health_style(contact.health), padding=0)
+    if width >= (COMPACT_WIDTH if compact else WIDTH):
+        table.add_row(surface, figures)
+    else:
+        table.add_row(surface)
+        table.add_row(figures)
+    source = "" if status is None else f": {status.source}"
+    title = Text(f"pad {contact.pad}{source}", no_wrap=True, overflow="ellipsis")
+    return Panel.fit(
+        table,
+        title=title,
+        subtitle=_legend(sensors_m, half_columns),
+        border_style=_health_style(contact.health),
+        padding=0,
+    )
+
+
+def _legend(sensors_m: Places, half_columns: int) -> Text:
+    """What the marks mean, and how long 10 mm are in the picture."""
+    entries = [f"{mark} {word}" for mark, word in LEGEND if sensors_m or word != "sensor"]
+    scale = "├" + "─" * (half_columns // 2 - 1) + "┤ 10 mm"
+    return Text("  ".join([*entries, scale]), no_wrap=True, overflow="ellipsis")
 
 
 def tilt_deg(axis: tuple[float, float, float]) -> float:
@@ -75,10 +109,12 @@ def _force_style(contact: Contact) -> str:
     return "green" if force_n < 1.0 else "yellow" if force_n < 2.5 else "red"
 
 
-def _surface(contact: Contact, half_columns: int) -> Text:
+def _surface(contact: Contact, half_columns: int, sensors_m: Places = ()) -> Text:
     """The pad from above: x to the right, y up."""
     column_m = HALF_WIDTH_M / half_columns
     cells: dict[tuple[int, int], tuple[str, str]] = {}
+    for x_m, y_m in sensors_m:
+        cells[round(x_m / column_m), round(y_m / (2 * column_m))] = ("□", "bright_black")
     if contact.pose is not None:
         x_m, y_m, _ = contact.pose.position_m
         cells |= dict.fromkeys(_disc(x_m, y_m, MAGNET_RADIUS_M, column_m), ("▒", "blue"))
@@ -120,18 +156,28 @@ def _disc(x_m: float, y_m: float, radius_m: float, column_m: float) -> list[tupl
     return [*near, (column, row)]
 
 
-def _figures(contact: Contact, status: Status | None, rate_hz: float | None, arrival_s: float | None) -> Table:
+def _figures(
+    contact: Contact,
+    status: Status | None,
+    rate_hz: float | None,
+    arrival_s: float | None,
+    history: History | None = None,
+) -> Table:
     figures = Table.grid(padding=(0, 1))
     figures.add_column(style="bright_black", no_wrap=True)
     figures.add_column(no_wrap=False, min_width=23, max_width=23)
     figures.add_row("health", Text(contact.health, _health_style(contact.health)))
     if contact.reason:
-        figures.add_row("", Text(contact.reason, "red"))
+        figures.add_row("", Text(contact.reason, "yellow" if contact.health == "ok" else "red"))
     figures.add_row("contact", {True: "yes", False: "no", None: "not known"}[contact.contact])
     figures.add_row("force", Text(force_text(contact), _force_style(contact)))
     figures.add_row("", _bar(contact))
+    if history is not None:
+        figures.add_row("past 10 s", Text(history.blocks(), "cyan"))
     for name, value, deviation in (("x", contact.x_m, contact.x_sd_m), ("y", contact.y_m, contact.y_sd_m)):
         figures.add_row(name, _with_deviation(value, deviation, 1e3, 2, "mm"))
+    if contact.displacement_m is not None:
+        figures.add_row("moved", displacement_text(contact))
     if contact.shear_x_n is not None and contact.shear_y_n is not None:
         figures.add_row("shear", f"{contact.shear_x_n:+.2f} {contact.shear_y_n:+.2f} N")
     _add_pose(figures, contact)
@@ -191,9 +237,11 @@ def main() -> int:
     if contact is None:
         print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
         return exit_codes.UNAVAILABLE
-    options.out.write_text(
-        as_svg(render_contact(contact, status, rate_hz, arrival_s), "fmfts-daemon listen"), encoding="utf-8"
-    )
+    from fmfts.view.places import sensor_places  # it imports this module
+
+    sensors_m = sensor_places(for_client()).get(options.pad, ())
+    picture = render_contact(contact, status, rate_hz, arrival_s, sensors_m=sensors_m)
+    options.out.write_text(as_svg(picture, "fmfts-daemon listen"), encoding="utf-8")
     return 0
 
 

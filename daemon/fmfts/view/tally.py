@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 
+from fmfts.view.history import History
 from fmfts_client import ALIVE_S, Contact, Status
 
 WINDOW_NS = 1_000_000_000
@@ -24,6 +25,7 @@ class Tally:
         self.largest_force_n: float | None = None
         self.arrival_s: float | None = None  # age of the newest sample when its message arrived
         self.health_s: defaultdict[str, float] = defaultdict(float)
+        self.history = History()
         self._published_ns: deque[int] = deque()
         self._latencies_s: deque[float] = deque(maxlen=LATENCIES_KEPT)
         self._first_ns = 0
@@ -34,6 +36,7 @@ class Tally:
         self.arrival_s = None if contact.clock_ahead_s is None else contact.sample_age_s
         self._first_ns = self._first_ns or contact.t_publish_ns
         self._published_ns.append(contact.t_publish_ns)
+        self.history.add(contact.t_publish_ns, shown_number(contact))
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
             self._published_ns.popleft()
         same_sample = before is not None and contact.t_sample_ns == before.t_sample_ns
@@ -115,7 +118,8 @@ def now_line(tally: Tally) -> str:
     contact = tally.contact
     if contact is None or not tally.alive:
         return f"{tally.pad}: nothing arrives"
-    parts = [f"{tally.pad}: {contact.health}" + (f" ({contact.reason})" if contact.reason else "")]
+    healthy = contact.health == "ok"
+    parts = [f"{tally.pad}: {contact.health}" + (f" ({contact.reason})" if contact.reason and not healthy else "")]
     if contact.over_range:
         parts.append(f"more than {contact.force_min_n or 0.0:.2f} N")
     elif contact.contact is None:
@@ -126,10 +130,31 @@ def now_line(tally: Tally) -> str:
         parts.append(f"{contact.force_n:.2f} N at ({contact.x_m * 1e3:+.1f}, {contact.y_m * 1e3:+.1f}) mm")
     else:
         parts.append("contact")
+    if contact.displacement_m is not None:
+        parts.append(f"magnet {displacement_text(contact)} from rest")
     if tally.rate_hz is not None:
         parts.append(f"{tally.rate_hz:.1f} Hz")
     if contact.t_sample_ns:
         sample_to_publish_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
         ago = "" if contact.clock_ahead_s is None else f", {contact.sample_age_s * 1e3:.1f} ms ago"
         parts.append(f"sampled {sample_to_publish_ms:.2f} ms before publishing{ago}")
+    if contact.reason and healthy:
+        parts.append(contact.reason)
     return "  ".join(parts)
+
+
+def shown_number(contact: Contact) -> float | None:
+    """What the history shows: the force in N, else how far the magnet moved in mm."""
+    if contact.over_range:
+        return contact.force_min_n
+    if contact.force_n is None and contact.displacement_m is not None:
+        return contact.displacement_m * 1e3
+    return 0.0 if contact.contact is False else contact.force_n
+
+
+def displacement_text(contact: Contact) -> str:
+    """How far the magnet is from rest, as text in millimetres."""
+    if contact.displacement_m is None:
+        return "–"
+    deviation = "" if contact.displacement_sd_m is None else f" ± {contact.displacement_sd_m * 1e3:.3f}"
+    return f"{contact.displacement_m * 1e3:.3f}{deviation} mm"

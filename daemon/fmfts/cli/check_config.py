@@ -1,0 +1,42 @@
+"""`fmfts-daemon check-config`: reads the configuration, and the contact models that it names."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from fmfts.cli.verb import VerbError, configuration
+from fmfts.common import exit_codes
+
+
+def run(options: argparse.Namespace) -> int:
+    from fmfts.config.checks import other_silicone
+    from fmfts.contact import ModelError, NoContactModel
+    from fmfts.contact.model import SHEAR_UNKNOWN
+    from fmfts.runtime.daemon import load_models
+
+    config = configuration(options)
+    try:
+        models = load_models(config)
+    except ModelError as error:
+        raise VerbError(exit_codes.CONFIG, str(error)) from error
+    if options.json:
+        import msgspec
+
+        print(json.dumps(msgspec.to_builtins(config), indent=1))
+    else:
+        print(f"good: {len(config.pad)} pad{'s' if len(config.pad) > 1 else ''}")
+        for pad in config.pad:
+            kind = pad.source.__struct_config__.tag
+            model = models[pad.name]
+            if isinstance(model, NoContactModel):
+                print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, touch and displacement only")
+                print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)
+                continue
+            print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")
+            if (warning := other_silicone(pad)) is not None:
+                print(f"{pad.name}: warning: {warning}", file=sys.stderr)
+            if model.shear_is_unknown:
+                print(f"{pad.name}: warning: {SHEAR_UNKNOWN.format(friction=pad.contact.friction)}", file=sys.stderr)
+    return 0

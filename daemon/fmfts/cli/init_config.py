@@ -1,0 +1,140 @@
+"""`fmfts-daemon init`: finds the board and writes a commented configuration for it."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmfts.cli.verb import AddVerb, VerbError
+from fmfts.common import exit_codes
+
+if TYPE_CHECKING:
+    from fmfts.config.example import FoundPad
+
+DEFAULT_FILE = Path("pad.toml")
+PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*")
+TURN_S = 0.01
+
+
+def add_to(verb: AddVerb) -> None:
+    added = verb(
+        "init", _init, "find the board and write a commented configuration for it", f"to write: {DEFAULT_FILE}"
+    )
+    where = added.add_mutually_exclusive_group()
+    where.add_argument("--port", metavar="PORT", help="the board's serial port; without it, all ports are tried")
+    where.add_argument("--i2c", type=int, metavar="BUS", help="a pad on this I2C bus of the computer: 1 for /dev/i2c-1")
+    where.add_argument("--simulated", action="store_true", help="no hardware: the configuration of the demo")
+
+
+def _init(options: argparse.Namespace) -> int:
+    from fmfts.config.example import EXAMPLE_PATH, written_for
+
+    file = options.config or DEFAULT_FILE
+    if file.exists():
+        raise VerbError(
+            exit_codes.DATA, f"{file} exists and is left as it is: remove it, or name another with --config"
+        )
+    if options.simulated:
+        text, where = EXAMPLE_PATH.read_text(encoding="utf-8"), "a simulated pad"
+    else:
+        pads, where = _on_i2c(options.i2c) if options.i2c is not None else _on_ports(options.port)
+        text = written_for(pads, where)
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, f"{file} cannot be written: {error.strerror}") from error
+    print(f"{file}: written for {where}")
+    check = f"`fmfts-daemon check-config --config {file}`"
+    print(f"next: compare its [pad.geometry] and [pad.magnet] with your pad, then {check}")
+    return 0
+
+
+def _on_ports(port: str | None) -> tuple[list[FoundPad], str]:
+    """The pads of the first board that answers, and where it is. Raises VerbError if there is none."""
+    from fmfts.config import BridgeSource
+
+    ports = [port] if port is not None else candidates()
+    reasons = []
+    for one in ports:
+        board, reason = _asked(BridgeSource(port=one))
+        if board.get("uid"):
+            return _pads_of(board, one), f"board {board['uid']} on {one}"
+        reasons.append(f"{one}: {reason}")
+    tried = "; ".join(reasons) if reasons else f"there is no {' or '.join(PORTS)}"
+    raise VerbError(
+        exit_codes.UNAVAILABLE,
+        f"no board found ({tried}): plug it in, or say where it is with --port or --i2c; --simulated needs none",
+    )
+
+
+def candidates(root: Path = Path("/")) -> list[str]:
+    """Serial ports, each once, by the name that stays the same where there is one."""
+    found: dict[Path, str] = {}
+    for pattern in PORTS:
+        for path in sorted(root.glob(pattern.removeprefix("/"))):
+            found.setdefault(path.resolve(), str(path))
+    return list(found.values())
+
+
+def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
+    from fmfts.config import I2cSource
+    from fmfts.config.example import FoundPad, shared_lines
+
+    source = I2cSource(bus=bus)
+    board, reason = _asked(source)
+    if not board or reason:
+        raise VerbError(exit_codes.UNAVAILABLE, f"no pad found: /dev/i2c-{bus}: {reason or 'nothing answers'}")
+    lines = [
+        'type = "i2c"',
+        f"bus = {bus}                        # /dev/i2c-{bus}",
+        f"mux_address = {source.mux_address:#x}             # of the TCA9548A, 0x70 to 0x77",
+        f"channels = {list(source.channels)}        # the mux's channel of each sensor, in the order of sensors_mm",
+        *shared_lines(),
+    ]
+    return [FoundPad("left", lines, len(source.channels))], f"the pad on /dev/i2c-{bus}"
+
+
+def _asked(source: Any) -> tuple[dict[str, Any], str]:
+    """What the source says of itself, and why it does not, or what is wrong."""
+    from fmfts.config import PadConfig
+    from fmfts.sensor import SourceError
+    from fmfts.sensor.tasks import PATIENCE_S
+    from fmfts.sources import open_sources
+
+    try:
+        ((device, _),) = open_sources([PadConfig(name="found", source=source)])
+    except SourceError as error:
+        return {}, str(error)
+    try:
+        until = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until and not (device.state.board and device.state.connected):
+            device.poll(time.monotonic_ns())
+            time.sleep(TURN_S)
+        return device.state.board, device.state.reason or ("" if device.state.board else "no board answers")
+    finally:
+        device.close()
+
+
+def _pads_of(board: dict[str, Any], port: str) -> list[FoundPad]:
+    from fmfts.config.example import FoundPad, shared_lines
+
+    pads: Sequence[dict[str, Any]] = board["pads"]
+    names = ["left"] if len(pads) == 1 else [f"pad{number + 1}" for number in range(len(pads))]
+    return [
+        FoundPad(
+            name,
+            [
+                'type = "bridge"',
+                f'port = "{port}"',
+                f'uid = "{board["uid"]}"     # only this board is used, on whatever port it is',
+                f"pad_index = {index}                  # which of the board's pads, from 0",
+                "baud = 460800                  # of the serial line, bits a second",
+                *shared_lines(),
+            ],
+            len(pad["channels"]),
+        )
+        for index, (name, pad) in enumerate(zip(names, pads, strict=True))
+    ]

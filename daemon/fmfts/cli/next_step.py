@@ -1,0 +1,44 @@
+"""Says what comes next on the way from a new pad to contacts: probe, selftest, baseline --bare, --rest, run, listen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def after_probe(facts: Mapping[str, Any], config: str) -> str:
+    """config: the words ` --config FILE` as they were given, or ""."""
+    absent = [pad["pad"] for pad in facts["pads"] if not pad["connected"]]
+    if absent:
+        return f"make the source of {_named(absent)} answer: docs/troubleshooting.md; then `fmfts-daemon probe{config}`"
+    faulty = [pad["pad"] for pad in facts["pads"] if pad["faults"]]
+    if faulty:
+        return f"mend what is listed under faults of {_named(faulty)}, then `fmfts-daemon probe{config}` again"
+    return f"`fmfts-daemon selftest{config}{_pad_option(facts)}` measures every axis"
+
+
+def after_selftest(facts: Mapping[str, Any], config: str, pad: str) -> str:
+    if not facts.get("passed"):
+        return f"check supply and wires of the sensors that failed, then `fmfts-daemon selftest{config}{pad}` again"
+    return f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted"
+
+
+def after_baseline(facts: Mapping[str, Any], config: str, pad: str) -> str:
+    kind = facts.get("kind")
+    if kind == "bare":
+        return f"mount the pad, then `fmfts-daemon baseline --rest{config}{pad}` while nothing touches it"
+    if kind == "rest":
+        return (
+            f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal; for better accuracy first "
+            f"`fmfts-daemon baseline --turn{config}{pad}`"
+        )
+    return ""
+
+
+def _named(pads: list[str]) -> str:
+    return ("pad " if len(pads) == 1 else "pads ") + ", ".join(f"'{pad}'" for pad in pads)
+
+
+def _pad_option(facts: Mapping[str, Any]) -> str:
+    pads = facts["pads"]
+    return f" --pad {pads[0]['pad']}" if len(pads) > 1 else ""

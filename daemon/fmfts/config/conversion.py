@@ -1,0 +1,94 @@
+"""From the file's tables to a configuration, with all that is wrong about them at once.
+
+msgspec stops at the first error. Here each wrong key is told, mended in a copy, and the copy is read again.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+from msgspec import inspect
+
+from fmfts.config import Config
+from fmfts.config.wording import Key, explain, keys_in, numbers, place, type_at, value_at
+
+MOST = 50  # errors that are told
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """config: None if nothing can be made of the file. wrong: sentences. mended: paths to values that are not its."""
+
+    config: Config | None
+    wrong: tuple[str, ...]
+    mended: tuple[tuple[Key, ...], ...]
+
+    def is_mended(self, keys: Sequence[Key]) -> bool:
+        """Is this a path to a value that is not the file's, or within or around one?"""
+        return any(tuple(keys[: len(path)]) == path or path[: len(keys)] == tuple(keys) for path in self.mended)
+
+
+def convert(data: dict[str, Any]) -> Converted:
+    """Read the tables of a file. If `wrong` is not empty, `config` is only good for looking for more errors."""
+    left = copy.deepcopy(data)
+    wrong: list[str] = []
+    mended: list[tuple[Key, ...]] = []
+    for keys, number in numbers(data):
+        if not math.isfinite(number):
+            wrong.append(f"{place(data, keys)} = {number}: must be a finite number")
+            mended.append(_mend(left, keys))
+    while len(wrong) < MOST:
+        try:
+            return Converted(msgspec.convert(left, Config), tuple(wrong), tuple(mended))
+        except msgspec.ValidationError as error:
+            text = str(error)
+            keys = tuple(keys_in(text))
+            if missing := re.search(r"missing required field `([^`]*)`", text):
+                path = (*keys, missing[1])
+                told = path in mended
+                filled = _fill(left, path)
+            else:
+                unknown = re.search(r"unknown field `([^`]*)`", text)
+                path, told = (*keys, unknown[1]) if unknown else keys, False
+                filled = bool(path)
+            if not told:
+                wrong.append(explain(data, text))
+            if not filled:
+                break
+            mended.append(path if missing else _mend(left, path))
+    return Converted(None, tuple(wrong), tuple(mended))
+
+
+def _mend(data: dict[str, Any], keys: Sequence[Key]) -> tuple[Key, ...]:
+    """Take away the value, or the whole list around it: a list of another length would be wrong, too."""
+    path = list(keys)
+    while path and not (isinstance(path[-1], str) and isinstance(value_at(data, path[:-1]), dict)):
+        path.pop()
+    if path:
+        value_at(data, path[:-1]).pop(path[-1], None)
+    return tuple(path)
+
+
+def _fill(data: dict[str, Any], keys: Sequence[Key]) -> bool:
+    """Put something allowed where a required key is missing. False if nothing is known that would be."""
+    table, name = value_at(data, keys[:-1]), str(keys[-1])
+    if not isinstance(table, dict) or name in table:
+        return False
+    kind = type_at(data, keys)
+    if name == "source" or name == "type":
+        table[name] = "simulated" if name == "type" else {"type": "simulated"}
+    elif name == "name":
+        table[name] = f"unnamed{keys[1]}"
+    elif isinstance(kind, inspect.StrType):
+        table[name] = "/dev/null"
+    elif isinstance(kind, inspect.IntType | inspect.FloatType):
+        table[name] = kind.ge if kind.ge is not None else 1
+    else:
+        return False
+    return True

@@ -1,0 +1,56 @@
+"""The commented configuration that ships, and the one that `fmfts-daemon init` makes of it for a board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+EXAMPLE_PATH = Path(__file__).with_name("example.toml")
+FIRST_PAD = "# One [[pad]] table for each pad."
+GEOMETRY, OTHER_SOURCES = "[pad.geometry]", "# --- A pad behind an STM32 board"
+# Of a further pad; its other keys are explained with the first one.
+SHORT_GEOMETRY = "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0]]"
+SHARED_KEYS = ("rate_hz", "range_gauss", "trigger", "chip")
+COLLECTING = "# --- The machine and the gauge"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPad:
+    """A pad that answered. source: the lines of its [pad.source]. sensors: how many chips it has."""
+
+    name: str
+    source: Sequence[str]
+    sensors: int
+
+
+def written_for(pads: Sequence[FoundPad], where: str) -> str:
+    """The text of a configuration for these pads; where: says where they were found. Comments are the example's."""
+    text = EXAMPLE_PATH.read_text(encoding="utf-8")
+    general, rest = text.split(FIRST_PAD, 1)
+    sections = rest[rest.index(GEOMETRY) : rest.index(OTHER_SOURCES)].rstrip()
+    collecting = text[text.index(COLLECTING) :]
+    blocks = [_pad(pad, sections if number == 0 else SHORT_GEOMETRY) for number, pad in enumerate(pads)]
+    head = f"# Written by `fmfts-daemon init` for {where}.\n# Compare [pad.geometry] and [pad.magnet] with your pad.\n"
+    return head + general + "\n\n".join(blocks) + "\n\n" + collecting
+
+
+def shared_lines() -> list[str]:
+    """The keys that every device has, with their comments."""
+    text = EXAMPLE_PATH.read_text(encoding="utf-8")
+    return [line for line in text[: text.index(GEOMETRY)].splitlines() if line.partition(" = ")[0] in SHARED_KEYS]
+
+
+def _pad(pad: FoundPad, sections: str) -> str:
+    named = f'[[pad]]\nname = "{pad.name}"' + " " * max(1, 23 - len(pad.name)) + f"# the topic is contact/{pad.name}"
+    return "\n".join([named, "", "[pad.source]", *pad.source, "", _with_sensors(sections, pad.sensors)]).rstrip()
+
+
+def _with_sensors(sections: str, count: int) -> str:
+    """Of another number of sensors than the example's four the places are not known: `check-config` asks for them."""
+    if count == 4:
+        return sections
+    lines = sections.splitlines()
+    at = next(number for number, line in enumerate(lines) if line.startswith("sensors_mm = "))
+    lines[at] = f"sensors_mm = []               # FILL IN: the places of this pad's {count} sensors"
+    return "\n".join(lines)

@@ -1,0 +1,166 @@
+"""Says in words where in the file an error is, what stands there, and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from msgspec import inspect
+
+from fmfts.config import BoardUid, Config, PadName
+
+Key = str | int
+# What the items of a list are called; people count them from 1.
+ITEMS = {
+    "sensors_mm": "sensor",
+    "sensor_rotations_deg": "sensor",
+    "channels": "sensor",
+    "neighbours": "name",
+    "pad": "pad",
+}
+ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
+UNITS = {
+    "mm": "millimetres",
+    "deg": "degrees",
+    "t": "tesla",
+    "hz": "hertz",
+    "gauss": "gauss",
+    "k": "kelvin",
+    "minute": "minutes",
+}
+
+PATTERNS = {
+    inspect.type_info(PadName).pattern: "1 to 32 letters, digits, - or _",  # type: ignore[attr-defined]
+    inspect.type_info(BoardUid).pattern: "24 hexadecimal digits",  # type: ignore[attr-defined]
+}
+
+
+def keys_in(error: str) -> list[Key]:
+    """The path in msgspec's "what - at `$.pad[0].source.rate_hz`"."""
+    path = error.partition(" - at ")[2]
+    return [int(index) if index else name for name, index in re.findall(r"\.(\w[\w-]*)|\[(\d+)\]", path)]
+
+
+def explain(data: dict[str, Any], error: str) -> str:
+    """Rewrites msgspec's text of an error for a person who edits the file."""
+    what, keys = error.partition(" - at ")[0], keys_in(error)
+    if missing := re.search(r"missing required field `(.*)`", what):
+        table = type_at(data, keys)
+        return f"{place(data, [*keys, missing[1]])} is missing: give {_allowed(_field_type(table, missing[1]))}"
+    if unknown := re.search(r"unknown field `(.*)`", what):
+        return f"{place(data, [*keys, unknown[1]])}: there is no such key{_nearest(data, keys, unknown[1])}"
+    return f"{place(data, keys)}{value_shown(data, keys)}: must be {_allowed(type_at(data, keys))}"
+
+
+def _nearest(data: dict[str, Any], keys: Sequence[Key], unknown: str) -> str:
+    known = [field.name for field in _fields(type_at(data, keys))]
+    near = difflib.get_close_matches(unknown, known, n=1, cutoff=0.5)
+    if not near:
+        return f" (there are {', '.join(known)})"
+    unit = UNITS.get(near[0].rpartition("_")[2])
+    return f"; did you mean {near[0]}{f', in {unit}' if unit else ''}?"
+
+
+def place(data: dict[str, Any], keys: Sequence[Key]) -> str:
+    """The path of a key in words, like `pad 'left' (second [[pad]]): geometry.sensors_mm[1]`."""
+    if len(keys) >= 2 and keys[0] == "pad" and isinstance(keys[1], int):
+        number = keys[1]
+        name = value_at(data, ["pad", number, "name"])
+        ordinal = ORDINALS[number] if number < len(ORDINALS) else f"{number + 1}th"
+        who = f"pad {name!r} ({ordinal} [[pad]])" if isinstance(name, str) else f"{ordinal} [[pad]]"
+        return f"{who}: {_dotted(keys[2:])}" if len(keys) > 2 else who
+    return _dotted(keys) or "the file"
+
+
+def _dotted(keys: Sequence[Key]) -> str:
+    words, what = "", "value"
+    for key in keys:
+        words += f", {what} {key + 1}" if isinstance(key, int) else f".{key}"
+        what = ITEMS.get(key, "value") if isinstance(key, str) else "value"
+    return words.removeprefix(".")
+
+
+def value_at(data: Any, keys: Sequence[Key]) -> Any:
+    for key in keys:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data
+
+
+def value_shown(data: dict[str, Any], keys: Sequence[Key]) -> str:
+    value = value_at(data, keys)
+    if value is None or isinstance(value, dict):
+        return ""
+    return f" = {value if not isinstance(value, str) else repr(value)!s}"[:80]
+
+
+def numbers(value: Any, keys: tuple[Key, ...] = ()) -> Iterator[tuple[tuple[Key, ...], float]]:
+    if isinstance(value, float):
+        yield keys, value
+    children: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, child in children:
+        yield from numbers(child, (*keys, key))
+
+
+def type_at(data: Any, keys: Sequence[Key]) -> inspect.Type:
+    kind: inspect.Type = inspect.type_info(Config)
+    for key in keys:
+        if isinstance(kind, inspect.UnionType):
+            kind = _chosen(kind, data)
+        data = value_at(data, [key])
+        if isinstance(kind, inspect.VarTupleType):
+            kind = kind.item_type
+        elif isinstance(kind, inspect.TupleType) and isinstance(key, int):
+            kind = kind.item_types[key]
+        else:
+            kind = _field_type(kind, str(key))
+    return _chosen(kind, data) if isinstance(kind, inspect.UnionType) else kind
+
+
+def _chosen(union: inspect.UnionType, data: Any) -> inspect.Type:
+    """The table type that `type = …` in `data` names, or the type beside None; `union` where `type` names none."""
+    tables = [each for each in union.types if isinstance(each, inspect.StructType)]
+    if not tables:
+        return next(each for each in union.types if not isinstance(each, inspect.NoneType))
+    tag = data.get("type") if isinstance(data, dict) else None
+    return next((table for table in tables if table.tag == tag), union)
+
+
+def _fields(table: inspect.Type) -> tuple[inspect.Field, ...]:
+    return table.fields if isinstance(table, inspect.StructType) else ()
+
+
+def _field_type(table: inspect.Type, name: str) -> inspect.Type:
+    if name == "type":
+        tables = table.types if isinstance(table, inspect.UnionType) else (table,)
+        return inspect.LiteralType(tuple(each.tag for each in tables if isinstance(each, inspect.StructType)))
+    return next((field.type for field in _fields(table) if field.name == name), inspect.AnyType())
+
+
+def _allowed(kind: inspect.Type) -> str:
+    if isinstance(kind, inspect.LiteralType):
+        return "one of " + ", ".join(f'"{value}"' for value in sorted(map(str, kind.values)))
+    if isinstance(kind, inspect.IntType | inspect.FloatType):
+        return ("a whole number" if isinstance(kind, inspect.IntType) else "a number") + _bounds(kind)
+    if isinstance(kind, inspect.StrType):
+        return "text in quotes" + (f": {PATTERNS[kind.pattern]}" if kind.pattern else "")
+    if isinstance(kind, inspect.BoolType):
+        return "true or false"
+    if isinstance(kind, inspect.TupleType):
+        return f"a list of {len(kind.item_types)}, each {_allowed(kind.item_types[0])}"
+    if isinstance(kind, inspect.VarTupleType):
+        is_table = isinstance(kind.item_type, inspect.StructType)
+        return "a list of tables ([[double brackets]])" if is_table else f"a list, each {_allowed(kind.item_type)}"
+    return "a table"
+
+
+def _bounds(kind: inspect.IntType | inspect.FloatType) -> str:
+    if kind.ge is not None and kind.le is not None:
+        return f" from {kind.ge} to {kind.le}"
+    words = {"greater than": kind.gt, "at least": kind.ge, "at most": kind.le, "less than": kind.lt}
+    limits = [f"{word} {bound}" for word, bound in words.items() if bound is not None]
+    return " " + " and ".join(limits) if limits else ""

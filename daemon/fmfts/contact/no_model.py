@@ -1,0 +1,29 @@
+"""What stands in a contact model's place where none fits the pad: the pad runs, and place and force are not known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fmfts.contact.response import Response
+
+NO_MODEL = "none"  # `[pad.contact] model`, and the hash in messages and recordings
+
+
+@dataclass(frozen=True, slots=True)
+class NoContactModel:
+    """reason: the `reason` of messages whose place and force are null because of this."""
+
+    reason: str
+    hash: str = NO_MODEL
+    smoothing_s: float = 0.0
+    response: Response | None = None
+
+
+def no_model_for(configured: str) -> NoContactModel:
+    """The stand-in of a pad whose `[pad.contact] model` is `configured`: "none", or a shipped one that does not fit."""
+    why = (
+        f'[pad.contact] model is "{NO_MODEL}"'
+        if configured == NO_MODEL
+        else f'"{configured}" is for the pad of the shipped config.toml, and this one has other dimensions'
+    )
+    return NoContactModel(f"no contact model for this pad: {why}; to get forces, calibrate it (docs/calibration.md)")

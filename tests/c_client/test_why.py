@@ -1,0 +1,58 @@
+"""`fmfts_why()`: the C client says the same as the Python client where it hears nothing, over real sockets."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from c_client.built import Talker, build_listener
+from fmfts.bus.keys import KeyFolder
+from ports import tcp_base
+from unit.test_client_why import daemon_of, why
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_listener(tmp_path_factory.mktemp("c"))
+
+
+def said(program: Path, pad: str, base: str, timeout_ms: int = 1000, key: str = "") -> str:
+    with Talker(program, pad, base, environment=os.environ | {"FMFTS_KEY": key}) as client:
+        answer = client.why(timeout_ms)
+    assert answer["arrives"] == (answer["why"] == "")
+    return str(answer["why"])
+
+
+def test_c_client_says_that_contacts_arrive_or_which_pads_there_are(program: Path, tmp_path: Path) -> None:
+    base = f"ipc://{tmp_path}"
+    with daemon_of(base, "left", "right"):
+        assert said(program, "left", base, 20_000) == ""
+        assert said(program, "lef", base) == why("lef", base)
+        assert said(program, "thumb", base) == why("thumb", base)
+
+
+def test_c_client_says_that_no_daemon_is_there(program: Path, tmp_path: Path) -> None:
+    base = f"ipc://{tmp_path}"
+    assert said(program, "left", base, 200) == why("left", base, 0.2)
+
+
+def test_c_client_names_the_other_schema_version(program: Path, tmp_path: Path) -> None:
+    base = f"ipc://{tmp_path}"
+    with daemon_of(base, "left", v=2):
+        assert "sends schema version 2, this client reads 1" in said(program, "left", base)
+
+
+def test_c_client_names_the_key_that_is_refused(program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, base = KeyFolder(tmp_path / "keys"), tcp_base()
+    for name in ("arm", "gone"):
+        folder.add(name, tmp_path / f"{name}.key")
+    listed = (tmp_path / "keys" / "clients").read_text()
+    (tmp_path / "keys" / "clients").write_text("".join(line for line in listed.splitlines(True) if "gone" not in line))
+    KeyFolder(tmp_path / "others").add("thief", tmp_path / "thief.key")
+    with daemon_of(base, "left", keys=folder):
+        for name, ms in (("arm", 20_000), ("gone", 1000), ("thief", 1000), ("", 1000)):
+            key = str(tmp_path / f"{name}.key") if name else ""
+            monkeypatch.setenv("FMFTS_KEY", key)
+            assert said(program, "left", base, ms, key) == why("left", base, ms * 1e-3), name

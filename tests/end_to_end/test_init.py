@@ -1,0 +1,80 @@
+"""`fmfts-daemon init` and `demo` in an empty folder, with the firmware's host build as the board."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from end_to_end.processes import FirmwareHost
+from fmfts.cli.init_config import candidates
+from fmfts.config import BridgeSource, SimulatedSource
+from fmfts.config.example import FoundPad, written_for
+from fmfts.config.file import load
+
+UID = "0123456789abcdef01234567"
+
+
+def said(folder: Path, *words: str | Path, code: int = 0) -> str:
+    ended = subprocess.run(
+        [sys.executable, "-m", "fmfts", *words], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode == code, ended
+    assert "Traceback" not in ended.stderr
+    return ended.stdout + ended.stderr
+
+
+def test_init_writes_a_commented_configuration_for_the_board_that_it_finds(tmp_path: Path) -> None:
+    with FirmwareHost(tmp_path, "--uid", UID, "--pads", "2") as board:
+        told = said(tmp_path, "init", "--port", board.port)
+        assert f"pad.toml: written for board {UID}" in told
+        assert "`fmfts-daemon check-config --config pad.toml`" in told
+        assert said(tmp_path, "check-config", "--config", "pad.toml").startswith("good: 2 pads")
+        probed = said(tmp_path, "probe", "--config", "pad.toml")
+    assert probed.count("connected: yes") == 2
+    config, file = load(tmp_path / "pad.toml")
+    for index, pad in enumerate(config.pad):
+        assert isinstance(pad.source, BridgeSource)
+        assert (pad.source.uid, pad.source.pad_index) == (UID, index)
+    text = file.read_text()
+    assert "tesla; N35 is about 1.2" in text
+    assert "[collect.gauge]" in text
+
+
+def test_init_leaves_a_file_that_exists_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "pad.toml").write_text("mine")
+    assert "pad.toml exists and is left as it is" in said(tmp_path, "init", "--simulated", code=65)
+    assert (tmp_path / "pad.toml").read_text() == "mine"
+
+
+def test_init_without_a_board_says_what_was_tried(tmp_path: Path) -> None:
+    told = said(tmp_path, "init", "--port", tmp_path / "none", code=69)
+    assert f"no board found ({tmp_path}/none: " in told
+    assert "--simulated needs none" in told
+    assert "no pad found: /dev/i2c-99" in said(tmp_path, "init", "--i2c", "99", code=69)
+    assert not (tmp_path / "pad.toml").exists()
+
+
+def test_simulated_configuration_is_the_one_that_ships(tmp_path: Path) -> None:
+    said(tmp_path, "init", "--simulated", "--config", "sim.toml")
+    assert load(tmp_path / "sim.toml")[0].pad[0].source == SimulatedSource()
+
+
+def test_demo_is_a_verb_and_needs_no_configuration(tmp_path: Path) -> None:
+    assert "pad demo: " in said(tmp_path, "demo", "--seconds", "10")
+
+
+def test_each_port_is_tried_once_and_by_its_lasting_name(tmp_path: Path) -> None:
+    (tmp_path / "dev/serial/by-id").mkdir(parents=True)
+    (tmp_path / "dev/ttyUSB0").touch()
+    (tmp_path / "dev/ttyUSB1").touch()
+    (tmp_path / "dev/serial/by-id/usb-board").symlink_to("../../ttyUSB1")
+    assert candidates(tmp_path) == [f"{tmp_path}/dev/serial/by-id/usb-board", f"{tmp_path}/dev/ttyUSB0"]
+
+
+@pytest.mark.parametrize("sensors", [3, 4, 6])
+def test_places_of_another_number_of_sensors_are_asked_for(sensors: int, tmp_path: Path) -> None:
+    text = written_for([FoundPad("left", ['type = "simulated"'], sensors)], "a test")
+    assert ("FILL IN" in text) == (sensors != 4)

@@ -1,0 +1,121 @@
+"""Every command of docs/without-hardware.md: those that cost minutes are other tests' work, all others run here."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from end_to_end.processes import FirmwareHost, RunningDaemon
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/without-hardware.md").read_text()
+COMMANDS = [line.strip() for line in re.findall(r"^    (\S.*)$", PAGE, flags=re.MULTILINE)]
+# Where each of the longer ones is run; it must be named there.
+ELSEWHERE = {
+    "make demo FIRMWARE=1 SECONDS=10": ("tests/end_to_end/test_firmware_in_the_loop.py", "firmware_in_the_loop"),
+    "make demo PAPER=1": ("tests/end_to_end/test_demo.py", "paper_demo.py"),
+    "make install-c-client PREFIX=/tmp/fmfts-client": ("tests/c_client/test_examples.py", "make install-c-client"),
+}
+DAEMON = "fmfts-daemon run --config simulated.toml"
+BESIDE_A_DAEMON = tuple(
+    f"fmfts-daemon {words}" for words in ("status", "listen --seconds 5", "record touch.mcap --seconds 5")
+)
+GRIPPER = "python clients/python/examples/gripper.py demo"
+HOST = "firmware/build/fmfts-host --link /tmp/fmfts-board"
+WITHOUT_A_DAEMON = [
+    command
+    for command in COMMANDS
+    if command.startswith("fmfts-daemon") and command not in (DAEMON, *BESIDE_A_DAEMON) and "replay" not in command
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("without")
+
+
+@pytest.fixture(scope="module")
+def environment(folder: Path) -> dict[str, str]:
+    return os.environ | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": str(folder / "state")}
+
+
+def ran(command: str, folder: Path, environment: dict[str, str]) -> str:
+    words = [sys.executable, "-m", "fmfts", *shlex.split(command)[1:]]
+    ended = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert ended.returncode == 0, ended
+    return ended.stdout
+
+
+@pytest.fixture(scope="module")
+def prepared(folder: Path, environment: dict[str, str]) -> None:
+    """What the page does before `run`, in its order."""
+    assert len(WITHOUT_A_DAEMON) == 8
+    for command in WITHOUT_A_DAEMON:
+        ran(command, folder, environment)
+
+
+@pytest.mark.usefixtures("prepared")
+def test_verbs_of_the_page_run_in_its_order_beside_the_daemon(folder: Path, environment: dict[str, str]) -> None:
+    words = [sys.executable, "-m", "fmfts", *shlex.split(DAEMON)[1:]]
+    with subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True) as daemon:
+        try:
+            until = time.monotonic() + 60.0
+            while not (folder / "control").exists():
+                assert time.monotonic() < until
+                time.sleep(0.05)
+            time.sleep(2.0)  # `status` tells of a second
+            assert "demo" in ran(BESIDE_A_DAEMON[0], folder, environment)
+            for command in BESIDE_A_DAEMON[1:]:
+                assert ran(command, folder, environment)
+            gripper = [sys.executable, *shlex.split(GRIPPER)[1:]]
+            with subprocess.Popen(gripper, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as held:
+                assert held.stdout is not None
+                assert held.stdout.readline().startswith(("CLOSE", "OPEN"))
+                held.kill()
+        finally:
+            daemon.send_signal(signal.SIGINT)
+            daemon.communicate(timeout=30)
+    assert "different: 0" in ran("fmfts-daemon replay touch.mcap", folder, environment)
+
+
+def test_host_build_takes_every_command_of_the_page(tmp_path: Path) -> None:
+    commands = re.findall(r"^\| `([^`]+)` \|", PAGE, flags=re.MULTILINE)
+    assert len(commands) == 8
+    with FirmwareHost(tmp_path) as board:
+        ended = subprocess.run(
+            [sys.executable, "-m", "fmfts", "init", "--port", board.port, "--config", tmp_path / "pad.toml"],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert ended.returncode == 0, ended
+        config = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "bridge"\nport = "{board.port}"\n'
+        with RunningDaemon(tmp_path, config) as daemon:  # garbage needs somebody who hears it
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+            for command in commands[:-1]:
+                board.tell(command)
+
+
+def test_stuck_sensor_of_the_page_is_named_by_its_number_from_one(tmp_path: Path) -> None:
+    with FirmwareHost(tmp_path) as board:
+        config = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "bridge"\nport = "{board.port}"\n'
+        with RunningDaemon(tmp_path, config) as daemon:
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+            board.tell("fault 0 2 stuck")
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1011)
+
+
+def test_no_command_of_the_page_is_left_out() -> None:
+    covered = {*WITHOUT_A_DAEMON, DAEMON, *BESIDE_A_DAEMON, "fmfts-daemon replay touch.mcap", GRIPPER, HOST}
+    assert set(COMMANDS) == covered | set(ELSEWHERE) | {"make -C firmware host"}
+    for file, word in ELSEWHERE.values():
+        assert word in (ROOT / file).read_text(), f"{file} runs it no more"

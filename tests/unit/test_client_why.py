@@ -1,0 +1,118 @@
+"""`Client.why()`: what a client that hears nothing is told, over real sockets."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from fmfts.bus.gate import Gate
+from fmfts.bus.keys import KeyFolder
+from fmfts.bus.publisher import Publisher
+from fmfts_client import Client, Endpoints
+from fmfts_client.diagnosis import nearest_name
+from ports import tcp_base
+from unit.bus_messages import BOOT, contact_message
+
+
+@contextmanager
+def repeating(turn: Callable[[], None]) -> Iterator[None]:
+    done = threading.Event()
+
+    def loop() -> None:
+        while not done.wait(0.02):
+            turn()
+
+    thread = threading.Thread(target=loop)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+@contextmanager
+def daemon_of(base: str, *pads: str, v: int = 1, keys: KeyFolder | None = None) -> Iterator[None]:
+    """A daemon's bus with contacts of `pads`, fifty a second; with `keys`, only for clients on its list."""
+    gate = None if keys is None else Gate(keys)
+    publisher = Publisher(Endpoints.from_base(base), BOOT, None if keys is None else keys.server())
+
+    def turn() -> None:
+        if gate is not None:
+            gate.answer()
+        for pad in pads:
+            publisher.send_contact(pad, msgspec.structs.replace(contact_message(pad=pad), v=v))
+
+    try:
+        with repeating(turn):
+            yield
+    finally:
+        publisher.close()
+        if gate is not None:
+            gate.close()
+
+
+def why(pad: str, base: str, timeout_s: float = 1.0) -> str:
+    with Client(pad, base) as client:
+        return client.why(timeout_s)
+
+
+def test_why_is_empty_while_contacts_of_the_pad_arrive(tmp_path: Path) -> None:
+    base = f"ipc://{tmp_path}"
+    with daemon_of(base, "left", "right"):
+        assert why("left", base, timeout_s=20.0) == ""
+
+
+def test_why_names_the_pads_that_are_there_and_the_nearest(tmp_path: Path) -> None:
+    base = f"ipc://{tmp_path}"
+    with daemon_of(base, "left", "right"):
+        said = why("lef", base)
+    assert said == f"no pad 'lef' at {base}/bus; did you mean 'left'? It has 'left', 'right'"
+
+
+def test_why_says_that_no_daemon_is_there(tmp_path: Path) -> None:
+    assert why("left", f"ipc://{tmp_path}", 0.2).startswith(
+        f"no daemon at ipc://{tmp_path}/bus: is fmfts-daemon running"
+    )
+
+
+def test_why_says_that_no_daemon_is_there_over_tcp() -> None:
+    base = tcp_base()
+    assert why("left", base, 0.2).startswith(f"no daemon at {base}: is fmfts-daemon running")
+
+
+def test_why_names_the_other_schema_version(tmp_path: Path) -> None:
+    base = f"ipc://{tmp_path}"
+    with daemon_of(base, "left", v=2):
+        assert "sends schema version 2, this client reads 1" in why("left", base)
+
+
+def test_why_names_the_key_that_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, base = KeyFolder(tmp_path / "keys"), tcp_base()
+    folder.add("arm", tmp_path / "arm.key")
+    folder.add("gone", tmp_path / "gone.key")
+    listed = (tmp_path / "keys" / "clients").read_text()
+    (tmp_path / "keys" / "clients").write_text("".join(line for line in listed.splitlines(True) if "gone" not in line))
+    KeyFolder(tmp_path / "others").add("thief", tmp_path / "thief.key")
+    with daemon_of(base, "left", keys=folder):
+        monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "arm.key"))
+        assert why("left", base, timeout_s=20.0) == ""
+        monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "gone.key"))
+        assert why("left", base).startswith(f"the daemon at {base} refuses the key in {tmp_path}/gone.key")
+        monkeypatch.setenv("FMFTS_KEY", str(tmp_path / "thief.key"))
+        assert f"has other keys than {tmp_path}/thief.key" in why("left", base)
+        monkeypatch.delenv("FMFTS_KEY")
+        assert why("left", base).startswith(f"the daemon at {base} hears clients with a key only: set FMFTS_KEY")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "names", "nearest"),
+    [("lef", ["right", "left"], "left"), ("Left", ["left"], "left"), ("thumb", ["left"], None), ("x", [], None)],
+)
+def test_nearest_name_is_the_one_with_the_fewest_edits(wanted: str, names: list[str], nearest: str | None) -> None:
+    assert nearest_name(wanted, names) == nearest

@@ -1,0 +1,78 @@
+"""What `probe`, `selftest` and `baseline` say at their end: the next line to type."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fmfts.cli import next_step
+from fmfts.cli.main import main
+from fmfts.view.facts import print_facts
+
+CONFIG = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "simulated"
+finger = "none"
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "pad.toml").write_text(CONFIG)
+    return str(tmp_path / "pad.toml")
+
+
+def test_each_verb_of_the_first_use_names_the_next(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever types what is said, ends at run."""
+    said = []
+    for words in (
+        ["probe"],
+        ["selftest"],
+        ["baseline", "--bare", "--duration-s", "1"],
+        ["baseline", "--rest", "--duration-s", "1"],
+    ):
+        assert main([*words, "--config", config]) == 0
+        said.append(capsys.readouterr().out.splitlines()[-1])
+    for line, command in zip(said, ("selftest", "baseline --bare", "baseline --rest", "run"), strict=True):
+        assert line.startswith("next: ")
+        assert f"`fmfts-daemon {command} --config {config}`" in line
+
+
+def test_programs_are_told_facts_alone(config: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["probe", "--json", "--config", config]) == 0
+    assert "next" not in capsys.readouterr().out
+
+
+def test_pad_that_is_absent_or_faulty_is_named_with_what_to_do() -> None:
+    pads = [{"pad": "a", "connected": True, "faults": []}, {"pad": "b", "connected": False, "faults": []}]
+    assert "source of pad 'b' answer" in next_step.after_probe({"pads": pads}, "")
+    pads[1] |= {"connected": True, "faults": ["sensor 3: silent"]}
+    assert "under faults of pad 'b'" in next_step.after_probe({"pads": pads}, "")
+    pads[1] |= {"faults": []}
+    assert "selftest --config x.toml --pad a`" in next_step.after_probe({"pads": pads}, " --config x.toml")
+    assert "sensors that failed" in next_step.after_selftest({"passed": False}, "", "")
+
+
+def test_gains_of_a_recording_are_told_in_words_with_units(capsys: pytest.CaptureFixture[str]) -> None:
+    facts = {
+        "was_gain_sd": 0.05,
+        "was_press_1n_force_sd_n": 0.071,
+        "was_press_1n_sideways_sd_m": 3e-4,
+        "was_sensor_place_sd_m": 1e-4,
+        "now_gain_sd": 0.003,
+        "now_press_1n_force_sd_n": 0.018,
+        "now_press_1n_sideways_sd_m": 7e-5,
+        "now_sensor_place_sd_m": 9e-5,
+    }
+    print_facts(facts, as_json=False)
+    assert capsys.readouterr().out.splitlines() == [
+        "gains, relative to each other: ± 0.0030 (was ± 0.0500)",
+        "press of 1 N: force: ± 0.018 N (was ± 0.071 N)",
+        "press of 1 N: place: ± 0.070 mm (was ± 0.300 mm)",
+        "places of the sensors: ± 0.090 mm (was ± 0.100 mm)",
+    ]
