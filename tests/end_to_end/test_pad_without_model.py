@@ -22,7 +22,7 @@ type = "simulated"
 sensors_mm = [[9, 9, 0], [9, -9, 0], [-9, 9, 0], [-9, -9, 0]]
 """
 REASON = "no contact model for this pad"
-PRESSED_M = 1e-4  # the script's presses move the magnet farther, and the deviation is smaller
+PRESSED_M = 3e-4  # the script's presses move the magnet farther; chips that a hand placed seem to move it by 0.1 mm
 
 
 @pytest.fixture(scope="module")
