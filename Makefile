@@ -11,6 +11,7 @@
 #              a plain Debian; tests on aarch64
 # make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
+# make sizes   modules longer than 250 lines, and the lines of each room
 # make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
 
 PYTHON ?= python3
@@ -66,6 +67,9 @@ VERSIONS ?=
 test-versions: test-packages $(VENV)/.installed-test
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[versions]'
 	$(BIN)/python tests/drills/versions.py $(VERSIONS)
+
+sizes:
+	@$(PYTHON) tests/module_sizes.py
 
 bench: $(VENV)/.installed-test
 	@mkdir -p build
