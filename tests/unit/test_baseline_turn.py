@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from mounted_world import TOLERANCE, World, frames_of, turned
 from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, make_bare, make_rest, make_turn, means
 from fmfts.baseline.file_format import StoredTurn
-from fmfts.baseline.request import BaselineRequest
+from fmfts.baseline.request import BaselineJob, BaselineRequest
 from fmfts.baseline.sensitivity import matrices, relative_deviation
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.config import PadConfig, SimulatedSource
@@ -128,6 +129,13 @@ def test_turn_needs_a_rest_baseline(pad: Pad) -> None:
     for before in (None, bare):
         with pytest.raises(BaselineError, match=r"--rest.*then --turn"):
             make_turn(pad, turned(world), before)
+
+
+def test_turn_without_a_rest_baseline_is_refused_before_anybody_turns(pad: Pad) -> None:
+    request = BaselineRequest(pad, UNTESTED, bare=False, replaced=False, turn=True)
+    source = Simulated(PadConfig(name=pad.name, source=SimulatedSource()))
+    with ThreadPoolExecutor(1) as executor, pytest.raises(BaselineError, match=r"pad 'standard'.*--rest.*then --turn"):
+        BaselineJob(request, None, source, executor)
 
 
 def test_gains_outlive_the_pad_that_was_turned(pad: Pad) -> None:

@@ -130,7 +130,7 @@ def make_rest(
 
 def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
     """`before`, which must have a rest recording, with the gains measured by turning the unloaded robot."""
-    _require_rest(before, "--turn")
+    require_rest(before, "--turn")
     assert before is not None
     stored = StoredTurn.of(Turn.of(means))
     baseline = msgspec.structs.replace(before, turn=stored).sealed()
@@ -140,7 +140,7 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
 
 def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
     """`before`, which must have a rest recording, with sensor places and gains estimated from unlabelled presses."""
-    rest = _require_rest(before, "--refine")
+    rest = require_rest(before, "--refine")
     assert before is not None
     plain = msgspec.structs.replace(before, refine=None)
     with solvable("the presses fit no pad: keep steel and other magnets away, and press again"):
@@ -149,7 +149,8 @@ def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Basel
         return baseline, baseline._mounting(pad)
 
 
-def _require_rest(before: Baseline | None, option: str) -> StoredRecording:
+def require_rest(before: Baseline | None, option: str) -> StoredRecording:
+    """The rest recording of `before`. BaselineError, with what to do, if there is none for `option` to add to."""
     if before is None or before.rest is None:
         raise BaselineError(
             f"rest is not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad, then {option}"

@@ -24,6 +24,7 @@ from fmfts.baseline import (
     means,
     summarise,
 )
+from fmfts.baseline.baseline import require_rest
 from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.files import previous, store
@@ -100,6 +101,14 @@ class BaselineRequest:
         if self.duration_s is not None:
             return None
         return TurnCoverage(self.pad) if self.turn else PressCoverage(self.pad) if self.refine else None
+
+    def require_rest(self, before: Baseline | None) -> None:
+        """BaselineError before anybody turns or presses in vain, if there is no rest recording to add to."""
+        if self.turn or self.refine:
+            try:
+                require_rest(before, "--turn" if self.turn else "--refine")
+            except BaselineError as error:
+                raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
@@ -194,6 +203,7 @@ class BaselineJob:
     """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait."""
 
     def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
+        request.require_rest(before)
         self._request = request
         self._before = before
         self._source = source
