@@ -80,6 +80,7 @@ def test_reader_of_an_ordinary_daemon_is_ordinary(kernel: KernelBus, tmp_path: P
         assert scheduling(reader_of(daemon)) == ORDINARY
 
 
+@pytest.mark.skipif(not permitted.locked_memory(), reason=permitted.NO_LOCKED_MEMORY)
 def test_reader_locks_its_memory_as_the_daemon_does(kernel: KernelBus, tmp_path: Path) -> None:
     config = CONFIG.format(priority=0).replace("[service]", "[service]\nlock_memory = true")
     with RunningDaemon(tmp_path, config) as daemon:

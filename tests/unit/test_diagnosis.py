@@ -100,7 +100,7 @@ def test_one_defect_is_named(pad: Pad, name: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", DEFECTS)
 def test_one_defect_is_named_on_many_pads(pad: Pad, name: str) -> None:
-    _is_named(pad, name, range(ALONE, 50))
+    _is_named(pad, name, range(ALONE, 16))
 
 
 def _is_named(pad: Pad, name: str, seeds: range) -> None:
