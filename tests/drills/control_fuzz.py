@@ -23,9 +23,10 @@ CHANGING = ("baseline", "selftest")
 def random_request(dice: random.Random, harmless: bool = False) -> bytes:
     """Anything from noise over damaged requests to well-formed ones; harmless: none that changes anything."""
     choice = dice.random()
+    verbs = sorted(VERBS)  # the order of a set changes with each process, and these dice with it
     if choice < 0.3:
         return dice.randbytes(dice.randrange(60))
-    content: dict[Any, Any] = {"id": dice.randrange(1000), "verb": dice.choice([*VERBS, "x", None, 3])}
+    content: dict[Any, Any] = {"id": dice.randrange(1000), "verb": dice.choice([*verbs, "x", None, 3])}
     for _ in range(dice.randrange(4)):
         value = dice.choice([None, 1, -1.5, math.inf, "text", [1, [2]], {"a": {}}, b"\xff", True])
         content[dice.choice(["pad", "id", "verb", "mode", "é", 7])] = value
@@ -60,8 +61,7 @@ def fuzzed_control(folder: Path, count: int) -> dict[str, Any]:
     facts = {"requests": answers.total(), **answers, "memory_grown_kb": grown_kb}
     assert answers.total() == count // BATCH * BATCH, facts
     # 40 % are undamaged, 3 of 8 verbs harmless and known, 29 % of those bear no surplus key: 4.3 % of these dice.
-    # Nonsense is refused, and most of it is nonsense; 4.0 % were not. Both kinds must come often.
-    assert min(answers["ok"], answers["error"]) > 0.02 * count, facts
+    assert min(answers["ok"], answers["error"]) > 0.04 * count, facts
     assert grown_kb < GROWN_KB, facts
     return facts
 
