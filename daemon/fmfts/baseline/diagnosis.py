@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.elementary import log
 from fmfts.arithmetic.matrix import lengths
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.recording import BaselineError, Recording
 from fmfts.baseline.sensitivity import Sensitivity
-from fmfts.baseline.suspicions import Assumption, combined_changes, no_magnet, single_changes
+from fmfts.baseline.suspicions import Assumption, Fault, faults_alone, faults_in_company, no_magnet
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Pad, Tolerance
 
@@ -26,8 +28,10 @@ LARGEST_AMBIENT_T = 2e-4
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
 MOST_TOLD = 3
-# Where no single fault explains a field, so many of the likeliest are combined with each other one.
+# So many of the likeliest single faults are combined with each other one.
 MOST_COMBINED = 5
+# That a second thing is wrong, too, is one in twenty: −2 ln.
+SECOND_FAULT = 6.0
 
 
 def check_bare(pad: Pad, bare: Recording) -> None:
@@ -81,23 +85,39 @@ def _cause(
         return "There is no magnet above the sensors: mount the pad, then record --rest."
     as_drawn = Assumption.of(pad, tolerance)
 
-    def tried(assumption: Assumption) -> tuple[float, Assumption, Mounting]:
+    def tried(*faults: Fault) -> _Explanation:
+        assumption = reduce(lambda before, fault: fault(before), faults, as_drawn)
         mounting = assumption.mounting(rest, bare, measured)
-        return mounting.surprise, assumption, mounting
+        surprise = mounting.surprise + 2.0 * log(assumption.alternatives) + SECOND_FAULT * (len(faults) - 1)
+        return _Explanation(faults, surprise, assumption, mounting)
 
-    singles = [tried(change(as_drawn)) for change in single_changes(pad, tolerance)]
-    found = [one for one in singles if _fits(one[2])]
+    together = [tried(fault) for fault in faults_in_company(pad, tolerance)]
+    together.sort(key=lambda one: one.surprise)
+    pairs = [
+        tried(*first.faults, *second.faults)
+        for number, first in enumerate(together[:MOST_COMBINED])
+        for second in together[number + 1 :]
+    ]
+    alone = [tried(fault) for fault in faults_alone(pad)]
+    found = [one for one in (*alone, *together, *pairs) if _fits(one.mounting)]
     if not found:
-        together = list(combined_changes(pad))
-        likeliest = sorted((tried(change(as_drawn)) for change in together), key=lambda one: one[0])[:MOST_COMBINED]
-        pairs = (second(first) for _, first, _ in likeliest for second in together)
-        found = [one for one in map(tried, pairs) if _fits(one[2])]
-    if not found:
-        return (
-            "No single fault explains it, nor do two: steel or a magnet nearby, or sensors_mm, rest_mm and remanence_t "
-            "in the config are not this pad's."
-        )
-    least = min(surprise for surprise, _, _ in found)
-    alike = sorted((one for one in found if one[0] < least + ALIKE), key=lambda one: one[0])
-    told = list(dict.fromkeys(assumption.told(mounting) for _, assumption, mounting in alike))
-    return " Or: ".join(told[:MOST_TOLD])
+        return "Nothing that is known explains it: steel or a magnet nearby, or another pad than that of the config."
+    least = min(one.surprise for one in found)
+    alike = sorted((one for one in found if one.surprise < least + ALIKE), key=lambda one: one.surprise)
+    enough = {fault for one in alike if len(one.faults) == 1 for fault in one.faults}
+    told = [one.told for one in alike if len(one.faults) == 1 or not enough & set(one.faults)]
+    return " Or: ".join(list(dict.fromkeys(told))[:MOST_TOLD])
+
+
+@dataclass(frozen=True, slots=True)
+class _Explanation:
+    """The faults that are assumed, −2 ln of how probable they are after the recordings, and the mounting with them."""
+
+    faults: tuple[Fault, ...]
+    surprise: float
+    assumption: Assumption
+    mounting: Mounting
+
+    @property
+    def told(self) -> str:
+        return self.assumption.told(self.mounting)

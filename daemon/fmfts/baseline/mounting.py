@@ -24,6 +24,7 @@ from fmfts.pose import FieldErrors, State, dipole_field
 Array = NDArray[np.float64]
 
 ITERATIONS = 30
+ITERATIONS_TO_COMPARE = 8  # a search that has not settled by then is that of a wrong assumption
 BROKEN_T = 5e-5  # what a broken sensor reads: anything, as the size of the Earth's field
 SETTLED = 1e-6  # the search ends when no step is larger, in prior deviations
 
@@ -121,15 +122,15 @@ def estimate_mounting(
     used: NDArray[np.bool_] | None = None,
     measured: Sensitivity | None = None,
     presses: Presses | None = None,
-    to_second_order: bool = True,
+    to_compare: bool = False,
 ) -> Mounting:
     """The most probable mounting, from the field at rest and, if it was recorded, the field without the pad.
 
     With a bare recording, the difference of the two is the magnet's field, and the ambient field is measured. Without
     one the ambient field is a further unknown, and its estimate is too bad to publish (18–31 mG wrong).
     used: (N,) sensors to use, None: all. measured: sensitivities, None: only their tolerances are known.
-    presses: fields of presses that move the magnet, None: no presses. They need all sensors. to_second_order: count
-    what the linear model neglects; it takes most of the time, and comparing assumptions does not need it.
+    presses: fields of presses that move the magnet, None: no presses. They need all sensors. to_compare: fast,
+    for one of many assumptions: without what the linear model neglects, and a search that does not settle ends early.
     """
     count = len(pad.sensors)
     unknowns = Unknowns.of(pad, tolerance, bare is None, measured)
@@ -139,10 +140,11 @@ def estimate_mounting(
     believed = np.repeat(np.ones(count, dtype=bool) if used is None else used, 3)
     bundle = None if presses is None else PressBundle(presses, unknowns)
     weight = np.where(believed, 1.0 / np.sqrt(variance.ravel()), 0.0)
-    scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle)
+    iterations = ITERATIONS_TO_COMPARE if to_compare else ITERATIONS
+    scaled, normal = _most_probable(unknowns, data, weight, np.zeros(len(unknowns.deviation)), bundle, iterations)
     # The covariance is of first order. Its second-order error is added to the deviations of the field.
     curvature = np.zeros(data.size)
-    if to_second_order:
+    if not to_compare:
         curvature = unknowns.curvature_t(scaled, inverse(normal))
         weight = np.where(believed, 1.0 / root_of_squares(np.sqrt(variance.ravel()), curvature), 0.0)
         scaled, normal = _most_probable(unknowns, data, weight, scaled, bundle)
@@ -186,14 +188,19 @@ def estimate_mounting(
 
 
 def _most_probable(
-    unknowns: Unknowns, data: Array, weight: Array, start: Array, bundle: PressBundle | None
+    unknowns: Unknowns,
+    data: Array,
+    weight: Array,
+    start: Array,
+    bundle: PressBundle | None,
+    iterations: int = ITERATIONS,
 ) -> tuple[Array, Array]:
     """The unknowns (M,) with the largest posterior, in prior deviations, and the normal matrix (M, M) there.
 
     data (N, 3) has the weights (3N,). The poses of the presses in `bundle` are updated too.
     """
     scaled = start
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled), octupole_m2=unknowns.cylinder_m2)
         weighted = weight[:, None] * jacobian * unknowns.deviation
         normal = product(weighted.T, weighted) + unknowns.precision

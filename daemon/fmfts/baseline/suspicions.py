@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, square
-from fmfts.arithmetic.matrix import lengths, product
+from fmfts.arithmetic.matrix import lengths, product, root_of_squares
 from fmfts.baseline.mounting import Mounting, estimate_mounting
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 # Prior deviations of what is wrong, far beyond those of mounting: as a finger, a wrong rest_mm or a wrong part needs.
 ELSEWHERE_M, ELSEWHERE_RAD, REMANENCE, TURNED_RAD, GAIN = 2e-3, 0.2, 1.0, 0.2, 0.2
 ALL_GAINS = 0.05
+UNEXPLAINED_T = 3e-5  # steel or another magnet beside the pad, or a drawing that is not this pad's: any field
 HAND_PLACED_DEG = 1.5, 5.0  # with care, and without
 QUARTER = np.pi / 2.0
 
@@ -36,7 +37,8 @@ class Assumption:
     """A pad as it may be, and how its recordings are to be read.
 
     order (N,): sensor i of the pad is the recording's sensor order[i]. used (N,): False for a sensor that tells
-    nothing. beyond (9N,): deviations of sensitivities, besides those of the tolerances.
+    nothing. beyond (9N,): deviations of sensitivities, besides those of the tolerances. unexplained_t: deviation of
+    what no part explains. alternatives: of so many assumptions one is right, so each is less probable.
     """
 
     pad: Pad
@@ -44,6 +46,8 @@ class Assumption:
     order: NDArray[np.intp]
     used: NDArray[np.bool_]
     beyond: Array
+    unexplained_t: float = 0.0
+    alternatives: int = 1
     sentences: tuple[Callable[[Mounting], str], ...] = ()
 
     @classmethod
@@ -55,30 +59,33 @@ class Assumption:
         """The most probable mounting under this assumption."""
         known = measured or Sensitivity.untested(len(self.order), self.tolerance)
         widened = Sensitivity(known.mean, known.covariance + np.diag(square(self.beyond)))
-        recordings = _reordered(rest, self.order), bare and _reordered(bare, self.order)
-        return estimate_mounting(self.pad, self.tolerance, *recordings, self.used, widened, to_second_order=False)
+        recordings = (
+            _with_error(_reordered(rest, self.order), self.unexplained_t),
+            bare and _reordered(bare, self.order),
+        )
+        return estimate_mounting(self.pad, self.tolerance, *recordings, self.used, widened, to_compare=True)
 
     def told(self, mounting: Mounting) -> str:
         return " ".join(sentence(mounting) for sentence in self.sentences)
 
 
-Change = Callable[[Assumption], Assumption]
+Fault = Callable[[Assumption], Assumption]
 
 
-def single_changes(drawing: Pad, tolerance: Tolerance) -> Iterator[Change]:
-    """Each thing that may be wrong alone, as a change of what is assumed."""
-    for rotation_deg in HAND_PLACED_DEG:
-        yield partial(_all_turned, tolerance=tolerance, rotation_deg=rotation_deg)
-    yield partial(_all_gains, tolerance=tolerance)
+def faults_alone(drawing: Pad) -> Iterator[Fault]:
+    """Faults that explain so much that a second one beside them is never found."""
+    yield _unexplained
     if len(drawing.sensors) > 3:
         for sensor in range(len(drawing.sensors)):
             yield partial(_useless, sensor=sensor)
-    yield from combined_changes(drawing)
 
 
-def combined_changes(drawing: Pad) -> Iterator[Change]:
-    """Those that may come together. The others leave so much open that two of them explain steel, too."""
+def faults_in_company(drawing: Pad, tolerance: Tolerance) -> Iterator[Fault]:
+    """Faults of which two may come together."""
     count = len(drawing.sensors)
+    for rotation_deg in HAND_PLACED_DEG:
+        yield partial(_all_turned, tolerance=tolerance, rotation_deg=rotation_deg)
+    yield partial(_all_gains, tolerance=tolerance)
     yield _upside_down
     yield _elsewhere
     yield _other_magnet
@@ -92,8 +99,19 @@ def combined_changes(drawing: Pad) -> Iterator[Change]:
                 yield partial(_quarter, sensor=sensor, axis=axis, quarters=quarters)
 
 
-def _with(before: Assumption, sentence: Callable[[Mounting], str], **changes: object) -> Assumption:
+def _with(
+    before: Assumption, sentence: Callable[[Mounting], str], alternatives: int = 1, **changes: object
+) -> Assumption:
+    changes["alternatives"] = before.alternatives * alternatives
     return replace(before, sentences=(*before.sentences, sentence), **changes)  # type: ignore[arg-type]
+
+
+def _unexplained(before: Assumption) -> Assumption:
+    text = (
+        "No single fault explains it, nor do two: steel or a magnet nearby, or sensors_mm, rest_mm and remanence_t "
+        "in the config are not this pad's."
+    )
+    return _with(before, lambda _: text, unexplained_t=UNEXPLAINED_T)
 
 
 def _upside_down(before: Assumption) -> Assumption:
@@ -138,7 +156,7 @@ def _all_turned(before: Assumption, tolerance: Tolerance, rotation_deg: float) -
 
     count = len(before.order)
     beyond = before.beyond + np.repeat([0.0, np.radians(rotation_deg), 0.0], 3 * count)
-    return _with(before, sentence, beyond=beyond)
+    return _with(before, sentence, len(HAND_PLACED_DEG), beyond=beyond)
 
 
 def _all_gains(before: Assumption, tolerance: Tolerance) -> Assumption:
@@ -156,7 +174,8 @@ def _swapped(before: Assumption, one: int, other: int) -> Assumption:
     order = before.order.copy()
     order[[one, other]] = order[[other, one]]
     text = f"Sensors {one + 1} and {other + 1} are swapped: exchange their channels in the config or their wires."
-    return _with(before, lambda _: text, order=order)
+    count = len(order)
+    return _with(before, lambda _: text, count * (count - 1) // 2, order=order)
 
 
 def _turned(before: Assumption, sensor: int) -> Assumption:
@@ -168,17 +187,18 @@ def _turned(before: Assumption, sensor: int) -> Assumption:
     beyond = before.beyond.copy()
     first = 3 * len(before.order) + 3 * sensor
     beyond[first : first + 3] += TURNED_RAD
-    return _with(before, sentence, beyond=beyond)
+    return _with(before, sentence, len(before.order), beyond=beyond)
 
 
 def _gain_off(before: Assumption, sensor: int, axis: int) -> Assumption:
     def sentence(mounting: Mounting) -> str:
-        gain = mounting.gain[sensor, axis]
-        return f"The gain of sensor {sensor + 1}, axis {'xyz'[axis]} would be {gain:.2f}: a bad chip; run selftest."
+        gain, where = mounting.gain[sensor, axis], f"sensor {sensor + 1}, axis {'xyz'[axis]}"
+        deviation = mounting.leftover.sensitivity_deviation[3 * sensor + axis] if mounting.leftover else np.nan
+        return f"The gain of {where} would be {gain:.2f} ± {deviation:.2f}: a bad chip; run selftest."
 
     beyond = before.beyond.copy()
     beyond[3 * sensor + axis] += GAIN
-    return _with(before, sentence, beyond=beyond)
+    return _with(before, sentence, 3 * len(before.order), beyond=beyond)
 
 
 def _quarter(before: Assumption, sensor: int, axis: int, quarters: int) -> Assumption:
@@ -190,14 +210,14 @@ def _quarter(before: Assumption, sensor: int, axis: int, quarters: int) -> Assum
         f"Sensor {sensor + 1} is turned by {90 * quarters}° about {'xyz'[axis]}: turn its board, or correct "
         "sensor_rotations_deg."
     )
-    return _with(before, lambda _: text, pad=pad)
+    return _with(before, lambda _: text, 9 * len(before.order), pad=pad)
 
 
 def _useless(before: Assumption, sensor: int) -> Assumption:
     used = before.used.copy()
     used[sensor] = False
     text = f"Sensor {sensor + 1} alone is wrong: a bad chip (run selftest), a bad place, or steel beside it."
-    return _with(before, lambda _: text, used=used)
+    return _with(before, lambda _: text, len(used), used=used)
 
 
 def no_magnet(pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None) -> bool:
@@ -215,3 +235,8 @@ def _reordered(recording: Recording, order: NDArray[np.intp]) -> Recording:
     return replace(
         recording, mean_t=recording.mean_t[order], noise_t=recording.noise_t[order], samples=recording.samples[order]
     )
+
+
+def _with_error(recording: Recording, error_t: float) -> Recording:
+    """The recording with a further error of each mean, of deviation `error_t`."""
+    return replace(recording, noise_t=root_of_squares(recording.noise_t, error_t * np.sqrt(recording.samples)[:, None]))

@@ -155,6 +155,13 @@ class Leftover:
     def _root(self) -> Array:
         return np.asarray(self.unknowns.deviation[:, None] * cholesky(self.covariance), dtype=np.float64)
 
+    @property
+    def sensitivity_deviation(self) -> Array:
+        """(9N,) standard deviations of the sensitivities."""
+        first = len(self.scaled) - len(self.unknowns.sensitivity)
+        deviation: Array = (np.sqrt(np.diagonal(self.covariance)) * self.unknowns.deviation)[first:]
+        return deviation
+
     def field_errors(self) -> FieldErrors:
         """The errors of the field, after a change of pose and of the ambient field, that these uncertainties cause.
 
