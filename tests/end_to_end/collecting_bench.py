@@ -27,7 +27,8 @@ from emulator.gcode_machine import GcodeMachine
 from emulator.priority import put_ahead
 from end_to_end.processes import FirmwareHost
 from fmfts.baseline.files import stored
-from fmfts.baseline.request import BaselineJob, BaselineRequest
+from fmfts.baseline.job import BaselineJob
+from fmfts.baseline.request import BaselineRequest
 from fmfts.collect.clock import Clock, Monotonic
 from fmfts.collect.feed import DeviceFeed, open_feed
 from fmfts.collect.work import collect

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from end_to_end.processes import run_command
-from fmfts.baseline.request import BaselineJob, BaselineRequest
+from fmfts.baseline.job import BaselineJob
+from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.frame_message import frame_message
 from fmfts.common import exit_codes
 from fmfts.config.file import load

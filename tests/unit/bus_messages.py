@@ -87,6 +87,7 @@ def status_message(**changes: Any) -> StatusMessage:
         "latency_max_s": 0.002,
         "temperature_c": 25.5,
         "ambient_t": (1e-5, 0.0, 4e-5),
+        "gains_from": "selftest",
         "remanence_t": 1.23,
         "rest_drift_m": None,
         "sensor_faults": [],

@@ -15,8 +15,9 @@ from mounted_world import TOLERANCE, World, frames_of, turned
 from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, make_bare, make_rest, make_turn, means
 from fmfts.baseline.file_format import StoredTurn
-from fmfts.baseline.request import BaselineJob, BaselineRequest
-from fmfts.baseline.sensitivity import matrices, relative_deviation
+from fmfts.baseline.job import BaselineJob
+from fmfts.baseline.request import BaselineRequest
+from fmfts.baseline.sensitivity import Sensitivity, matrices, relative_deviation
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad, Tolerance
@@ -52,7 +53,7 @@ def turns(request: pytest.FixtureRequest) -> Turns:
 def test_sensitivities_are_found_as_well_as_claimed(turns: Turns) -> None:
     errors, deviations, normalised = [], [], []
     for world, turn in turns.each:
-        found = sensitivity_from_turn(world.pad, turns.tolerance, turn)
+        found = sensitivity_from_turn(world.pad, Sensitivity.untested(4, turns.tolerance), turn)
         error = matrices(found.mean) - world.matrices()
         gains = np.einsum("iaa->ia", error)
         turned_by = (error - error.transpose(0, 2, 1)) / 2.0

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
-from fmfts.baseline.request import BaselineJob, BaselineRequest
+from fmfts.baseline.job import BaselineJob
+from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulation.baseline import hold_still, simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger

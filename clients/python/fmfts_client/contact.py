@@ -147,6 +147,7 @@ class Status:
     latency_max_s: Optional[float]
     temperature_c: Optional[float]
     ambient_t: Optional[Vector]
+    gains_from: Optional[str]
     remanence_t: Optional[float]
     rest_drift_m: Optional[float]
     sensor_faults: tuple[str, ...]

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length
 from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
-from fmfts.baseline.file_format import StoredPresses, StoredRecording, StoredTurn
+from fmfts.baseline.file_format import StoredGains, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
+from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
 from fmfts.pad import Pad, Tolerance
@@ -44,6 +45,8 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     rest: StoredRecording | None
     turn: StoredTurn | None = None
     refine: StoredPresses | None = None
+    # What a self-test measured before the turn; None: there was none, so that tolerance.gain holds.
+    gains: StoredGains | None = None
     # The sensors that it was recorded with; None: it is of an older version, or no file's.
     origin: Origin | None = None
     # How far rest has drifted from the recorded one, (5,) in m and rad. Never in a file: a restart undoes it.
@@ -53,6 +56,11 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     def kind(self) -> Kind:
         """ "rest" if a rest recording is there; only then the mounting is estimated."""
         return "rest" if self.rest is not None else "bare"
+
+    @property
+    def gains_from(self) -> Literal["tolerance", "selftest", "turn"]:
+        """What the gains of the chips are known from, before the field at rest."""
+        return "turn" if self.turn is not None else "selftest" if self.gains is not None else "tolerance"
 
     def mounting(self, pad: Pad) -> Mounting:
         """The mounting estimated from the recordings; the drawing's if there is only a bare one.
@@ -71,7 +79,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
             mounting = mounting if self.refine is None else refined(known, mounting, self.refine.presses())
             return mounting if self.drift is None else mounting.drifted(np.array(self.drift))
         if bare is not None:
-            return nominal_mounting(pad, tolerance, bare)
+            return nominal_mounting(pad, tolerance, bare, self._before_turn(pad))
         raise BaselineError(f"pad '{self.pad}': the baseline holds no recording")
 
     def recorded_on(self, origin: Origin | None) -> Baseline:
@@ -86,12 +94,24 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         """A copy with rest moved by (5,), in m and in rad in the tangent plane of its axis."""
         return msgspec.structs.replace(self, drift=tuple(moved.tolist())).sealed()
 
+    def tested(self, gains: StoredGains | None) -> Baseline:
+        """A copy with the gains of a self-test; without one (None) it is the same."""
+        return self if gains in (None, self.gains) else msgspec.structs.replace(self, gains=gains).sealed()
+
     def as_recorded(self) -> Baseline:
         return self if self.drift is None else msgspec.structs.replace(self, drift=None).sealed()
 
+    def _before_turn(self, pad: Pad) -> Sensitivity:
+        tolerance = Tolerance(**self.tolerance)
+        if self.gains is None:
+            return Sensitivity.untested(len(pad.sensors), tolerance)
+        return self.gains.sensitivity(tolerance)
+
     def _at_rest(self, pad: Pad, rest: StoredRecording) -> AtRest:
         tolerance = Tolerance(**self.tolerance)
-        measured = None if self.turn is None else sensitivity_from_turn(pad, tolerance, self.turn.turn())
+        measured = self._before_turn(pad)
+        if self.turn is not None:
+            measured = sensitivity_from_turn(pad, measured, self.turn.turn())
         return AtRest(pad, tolerance, rest.recording(), None if self.bare is None else self.bare.recording(), measured)
 
     def sealed(self) -> Baseline:
@@ -101,17 +121,28 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         return msgspec.structs.replace(self, id=digest)
 
 
-def make_bare(pad: Pad, tolerance: Tolerance, recording: Recording, before: Baseline | None = None) -> Baseline:
+def make_bare(
+    pad: Pad,
+    tolerance: Tolerance,
+    recording: Recording,
+    before: Baseline | None = None,
+    gains: StoredGains | None = None,
+) -> Baseline:
     """A baseline of the field without the pad. It drops the rest recording of `before`.
 
-    It keeps the turn of `before`, because gains belong to the sensors.
+    It keeps the turn of `before`, and its gains if there are no newer `gains`, because they belong to the sensors.
     """
     check_bare(pad, recording)
-    return _baseline(pad, tolerance, StoredRecording.of(recording), None, before)
+    return _baseline(pad, tolerance, StoredRecording.of(recording), None, before).tested(gains)
 
 
 def make_rest(
-    pad: Pad, tolerance: Tolerance, recording: Recording, before: Baseline | None, replaced: bool = False
+    pad: Pad,
+    tolerance: Tolerance,
+    recording: Recording,
+    before: Baseline | None,
+    replaced: bool = False,
+    gains: StoredGains | None = None,
 ) -> tuple[Baseline, Mounting]:
     """A baseline of the mounted, unloaded pad, with the bare recording of `before`. BaselineError if it does not fit.
 
@@ -119,7 +150,7 @@ def make_rest(
     presses of `before` are kept unless the pad was replaced; its turn is always kept, as gains belong to the sensors.
     """
     bare = None if before is None else before.bare
-    baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before)
+    baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before).tested(gains)
     if before is not None and before.rest is not None and not replaced:
         baseline = msgspec.structs.replace(baseline, refine=before.refine).sealed()
     mounting = baseline.mounting(pad)
@@ -224,6 +255,6 @@ def _baseline(
     rest: StoredRecording | None,
     before: Baseline | None,
 ) -> Baseline:
-    turn = None if before is None else before.turn
+    turn, gains = (None, None) if before is None else (before.turn, before.gains)
     tolerances = {name: float(getattr(tolerance, name)) for name in Tolerance.__slots__}
-    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest, turn).sealed()
+    return Baseline(FORMAT, "", pad.name, pad.geometry_hash, tolerances, bare, rest, turn, None, gains).sealed()

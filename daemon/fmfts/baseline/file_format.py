@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.refine import PressFields
+from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.turn import Turn
+from fmfts.pad import Tolerance
 
 Rows = tuple[tuple[float, float, float], ...]
 
@@ -46,6 +50,27 @@ class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             temperature_c=self.temperature_c,
             duration_s=self.duration_s,
         )
+
+
+class StoredGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The gains that a self-test measured, each with the same deviation, and the time at which it was made."""
+
+    utc: str
+    gain: Rows
+    deviation: float
+
+    def __post_init__(self) -> None:
+        if not (all(0.1 < gain < 10.0 for row in self.gain for gain in row) and 0.0 < self.deviation < 1.0):
+            raise ValueError("no chip has such gains")
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> StoredGains:
+        """From the facts of a self-test that passed (`selftest_facts` in sensor/chips/selftest.py)."""
+        gain = np.array([sensor["gain_factor"] for sensor in facts["sensors"]], dtype=float)
+        return cls(_now(), _rows(gain), facts["gain_factor_sd"])
+
+    def sensitivity(self, tolerance: Tolerance) -> Sensitivity:
+        return Sensitivity.tested(np.array(self.gain), self.deviation, tolerance)
 
 
 class StoredTurn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import msgspec
 
 from fmfts.baseline import Baseline, BaselineError, encode, load
+from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.origin import Origin
 from fmfts.common.writing import why_not_written
 from fmfts.pad import Pad
 from fmfts.service.state import state_directory, write_atomically
 
+FORMAT = 1
 ELSEWHERE = "name another folder with XDG_STATE_HOME (a service: StateDirectory=)"
 
 
@@ -17,14 +23,14 @@ class StateError(Exception):
     """A file of state cannot be written; the text says where, why, and what to do."""
 
 
-def path_of(pad_name: str) -> Path:
-    """The file of the baseline in use. StateError if there is no folder for it."""
+def path_of(pad_name: str, kind: str = "baseline") -> Path:
+    """The file of the baseline in use, or of another `kind` of state. StateError if there is no folder for it."""
     try:
-        return state_directory() / "baseline" / f"{pad_name}.json"
+        return state_directory() / kind / f"{pad_name}.json"
     except OSError as error:
-        raise StateError(f"no folder for baselines: {error.filename}: {why_not_written(error, ELSEWHERE)}") from error
+        raise StateError(f"no folder for {kind}s: {error.filename}: {why_not_written(error, ELSEWHERE)}") from error
     except RuntimeError as error:
-        raise StateError(f"no folder for baselines: {error}: set HOME or XDG_STATE_HOME") from error
+        raise StateError(f"no folder for {kind}s: {error}: set HOME or XDG_STATE_HOME") from error
 
 
 def previous_of(path: Path) -> Path:
@@ -72,6 +78,50 @@ def previous(pad: Pad, origin: Origin | None = None) -> Baseline:
     if baseline is None:
         raise BaselineError(f"pad '{pad.name}': there is no {path}: record a baseline (fmfts-daemon baseline)")
     return baseline
+
+
+class _TestedSensors(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The file of a self-test: the gains, and whose they are."""
+
+    format: int
+    pad: str
+    origin: Origin | None
+    gains: StoredGains
+
+
+def store_gains(facts: Mapping[str, Any], pad: Pad, origin: Origin | None) -> Path:
+    """Write the gains of a self-test that passed, of the sensors `origin`. StateError if that fails."""
+    path = path_of(pad.name, "selftest")
+    tested = _TestedSensors(FORMAT, pad.name, origin, StoredGains.of(facts))
+    try:
+        path.parent.mkdir(exist_ok=True)
+        write_atomically(path, msgspec.json.format(msgspec.json.encode(tested), indent=1) + b"\n")
+    except OSError as error:
+        raise StateError(
+            f"pad '{pad.name}': the self-test cannot be written to {path}: {why_not_written(error, ELSEWHERE)}"
+        ) from error
+    return path
+
+
+def stored_gains(pad: Pad, origin: Origin | None) -> StoredGains | None:
+    """The gains of the last self-test of these sensors; None if there is none, or if it is of other sensors.
+
+    BaselineError if the file is damaged.
+    """
+    path = path_of(pad.name, "selftest")
+    try:
+        tested = msgspec.json.decode(path.read_bytes(), type=_TestedSensors)
+    except FileNotFoundError:
+        return None
+    except (OSError, msgspec.DecodeError) as error:
+        raise BaselineError(
+            f"pad '{pad.name}': the self-test in {path} cannot be read ({error}): run `fmfts-daemon selftest` again"
+        ) from error
+    if len(tested.gains.gain) != len(pad.sensors):
+        return None
+    if tested.origin is not None and origin is not None and not tested.origin.agrees_with(origin):
+        return None
+    return tested.gains
 
 
 def _is_good(path: Path, pad: Pad, origin: Origin | None = None) -> bool:

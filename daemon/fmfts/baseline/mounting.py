@@ -219,7 +219,7 @@ def _most_probable(
     return scaled, normal
 
 
-def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mounting:
+def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording, known: Sensitivity) -> Mounting:
     """The mounting as drawn, for a pad whose rest was not recorded yet: only the ambient field is known.
 
     All sensors have the same weight, as in the paper: it is known how wrong they may be, but not which ones are.
@@ -231,15 +231,16 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording) -> Mountin
     place = _by_place(np.full(shape, tolerance.sensor_position_m), distance)
     # At a random direction of the field, two of three components are across an axis.
     across = 2.0 * (square(tolerance.sensor_rotation_rad) + square(tolerance.cross_axis))
-    proportional = np.sqrt(square(tolerance.gain) + across + np.mean(square(place)))
+    gain, uncertain = known.mean[: bare.mean_t.size].reshape(shape), known.covariance[0, 0]  # of each gain the same
+    proportional = np.sqrt(uncertain + across + np.mean(square(place)))
     ambient, ambient_deviation = _ambient(pad, bare)
     return Mounting(
         rest=State.at_rest(pad),
         rest_covariance=np.zeros((6, 6)),
-        gain=np.ones(shape),
+        gain=gain,
         axes=pad.sensors.axes,
         sensor_position_m=pad.sensors.position_m,
-        offset_t=bare.mean_t,
+        offset_t=bare.mean_t / gain,
         rest_field_t=pad.sensors.to_sensor(at_rest_t),
         noise_t=bare.noise_t,
         sensitivity_deviation=np.zeros((*shape, 3)),

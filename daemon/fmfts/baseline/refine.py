@@ -48,7 +48,7 @@ class AtRest:
     tolerance: Tolerance
     rest: Recording
     bare: Recording | None
-    measured: Sensitivity | None
+    measured: Sensitivity
 
 
 def refined(known: AtRest, mounting: Mounting, fields: PressFields) -> Mounting:

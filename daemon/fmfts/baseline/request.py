@@ -1,10 +1,8 @@
-"""Records a baseline: collects frames, judges them, and stores it. The daemon and the verbs without a daemon use it."""
+"""What a person asked to record: makes the baseline from its frames, judges it, stores it, and tells what it found."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,21 +25,19 @@ from fmfts.baseline import (
 from fmfts.baseline.baseline import require_rest
 from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
-from fmfts.baseline.files import previous, store
+from fmfts.baseline.file_format import StoredGains
+from fmfts.baseline.files import previous, store, stored_gains
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.prospects import prospects
 from fmfts.baseline.recording import ForeignError
 from fmfts.pad import Pad, Tolerance
-from fmfts.sensor import Frame, Source
-from fmfts.sensor.tasks import PATIENCE_S
+from fmfts.sensor import Frame
 
 # The mean over 3 s at 220 Hz has 1/25 of the noise of one sample; a longer recording would mostly add drift.
 DURATION_S = 3.0
 # The time that a person needs for turning about two axes, and for thirty presses.
 TURN_S, REFINE_S = 20.0, 40.0
 SHORTEST_S, LONGEST_S = 0.5, 60.0
-# The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
-OVERTIME_S = 5.0
 
 
 class OptionError(BaselineError):
@@ -67,8 +63,8 @@ class BaselineRequest:
     """bare: the pad is not mounted; else it is mounted and unloaded. replaced: it is another pad than the last time.
 
     turn, refine: improve the last baseline by turning the robot, or by presses anywhere. duration_s None: the usual
-    time for this kind of recording. origin: the sensors that it is recorded with. BaselineError if the options exclude
-    each other or the duration is out of range.
+    time for this kind of recording. origin: the sensors that it is recorded with. gains: of a self-test, None: those of
+    the last baseline. BaselineError if the options exclude each other or the duration is out of range.
     """
 
     pad: Pad
@@ -79,6 +75,7 @@ class BaselineRequest:
     turn: bool = False
     refine: bool = False
     origin: Origin | None = None
+    gains: StoredGains | None = None
 
     def __post_init__(self) -> None:
         if self.bare + self.turn + self.refine > 1:
@@ -121,7 +118,7 @@ class BaselineRequest:
                 assert self.origin is not None
                 raise ForeignError(foreign(self.pad.name, before.origin, self.origin))
             before = None
-        baseline, mounting = self._make(frames, before)
+        baseline, mounting = self._make(frames, before and before.tested(self.gains))
         # Turning and presses only add to a baseline, and so do not tell whose it is.
         origin = baseline.origin if self.turn or self.refine else self.origin
         return (baseline if baseline.origin == origin else baseline.recorded_on(origin)), mounting
@@ -134,15 +131,19 @@ class BaselineRequest:
                 return make_refined(self.pad, means(frames), before)
             recording = summarise(frames)
             if self.bare:
-                baseline = make_bare(self.pad, self.tolerance, recording, before)
+                baseline = make_bare(self.pad, self.tolerance, recording, before, self.gains)
                 return baseline, baseline.mounting(self.pad)
-            return make_rest(self.pad, self.tolerance, recording, before, self.replaced)
+            return make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains)
         except BaselineError as error:
             raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
 
     def record(self, frames: Sequence[Frame], before: Baseline | None) -> Recorded:
-        """Make a baseline and store it. BaselineError as from `make`, StateError if it cannot be stored."""
-        baseline, mounting = self.make(frames, before)
+        """Make a baseline, with the gains of the last self-test of these sensors, and store it.
+
+        BaselineError as from `make`, StateError if it cannot be stored.
+        """
+        tested = replace(self, gains=stored_gains(self.pad, self.origin))
+        baseline, mounting = tested.make(frames, before)
         gained: dict[str, float] = {}
         if before is not None and (self.turn or self.refine):
             was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
@@ -160,118 +161,6 @@ def restore(pad: Pad, origin: Origin | None = None) -> Recorded:
     return Recorded(baseline, baseline.mounting(pad), store(baseline, pad), {})
 
 
-class Collection:
-    """Collects the frames of one pad for `duration_s` of the device's clock. now_s: time.monotonic()."""
-
-    def __init__(self, source: Source, duration_s: float) -> None:
-        self.frames: list[Frame] = []
-        self._source = source
-        self._duration_s = duration_s
-        self._begun_s = self._heard_s = time.monotonic()
-        self._went_back = False
-
-    def take(self, frame: Frame) -> None:
-        self._went_back |= bool(self.frames) and frame.device_time_us < self.frames[-1].device_time_us
-        self.frames.append(frame)
-        self._heard_s = time.monotonic()
-
-    @property
-    def complete(self) -> bool:
-        return bool(self.frames) and not self._went_back and self._span_s >= self._duration_s
-
-    @property
-    def share(self) -> float:
-        return 1.0 if self.complete else min(max(self._span_s / self._duration_s, 0.0), 1.0)
-
-    def problem(self, now_s: float) -> str:
-        """Why the collection will not get complete; "" if it still may."""
-        if self._went_back:
-            return "the device's clock went back while recording, so it was reset: check its supply, then record again"
-        if now_s - self._heard_s > PATIENCE_S:
-            state = self._source.state
-            return f"{state.description}: {state.reason or f'connected, but no frame within {PATIENCE_S:g} s'}"
-        if now_s - self._begun_s > self._duration_s + OVERTIME_S:
-            return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
-        return ""
-
-    @property
-    def _span_s(self) -> float:
-        return (self.frames[-1].device_time_us - self.frames[0].device_time_us) * 1e-6 if self.frames else 0.0
-
-
-class BaselineJob:
-    """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait."""
-
-    def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
-        request.require_rest(before)
-        self._request = request
-        self._before = before
-        self._source = source
-        self._executor = executor
-        self._collection = Collection(source, request.seconds)
-        self._coverage = request.coverage
-        self._result: Future[Recorded] | None = None
-
-    def take(self, frame: Frame) -> None:
-        """The next frame of the pad; ignored once there are enough."""
-        if self._result is not None:
-            return
-        self._collection.take(frame)
-        if self._coverage is not None:
-            self._coverage.take(frame)
-        if self._collection.complete or (self._coverage is not None and self._coverage.enough):
-            request = self._request
-            if request.origin is not None:  # by now the board has said which one it is
-                request = replace(request, origin=request.origin.on(self._source.state.board))
-            self._result = self._executor.submit(request.record, self._collection.frames, self._before)
-
-    @property
-    def share(self) -> float:
-        return self._collection.share
-
-    @property
-    def hint(self) -> str:
-        if self._coverage is None:
-            return ""
-        return "enough: computing" if self._result is not None else self._coverage.hint
-
-    @property
-    def recorded(self) -> Recorded | None:
-        return self._result.result() if self._result is not None and self._result.done() else None
-
-    def facts(self) -> dict[str, Any] | None:
-        recorded = self.recorded
-        return None if recorded is None else recorded.facts(self._request.pad)
-
-    def problem(self, now_s: float) -> str:
-        if self._result is not None:  # the computation always ends
-            return ""
-        problem = self._collection.problem(now_s)
-        return f"no baseline was recorded: {problem}" if problem else ""
-
-
-class Restoration:
-    """A Task: brings the previous baseline back."""
-
-    share = 0.0
-    hint = ""
-
-    def __init__(self, pad: Pad, executor: Executor, origin: Origin | None = None) -> None:
-        self._pad = pad
-        self._result = executor.submit(restore, pad, origin)
-
-    @property
-    def recorded(self) -> Recorded | None:
-        return self._result.result() if self._result.done() else None
-
-    def facts(self) -> dict[str, Any] | None:
-        recorded = self.recorded
-        return None if recorded is None else recorded.facts(self._pad)
-
-    def problem(self, now_s: float) -> str:
-        return ""
-
-
 def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
     """The facts about a new baseline, for the person who asked for it."""
     recording = baseline.rest or baseline.bare
@@ -281,6 +170,7 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
         "baseline": baseline.id,
         "kind": baseline.kind,
         **({} if baseline.origin is None else {"recorded_on": str(baseline.origin)}),
+        "gains_from": _gains_from(baseline),
         "duration_s": recording.duration_s,
         "temperature_c": recording.temperature_c,
         "noise_t": float(np.sqrt(np.mean(square(np.array(recording.noise_t))))),
@@ -306,3 +196,13 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
             "could_gain": prospects(mounting, pad) if baseline.turn is None and baseline.refine is None else [],
         }
     return facts
+
+
+def _gains_from(baseline: Baseline) -> str:
+    """In words, as far as a person can change it."""
+    match baseline.gains_from, baseline.gains:
+        case "selftest", StoredGains(utc=utc, deviation=deviation):
+            return f"the self-test of {utc}, each ±{deviation:.1%}"
+        case "turn", _:
+            return "the turn"
+    return f"tolerance.gain, each ±{baseline.tolerance['gain']:.1%}"

@@ -31,6 +31,14 @@ class Sensitivity:
     covariance: Array
 
     @classmethod
+    def tested(cls, gain: Array, deviation: float, tolerance: Tolerance) -> Self:
+        """Of chips whose gains (N, 3) a self-test measured, each with this deviation."""
+        known, mean = cls.untested(len(gain), tolerance), ideal(len(gain))
+        variance = np.diagonal(known.covariance).copy()
+        mean[: gain.size], variance[: gain.size] = gain.ravel(), square(deviation)
+        return cls(mean, np.diag(variance))
+
+    @classmethod
     def untested(cls, count: int, tolerance: Tolerance) -> Self:
         """Of chips of which only the tolerances are known."""
         return cls(ideal(count), np.diag(square(deviations(count, tolerance))))

@@ -22,7 +22,7 @@ from fmfts.baseline.recording import BaselineError
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.window_means import MEAN_OF, Means
 from fmfts.common.chi2 import quantile
-from fmfts.pad import Pad, Tolerance
+from fmfts.pad import Pad
 
 Array = NDArray[np.float64]
 
@@ -56,21 +56,23 @@ class Turn:
         return cls(means.field_t[chosen], means.noise_t / np.sqrt(MEAN_OF), means.time_s[chosen])
 
 
-def sensitivity_from_turn(pad: Pad, tolerance: Tolerance, turn: Turn) -> Sensitivity:
-    """Estimate the sensitivities. BaselineError if the orientations do not span space, or another field changed."""
+def sensitivity_from_turn(pad: Pad, before: Sensitivity, turn: Turn) -> Sensitivity:
+    """Estimate the sensitivities from what was known `before` and a turn.
+
+    BaselineError if the orientations do not span space, or another field changed.
+    """
     _require_span(pad, turn)
     deviation = root_of_squares(turn.deviation_t, UNEVEN_DEVIATION_T * _repeated(len(turn.field_t)))
     count = len(pad.sensors)
     field, offset, strength = _first_guess(pad, turn)
-    ideal = sensitivity.ideal(count)
-    values, known = ideal, len(ideal)
+    values, known = before.mean, len(before.mean)
     # A tolerance of zero means that the value is exact; the floor avoids a division by zero.
-    prior = 1.0 / square(np.maximum(sensitivity.deviations(count, tolerance), 1e-9))
+    prior = 1.0 / np.maximum(np.diagonal(before.covariance), 1e-18)
     for _ in range(ITERATIONS):
         reduced = _linearised(pad, turn.field_t, deviation, (values, offset, strength), field)
         normal, gradient = reduced.normal.copy(), reduced.gradient.copy()
         normal[range(known), range(known)] += prior
-        gradient[:known] -= prior * (values - ideal)
+        gradient[:known] -= prior * (values - before.mean)
         # Offsets are about 1e-4, the other unknowns about one; scaling makes the equations well conditioned.
         scale = 1.0 / np.sqrt(np.diagonal(normal))
         step = scale * solve(normal * scale * scale[:, None], scale * gradient)

@@ -120,6 +120,7 @@ class StatusMessage(_Message, frozen=True, kw_only=True):
     latency_max_s: float | None
     temperature_c: float | None
     ambient_t: Vector | None
+    gains_from: Literal["tolerance", "selftest", "turn"] | None
     remanence_t: float | None
     rest_drift_m: float | None
     sensor_faults: list[str]

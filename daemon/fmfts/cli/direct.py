@@ -10,14 +10,15 @@ from typing import Any
 
 from fmfts.baseline import BaselineError
 from fmfts.baseline.files import StateError, stored
-from fmfts.baseline.request import BaselineJob, BaselineRequest, Collection, restore
+from fmfts.baseline.job import BaselineJob, Collection, GainTest
+from fmfts.baseline.request import BaselineRequest, restore
 from fmfts.bus.lock import BusError, serving_pid
 from fmfts.config import Config, PadConfig
 from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.probing import is_sound, probe_facts
-from fmfts.sensor.tasks import PATIENCE_S, Selftest, Task
+from fmfts.sensor.tasks import PATIENCE_S, Task
 from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import ScriptedFinger
 from fmfts.simulation.source import Simulated
@@ -103,14 +104,18 @@ def nothing_to_undo(pad: PadConfig, pads: Sequence[PadConfig], *, undo_drift: bo
 
 
 def run_selftest(pad: PadConfig, pads: Sequence[PadConfig]) -> dict[str, Any]:
-    """Run the self-test on the device itself; returns its facts."""
-    with _opened(pad, pads) as (source, pad_index), progress_bar("selftest") as show:
+    """Run the self-test on the device itself, and store its gains; returns its facts."""
+    with (
+        ThreadPoolExecutor(max_workers=1) as executor,
+        _opened(pad, pads) as (source, pad_index),
+        progress_bar("selftest") as show,
+    ):
         first_frame = Collection(source, duration_s=0.0)
         for _ in _turns(source, pad_index, first_frame.take):
             if first_frame.complete:
                 break
             _require_no_problem(pad.name, first_frame.problem(time.monotonic()))
-        task = Selftest(pad.name, source, pad_index)
+        task = GainTest(pad.pad(), source, pad_index, executor, origin_of(pad))
         return _finished(pad.name, task, _turns(source, pad_index, lambda frame: None), show)
 
 

@@ -6,8 +6,8 @@ import logging
 import time
 
 from fmfts.baseline import Baseline
+from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin, foreign
-from fmfts.baseline.request import BaselineJob
 from fmfts.bus.frame_message import frame_message
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
 from fmfts.bus.publisher import Publisher, contact_topic
@@ -232,6 +232,7 @@ class Channel:
             latency_max_s=latency and latency[2],
             temperature_c=None if last is None else last.temperature_c,
             ambient_t=None if last is None or last.pose is None else last.pose.ambient_t,
+            gains_from=None if self.pipeline.baseline is None else self.pipeline.baseline.gains_from,
             remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
             rest_drift_m=None if self._rebaselining is None else self._rebaselining.size_m,
             sensor_faults=self.faults,

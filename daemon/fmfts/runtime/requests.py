@@ -11,8 +11,9 @@ import msgspec
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError
+from fmfts.baseline.job import BaselineJob, GainTest, Restoration
 from fmfts.baseline.origin import Origin
-from fmfts.baseline.request import BaselineJob, BaselineRequest, Recorded, Restoration
+from fmfts.baseline.request import BaselineRequest, Recorded
 from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Request
 from fmfts.bus.messages import StatusMessage
 from fmfts.common.names import no_such_pad
@@ -22,7 +23,6 @@ from fmfts.runtime.channel import Channel
 from fmfts.runtime.pending import Pending, fail_internally
 from fmfts.sensor import SourceError
 from fmfts.sensor.probing import probe_facts
-from fmfts.sensor.tasks import Selftest
 
 log = logging.getLogger(__name__)
 
@@ -115,7 +115,7 @@ class Verbs:
 
     def _selftest(self, request: Request) -> None:
         channel = self._named(request.arguments_as(_OfPad).pad)
-        task = Selftest(channel.name, channel.source, channel.pad_index)
+        task = GainTest(channel.pipeline.pad, channel.source, channel.pad_index, self._executor, channel.origin)
         self._pending.append(Pending(request, channel.name, task))
 
     def _baseline(self, request: Request) -> None:

@@ -79,6 +79,7 @@ class Simulated:
         self._chips = ChipArray(
             len(drawing.sensors), source.rate_hz, source.trigger, chip, noise_t, seeded(source, "chips")
         )
+        self._straps = seeded(source, "straps").normal(0.0, chip.bias_strap.deviation, self._built.gain.shape)
         self._gain_code = chip.gain_code_for_range(source.range_gauss)
         self._rate_hz = source.rate_hz
         self._warming_k_per_s = source.warming_k_per_minute / 60.0
@@ -123,7 +124,7 @@ class Simulated:
         strap, saturated_count = self._chip.bias_strap, self._chip.saturated_count
         now_s = self._sequence / self._rate_hz
         warming_k = self._warming_k(now_s)
-        strap_t = np.array(strap.field_gauss) * TESLA_PER_GAUSS * self._built.gain
+        strap_t = np.array(strap.field_gauss) * (1.0 + self._straps) * TESLA_PER_GAUSS * self._built.gain
         resting_t = self._field(np.full(len(strap_t), now_s), warming_k)
 
         def counts(bias_t: Array | float) -> NDArray[np.int16]:

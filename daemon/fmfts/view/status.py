@@ -63,6 +63,7 @@ def _cells(report: Status) -> dict[str, Text | str]:
         if None in latencies
         else "/".join(f"{(each or 0.0) * 1e3:.2f}" for each in latencies) + " ms p50/p99/max",
         "temperature": "–" if report.temperature_c is None else f"{report.temperature_c:.1f} °C",
+        "gains from": report.gains_from or "–",
         "remanence": "–" if report.remanence_t is None else f"{report.remanence_t:.3f} T",
         "drift": "not followed" if report.rest_drift_m is None else f"{report.rest_drift_m * 1e6:.1f} µm followed",
         "faults": "\n".join(report.sensor_faults) or "none",

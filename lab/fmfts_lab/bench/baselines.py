@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,12 +12,28 @@ from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, in_nominal_frame, solve
 from fmfts.simulation.mounted import CROSS_AXIS, MountedPad
-from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field
+from fmfts_lab.bench.recorded import KINDS, bare_and_rest, mountings, pressed_field, selftested
 from fmfts_lab.bench.workspace import standard_pad
 
 GRID_MM, FORCES_N = np.linspace(-12.0, 12.0, 7), (0.5, 1.0, 1.7)
 # Where shear can be told: it is asked for a quarter of the force, in four directions.
 SHEARED_MM, SHEARED_N, SHEARS_N = np.linspace(-6.0, 6.0, 5), 1.7, ((0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4))
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Deviations of the gains and of the chips' rotations, and whether a self-test measured the gains."""
+
+    gain: float
+    rotation_deg: float
+    selftest: bool = False
+
+
+CASES = [
+    Case(gain, rotation_deg, selftest)
+    for rotation_deg in (0.0, 1.5)
+    for gain, selftest in ((0.005, False), (0.05, False), (0.05, True))
+]
 
 
 def run(options: Namespace) -> None:
@@ -27,13 +43,13 @@ def run(options: Namespace) -> None:
     print(
         f"{options.pads} pads, contact MAE over the pad at {FORCES_N} N, x and y (mm) / force (N) / shear (N, ±6 mm)\n"
     )
-    print("gains ±, chips turned by   " + " ".join(f"{name:>22}" for name in KINDS))
-    for gain, rotation_deg in ((0.005, 0.0), (0.05, 0.0), (0.005, 1.5), (0.05, 1.5)):
-        errors = np.array(
-            [_errors(drawing, contact, sheared, gain, rotation_deg, [options.seed, pad]) for pad in range(options.pads)]
-        )
+    print("gains ±, self-test, chips turned by   " + " ".join(f"{name:>22}" for name in KINDS))
+    for case in CASES:
+        seeds = ([options.seed, pad] for pad in range(options.pads))
+        errors = np.array([_errors(drawing, contact, sheared, case, seed) for seed in seeds])
         cells = [f"{place * 1e3:8.3f} /{force:6.4f} /{shear:5.2f}" for place, force, shear in errors.mean(axis=0)]
-        print(f"{gain:7.1%} {rotation_deg:14.1f}°   " + " ".join(f"{cell:>22}" for cell in cells), flush=True)
+        known = f"{case.gain:7.1%} {'yes' if case.selftest else 'no':>10} {case.rotation_deg:14.1f}°   "
+        print(known + " ".join(f"{cell:>22}" for cell in cells), flush=True)
     perfect = MountedPad.exact(drawing)
     _, own = bare_and_rest(perfect, drawing, Tolerance(1e-9, 1e-9, 1e-9, 0.0, 1e-9), np.random.default_rng(0))
     place, force = _contact_error(perfect, drawing, own, contact)
@@ -41,15 +57,16 @@ def run(options: Namespace) -> None:
 
 
 def _errors(
-    drawing: Pad, contact: ContactModel, sheared: ContactModel, gain: float, rotation_deg: float, seed: list[int]
+    drawing: Pad, contact: ContactModel, sheared: ContactModel, case: Case, seed: list[int]
 ) -> list[tuple[float, float, float]]:
     random = np.random.default_rng(seed)
-    rotation_rad = float(np.deg2rad(rotation_deg))
-    cross_axis = CROSS_AXIS if rotation_deg else 0.0
+    rotation_rad = float(np.deg2rad(case.rotation_deg))
+    cross_axis = CROSS_AXIS if case.rotation_deg else 0.0
     built = MountedPad.built(drawing, random, sensor_rotation_rad=rotation_rad, cross_axis=cross_axis)
-    built = replace(built, gain=random.normal(1.0, gain, built.gain.shape))
-    tolerance = Tolerance(1e-4, 1e-4, np.deg2rad(1.0), gain, 0.05, rotation_rad, cross_axis)
-    found = mountings(built, drawing, tolerance, random)
+    built = replace(built, gain=random.normal(1.0, case.gain, built.gain.shape))
+    tolerance = Tolerance(1e-4, 1e-4, np.deg2rad(1.0), case.gain, 0.05, rotation_rad, cross_axis)
+    gains = selftested(built, np.random.default_rng([*seed, 1])) if case.selftest else None
+    found = mountings(built, drawing, tolerance, random, gains=gains)
     return [
         (*_contact_error(built, drawing, found[kind], contact), _shear_error(built, drawing, found[kind], sheared))
         for kind in KINDS

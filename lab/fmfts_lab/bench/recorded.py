@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from fmfts.baseline import Baseline, Means, Mounting, Recording, make_bare, make_refined, make_rest, make_turn
+from fmfts.baseline.file_format import StoredGains
 from fmfts.pad import Pad, Tolerance, rotation_from_vector
-from fmfts.sensor.chips import NOISE_T
+from fmfts.sensor.chips import HMC5983, NOISE_T
 from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.workspace import Array
 
@@ -18,11 +19,17 @@ KINDS = ("rest only", "bare + rest", "+ turn", "+ refine", "+ turn + refine")
 
 
 def mountings(
-    built: MountedPad, drawing: Pad, tolerance: Tolerance, random: np.random.Generator, noise_t: float = NOISE_T
+    built: MountedPad,
+    drawing: Pad,
+    tolerance: Tolerance,
+    random: np.random.Generator,
+    noise_t: float = NOISE_T,
+    gains: StoredGains | None = None,
 ) -> dict[str, Mounting]:
-    """One mounting for each of KINDS. noise_t: the real noise of one frame; the recordings state NOISE_T."""
-    _, alone = bare_and_rest(built, drawing, tolerance, random, noise_t, with_bare=False)
-    both, mounting = bare_and_rest(built, drawing, tolerance, random, noise_t)
+    """One mounting for each of KINDS. noise_t: the real noise of one frame; the recordings state NOISE_T. gains: of a
+    self-test, None: there was none."""
+    _, alone = bare_and_rest(built, drawing, tolerance, random, noise_t, with_bare=False, gains=gains)
+    both, mounting = bare_and_rest(built, drawing, tolerance, random, noise_t, gains=gains)
     turn, presses = _turned(built, random, noise_t), _pressed(built, random, noise_t)
     turned, after_turn = make_turn(drawing, turn, both)
     refined, refined_after_turn = (make_refined(drawing, presses, before)[1] for before in (both, turned))
@@ -36,14 +43,22 @@ def bare_and_rest(
     random: np.random.Generator,
     noise_t: float = NOISE_T,
     with_bare: bool = True,
+    gains: StoredGains | None = None,
 ) -> tuple[Baseline, Mounting]:
     def recording(field: Array) -> Recording:
         mean = field + random.normal(0.0, noise_t / np.sqrt(FRAMES), field.shape)
         return Recording(mean, np.full(field.shape, NOISE_T), np.full(len(field), FRAMES), 3, 25.0, 3.0)
 
     bare = recording(built.sensed(np.tile(built.ambient_t, (len(drawing.sensors), 1))))
-    before = make_bare(drawing, tolerance, bare) if with_bare else None
-    return make_rest(drawing, tolerance, recording(pressed_field(built, 0.0, 0.0, 0.0)), before)
+    before = make_bare(drawing, tolerance, bare, gains=gains) if with_bare else None
+    return make_rest(drawing, tolerance, recording(pressed_field(built, 0.0, 0.0, 0.0)), before, gains=gains)
+
+
+def selftested(built: MountedPad, random: np.random.Generator) -> StoredGains:
+    """What a self-test finds: the gains, each with the error of its strap's field."""
+    strap = HMC5983.bias_strap
+    found = built.gain * random.normal(1.0, strap.deviation, built.gain.shape)
+    return StoredGains("", tuple((float(x), float(y), float(z)) for x, y, z in found), strap.deviation)
 
 
 def pressed_field(built: MountedPad, *press: float, ambient_t: Array | None = None) -> Array:

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from fmfts.baseline.sensitivity import relative_deviation
+from fmfts.baseline.sensitivity import Sensitivity, relative_deviation
 from fmfts.baseline.turn import (
     INDEPENDENT,
     ORIENTATIONS,
@@ -107,7 +107,9 @@ def _after_turn(pad: Pad, random: np.random.Generator) -> Gains:
     fields = at_rest + seen[:, None] + np.repeat(uneven, ORIENTATIONS // INDEPENDENT, axis=0)
     measured = true * fields + random.normal(0.0, noise, (ORIENTATIONS, count, 3))
     tolerance = ToleranceConfig(gain=UNTESTED, sensor_rotation_deg=0.0, cross_axis=0.0).si()
-    found = sensitivity_from_turn(pad, tolerance, Turn(measured, noise, moments * FRAME_S))
+    found = sensitivity_from_turn(
+        pad, Sensitivity.untested(len(pad.sensors), tolerance), Turn(measured, noise, moments * FRAME_S)
+    )
     left = true / found.mean[: true.size].reshape(true.shape)
     return Gains(
         left / left.mean(), np.einsum("iaa->ia", relative_deviation(found.covariance)) / np.sqrt(1.0 - 1.0 / true.size)

@@ -27,12 +27,13 @@ class BiasStrap:
     """The self-test: a strap on the chip makes a known field, and a good axis shows counts within `limits`.
 
     field_gauss: nominal, per axis; its own tolerance is inside the limits. limits: least and largest count of a good
-    axis at `gain_code`, of either sign.
+    axis at `gain_code`, of either sign. deviation: of the strap's field from one axis to another, as a fraction.
     """
 
     gain_code: int
     limits: tuple[int, int]
     field_gauss: PerAxis
+    deviation: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

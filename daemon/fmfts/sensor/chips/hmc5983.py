@@ -30,7 +30,7 @@ HMC5983 = Chip(
     noise_t=2e-7,  # 2 mG at ±0.88 G
     sensitivity_per_k=-0.0003,  # compensated
     thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 128),
-    bias_strap=BiasStrap(gain_code=5, limits=(243, 575), field_gauss=(1.16, 1.16, 1.08)),
+    bias_strap=BiasStrap(gain_code=5, limits=(243, 575), field_gauss=(1.16, 1.16, 1.08), deviation=0.005),
 )
 HMC5883L = replace(
     HMC5983, name="hmc5883l", label="HMC5883L", free_rate_hz=75, sensitivity_per_k=-0.003, thermometer=None

@@ -46,7 +46,8 @@ def selftest_facts(
 
     positive, negative: counts per sensor under either bias, the external field subtracted.
     faults: per sensor, why there is no measurement at all.
-    `gain_factor` multiplies the nominal counts per gauss of an axis; None where its counts are out of limits.
+    `gain_factor` multiplies the nominal counts per gauss of an axis; None where its counts are out of limits. Its
+    deviation `gain_factor_sd` is that of the straps' fields.
     """
     sensors = []
     for index, (up, down) in enumerate(zip(positive, negative, strict=True)):
@@ -64,7 +65,12 @@ def selftest_facts(
                 ],
             }
         )
-    return {"gain_code": gain_code, "passed": all(one["passed"] for one in sensors), "sensors": sensors}
+    return {
+        "gain_code": gain_code,
+        "passed": all(one["passed"] for one in sensors),
+        "gain_factor_sd": chip.bias_strap.deviation,
+        "sensors": sensors,
+    }
 
 
 def selftest_failures(chip: Chip, gain_code: int, up: Axes, down: Axes) -> list[str]:

@@ -1,0 +1,168 @@
+"""Recording in the running daemon or in a verb: collects frames, has the baseline made and stored in another thread."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+from typing import Any
+
+from fmfts.baseline.baseline import Baseline
+from fmfts.baseline.files import store_gains
+from fmfts.baseline.origin import Origin
+from fmfts.baseline.request import BaselineRequest, Recorded, restore
+from fmfts.pad import Pad
+from fmfts.sensor import Frame, Source
+from fmfts.sensor.tasks import PATIENCE_S, Selftest
+
+# The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
+OVERTIME_S = 5.0
+
+
+class Collection:
+    """Collects the frames of one pad for `duration_s` of the device's clock. now_s: time.monotonic()."""
+
+    def __init__(self, source: Source, duration_s: float) -> None:
+        self.frames: list[Frame] = []
+        self._source = source
+        self._duration_s = duration_s
+        self._begun_s = self._heard_s = time.monotonic()
+        self._went_back = False
+
+    def take(self, frame: Frame) -> None:
+        self._went_back |= bool(self.frames) and frame.device_time_us < self.frames[-1].device_time_us
+        self.frames.append(frame)
+        self._heard_s = time.monotonic()
+
+    @property
+    def complete(self) -> bool:
+        return bool(self.frames) and not self._went_back and self._span_s >= self._duration_s
+
+    @property
+    def share(self) -> float:
+        return 1.0 if self.complete else min(max(self._span_s / self._duration_s, 0.0), 1.0)
+
+    def problem(self, now_s: float) -> str:
+        """Why the collection will not get complete; "" if it still may."""
+        if self._went_back:
+            return "the device's clock went back while recording, so it was reset: check its supply, then record again"
+        if now_s - self._heard_s > PATIENCE_S:
+            state = self._source.state
+            return f"{state.description}: {state.reason or f'connected, but no frame within {PATIENCE_S:g} s'}"
+        if now_s - self._begun_s > self._duration_s + OVERTIME_S:
+            return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
+        return ""
+
+    @property
+    def _span_s(self) -> float:
+        return (self.frames[-1].device_time_us - self.frames[0].device_time_us) * 1e-6 if self.frames else 0.0
+
+
+class BaselineJob:
+    """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait."""
+
+    def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
+        request.require_rest(before)
+        self._request = request
+        self._before = before
+        self._source = source
+        self._executor = executor
+        self._collection = Collection(source, request.seconds)
+        self._coverage = request.coverage
+        self._result: Future[Recorded] | None = None
+
+    def take(self, frame: Frame) -> None:
+        """The next frame of the pad; ignored once there are enough."""
+        if self._result is not None:
+            return
+        self._collection.take(frame)
+        if self._coverage is not None:
+            self._coverage.take(frame)
+        if self._collection.complete or (self._coverage is not None and self._coverage.enough):
+            request = self._request
+            if request.origin is not None:  # by now the board has said which one it is
+                request = replace(request, origin=request.origin.on(self._source.state.board))
+            self._result = self._executor.submit(request.record, self._collection.frames, self._before)
+
+    @property
+    def share(self) -> float:
+        return self._collection.share
+
+    @property
+    def hint(self) -> str:
+        if self._coverage is None:
+            return ""
+        return "enough: computing" if self._result is not None else self._coverage.hint
+
+    @property
+    def recorded(self) -> Recorded | None:
+        return self._result.result() if self._result is not None and self._result.done() else None
+
+    def facts(self) -> dict[str, Any] | None:
+        recorded = self.recorded
+        return None if recorded is None else recorded.facts(self._request.pad)
+
+    def problem(self, now_s: float) -> str:
+        if self._result is not None:  # the computation always ends
+            return ""
+        problem = self._collection.problem(now_s)
+        return f"no baseline was recorded: {problem}" if problem else ""
+
+
+class Restoration:
+    """A Task: brings the previous baseline back."""
+
+    share = 0.0
+    hint = ""
+
+    def __init__(self, pad: Pad, executor: Executor, origin: Origin | None = None) -> None:
+        self._pad = pad
+        self._result = executor.submit(restore, pad, origin)
+
+    @property
+    def recorded(self) -> Recorded | None:
+        return self._result.result() if self._result.done() else None
+
+    def facts(self) -> dict[str, Any] | None:
+        recorded = self.recorded
+        return None if recorded is None else recorded.facts(self._pad)
+
+    def problem(self, now_s: float) -> str:
+        return ""
+
+
+class GainTest:
+    """A Task: the chips' own test. Where it passes, its gains are stored for the next baseline of these sensors.
+
+    Its facts are those of the test, and `stored`, the file. StateError if it cannot be written.
+    """
+
+    hint = ""
+
+    def __init__(self, pad: Pad, source: Source, pad_index: int, executor: Executor, origin: Origin | None) -> None:
+        self._pad = pad
+        self._origin = origin
+        self._source = source
+        self._executor = executor
+        self._test = Selftest(pad.name, source, pad_index)
+        self._result: Future[dict[str, Any]] | None = None
+
+    @property
+    def share(self) -> float:
+        return self._test.share
+
+    def facts(self) -> dict[str, Any] | None:
+        if self._result is not None:
+            return self._result.result() if self._result.done() else None
+        facts = self._test.facts()
+        if facts is None or not facts["passed"]:
+            return facts
+        self._result = self._executor.submit(self._store, facts)
+        return None
+
+    def _store(self, facts: dict[str, Any]) -> dict[str, Any]:
+        origin = None if self._origin is None else self._origin.on(self._source.state.board)
+        return facts | {"stored": str(store_gains(facts, self._pad, origin))}
+
+    def problem(self, now_s: float) -> str:
+        return "" if self._result is not None else self._test.problem(now_s)
