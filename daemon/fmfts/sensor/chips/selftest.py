@@ -68,8 +68,8 @@ def selftest_facts(
     return {
         "gain_code": gain_code,
         "passed": all(one["passed"] for one in sensors),
-        "gain_factor_sd": chip.bias_strap.deviation,
         "sensors": sensors,
+        "gain_factor_sd": chip.bias_strap.deviation,
     }
 
 
