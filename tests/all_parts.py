@@ -30,7 +30,7 @@ PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "daemon", "lab", "clients/python"]],
     "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
-    "processes": [[*PYTEST, "-n", "3", *WHOLE, "-m", "not real_time"]],
+    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time"]],
     "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],
 }  # fmt: skip

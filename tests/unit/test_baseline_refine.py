@@ -47,14 +47,15 @@ def _error(world: World, mounting: Mounting) -> tuple[np.ndarray, np.ndarray]:
     return (scale * leftover.scaled - truth)[known], covariance[np.ix_(known, known)]
 
 
-TOLERANCES = {
-    "0.5 %": TOLERANCE,
-    "5 %": replace(TOLERANCE, gain=0.05),
-    "hand-placed": replace(TOLERANCE, gain=0.05, sensor_rotation_rad=np.radians(1.5), cross_axis=0.002),
-}
+HAND_PLACED = replace(TOLERANCE, gain=0.05, sensor_rotation_rad=np.radians(1.5), cross_axis=0.002)
+TOLERANCES = [
+    pytest.param(TOLERANCE, id="0.5 %", marks=pytest.mark.long),
+    pytest.param(replace(TOLERANCE, gain=0.05), id="5 %"),
+    pytest.param(HAND_PLACED, id="hand-placed"),
+]
 
 
-@pytest.fixture(scope="module", params=TOLERANCES.values(), ids=TOLERANCES.keys())
+@pytest.fixture(scope="module", params=TOLERANCES)
 def refined(request: pytest.FixtureRequest) -> list[tuple[World, Mounting, Mounting]]:
     """World, mounting before and after, for twenty pads."""
     pad = PadConfig(name="standard", source=SimulatedSource()).pad()

@@ -43,7 +43,10 @@ def _world(pad: Pad, seed: int, tolerance: Tolerance = UNTESTED) -> World:
     return world
 
 
-@pytest.fixture(scope="module", params=[UNTESTED, HAND_PLACED], ids=["gains", "hand-placed"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(UNTESTED, id="gains", marks=pytest.mark.long), pytest.param(HAND_PLACED, id="hand-placed")],
+)
 def turns(request: pytest.FixtureRequest) -> Turns:
     pad = PadConfig(name="standard", source=SimulatedSource()).pad()
     worlds = [_world(pad, seed, request.param) for seed in range(20)]

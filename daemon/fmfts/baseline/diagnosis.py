@@ -28,8 +28,8 @@ LARGEST_AMBIENT_T = 2e-4
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
 MOST_TOLD = 3
-# So many of the likeliest single faults are combined with each other one.
-MOST_COMBINED = 5
+# So many of the likeliest single faults are combined with so many; with all others only where that explains nothing.
+FIRST_FAULTS, LIKELY_SECONDS = 5, 24
 # That a second thing is wrong, too, is one in twenty: −2 ln.
 SECOND_FAULT = 6.0
 
@@ -93,13 +93,16 @@ def _cause(
 
     together = [tried(fault) for fault in faults_in_company(pad, tolerance)]
     together.sort(key=lambda one: one.surprise)
-    pairs = [
-        tried(*first.faults, *second.faults)
-        for number, first in enumerate(together[:MOST_COMBINED])
-        for second in together[number + 1 :]
-    ]
-    alone = [tried(fault) for fault in faults_alone(pad)]
-    found = [one for one in (*alone, *together, *pairs) if _fits(one.mounting)]
+    found = [one for one in (*(tried(fault) for fault in faults_alone(pad)), *together) if _fits(one.mounting)]
+    for seconds in (together[:LIKELY_SECONDS], together):
+        pairs = [
+            tried(*first.faults, *second.faults)
+            for number, first in enumerate(together[:FIRST_FAULTS])
+            for second in seconds[number + 1 :]
+        ]
+        found += [one for one in pairs if _fits(one.mounting)]
+        if found:
+            break
     if not found:
         return "Nothing that is known explains it: steel or a magnet nearby, or another pad than that of the config."
     least = min(one.surprise for one in found)
