@@ -22,6 +22,7 @@ from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, displacement, solve
+from fmfts.pose.field_errors import change_since
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.source import Simulated
 
@@ -102,7 +103,7 @@ def _press_error(world: World, mounting: baselines.Mounting) -> float:
     estimate = solve(field, mounting.mounted(world.pad), mounting.rest, free=FREE_FIELD)
     change, _ = displacement(estimate, mounting.rest)
     truth, _ = displacement(replace(estimate, state=pressed), world.rest)
-    left_open = np.tensordot(change, mounting.change_error(FREE_FIELD), axes=1)
+    left_open = np.tensordot(change_since(mounting.rest, estimate.state), mounting.change_error(FREE_FIELD), axes=1)
     # The dipole for the cylinder, as in test_baseline.
     covariance = left_open @ left_open.T + np.diag(np.array([2e-6, 2e-6, 2e-6, 2e-4, 2e-4]) ** 2)
     return float((change - truth) @ np.linalg.solve(covariance, change - truth))

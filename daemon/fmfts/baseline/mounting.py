@@ -110,8 +110,8 @@ class Mounting:
         return None if self.leftover is None else self.leftover.field_errors()
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
-        """(5, 5, M) error of a unit change of pose; see `Leftover.change_error`."""
-        return np.zeros((5, 5, 0)) if self.leftover is None else self.leftover.change_error(solved)
+        """(8, 5, M) error of a unit change of pose and ambient field; see `Leftover.change_error`."""
+        return np.zeros((8, 5, 0)) if self.leftover is None else self.leftover.change_error(solved)
 
 
 def estimate_mounting(

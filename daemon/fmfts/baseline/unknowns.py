@@ -27,6 +27,9 @@ STANDING_AMBIENT_T = 1e-7
 TYPICAL_CHANGE = np.array([3e-4, 3e-4, 5e-4, 0.1, 0.1])
 # A smaller variance of a sensitivity is none: of a tolerance of zero.
 EXACT = 1e-15
+# Of so many independent causes the errors of a change are kept: FMFTS_LEFTOVERS in pose/step.h.
+MOST_CAUSES = 25
+AMBIENT_COLUMNS = np.arange(6, 9)
 # A finger presses down; sideways and in tilt it may move either way.
 HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 
@@ -195,17 +198,18 @@ class Leftover:
         return whole - modelled
 
     def change_error(self, solved: NDArray[np.intp]) -> Array:
-        """(5, 5, M): for a unit change of the pose along each of its five directions, the error of the change that each
-        of M independent deviations causes; M is at most 25.
+        """(8, 5, M): for a unit change of the pose along each of its five directions, and of the ambient field along
+        each axis, the error (5,) of the change of pose that each of M independent deviations causes; M is at most 25.
 
-        At rest the baseline absorbs the errors of places and gains. In a changed pose they have another effect: the
-        difference of the field's derivatives there and at rest. The tracker's least squares turn it into an error of
-        pose; its unknowns are the columns `solved` (pose 0–4, log moment 5, ambient field 6–8).
+        At rest the baseline absorbs the errors of places and sensitivities. In a changed pose they have another effect:
+        the difference of the field's derivatives there and at rest; and another ambient field is read by chips that are
+        turned. The tracker's least squares turn both into an error of pose; its unknowns are the columns `solved` (pose
+        0–4, log moment 5, ambient field 6–8). Where the ambient field is not solved, it does not change.
         """
         state, places, matrix = self.unknowns.unpack(self.scaled)
         _, at_rest = self.unknowns.predict(state, places, matrix)
         root = self._root
-        errors = np.empty((5, 5, len(self.scaled)))
+        errors = np.zeros((8, 5, len(self.scaled)))
         for direction, size in enumerate(TYPICAL_CHANGE):
             step = np.zeros(9)
             step[direction] = size
@@ -214,15 +218,24 @@ class Leftover:
             scale = lengths(seen.T)
             mistaken = product(self.weight[:, None] * (there - at_rest), root)
             errors[direction] = (least_squares(seen / scale, mistaken) / scale[:, None])[:5] / size
-        return fewest_causes(errors.reshape(25, -1)).reshape(5, 5, -1)
+        if np.isin(AMBIENT_COLUMNS, solved).all():
+            by_field = self.weight[:, None, None] * self._by_field(root)
+            seen = self.weight[:, None] * at_rest[:, solved]
+            scale = lengths(seen.T)
+            for axis in range(3):
+                errors[5 + axis] = (least_squares(seen / scale, by_field[:, axis]) / scale[:, None])[:5]
+        # In these units a typical error is one, whichever change causes it.
+        typical = np.append(TYPICAL_CHANGE, np.full(3, AMBIENT_DEVIATION_T))[:, None] / TYPICAL_CHANGE
+        relative = fewest_causes((errors * typical[:, :, None]).reshape(40, -1)).reshape(8, 5, -1)
+        return np.asarray(relative / typical[:, :, None], dtype=np.float64)
 
 
-def fewest_causes(errors: Array) -> Array:
-    """(R, ≤ R) errors of other independent causes, with the same covariance as those of `errors` (R, M)."""
-    if errors.shape[1] <= len(errors):
+def fewest_causes(errors: Array, most: int = MOST_CAUSES) -> Array:
+    """(R, ≤ most) errors of other independent causes, with the covariance of `errors` (R, M), but for the least."""
+    if errors.shape[1] <= most:
         return errors
     _, size, directions = singular_values(errors.T)
-    return np.asarray(directions * size, dtype=np.float64)
+    return np.asarray((directions * size)[:, :most], dtype=np.float64)
 
 
 def _around_half_a_press(rest: State) -> Iterator[tuple[State, State]]:

@@ -20,13 +20,13 @@ from fmfts.pose import (
     Status,
     Tracker,
     TrackingModel,
-    change_from,
     in_nominal_frame,
     repeats_allowed,
     solve,
     widened,
 )
 from fmfts.pose.ambient_motion import AmbientMotionDetector
+from fmfts.pose.field_errors import change_since
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class BaselinedPad:
     """drawing: the pad as configured; pad: as mounted. at_rest: whether the baseline recorded the unloaded pad.
 
     Without rest, the moment and its drift are unknown: frames are then solved with the paper's method and its dipole.
-    repeats_allowed (N, 3): see `fmfts.pose.repeats_allowed`. change_error (5, 5, M): see `Mounting.change_error`.
+    repeats_allowed (N, 3): see `fmfts.pose.repeats_allowed`. change_error (8, 5, M): see `Mounting.change_error`.
     """
 
     def __init__(self, drawing: Pad, baseline: Baseline, mounting: Mounting, tracking: TrackingModel) -> None:
@@ -51,7 +51,7 @@ class BaselinedPad:
         self.tracking = tracking if self.at_rest else PAPER
         self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.step_t[recorded.gain_code])
         self.change_error = mounting.change_error(self.tracking.estimated)
-        self._change_error_rows = self.change_error.reshape(5, -1)
+        self._change_error_rows = self.change_error.reshape(8, -1)
 
     @classmethod
     def of(cls, drawing: Pad, baseline: Baseline, tracking: TrackingModel, mounting: Mounting | None = None) -> Self:
@@ -68,9 +68,8 @@ class BaselinedPad:
         return AmbientMotionDetector(self.pad, self.mounting.rest) if is_constant else None
 
     def with_calibration_uncertainty(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Add to the covariance what the baseline leaves unknown of the pad's geometry."""
-        change = change_from(self.mounting.rest, estimate)
-        error = (product(change, self._change_error_rows)).reshape(len(change), -1)
+        """Add to the covariance what the baseline leaves unknown of the pad."""
+        error = product(change_since(self.mounting.rest, estimate.state), self._change_error_rows).reshape(5, -1)
         return widened(estimate, self.mounting.rest, product(error, error.T))
 
     def in_nominal_frame(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:

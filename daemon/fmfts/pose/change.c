@@ -4,19 +4,23 @@
 #include "model.h"
 #include "step.h"
 
-/* The covariance (5, 5) of the change from what the baseline leaves unknown of the pad's geometry. */
-static void leftover_covariance(const fmfts_pose_parameters *parameters, const double *change, double covariance[5][5])
+/* The covariance (5, 5) of the change from what the baseline leaves unknown of the pad. */
+static void leftover_covariance(const fmfts_pose_parameters *parameters, const double *change, const double *ambient_t,
+                                double covariance[5][5])
 {
     int leftovers = (int)parameters->leftovers[0];
-    double error[5][FMFTS_LEFTOVERS];
+    double since[FMFTS_CHANGE], error[5][FMFTS_LEFTOVERS];
+    for (int by = 0; by < FMFTS_CHANGE; by++) {
+        since[by] = by < 5 ? change[by] : ambient_t[by - 5];
+    }
     for (int i = 0; i < 5; i++) {
         for (int m = 0; m < leftovers; m++) {
             error[i][m] = 0.0;
         }
-        for (int by = 0; by < 5; by++) {
+        for (int by = 0; by < FMFTS_CHANGE; by++) {
             const double *unit = parameters->change_error + (by * 5 + i) * leftovers;
             for (int m = 0; m < leftovers; m++) {
-                error[i][m] += change[by] * unit[m];
+                error[i][m] += since[by] * unit[m];
             }
         }
         for (int j = 0; j <= i; j++) {
@@ -74,7 +78,7 @@ void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state
 {
     double added[5][5], turned[25], to_rest[5][5], back[5][5];
     measure(parameters, state, d);
-    leftover_covariance(parameters, d->change, added);
+    leftover_covariance(parameters, d->change, state + AMBIENT_VALUE, added);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
             to_rest[i][j] = back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];

@@ -68,7 +68,7 @@ enum {
     X(by_pose, 5 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                    \
     X(by_field, 3 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                   \
     X(leftovers, 1)                                                                                                    \
-    X(change_error, 25 * FMFTS_LEFTOVERS)                                                                              \
+    X(change_error, 5 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                                \
     X(longest_gap_s, 1)                                                                                                \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)

@@ -102,7 +102,7 @@ def put_contact(
     model: ContactModel,
     detection_limit_n: float,
 ) -> None:
-    """change_error (5, 5, M): see Leftover.change_error. detection_limit_n: see ContactModel.detection_limit_n."""
+    """change_error (8, 5, M): see Leftover.change_error. detection_limit_n: see ContactModel.detection_limit_n."""
     parameters.put("leftovers", change_error.shape[-1])
     parameters.put("change_error", change_error)
     parameters.put("onset_chi2", touch.onset_chi2)

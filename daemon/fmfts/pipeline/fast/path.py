@@ -120,7 +120,7 @@ class FastPath:
         """A fast path; None if C cannot serve this pad.
 
         C serves contact models of the compiled network without shear and without smoothing, whose error tables fit into
-        tables.h. change_error (5, 5, M), repeats_allowed (N, 3).
+        tables.h. change_error (8, 5, M), repeats_allowed (N, 3).
         """
         if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
             return None
