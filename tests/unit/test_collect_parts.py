@@ -14,6 +14,8 @@ import pytest
 from rich.console import Console
 
 from emulator.pty_port import PtyPort
+from fmfts.baseline.files import store
+from fmfts.baseline.origin import Origin
 from fmfts.calibrate.fitting import empty_response
 from fmfts.collect.errors import AbsentError, RefusedError, StoppedError
 from fmfts.collect.gauge import Reading, open_gauge
@@ -23,8 +25,11 @@ from fmfts.collect.plan import PlanError, Press, read_plan
 from fmfts.collect.stage import machine_place, require_within_reach
 from fmfts.collect.watch import Limits, Watch
 from fmfts.collect.weigh import GRAVITY_M_S2, weigh
+from fmfts.collect.work import require_own_baseline
+from fmfts.config import BridgeSource, PadConfig, SimulatedSource
 from fmfts.config.collect import CollectConfig, LoadCellGauge, SerialGauge, StageConfig, UdpGauge, problems
 from fmfts.sensor import Frame
+from fmfts.simulation.baseline import simulated_baseline
 
 
 @pytest.mark.parametrize(
@@ -277,3 +282,15 @@ def test_forces_that_a_stage_reached_about_as_planned_are_as_many_levels_as_plan
     assert empty_response(press).exponent.ravel().tolist() == [1, 2, 3]
     press[:, 2] = random.uniform(0.3, 4.0, len(press))
     assert empty_response(press).exponent.ravel().tolist() == [1, 2, 3, 4, 5]
+
+
+def test_baseline_of_another_board_gives_no_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    simulated = PadConfig(name="left", source=SimulatedSource())
+    on_board = PadConfig(name="left", source=BridgeSource(port="/dev/null", pad_index=0))
+    drawing = on_board.pad()
+    store(simulated_baseline(simulated).recorded_on(Origin("bridge", "hmc5983", uid="0a", pad_index=0)), drawing)
+    require_own_baseline(on_board, drawing, "0A")
+    require_own_baseline(on_board, drawing, "")  # a board that tells no uid may be this one
+    with pytest.raises(RefusedError, match=r"recorded on board 0a.*but the pad is on board 0b"):
+        require_own_baseline(on_board, drawing, "0b")

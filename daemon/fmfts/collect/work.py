@@ -9,6 +9,7 @@ from typing import Any
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError, stored
+from fmfts.baseline.origin import Origin
 from fmfts.collect.average import Unmoved
 from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
@@ -26,6 +27,7 @@ from fmfts.collect.watch import Limits, Watch
 from fmfts.config import Config, PadConfig
 from fmfts.config.collect import CollectConfig
 from fmfts.pad import Pad
+from fmfts.sources import origin_of
 
 FRAMES_A_ROW = 64  # `average` refuses fewer
 
@@ -57,16 +59,24 @@ def collect(
         frames = Frames(output, pad, recorded_rest(drawing), watch.clock)
         with frames, shown(picture) as draw, _pressing(settings, watch, picture, draw, by_hand) as presser:
             watch.begin()
-            identity = Identity(unmoved.baseline_id, pad.name, board_uid(), frames.path.name)
+            uid = board_uid()
+            require_own_baseline(pad, drawing, uid)
+            identity = Identity(unmoved.baseline_id, pad.name, uid, frames.path.name)
             session = Session(watch, presser, table, frames, unmoved, _timing(settings, pad), identity)
             session.run(plan, _drawing(picture, draw))
         return _facts(plan, table)
 
 
-def recorded_rest(drawing: Pad) -> Baseline:
-    """The pad's baseline. Raises RefusedError where it has no recording of the pad at rest."""
+def require_own_baseline(pad: PadConfig, drawing: Pad, board_uid: str) -> None:
+    """Raise RefusedError if the pad's baseline was recorded with other sensors than those that answer now."""
+    origin = origin_of(pad)
+    recorded_rest(drawing, origin and origin.on({"uid": board_uid} if board_uid else {}))
+
+
+def recorded_rest(drawing: Pad, origin: Origin | None = None) -> Baseline:
+    """The pad's baseline. Raises RefusedError where it has no recording of the pad at rest, or is not of `origin`."""
     try:
-        baseline = stored(drawing)
+        baseline = stored(drawing, origin)
     except (BaselineError, StateError) as error:
         raise RefusedError(str(error)) from error
     if baseline is None or baseline.rest is None:
