@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from end_to_end.processes import FirmwareHost
+from fmfts.cli import init_config
 from fmfts.cli.init_config import candidates
+from fmfts.cli.verb import VerbError
 from fmfts.config import BridgeSource, SimulatedSource
 from fmfts.config.example import FoundPad, written_for
 from fmfts.config.file import load
@@ -45,16 +47,22 @@ def test_init_writes_a_commented_configuration_for_the_board_that_it_finds(tmp_p
 
 def test_init_leaves_a_file_that_exists_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "pad.toml").write_text("mine")
-    assert "pad.toml exists and is left as it is" in said(tmp_path, "init", "--simulated", code=65)
+    assert "pad.toml exists and is left as it is" in said(tmp_path, "init", "--simulated", code=73)
     assert (tmp_path / "pad.toml").read_text() == "mine"
 
 
 def test_init_without_a_board_says_what_was_tried(tmp_path: Path) -> None:
     told = said(tmp_path, "init", "--port", tmp_path / "none", code=69)
-    assert f"no board found ({tmp_path}/none: " in told
-    assert "--simulated needs none" in told
+    assert f"no board on {tmp_path}/none: " in told
+    assert "--simulated" not in told
     assert "no pad found: /dev/i2c-99" in said(tmp_path, "init", "--i2c", "99", code=69)
     assert not (tmp_path / "pad.toml").exists()
+
+
+def test_init_on_a_computer_without_ports_says_what_needs_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(init_config, "candidates", list)
+    with pytest.raises(VerbError, match=r"there is no .*--simulated needs none"):
+        init_config._on_ports(None)
 
 
 def test_simulated_configuration_is_the_one_that_ships(tmp_path: Path) -> None:

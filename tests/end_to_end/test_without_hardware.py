@@ -18,6 +18,7 @@ from end_to_end.processes import FirmwareHost, RunningDaemon
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/without-hardware.md").read_text()
 COMMANDS = [line.strip() for line in re.findall(r"^    (\S.*)$", PAGE, flags=re.MULTILINE)]
+TYPED = re.findall(r"^\| `([^`]+)` \|", PAGE, flags=re.MULTILINE)  # into the host's firmware
 # Where each of the longer ones is run; it must be named there.
 ELSEWHERE = {
     "make demo FIRMWARE=1 SECONDS=10": ("tests/end_to_end/test_firmware_in_the_loop.py", "firmware_in_the_loop"),
@@ -87,8 +88,7 @@ def test_verbs_of_the_page_run_in_its_order_beside_the_daemon(folder: Path, envi
 
 
 def test_host_build_takes_every_command_of_the_page(tmp_path: Path) -> None:
-    commands = re.findall(r"^\| `([^`]+)` \|", PAGE, flags=re.MULTILINE)
-    assert len(commands) == 8
+    assert len(TYPED) == 9
     with FirmwareHost(tmp_path) as board:
         ended = subprocess.run(
             [sys.executable, "-m", "fmfts", "init", "--port", board.port, "--config", tmp_path / "pad.toml"],
@@ -101,17 +101,24 @@ def test_host_build_takes_every_command_of_the_page(tmp_path: Path) -> None:
         config = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "bridge"\nport = "{board.port}"\n'
         with RunningDaemon(tmp_path, config) as daemon:  # garbage needs somebody who hears it
             daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
-            for command in commands[:-1]:
+            for command in TYPED[:-1]:
                 board.tell(command)
 
 
-def test_stuck_sensor_of_the_page_is_named_by_its_number_from_one(tmp_path: Path) -> None:
+def test_fields_of_the_page_give_a_baseline_and_its_stuck_sensor_is_named(tmp_path: Path) -> None:
+    environment = os.environ | {"FMFTS_BUS": f"ipc://{tmp_path}", "XDG_STATE_HOME": str(tmp_path / "state")}
+    surroundings, resting, stuck = TYPED[:3]
     with FirmwareHost(tmp_path) as board:
         config = f'[[pad]]\nname = "left"\n[pad.source]\ntype = "bridge"\nport = "{board.port}"\n'
+        (tmp_path / "pad.toml").write_text(config)
+        for field, option in ((surroundings, "--bare"), (resting, "--rest")):
+            board.tell(field)
+            ran(f"fmfts-daemon baseline {option} --config pad.toml", tmp_path, environment)
         with RunningDaemon(tmp_path, config) as daemon:
-            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
-            board.tell("fault 0 2 stuck")
-            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1011)
+            daemon.wait_for(lambda contact: contact.health == "ok")
+            board.tell(stuck)
+            told = daemon.wait_for(lambda contact: contact.health == "degraded")
+    assert "sensor 3" in told.reason
 
 
 def test_no_command_of_the_page_is_left_out() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,6 +84,19 @@ def test_refusal_names_the_likely_cause(world: World, pad: Pad, with_bare: bool,
     before = make_bare(pad, TOLERANCE, world.recorded(bare)) if with_bare else None
     with pytest.raises(BaselineError, match=named):
         make_rest(pad, TOLERANCE, world.recorded(rest), before)
+
+
+@pytest.mark.parametrize("sensor", range(4))
+def test_refusal_tells_the_sensor_and_axis_that_fit_least(world: World, pad: Pad, sensor: int) -> None:
+    beside = world.field()
+    beside[sensor] += [3e-5, -2e-5, 4e-5]
+    with pytest.raises(BaselineError, match="worst: sensor") as refused:
+        make_rest(pad, TOLERANCE, world.recorded(beside), world.bare_baseline())
+    told = re.search(r"worst: sensor (\d), axis [xyz], ([-+][\d.]+) µT off", str(refused.value))
+    assert told is not None
+    # The magnet's five unknowns take some of the 40 µT.
+    assert int(told[1]) == sensor + 1
+    assert abs(float(told[2])) > 5.0
 
 
 def test_steel_nearby_is_refused_without_blaming_a_sensor(world: World, pad: Pad) -> None:

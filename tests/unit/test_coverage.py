@@ -96,7 +96,11 @@ def test_thirty_presses_all_over_the_pad_are_enough() -> None:
 @pytest.mark.parametrize(
     ("place", "force_n", "missing"),
     [
-        (lambda number: (5e-3, 5e-3), lambda number: 0.4 + 0.3 * (number % 5), "presses in 3 of the pad's 4 parts"),
+        (
+            lambda number: (5e-3, 5e-3),
+            lambda number: 0.4 + 0.3 * (number % 5),
+            "4 presses in each of 3 of 4 parts of the pad",
+        ),
         (all_over, lambda number: 1.0, "lighter and firmer ones"),
     ],
 )

@@ -82,14 +82,14 @@ def test_gains_of_a_passed_selftest_are_stored_and_begin_the_next_baseline(pad: 
     assert gain_deviation(rest.mounting) <= STRAPS
     assert np.abs(rest.mounting.gain / GAIN - 1.0).max() < 4.0 * STRAPS
     assert (untested.baseline.gains_from, rest.baseline.gains_from) == ("tolerance", "selftest")
-    assert untested.facts(pad)["gains_from"] == "tolerance.gain, each ±5.0%"
-    assert rest.facts(pad)["gains_from"].endswith(", each ±0.5%")
+    assert untested.facts(pad)["gains_from"] == "tolerance.gain (±5.0 %)"
+    assert rest.facts(pad)["gains_from"].endswith(" (±0.5 %)")
     assert _could_gain(untested)[0] == "selftest"
     assert "selftest" not in _could_gain(rest)
 
 
 def _could_gain(recorded: Recorded) -> list[str]:
-    return [sentence.split(" would")[0] for sentence in recorded.facts(CONFIG.pad())["could_gain"]]
+    return [sentence.split(":")[0] for sentence in recorded.facts(CONFIG.pad())["could_gain"]]
 
 
 def test_gains_stay_in_the_baseline_and_under_a_bare_recording_alone(pad: Pad) -> None:

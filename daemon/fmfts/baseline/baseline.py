@@ -204,8 +204,8 @@ def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording
         x, y, z = moved * 1e3
         raise BaselineError(
             f"the pad looks loaded: its magnet is ({x:+.2f}, {y:+.2f}, {z:+.2f}) mm away from where baseline "
-            f"{before.id} found it (limit {tolerance.magnet_position_m * 1e3:.2f} mm): unload it, or say --replaced if "
-            "this is another pad"
+            f"{before.id} found it (limit {tolerance.magnet_position_m * 1e3:.2f} mm): unload it. If nothing "
+            "touches it, that baseline was recorded under load or with a bad chip: say --replaced, as for another pad"
         )
 
 

@@ -151,7 +151,10 @@ class PressCoverage:
         missing = []
         lacking = int((self._in_part < ENOUGH_IN_PART).sum())
         if lacking:
-            missing.append(f"presses in {lacking} of the pad's {len(self._in_part)} parts (press all over it)")
+            parts = len(self._in_part)
+            missing.append(
+                f"{ENOUGH_IN_PART} presses in each of {lacking} of {parts} parts of the pad (press all over)"
+            )
         if self._strongest_t < ENOUGH_RANGE * self._weakest_t:
             missing.append("lighter and firmer ones")
         return ", ".join(missing)

@@ -52,14 +52,10 @@ def estimate_and_judge(
     mounting = estimate_mounting(pad, tolerance, rest, bare, measured=measured)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
-    # Assume perfect sensors here: then the misfit shows at the sensor that causes it, and not at all of them.
-    misfit = estimate_mounting(
-        pad,
-        replace(tolerance, sensor_position_m=0.0, gain=0.0, sensor_rotation_rad=0.0, cross_axis=0.0),
-        rest,
-        bare,
-        measured=measured,
-    ).misfit_t
+    # Assume that the sensors are known exactly: then the misfit shows at the one that causes it, not at all of them.
+    known = measured or Sensitivity.untested(len(pad.sensors), tolerance)
+    exact = replace(known, covariance=np.zeros_like(known.covariance))
+    misfit = estimate_mounting(pad, replace(tolerance, sensor_position_m=0.0), rest, bare, measured=exact).misfit_t
     worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
     facts = (
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "

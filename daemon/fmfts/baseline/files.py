@@ -76,7 +76,7 @@ def previous(pad: Pad, origin: Origin | None = None) -> Baseline:
     path = previous_of(path_of(pad.name))
     baseline = load(path, pad, origin)
     if baseline is None:
-        raise BaselineError(f"pad '{pad.name}': there is no {path}: record a baseline (fmfts-daemon baseline)")
+        raise BaselineError(f"pad '{pad.name}': there is no {path}: `fmfts-daemon baseline --rest` records a new one")
     return baseline
 
 

@@ -26,7 +26,10 @@ WORTH = 0.9
 
 
 def prospects(mounting: Mounting, pad: Pad) -> list[str]:
-    """A sentence for each step that would make a press of 1 N at least a tenth more certain, the easiest first."""
+    """For each step that would make a press of 1 N at least a tenth more certain, what it would bring, easiest first.
+
+    The figures are deviations of the magnet's displacement and of the force.
+    """
     now = accuracy(mounting, pad)
     if not now:
         return []
@@ -34,14 +37,12 @@ def prospects(mounting: Mounting, pad: Pad) -> list[str]:
     for name, information in _steps(mounting):
         then = accuracy(_informed(mounting, information), pad)
         if min(then[key] / now[key] for key in ("press_1n_sideways_sd_m", "press_1n_force_sd_n")) < WORTH:
-            told.append(f"{name} would leave {_figures(then)} of a press of 1 N open; now it is {_figures(now)}")
+            told.append(f"{name}: {_figures(then)} instead of {_figures(now)}")
     return told
 
 
 def _figures(facts: dict[str, float]) -> str:
-    return (
-        f"{facts['press_1n_sideways_sd_m'] * 1e6:.0f} µm of the magnet's way and {facts['press_1n_force_sd_n']:.3f} N"
-    )
+    return f"±{facts['press_1n_sideways_sd_m'] * 1e6:.0f} µm and ±{facts['press_1n_force_sd_n']:.3f} N"
 
 
 def _steps(mounting: Mounting) -> Iterator[tuple[str, Array]]:

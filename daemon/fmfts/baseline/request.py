@@ -202,7 +202,7 @@ def _gains_from(baseline: Baseline) -> str:
     """In words, as far as a person can change it."""
     match baseline.gains_from, baseline.gains:
         case "selftest", StoredGains(utc=utc, deviation=deviation):
-            return f"the self-test of {utc}, each ±{deviation:.1%}"
+            return f"selftest of {utc} (±{deviation * 1e2:.1f} %)"
         case "turn", _:
-            return "the turn"
-    return f"tolerance.gain, each ±{baseline.tolerance['gain']:.1%}"
+            return "turn"
+    return f"tolerance.gain (±{baseline.tolerance['gain'] * 1e2:.1f} %)"

@@ -35,7 +35,7 @@ def _init(options: argparse.Namespace) -> int:
     file = options.config or DEFAULT_FILE
     if file.exists():
         raise VerbError(
-            exit_codes.DATA, f"{file} exists and is left as it is: remove it, or name another with --config"
+            exit_codes.UNWRITABLE, f"{file} exists and is left as it is: remove it, or name another with --config"
         )
     if options.simulated:
         text, where = EXAMPLE_PATH.read_text(encoding="utf-8"), "a simulated pad"
@@ -45,10 +45,10 @@ def _init(options: argparse.Namespace) -> int:
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{file} cannot be written: {error.strerror}") from error
+        raise VerbError(exit_codes.UNWRITABLE, f"{file} cannot be written: {error.strerror}") from error
     print(f"{file}: written for {where}")
     check = f"`fmfts-daemon check-config --config {file}`"
-    print(f"next: compare its [pad.geometry] and [pad.magnet] with your pad, then {check}")
+    print(f"next: {check}" if options.simulated else f"next: compare its [pad.geometry] with your pad, then {check}")
     return 0
 
 
@@ -63,6 +63,8 @@ def _on_ports(port: str | None) -> tuple[list[FoundPad], str]:
         if board.get("uid"):
             return _pads_of(board, one), f"board {board['uid']} on {one}"
         reasons.append(f"{one}: {reason}")
+    if port is not None:
+        raise VerbError(exit_codes.UNAVAILABLE, f"no board on {reasons[0]}")
     tried = "; ".join(reasons) if reasons else f"there is no {' or '.join(PORTS)}"
     raise VerbError(
         exit_codes.UNAVAILABLE,

@@ -39,7 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from fmfts.service.log import configure
 
     words = sys.argv[1:] if arguments is None else arguments
-    options = _parser(words[0] if words else None).parse_args(words)
+    options, surplus = _parser(words[0] if words else None).parse_known_args(words)
+    if surplus:
+        options.parser.error(_unexpected(surplus))
     command = f"fmfts-daemon {options.verb}"
     if options.verb == "run":
         configure()
@@ -57,6 +59,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of the output has ended: write nothing more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.READER_GONE
+
+
+def _unexpected(words: Sequence[str]) -> str:
+    file = next((word for word in words if word.endswith(".toml")), None)
+    return f"unexpected: {' '.join(words)}" + (f"; did you mean --config {file}?" if file else "")
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -77,7 +84,7 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
 
     def verb(name: str, handler: Any, text: str, default_config: str = DEFAULT_CONFIG) -> argparse.ArgumentParser:
         added = verbs.add_parser(name, help=text, description=text)
-        added.set_defaults(handler=handler)
+        added.set_defaults(handler=handler, parser=added)
         added.add_argument("--config", type=Path, metavar="FILE", help=default_config)
         return added
 

@@ -20,7 +20,10 @@ def after_probe(facts: Mapping[str, Any], config: str) -> str:
 def after_selftest(facts: Mapping[str, Any], config: str, pad: str) -> str:
     if not facts.get("passed"):
         return f"check supply and wires of the sensors that failed, then `fmfts-daemon selftest{config}{pad}` again"
-    return f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted"
+    return (
+        f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted; if that is recorded already, "
+        f"`fmfts-daemon baseline --rest{config}{pad}` uses the new gains"
+    )
 
 
 def after_baseline(facts: Mapping[str, Any], config: str, pad: str) -> str:
@@ -28,11 +31,14 @@ def after_baseline(facts: Mapping[str, Any], config: str, pad: str) -> str:
     if kind == "bare":
         return f"mount the pad, then `fmfts-daemon baseline --rest{config}{pad}` while nothing touches it"
     if kind == "rest":
-        return (
-            f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal; for better accuracy first "
-            f"`fmfts-daemon baseline --turn{config}{pad}`"
-        )
+        run = f"`fmfts-daemon run{config}`, and `fmfts-daemon listen` in another terminal"
+        worth = next((step for step in ("--turn", "--refine") if _is_worth(step, facts)), "")
+        return f"{run}; for better accuracy first `fmfts-daemon baseline {worth}{config}{pad}`" if worth else run
     return ""
+
+
+def _is_worth(step: str, facts: Mapping[str, Any]) -> bool:
+    return any(sentence.startswith(step) for sentence in facts.get("could_gain", ()))
 
 
 def _named(pads: list[str]) -> str:

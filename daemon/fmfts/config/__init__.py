@@ -14,7 +14,7 @@ from msgspec import Meta, field
 
 from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.collect import CollectConfig
-from fmfts.config.section import NonNegativeFloat, PositiveFloat
+from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
 from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
 from fmfts.sensor.chips import CHIPS, ChipName
@@ -102,10 +102,10 @@ class ToleranceConfig(_Section, frozen=True):
     sensor_position_mm: NonNegativeFloat = 0.1
     magnet_position_mm: NonNegativeFloat = 0.1
     magnet_tilt_deg: NonNegativeFloat = 1.0
-    gain: NonNegativeFloat = 0.05
-    remanence: NonNegativeFloat = 0.1
+    gain: Fraction = 0.05
+    remanence: Fraction = 0.1
     sensor_rotation_deg: NonNegativeFloat = 1.5
-    cross_axis: NonNegativeFloat = 0.005
+    cross_axis: Fraction = 0.005
 
     def si(self) -> Tolerance:
         """The same facts in SI."""

@@ -19,7 +19,7 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 
 ENVIRONMENT = "FMFTS_CONFIG"
-DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"))
+DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
 class ConfigError(Exception):

@@ -8,6 +8,7 @@ from msgspec import Meta, Struct
 
 PositiveFloat = Annotated[float, Meta(gt=0)]
 NonNegativeFloat = Annotated[float, Meta(ge=0)]
+Fraction = Annotated[float, Meta(ge=0, le=0.5)]
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

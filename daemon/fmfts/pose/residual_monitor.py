@@ -121,7 +121,7 @@ class ResidualMonitor:
         if found is None or health not in ("ok", "degraded"):
             return None
         if found.sensor is not None:
-            return "degraded", f"sensor {found.sensor + 1} contradicts the others, and goes on to: left out"
+            return "degraded", f"sensor {found.sensor + 1} still contradicts the others: it is left out"
         if found.foreign:
             return "disturbed", "a weak foreign field: steel or another magnet is near"
         if self._single_frames_agree and health == "degraded":

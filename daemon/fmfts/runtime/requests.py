@@ -36,6 +36,7 @@ class _OfPad(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Baseline(_OfPad, forbid_unknown_fields=True):
+    rest: bool = False  # what it is without any of these
     bare: bool = False
     replaced: bool = False
     restore: bool = False
@@ -120,6 +121,9 @@ class Verbs:
 
     def _baseline(self, request: Request) -> None:
         arguments = request.arguments_as(_Baseline)
+        others = (arguments.bare, arguments.turn, arguments.refine, arguments.restore, arguments.undo_drift)
+        if arguments.rest and any(others):
+            raise BadRequestError("one of rest, bare, turn, refine, restore and undo_drift at a time")
         channel = self._named(arguments.pad)
         if channel.job is not None:
             raise BadRequestError(f"pad '{channel.name}': a baseline is being recorded already")

@@ -35,6 +35,9 @@ LABELS = {
     "press_1n_force_sd_n": "press of 1 N: force",
     "with_bare": "with a bare recording",
     "chi2": "χ² of the fit",
+    "unreplayed": "contacts not replayed",
+    "without_their_other": "contacts at the ends, in only one of the two",
+    "could_gain": "a press of 1 N could be known better",
 }
 HEXADECIMAL = ("address",)  # keys whose value is written as boards and data sheets do
 
@@ -57,6 +60,9 @@ def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:
             for number, entry in enumerate(value):
                 yield from [""] if number else []
                 yield from _lines(entry, indent)
+        elif isinstance(value, list | tuple) and len(value) > 1 and all(isinstance(entry, str) for entry in value):
+            yield f"{indent}{_readable(key, None)[0]}:"
+            yield from (f"{indent}  {entry}" for entry in value)
         else:
             name, text = _readable(key, value)
             yield f"{indent}{name}: {text}"
