@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from emulator.priority import put_ahead
 from fmfts.pad import Pad
 from fmfts.simulation.cylinder import cylinder_field
 from fmfts_client import Contact, Subscription, UnreachableError, request
@@ -39,6 +40,7 @@ class FirmwareHost:
         assert self._process.stdout is not None
         first = self._process.stdout.readline()
         assert first.startswith("pty: "), first
+        put_ahead(self.pid)
 
     @property
     def pid(self) -> int:

@@ -90,7 +90,7 @@ class TestStream:
             for _ in range(300):  # 1.4 s, across the wrap
                 message = messages.receive(1.0)
                 assert message is not None
-                assert message.body["health"] == "ok"
+                assert (message.body["health"], message.body["reason"]) == ("ok", "")
         assert status_of(daemon).gaps == before.gaps
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from emulator.gcode_machine import GcodeMachine
+from emulator.priority import put_ahead
 
 PATIENCE_S = 30.0
 # A collector as far as its machine goes: homed, guarded, the rod pressed down.
@@ -53,6 +54,7 @@ def running(link: Path, dialect: str) -> Iterator[GcodeMachine]:
     with GcodeMachine(link, dialect) as machine:
 
         def keep_time() -> None:
+            put_ahead(threading.get_native_id())
             before_s = time.monotonic()
             while not ended.wait(0.002):
                 now_s = time.monotonic()
@@ -83,8 +85,11 @@ def test_rod_is_lifted_when_the_collector(tmp_path: Path, dialect: str, how: str
         running(tmp_path / "machine", dialect) as machine,
         subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
     ):
+        put_ahead(process.pid)  # it gives its machine a second to answer
         assert process.stdout is not None
-        assert process.stdout.readline() == "down\n"
+        assert process.stderr is not None
+        said = process.stdout.readline()
+        assert said == "down\n", process.stderr.read()
         assert machine.place[2] < 10.0
         if how == "is killed":
             process.kill()
