@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from fmfts.baseline import encode, load
+from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin
 from fmfts.baseline.recording import ForeignError
+from fmfts.baseline.request import BaselineRequest
 from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource
 from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.source import Simulated
 from fmfts.sources import origin_of
 
 UID = "0123456789abcdef01234567"
@@ -50,6 +54,17 @@ def test_baseline_of_other_sensors_is_refused_with_whose_it_is(one: Origin, othe
     with pytest.raises(ForeignError) as refused:
         load(path, config.pad(), other)
     assert f"was recorded on {one}, but the pad is on {other}" in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["turn", "refine"])
+def test_other_sensors_baseline_is_refused_before_anybody_turns_or_presses(kind: str) -> None:
+    config = PadConfig(name="left", source=SimulatedSource(finger="none", turning_deg_per_s=0.0))
+    mine, others = of(SimulatedSource(seed=1)), of(SimulatedSource(seed=2))
+    before = simulated_baseline(config).recorded_on(others)
+    request = BaselineRequest(config.pad(), config.tolerance.si(), False, False, origin=mine, **{kind: True})
+    with ThreadPoolExecutor(1) as executor, pytest.raises(ForeignError, match="seed 2"):
+        BaselineJob(request, before, Simulated(config), executor)
+    BaselineJob(request, before.recorded_on(mine), Simulated(config), executor)
 
 
 def test_what_is_not_known_yet_is_no_difference() -> None:

@@ -100,12 +100,16 @@ class BaselineRequest:
         return TurnCoverage(self.pad) if self.turn else PressCoverage(self.pad) if self.refine else None
 
     def require_rest(self, before: Baseline | None) -> None:
-        """BaselineError before anybody turns or presses in vain, if there is no rest recording to add to."""
+        """BaselineError before anybody turns or presses in vain, if there is no rest recording to add to.
+
+        ForeignError if it is of other sensors.
+        """
         if self.turn or self.refine:
             try:
                 require_rest(before, "--turn" if self.turn else "--refine")
             except BaselineError as error:
                 raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
+            self._require_own(before)
 
     def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
@@ -114,14 +118,18 @@ class BaselineRequest:
         """
         if before is not None and before.is_foreign_to(self.origin):
             if self.turn or self.refine:
-                assert before.origin is not None
-                assert self.origin is not None
-                raise ForeignError(foreign(self.pad.name, before.origin, self.origin))
+                self._require_own(before)
             before = None
         baseline, mounting = self._make(frames, before and before.tested(self.gains))
         # Turning and presses only add to a baseline, and so do not tell whose it is.
         origin = baseline.origin if self.turn or self.refine else self.origin
         return (baseline if baseline.origin == origin else baseline.recorded_on(origin)), mounting
+
+    def _require_own(self, before: Baseline | None) -> None:
+        if before is None or before.origin is None or self.origin is None:
+            return
+        if not before.origin.agrees_with(self.origin):
+            raise ForeignError(foreign(self.pad.name, before.origin, self.origin))
 
     def _make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
         try:

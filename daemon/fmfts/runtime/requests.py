@@ -145,7 +145,7 @@ class Verbs:
             arguments.duration_s,
             arguments.turn,
             arguments.refine,
-            channel.origin,
+            _origin(channel),
         )
         if not channel.source.state.connected:
             state = channel.source.state
