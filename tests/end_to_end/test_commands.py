@@ -19,6 +19,7 @@ from end_to_end.processes import (
 )
 from fmfts.bus.keys import KeyFolder
 from fmfts.pad import Pad
+from fmfts_client import RefusedError
 from ports import tcp_base
 
 # Neither pressed nor turned: a baseline may be recorded at any time.
@@ -109,6 +110,15 @@ def test_pad_that_its_board_does_not_have_is_not_connected(tmp_path: Path, pad: 
             if not running:
                 daemon.stop()
             assert "connected: no" in without_traceback(daemon.command("probe", "--config", daemon.config), 69)
+
+
+def test_request_may_name_rest_and_is_told_the_arguments_that_there_are(tmp_path: Path) -> None:
+    with RunningDaemon(tmp_path, STILL_CONFIG) as daemon:
+        assert daemon.request("baseline", rest=True, duration_s=0.5)["kind"] == "rest"
+        with pytest.raises(RefusedError, match="one of rest, bare, turn, refine, restore and undo_drift at a time"):
+            daemon.request("baseline", rest=True, bare=True)
+        with pytest.raises(RefusedError, match="no argument 'mode'; it takes pad, rest, bare, "):
+            daemon.request("baseline", mode="rest")
 
 
 class TestDamagedBaseline:

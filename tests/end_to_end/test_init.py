@@ -45,6 +45,18 @@ def test_init_writes_a_commented_configuration_for_the_board_that_it_finds(tmp_p
     assert "[collect.gauge]" in text
 
 
+def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:
+    said(tmp_path, "init", "--simulated")
+    assert said(tmp_path, "check-config").startswith("good: 1 pad")
+
+
+def test_word_too_many_is_refused_with_the_verbs_own_usage(tmp_path: Path) -> None:
+    told = said(tmp_path, "check-config", "pad.toml", code=2)
+    assert told.startswith("usage: fmfts-daemon check-config [-h]")
+    assert "unexpected: pad.toml; did you mean --config pad.toml?" in told
+    assert said(tmp_path, "status", "left", code=2).endswith("unexpected: left\n")
+
+
 def test_init_leaves_a_file_that_exists_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "pad.toml").write_text("mine")
     assert "pad.toml exists and is left as it is" in said(tmp_path, "init", "--simulated", code=73)

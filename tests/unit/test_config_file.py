@@ -92,6 +92,7 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + "[pad.geometry]\nsensors_mm = [[1, 2]]", SIMULATED + "geometry.sensors_mm, sensor 1 = [1, 2]: must be a list of 3, each a number"),
         (PAD + '[pad.magnet]\nrest_mm = [1, 2, "z"]', SIMULATED + "magnet.rest_mm, value 3 = 'z': must be a number"),
         (PAD + "[pad.magnet]\nremanence_t = 0", SIMULATED + "magnet.remanence_t = 0: must be a number greater than 0 and at most 2"),
+        (PAD + "[pad.tolerance]\ngain = 5", SIMULATED + "tolerance.gain = 5: must be a number from 0 to 0.5"),
         (PAD + "[pad.scene]\nsteel_nearby = 1", SIMULATED + "scene.steel_nearby = 1: must be true or false"),
         (PAD + "[pad.contact]\nmodel = 3", SIMULATED + "contact.model = 3: must be text in quotes"),
         ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be text in quotes: 1 to 32 letters, digits, - or _"),

@@ -48,6 +48,16 @@ def test_programs_are_told_facts_alone(config: str, capsys: pytest.CaptureFixtur
     assert "next" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("could_gain", "offered"),
+    [(["selftest: ±9 µm", "--turn: ±8 µm", "--refine: ±7 µm"], "--turn"), (["--refine: ±7 µm"], "--refine"), ([], "")],
+)
+def test_turning_and_pressing_are_offered_only_while_they_would_help(could_gain: list[str], offered: str) -> None:
+    told = next_step.after_baseline({"kind": "rest", "could_gain": could_gain}, "", "")
+    assert told.startswith("`fmfts-daemon run`")
+    assert (f"baseline {offered}`" in told) if offered else ("baseline" not in told)
+
+
 def test_pad_that_is_absent_or_faulty_is_named_with_what_to_do() -> None:
     pads = [{"pad": "a", "connected": True, "faults": []}, {"pad": "b", "connected": False, "faults": []}]
     assert "source of pad 'b' answer" in next_step.after_probe({"pads": pads}, "")
