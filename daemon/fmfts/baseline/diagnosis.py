@@ -54,7 +54,7 @@ def estimate_and_judge(
         return mounting
     # Assume that the sensors are known exactly: then the misfit shows at the one that causes it, not at all of them.
     known = measured or Sensitivity.untested(len(pad.sensors), tolerance)
-    exact = replace(known, covariance=np.zeros_like(known.covariance))
+    exact = replace(known, covariance=np.zeros(known.covariance.shape))
     misfit = estimate_mounting(pad, replace(tolerance, sensor_position_m=0.0), rest, bare, measured=exact).misfit_t
     worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
     facts = (
