@@ -222,6 +222,7 @@ def test_larger_networks_that_gain_nothing_are_not_chosen() -> None:
     assert smallest_within_noise(ladder).hidden == 12
 
 
+@pytest.mark.long
 def test_left_out_presses_tell_a_useful_network_from_one_that_is_too_small(pad: Pad) -> None:
     """Half of the calibration set, two sizes: a frame's noise allows 1, so a score of 1 is as good as can be."""
     calibration = read_calibration_set(CALIBRATION)

@@ -212,6 +212,7 @@ def test_slight_shear_of_a_real_gauge_is_none(tmp_path: Path) -> None:
         calibrate(str(path), sheared, Options(hidden=4), lambda line: None)
 
 
+@pytest.mark.long
 def test_calibrated_model_serves_and_its_report_stands_beside_it(
     tmp_path: Path, config: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
