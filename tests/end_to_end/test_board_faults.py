@@ -15,13 +15,6 @@ from fmfts_client import Status
 
 
 @pytest.fixture
-def host(tmp_path: Path, pad: Pad) -> Iterator[FirmwareHost]:
-    with FirmwareHost(tmp_path) as host:
-        host.field(resting_field(pad))
-        yield host
-
-
-@pytest.fixture
 def daemon(tmp_path: Path, host: FirmwareHost) -> Iterator[RunningDaemon]:
     """Reading the host's board, its baseline recorded."""
     with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:

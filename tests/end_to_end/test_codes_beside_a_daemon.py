@@ -8,17 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon, resting_field
+from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
 from fmfts.common import exit_codes
-from fmfts.pad import Pad
 from fmfts_client import RefusedError
-
-
-@pytest.fixture
-def host(tmp_path: Path, pad: Pad) -> Iterator[FirmwareHost]:
-    with FirmwareHost(tmp_path) as host:
-        host.field(resting_field(pad))
-        yield host
 
 
 @pytest.fixture

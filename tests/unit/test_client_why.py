@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from background import repeating
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
@@ -17,23 +17,6 @@ from fmfts_client import Client, Endpoints
 from fmfts_client.diagnosis import nearest_name
 from ports import tcp_base
 from unit.bus_messages import BOOT, contact_message
-
-
-@contextmanager
-def repeating(turn: Callable[[], None]) -> Iterator[None]:
-    done = threading.Event()
-
-    def loop() -> None:
-        while not done.wait(0.02):
-            turn()
-
-    thread = threading.Thread(target=loop)
-    thread.start()
-    try:
-        yield
-    finally:
-        done.set()
-        thread.join()
 
 
 @contextmanager
@@ -49,7 +32,7 @@ def daemon_of(base: str, *pads: str, v: int = 1, keys: KeyFolder | None = None) 
             publisher.send_contact(pad, msgspec.structs.replace(contact_message(pad=pad), v=v))
 
     try:
-        with repeating(turn):
+        with repeating(turn, 0.02):
             yield
     finally:
         publisher.close()

@@ -14,9 +14,8 @@ import struct
 import subprocess
 import sys
 import termios
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import count
 from pathlib import Path
@@ -26,6 +25,7 @@ import msgspec
 import pytest
 from bus_messages import contact_message, event_message, status_message
 
+from background import repeating
 from fmfts.bus.control import ControlServer
 from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
@@ -35,24 +35,6 @@ from fmfts.view.status import status
 from fmfts_client import Endpoints
 
 LISTEN = "import sys; from fmfts.view.listen import listen; sys.exit(listen(endpoint=sys.argv[1], **eval(sys.argv[2])))"
-
-
-@contextmanager
-def repeating(turn: Callable[[], None], period_s: float) -> Iterator[None]:
-    """`turn` again and again, in a thread of its own."""
-    done = threading.Event()
-
-    def loop() -> None:
-        while not done.wait(period_s):
-            turn()
-
-    thread = threading.Thread(target=loop)
-    thread.start()
-    try:
-        yield
-    finally:
-        done.set()
-        thread.join()
 
 
 @contextmanager

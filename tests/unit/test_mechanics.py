@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recovered import recover_poses
 
 from fmfts.calibrate.dataset import read_calibration_set
-from fmfts.calibrate.recovered import recover_poses
 from fmfts.calibrate.standard_set import rows
 from fmfts.cli.main import main
 from fmfts.simulation.solved_table import standard_mechanics

@@ -7,7 +7,7 @@ import pytest
 
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
-from fmfts.sensor.missing import missing_sensors, named_sensors
+from fmfts.sensor.missing import missing_sensors
 
 SATURATED = -4096
 
@@ -35,15 +35,15 @@ def test_nothing_is_missing_from_a_whole_frame() -> None:
 @pytest.mark.parametrize(
     ("gain_code", "said"),
     [
-        (0, "sensor 2 is saturated on x and z at ±0.88 G (set range_gauss = 1.3)"),
-        (5, "sensor 2 is saturated on x and z at ±4.7 G (set range_gauss = 5.6)"),
-        (7, "sensor 2 is saturated on x and z at ±8.1 G (no range is larger: is another magnet near?)"),
+        (0, "saturated on x and z at ±0.88 G (set range_gauss = 1.3)"),
+        (5, "saturated on x and z at ±4.7 G (set range_gauss = 5.6)"),
+        (7, "saturated on x and z at ±8.1 G (no range is larger: is another magnet near?)"),
     ],
 )
 def test_saturation_names_the_axes_and_the_next_larger_range(gain_code: int, said: str) -> None:
     one = frame(gain_code)
     one.counts[1, [0, 2]] = SATURATED
-    assert named_sensors(missing_sensors(one)) == said
+    assert missing_sensors(one, np.zeros((4, 3), bool)) == {1: said}
 
 
 def test_each_fault_is_called_by_its_name() -> None:
@@ -52,7 +52,8 @@ def test_each_fault_is_called_by_its_name() -> None:
     one.counts[1, 1] = SATURATED
     stuck = np.zeros((4, 3), bool)
     stuck[3, 2] = True
-    assert named_sensors(missing_sensors(one, stuck)) == (
-        "sensor 1 is silent; sensor 2 is saturated on y at ±0.88 G (set range_gauss = 1.3); "
-        "sensor 4 is stuck on z, which repeats one value (run selftest)"
-    )
+    assert missing_sensors(one, stuck) == {
+        0: "silent",
+        1: "saturated on y at ±0.88 G (set range_gauss = 1.3)",
+        3: "stuck on z, which repeats one value (run selftest)",
+    }

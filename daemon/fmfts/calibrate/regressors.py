@@ -17,9 +17,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from fmfts.calibrate.fitting import fit_response
 from fmfts.calibrate.levenberg import Layers, train
-from fmfts.calibrate.likelihood import invert
 from fmfts.pad import Array
 
 
@@ -134,29 +132,6 @@ class GaussianProcess:
     def predict(self, inputs: Array) -> Array:
         shrunk = self._inputs.shrunk(inputs)
         return self._target.restored(np.stack([process.predict(shrunk) for process in self._processes], axis=1))
-
-
-class TableInversion:
-    """Finds the most likely press of a pose in a spline table of the pad's response.
-
-    rest_pose: of the unloaded pad. covariance (5, 5): of the pose. Inputs are poses (K, 5 or 6) as the contact model
-    gets them; the target is x_mm, y_mm, force_n, and shear if known.
-    """
-
-    def __init__(self, rest_pose: Array, covariance: Array, starts: int = 5) -> None:
-        self.rest_pose = rest_pose
-        self.covariance = covariance
-        self.starts = starts
-
-    def fit(self, inputs: Array, target: Array, weight: Array | None = None) -> Self:
-        deviation = np.sqrt(np.diagonal(self.covariance))
-        scale = 1.0 if weight is None else 1.0 / np.sqrt(weight[:, None])
-        change = inputs[:, :5] - self.rest_pose[:5]
-        self.response = fit_response(target, change, np.broadcast_to(deviation, change.shape) * scale)
-        return self
-
-    def predict(self, inputs: Array) -> Array:
-        return invert(self.response, inputs[:, :5] - self.rest_pose[:5], self.covariance, self.starts)
 
 
 def squared_distance(one: Array, other: Array) -> Array:

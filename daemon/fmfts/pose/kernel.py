@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmfts.pose.problem import Motion, Parts, Prior, Problem, Solution, Status
 from fmfts.pose.reference import solve_reference
-from fmfts.pose.state import NEIGHBOUR_SIZE, NEIGHBOUR_VALUES, SIZE, VALUES, State
+from fmfts.pose.state import NEIGHBOUR_SIZE, SIZE, State
 
 try:
     from fmfts.pose import _kernel
@@ -168,10 +168,6 @@ class Batch:
 
 def columns_of(magnets: int) -> int:
     return SIZE + NEIGHBOUR_SIZE * (magnets - 1)
-
-
-def values_of(magnets: int) -> int:
-    return VALUES + NEIGHBOUR_VALUES * (magnets - 1)
 
 
 def solve_problem(problem: Problem) -> Solution:

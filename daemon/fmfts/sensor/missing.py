@@ -34,10 +34,5 @@ def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
     return f"saturated on {_named(axes)} at ±{now:g} G ({do})"
 
 
-def named_sensors(found: dict[int, str]) -> str:
-    """As a sentence: "sensor 2 is saturated on x at ±0.88 G (set range_gauss = 1.3)"."""
-    return "; ".join(f"sensor {sensor + 1} is {what}" for sensor, what in sorted(found.items()))
-
-
 def _named(axes: NDArray[np.bool_]) -> str:
     return " and ".join(AXES[axis] for axis in np.flatnonzero(axes))
