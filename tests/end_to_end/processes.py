@@ -82,12 +82,23 @@ class FirmwareHost:
 
 
 class RunningDaemon:
-    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint, keys: by its config alone."""
+    """`fmfts-daemon run` with sockets, state and log in `folder`. endpoint, keys: by its config alone.
+
+    through: words of a command that starts the daemon, such as prlimit.
+    """
 
     def __init__(
-        self, folder: Path, config: str, *, wait: bool = True, endpoint: str | None = None, keys: Path | None = None
+        self,
+        folder: Path,
+        config: str,
+        *,
+        wait: bool = True,
+        endpoint: str | None = None,
+        keys: Path | None = None,
+        through: Sequence[str] = (),
     ) -> None:
         self.folder = folder
+        self._through = through
         self.config = folder / "config.toml"
         self.base = endpoint or f"ipc://{folder}"
         self.environment = os.environ | {"FMFTS_BUS": self.base, "XDG_STATE_HOME": str(folder / "state")}
@@ -109,7 +120,9 @@ class RunningDaemon:
     def start(self) -> None:
         with self.log.open("a") as stderr:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "fmfts", "run", "--config", self.config], stderr=stderr, env=self.environment
+                [*self._through, sys.executable, "-m", "fmfts", "run", "--config", self.config],
+                stderr=stderr,
+                env=self.environment,
             )
 
     def wait_until_serving(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
+from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
@@ -95,6 +96,11 @@ class ControlServer:
     def __init__(self, endpoint: str, key: ServerKey | None = None) -> None:
         self._socket = BoundSocket(zmq.ROUTER, endpoint, HIGH_MARK, LARGEST_RECEIVED, key)
         self._early: deque[list[bytes]] = deque()  # received while sending, for the next `poll`
+
+    @property
+    def paths(self) -> list[Path]:
+        """The file of the socket, where it is ipc."""
+        return [] if self._socket.path is None else [self._socket.path]
 
     def fileno(self) -> int:
         """Descriptor to wait for. ZeroMQ signals edges only: call `poll` until it is empty, and many times a second."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from pathlib import Path
 
 import msgspec
 import zmq
@@ -85,6 +86,11 @@ class Publisher:
         """Send a contact that is encoded already, and has only finite numbers."""
         self._send_part(topic, NO_WAIT_AND_MORE)
         self._send_part(payload, NO_WAIT)
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files of the sockets, where they are ipc."""
+        return [path for socket in (self._bus, self._frames) if (path := socket.path) is not None]
 
     @property
     def address(self) -> int:

@@ -17,13 +17,15 @@ from fmfts_client.keys import is_loopback
 GROUP = "fmfts"
 # Plain integers: zmq's enumerations would take longer than the call.
 EVENTS, POLLIN = int(zmq.EVENTS), int(zmq.POLLIN)
+# Who has not said by then that it speaks ZeroMQ is hung up on. Over ipc that takes well under a millisecond.
+HANDSHAKE_MS = 5000
 log = logging.getLogger(__name__)
 
 
 class BoundSocket:
     """A bound ZeroMQ socket and the lock of its endpoint.
 
-    `trusted`: only clients that may change things can connect, because of an ipc socket's permissions or their keys.
+    `path`: file of an ipc socket, else None. `trusted`: only clients that may change things can connect, because of an ipc socket's permissions or their keys.
     """
 
     def __init__(
@@ -38,12 +40,14 @@ class BoundSocket:
             _prepare_directory(path.parent, endpoint)
         elif key is None:
             _require_loopback(endpoint)
+        self.path = path
         self.trusted = path is not None or key is not None
         self._lock = EndpointLock(endpoint)
         self.zmq: zmq.Socket[bytes] = zmq.Context.instance().socket(kind)
         self.zmq.setsockopt(zmq.LINGER, 0)
         self.zmq.setsockopt(zmq.SNDHWM, send_high_mark)
         self.zmq.setsockopt(zmq.MAXMSGSIZE, largest_received)
+        self.zmq.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
         if path is None and key is not None:
             self.zmq.setsockopt(zmq.CURVE_SERVER, 1)
             self.zmq.setsockopt(zmq.CURVE_SECRETKEY, key.secret)

@@ -19,6 +19,7 @@ from fmfts.baseline.files import stored
 from fmfts.baseline.origin import unbound
 from fmfts.baseline.recording import ForeignError
 from fmfts.bus.control import ControlServer
+from fmfts.bus.door import Door
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
@@ -37,6 +38,7 @@ from fmfts.runtime.summary import one_line
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source
+from fmfts.service import open_files
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
 from fmfts.simulation.baseline import simulated_baseline
@@ -78,6 +80,9 @@ class Daemon:
         self._gate = None if keys is None else Gate(keys)
         self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad])
         self._control = ControlServer(endpoints.control, key)
+        self._door = Door(
+            [*self._publisher.paths, *self._control.paths], open_files.raise_limit(), config.service.realtime_priority
+        )
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}
         self._sources: list[Source] = []
@@ -108,6 +113,7 @@ class Daemon:
         for source in self._sources:
             source.close()
         self._executor.shutdown(wait=False, cancel_futures=True)
+        self._door.close()
         self._control.close()
         self._publisher.close()
         if self._gate is not None:

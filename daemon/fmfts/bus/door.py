@@ -1,0 +1,87 @@
+"""Bounds how many programs may be connected over ipc: libzmq aborts the process when it can open no more files.
+
+Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`), and it has no
+option that bounds connections. So a door is closed long before: the socket's file gets another name. Who is connected
+stays; everybody else's ZeroMQ tries again until the door is open.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from fmfts.service import open_files
+from fmfts.service.realtime import RealtimeError, take_thread_priority
+
+# A controller, a view and a recorder of each of 64 pads are 200 connections.
+MOST_CONNECTIONS = 8192
+SHARE_OF_LIMIT = 2
+# A program that does nothing else connects 25,000 times a second (measured; libzmq's thread is then as busy).
+FASTEST_PER_S = 50_000.0
+LONGEST_LOOK_S = 0.2
+# Below this limit a flood of connections might be faster than a look. Linux' own hard limit is 4096 at least.
+SAFE_LIMIT = 4096
+
+log = logging.getLogger(__name__)
+
+
+class Door:
+    """Looks at the number of open files, in a thread of its own, and closes or opens the ipc sockets `paths`.
+
+    limit: how many files this process may open. priority: real-time priority of the thread, 0: none.
+    """
+
+    def __init__(self, paths: Sequence[Path], limit: int, priority: int = 0) -> None:
+        self._paths = [(path, path.with_name(f"{path.name}.full")) for path in paths]
+        self._most = min(open_files.count() + MOST_CONNECTIONS, limit // SHARE_OF_LIMIT)
+        self._priority = priority
+        self._look_s = min((limit - self._most) / FASTEST_PER_S, LONGEST_LOOK_S)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="door", daemon=True)
+        self.is_open = True
+        if limit < SAFE_LIMIT:
+            log.warning(
+                "this process may open only %d files, so many connections within %.0f ms could end it: raise the limit "
+                "(ulimit -Hn; a service: LimitNOFILE=)",
+                limit,
+                self._look_s * 1e3,
+            )
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop looking; the caller closes the sockets."""
+        self._ended.set()
+        self._thread.join()
+        for _, full in self._paths:
+            full.unlink(missing_ok=True)
+
+    def look(self) -> None:
+        """Close the door if too many are connected, open it when a tenth of them has left."""
+        opened = open_files.count()
+        if self.is_open and opened >= self._most:
+            self.is_open = False
+            self._rename(to_full=True)
+            log.warning(
+                "%d connections and files are open: no other program may connect to the bus until some leave; "
+                "`ss -xp` shows who they are",
+                opened,
+            )
+        elif not self.is_open and opened < 0.9 * self._most:
+            self.is_open = True
+            self._rename(to_full=False)
+            log.info("programs may connect to the bus again")
+
+    def _rename(self, to_full: bool) -> None:
+        for path, full in self._paths:
+            with suppress(FileNotFoundError):  # somebody removed the socket's file: nobody can connect
+                (path if to_full else full).rename(full if to_full else path)
+
+    def _watch(self) -> None:
+        if self._priority:
+            with suppress(RealtimeError):  # the daemon asks for the same, and says why it may not
+                take_thread_priority(self._priority)
+        while not self._ended.wait(self._look_s):
+            self.look()
