@@ -28,7 +28,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
 
-.PHONY: transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: fuzz-files transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
 # instead, because Python would print a traceback if Ctrl-C came while it starts.
@@ -85,6 +85,11 @@ fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
 	$(MAKE) fuzz-c-client
+
+# A million damaged files of all kinds that fmfts reads: an hour.
+FUZZ_INPUTS ?= 1000000
+fuzz-files: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python tests/drills/file_fuzz.py --inputs $(FUZZ_INPUTS)
 
 firmware:
 	@$(MAKE) --no-print-directory -C firmware host

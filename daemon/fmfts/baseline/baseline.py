@@ -20,6 +20,7 @@ from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
+from fmfts.common.reading import damage_told, read_regular
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, solve
 
@@ -67,8 +68,17 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
         BaselineError if they do not fit `pad`.
         """
-        with solvable(f"pad '{self.pad}': no pad explains what the baseline holds: record it again, --bare and --rest"):
+        nothing_fits = f"pad '{self.pad}': no pad explains what the baseline holds: record it again, --bare and --rest"
+        with damage_told(BaselineError, nothing_fits):
             return self._mounting(pad)
+
+    def require_sensors(self, sensors: int) -> None:
+        """BaselineError unless each recording is one of so many sensors."""
+        parts = (self.bare, self.rest, self.turn, self.refine, self.gains)
+        if any(part is not None and part.sensors != sensors for part in parts):
+            raise BaselineError(
+                f"pad '{self.pad}': its baseline is of another number of sensors than {sensors}: record it again"
+            )
 
     def _mounting(self, pad: Pad) -> Mounting:
         tolerance = Tolerance(**self.tolerance)
@@ -163,9 +173,9 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
     """`before`, which must have a rest recording, with the gains measured by turning the unloaded robot."""
     require_rest(before, "--turn")
     assert before is not None
-    stored = StoredTurn.of(Turn.of(means))
-    baseline = msgspec.structs.replace(before, turn=stored).sealed()
     with solvable("the sensors do not see one field turn: leave the pad untouched, keep steel away, and turn again"):
+        stored = StoredTurn.of(Turn.of(means))
+        baseline = msgspec.structs.replace(before, turn=stored).sealed()
         return baseline, baseline._mounting(pad)
 
 
@@ -217,8 +227,7 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     """
     again = "record it again (fmfts-daemon baseline)"
     try:
-        with path.open("rb") as file:
-            text = file.read(LARGEST_BYTES + 1)
+        text = read_regular(path, LARGEST_BYTES + 1)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -226,18 +235,18 @@ def load(path: Path, pad: Pad, origin: Origin | None = None) -> Baseline | None:
     if len(text) > LARGEST_BYTES:
         larger = f"larger than {LARGEST_BYTES / 1e6:g} MB, and no baseline is"
         raise BaselineError(f"pad '{pad.name}': baseline {path} is {larger}: {again}")
-    try:
+    with damage_told(BaselineError, f"pad '{pad.name}': baseline {path} is damaged: {again}"):
         baseline = msgspec.json.decode(text, type=Baseline)
-    except msgspec.DecodeError as error:
-        raise BaselineError(f"pad '{pad.name}': baseline {path} is damaged ({error}): {again}") from error
+        seal = baseline.sealed().id
     if baseline.format != FORMAT:
         raise BaselineError(f"pad '{pad.name}': baseline {path} has format {baseline.format}, not {FORMAT}: {again}")
-    if baseline.sealed().id != baseline.id:
+    if seal != baseline.id:
         raise BaselineError(f"pad '{pad.name}': baseline {path} is damaged (its id does not match): {again}")
     if baseline.pad != pad.name:
         raise BaselineError(f"pad '{pad.name}': baseline {path} belongs to pad '{baseline.pad}': {again}")
     if baseline.geometry_hash != pad.geometry_hash:
         raise BaselineError(f"pad '{pad.name}': baseline {path} was recorded with another geometry: {again}")
+    baseline.require_sensors(len(pad.sensors))
     if baseline.origin is not None and origin is not None and baseline.is_foreign_to(origin):
         raise ForeignError(foreign(pad.name, baseline.origin, origin))
     return baseline

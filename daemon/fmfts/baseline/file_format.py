@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from itertools import chain
 from typing import Any
 
 import msgspec
@@ -13,7 +14,9 @@ from fmfts.baseline.recording import Recording
 from fmfts.baseline.refine import PressFields
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.turn import Turn
+from fmfts.common import possible
 from fmfts.pad import Tolerance
+from fmfts.sensor.chips import GAIN_CODES
 
 Rows = tuple[tuple[float, float, float], ...]
 
@@ -28,6 +31,19 @@ class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gain_code: int
     temperature_c: float | None
     duration_s: float
+
+    def __post_init__(self) -> None:
+        require_fields(self.mean_t)
+        possible.NOISE_T.require(chain(*self.noise_t))
+        possible.SAMPLES.require(self.samples)
+        possible.RECORDING_S.require([self.duration_s])
+        possible.TEMPERATURE_C.require([] if self.temperature_c is None else [self.temperature_c])
+        if not (0 <= self.gain_code < GAIN_CODES and len(self.mean_t) == len(self.noise_t) == len(self.samples)):
+            raise ValueError("no chips make such a recording")
+
+    @property
+    def sensors(self) -> int:
+        return len(self.mean_t)
 
     @classmethod
     def of(cls, recording: Recording) -> StoredRecording:
@@ -60,8 +76,12 @@ class StoredGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     deviation: float
 
     def __post_init__(self) -> None:
-        if not (all(0.1 < gain < 10.0 for row in self.gain for gain in row) and 0.0 < self.deviation < 1.0):
-            raise ValueError("no chip has such gains")
+        possible.GAIN.require(chain(*self.gain))
+        possible.SHARE.require([self.deviation])
+
+    @property
+    def sensors(self) -> int:
+        return len(self.gain)
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> StoredGains:
@@ -81,6 +101,17 @@ class StoredTurn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     deviation_t: Rows
     time_s: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        require_fields(*self.field_t, sensors=len(self.deviation_t))
+        possible.NOISE_T.require(chain(*self.deviation_t))
+        possible.RECORDING_S.require(self.time_s)
+        if len(self.time_s) != len(self.field_t):
+            raise ValueError("a time belongs to each field of a turn")
+
+    @property
+    def sensors(self) -> int:
+        return len(self.deviation_t)
+
     @classmethod
     def of(cls, turn: Turn) -> StoredTurn:
         times = tuple(float(time) for time in turn.time_s)
@@ -98,6 +129,14 @@ class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     deviation_t: Rows
     rest_t: Rows
 
+    def __post_init__(self) -> None:
+        require_fields(*self.field_t, self.rest_t, sensors=len(self.deviation_t))
+        possible.NOISE_T.require(chain(*self.deviation_t))
+
+    @property
+    def sensors(self) -> int:
+        return len(self.deviation_t)
+
     @classmethod
     def of(cls, presses: PressFields) -> StoredPresses:
         fields = tuple(_rows(field) for field in presses.field_t)
@@ -105,6 +144,14 @@ class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def presses(self) -> PressFields:
         return PressFields(np.array(self.field_t), np.array(self.deviation_t), np.array(self.rest_t))
+
+
+def require_fields(*fields: Rows, sensors: int | None = None) -> None:
+    """ValueError unless all are fields that a chip can tell, and of so many sensors."""
+    for field in fields:
+        possible.FIELD_T.require(chain(*field))
+        if sensors is not None and len(field) != sensors:
+            raise ValueError(f"a field of {len(field)} sensors among those of {sensors}")
 
 
 def _now() -> str:

@@ -11,11 +11,13 @@ import msgspec
 from fmfts.baseline import Baseline, BaselineError, encode, load
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.origin import Origin
+from fmfts.common.reading import damage_told, read_regular
 from fmfts.common.writing import why_not_written
 from fmfts.pad import Pad
 from fmfts.service.state import state_directory, write_atomically
 
 FORMAT = 1
+LARGEST_BYTES = 1_000_000  # of a self-test's file
 ELSEWHERE = "name another folder with XDG_STATE_HOME (a service: StateDirectory=)"
 
 
@@ -110,13 +112,15 @@ def stored_gains(pad: Pad, origin: Origin | None) -> StoredGains | None:
     """
     path = path_of(pad.name, "selftest")
     try:
-        tested = msgspec.json.decode(path.read_bytes(), type=_TestedSensors)
+        text = read_regular(path, LARGEST_BYTES)
     except FileNotFoundError:
         return None
-    except (OSError, msgspec.DecodeError) as error:
-        raise BaselineError(
-            f"pad '{pad.name}': the self-test in {path} cannot be read ({error}): run `fmfts-daemon selftest` again"
-        ) from error
+    except OSError as error:
+        raise BaselineError(f"pad '{pad.name}': the self-test in {path} cannot be read: {error.strerror}") from error
+    with damage_told(
+        BaselineError, f"pad '{pad.name}': the self-test in {path} is damaged: run `fmfts-daemon selftest` again"
+    ):
+        tested = msgspec.json.decode(text, type=_TestedSensors)
     if len(tested.gains.gain) != len(pad.sensors):
         return None
     if tested.origin is not None and origin is not None and not tested.origin.agrees_with(origin):

@@ -34,13 +34,13 @@ class ForeignError(BaselineError):
 
 @contextmanager
 def solvable(otherwise: str) -> Iterator[None]:
-    """Turns SingularError into BaselineError: equations with numbers far from any pad's may have no solution.
+    """Turns SingularError and ValueError into BaselineError: numbers far from any pad's may have no solution.
 
     otherwise: the text, which says what was wrong and what to do.
     """
     try:
         yield
-    except SingularError as error:
+    except (SingularError, ValueError) as error:
         raise BaselineError(f"{otherwise} ({error})") from error
 
 

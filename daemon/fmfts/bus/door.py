@@ -1,8 +1,8 @@
 """Bounds how many programs may be connected over ipc: libzmq aborts the process when it can open no more files.
 
-Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`), and it has no
-option that bounds connections. So a door is closed long before: the socket's file gets another name. Who is connected
-stays; everybody else's ZeroMQ tries again until the door is open.
+Its ipc listener takes EMFILE of accept(2) for an error of its own program (libzmq 4.3.5, `ipc_listener.cpp`), and
+no option bounds the connections. So a door is closed long before: the socket's file gets another name. Who is
+connected stays; everybody else's ZeroMQ tries again until the door is open.
 """
 
 from __future__ import annotations

@@ -25,7 +25,8 @@ log = logging.getLogger(__name__)
 class BoundSocket:
     """A bound ZeroMQ socket and the lock of its endpoint.
 
-    `path`: file of an ipc socket, else None. `trusted`: only clients that may change things can connect, because of an ipc socket's permissions or their keys.
+    `path`: file of an ipc socket, else None.
+    `trusted`: only clients that may change things can connect, because of an ipc socket's permissions or their keys.
     """
 
     def __init__(

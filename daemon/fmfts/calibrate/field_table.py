@@ -17,6 +17,7 @@ import numpy as np
 
 from fmfts import baseline as baselines
 from fmfts.baseline import BaselineError, Mounting
+from fmfts.common.reading import damage_told
 from fmfts.pad import Array, Pad
 
 LARGEST_CHARACTERS = 200_000_000  # a day of one frame a second, or a quarter of an hour of all frames
@@ -51,6 +52,11 @@ def read(path: Path, sensors: int) -> FieldTable:
         raise DataError(f"{path}: is not UTF-8 text (byte {error.start})") from error
     if len(text) > LARGEST_CHARACTERS:
         raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
+    with damage_told(DataError, f"{path}: is not a table"):  # csv.Error: a cell is too long, or holds a zero byte
+        return _table(path, text, sensors)
+
+
+def _table(path: Path, text: str, sensors: int) -> FieldTable:
     lines = csv.DictReader(io.StringIO(text))
     header = list(lines.fieldnames or [])
     if not header:

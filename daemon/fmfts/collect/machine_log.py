@@ -53,7 +53,7 @@ def read_log(path: Path) -> Log:
             if missing:
                 raise RefusedError(f"{path}: row 1 has no column {', '.join(missing)}")
             table = [[_number(path, reader.line_num, name, row[name]) for name in names] for row in reader]
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RefusedError(f"{path}: cannot be read: {error}") from error
     values = np.array(table).reshape(-1, len(names))
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0.0).all():

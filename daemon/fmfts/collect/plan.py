@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from fmfts.common.reading import damage_told
 from fmfts.config.section import PositiveFloat, Section
 
 PRESETS = Path(__file__).with_name("presets")
@@ -85,10 +86,18 @@ def read_plan(name: str) -> Plan:
     if not path.exists() and (PRESETS / f"{name}.toml").exists():
         path = PRESETS / f"{name}.toml"
     try:
-        file = msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), _File)
-    except OSError as error:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
         presets = ", ".join(sorted(preset.stem for preset in PRESETS.glob("*.toml")))
-        raise PlanError(f"{name}: {error.strerror}; the presets are {presets}") from error
+        why = error.strerror if isinstance(error, OSError) else error
+        raise PlanError(f"{name}: {why}; the presets are {presets}") from error
+    with damage_told(PlanError, f"{path}: is not a plan"):
+        return _plan(path, content)
+
+
+def _plan(path: Path, content: bytes) -> Plan:
+    try:
+        file = msgspec.convert(tomllib.loads(content.decode("utf-8")), _File)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise PlanError(f"{path}: is not TOML: {error}") from error
     except msgspec.ValidationError as error:

@@ -18,10 +18,12 @@ import msgspec
 
 from fmfts.calibrate.field_table import field_columns
 from fmfts.collect.errors import NotWrittenError, RefusedError
+from fmfts.common.reading import damage_told, read_regular
 from fmfts.common.writing import why_not_written
 from fmfts.service.state import write_atomically
 
 FORMAT = 2
+LARGEST_HEADER_BYTES = 100_000
 UNTOUCHED = 0  # the `press` of rows of the unloaded pad, whose field calibration needs too
 LABELS = ("press", "x_mm", "y_mm", "force_n")
 FACTS = ("force_sd_n", "frames", "temperature_c", "utc", "baseline", "pad", "board")
@@ -133,12 +135,10 @@ class Table:
         if os.fstat(self._rows).st_size == 0:
             write_atomically(self.header_path, msgspec.json.format(msgspec.json.encode(header), indent=1) + b"\n")
             return
-        try:
-            before = msgspec.json.decode(self.header_path.read_bytes(), type=Header)
-        except (OSError, msgspec.DecodeError) as error:
-            raise RefusedError(
-                f"{self.path} exists, but its plan and pad cannot be read from {self.header_path}: {error}"
-            ) from error
+        with damage_told(
+            RefusedError, f"{self.path} exists, but its plan and pad cannot be read from {self.header_path}"
+        ):
+            before = msgspec.json.decode(read_regular(self.header_path, LARGEST_HEADER_BYTES), type=Header)
         header.require_same(before, self.path)
 
     def _mend(self, columns: list[str]) -> set[int]:

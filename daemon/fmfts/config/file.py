@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from fmfts.common.reading import damage_told
 from fmfts.config import Config, ReplaySource, SimulatedSource
 from fmfts.config.checks import problems_in
 from fmfts.config.conversion import convert
@@ -32,6 +33,11 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
     Relative paths in the file are relative to its folder, and are absolute in the result. Raises ConfigError.
     """
     file = _find(path, environ)
+    with damage_told(ConfigError, f"{file}: cannot be used"):
+        return _loaded(file), file
+
+
+def _loaded(file: Path) -> Config:
     data = _read(file)
     converted = convert(data)
     wrong, config = list(converted.wrong), converted.config
@@ -44,7 +50,7 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
         ]
     if config is None or wrong:
         raise ConfigError(_told(file, wrong))
-    return config, file
+    return config
 
 
 def is_there_any(environ: Mapping[str, str] = os.environ) -> bool:

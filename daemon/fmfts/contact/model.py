@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from math import sqrt
+from pathlib import Path
 from typing import Self
 
 import msgspec
@@ -128,20 +129,26 @@ class ContactModel:
         """Load and verify a model for `pad`. path: or a name in contact/shipped.py. ModelError says what is wrong."""
         file = path_of(path)
         try:
-            content = read(file)
-            parsed = parse(content)
-            check_versions(parsed)
-            inference = inference_of(content, parsed.graph)
-            facts, response = parse_facts(parsed.metadata), parse_response(parsed.metadata)
-            if refine and response is None:
-                raise ValueError(
-                    "it holds no response of its pad, so its answers cannot be refined: set refine = false"
-                )
-            if len(inference.contact) != len(facts.outputs):
-                raise ValueError("it has another number of outputs than its metadata states")
-            inference = compared(inference, content, facts)
+            return cls._load(file, pad, refine, friction, smoothing_s)
         except ValueError as error:
             raise ModelError(f"contact model {file}: {error}; {REMEDY}") from error
+        except (ModelError, MemoryError):
+            raise
+        except Exception as error:  # what a damaged file makes of the arithmetic is not foreseeable
+            raise ModelError(f"contact model {file}: damaged ({type(error).__name__}: {error}); {REMEDY}") from error
+
+    @classmethod
+    def _load(cls, file: Path, pad: Pad, refine: bool, friction: float, smoothing_s: float) -> Self:
+        content = read(file)
+        parsed = parse(content)
+        check_versions(parsed)
+        inference = inference_of(content, parsed.graph)
+        facts, response = parse_facts(parsed.metadata), parse_response(parsed.metadata)
+        if refine and response is None:
+            raise ValueError("it holds no response of its pad, so its answers cannot be refined: set refine = false")
+        if len(inference.contact) != len(facts.outputs):
+            raise ValueError("it has another number of outputs than its metadata states")
+        inference = compared(inference, content, facts)
         if facts.geometry_hash != pad.geometry_hash:
             raise OtherPadError(
                 f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: "
@@ -155,7 +162,7 @@ class ContactModel:
         model.response = response
         contact, jacobian = model._infer(model.rest_pose)  # also warms up the session
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
-            raise ModelError(f"contact model {file}: it does not answer with numbers for the rest pose; {REMEDY}")
+            raise ValueError("it does not answer with numbers for the rest pose")
         return model
 
     def estimate(self, position_m: Array, axis: Array, covariance: Array) -> ContactEstimate:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
+from fmfts.common.reading import read_regular
 from fmfts.contact.comparison import NotComparedError, difference
 from fmfts.contact.contract import IR_VERSION, OPSET, SIZE_LIMIT_BYTES, Facts
 from fmfts.contact.inference import AVAILABLE, LARGEST_HIDDEN, CompiledInference, Inference, NetworkInference
@@ -19,8 +20,7 @@ _differences: dict[bytes, str | None] = {}  # by network: each network is compar
 
 def read(file: Path) -> bytes:
     try:
-        with file.open("rb") as stream:
-            content = stream.read(SIZE_LIMIT_BYTES + 1)
+        content = read_regular(file, SIZE_LIMIT_BYTES + 1)
     except OSError as error:
         raise ValueError(f"it cannot be read ({error.strerror})") from error
     if len(content) > SIZE_LIMIT_BYTES:

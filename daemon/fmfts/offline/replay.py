@@ -11,8 +11,9 @@ from typing import Any
 
 import msgspec
 
-from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
+from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
@@ -27,8 +28,6 @@ from fmfts.recording.source import frame_of
 Key = tuple[str, str, int]  # boot, pad, number
 # Health of contacts that the source's silence causes, not a frame: a replay repeats them as recorded.
 SILENT = ("stale", "disconnected")
-# Errors that a damaged state can cause.
-DAMAGED_STATE_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # Fields that differ in every run.
 FIELDS_OF_A_RUN = ("boot", "t_publish_ns", "utc_ns")
 
@@ -153,7 +152,8 @@ class Replay:
             contact = pipeline.absent(silence.health, silence.reason)
             self.comparison.replayed(contact)
             yield contact
-        contact = pipeline.process(frame_of(message, chip=pipeline.pad.chip))
+        with damage_told(RecordingError, f"{self.path}: frame {message.sequence} of pad '{message.pad}' is damaged"):
+            contact = pipeline.process(frame_of(message, chip=pipeline.pad.chip))
         self.comparison.replayed(contact)
         yield contact
 
@@ -172,13 +172,12 @@ class Replay:
     @contextmanager
     def _errors_of(self, state: StateMessage) -> Iterator[None]:
         """Turns errors that a damaged state causes into RecordingError."""
-        try:
+        with damage_told(
+            RecordingError,
+            f"{self.path}: the state of pad '{state.pad}' is damaged or another version's: replay it with the daemon "
+            "that made it",
+        ):
             yield
-        except (msgspec.MsgspecError, BaselineError, *DAMAGED_STATE_ERRORS) as error:
-            raise RecordingError(
-                f"{self.path}: the state of pad '{state.pad}' is damaged or another version's: "
-                f"{type(error).__name__}: {error}: replay it with the daemon that made it"
-            ) from error
 
     def _build(self, states: list[StateMessage]) -> None:
         """Makes all pads' pipelines at once, because neighbours use each other's poses from the first frame on."""

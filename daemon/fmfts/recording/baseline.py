@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fmfts.baseline import Baseline, BaselineError
+from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig, ReplaySource
 from fmfts.sensor import Source
 
@@ -15,10 +16,10 @@ def recorded_baseline(source: Source, pad_index: int) -> Baseline | None:
 
     assert isinstance(source, Replayed)
     state = source.states[pad_index]
-    try:
-        return None if state.baseline is None else msgspec.convert(state.baseline, Baseline)
-    except msgspec.ValidationError as error:
-        raise BaselineError(f"pad '{state.pad}': the baseline in {source.state.description}: {error}") from error
+    if state.baseline is None:
+        return None
+    with damage_told(BaselineError, f"pad '{state.pad}': the baseline in {source.state.description} is damaged"):
+        return msgspec.convert(state.baseline, Baseline)
 
 
 def require_device(pad: PadConfig) -> None:

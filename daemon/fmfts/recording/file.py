@@ -16,12 +16,13 @@ from typing import IO, Any, cast
 
 import msgspec
 import zstandard
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+from mcap.exceptions import EndOfFile, InvalidMagic
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, FrameMessage, StateMessage, StatusMessage
+from fmfts.common.reading import damage_told, open_regular
 from fmfts.common.writing import why_not_written
 
 KINDS: dict[str, type[AnyMessage]] = {
@@ -137,7 +138,7 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
     """Yields each record with the position of its end."""
     end = 0
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if os.fstat(file.fileno()).st_size == 0:
                 raise RecordingError(f"{path} is empty: its recorder has only just begun, or was stopped at once")
             try:
@@ -154,7 +155,9 @@ def _records(path: Path) -> Iterator[tuple[McapRecord, int]]:
         raise RecordingError(f"{path}: {error.strerror}") from error
     except InvalidMagic as error:
         raise RecordingError(f"{path} is not a recording: it does not begin as an MCAP file does") from error
-    except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
+    except RecordingError:
+        raise
+    except Exception as error:  # of the MCAP reader: which ones damaged bytes cause is not told anywhere
         raise RecordingError(f"{path} is not a recording, or damaged after byte {end}: {_text_of(error)}") from error
 
 
@@ -187,10 +190,8 @@ def _messages(path: Path, chunk: Chunk, end: int, topics: dict[int, str]) -> Ite
             kind, _, pad = topics.get(record.channel_id, "").partition("/")
             if kind not in KINDS or len(record.data) > LARGEST_MESSAGE:
                 continue  # another program's channel: MCAP files may be merged
-            try:
+            with damage_told(RecordingError, f"{path}: a message of {kind}/{pad} is damaged"):
                 message = msgspec.json.decode(record.data, type=KINDS[kind])
-            except (msgspec.DecodeError, ValueError) as error:
-                raise RecordingError(f"{path}: a message of {kind}/{pad}: {error}") from error
             if message.pad != pad:
                 raise RecordingError(f"{path}: a message of {kind}/{pad} is for pad {message.pad!r}")
             yield Recorded(kind, pad, message)
@@ -202,7 +203,7 @@ def _unpacked(path: Path, chunk: Chunk, end: int) -> list[McapRecord]:
         if max(size, chunk.uncompressed_size) > LARGEST_CHUNK:
             raise ValueError(f"this program does not write a chunk of {size} bytes")
         return breakup_chunk(chunk, validate_crc=True)
-    except (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError) as error:
+    except Exception as error:  # of the MCAP reader and of zstandard
         raise RecordingError(f"{path} is damaged in the chunk that ends at byte {end}: {_text_of(error)}") from error
 
 

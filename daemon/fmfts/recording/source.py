@@ -10,6 +10,7 @@ import msgspec
 
 from fmfts.bus.frame_message import frame_of as frame_of
 from fmfts.bus.messages import FrameMessage, StateMessage
+from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig, ReplaySource
 from fmfts.recording.file import RecordingError, read
 from fmfts.sensor.chips import CHIPS
@@ -115,11 +116,12 @@ class Replayed:
                 last[message.pad] = message
                 first.setdefault(message.pad, message)
                 index = self._indices[message.pad]
-                frame = replace(
-                    frame_of(message, index, chips[index]),
-                    sequence=message.sequence + numbers[message.pad],
-                    device_time_us=message.device_time_us + later_ns // 1000,
-                )
+                with damage_told(RecordingError, f"{self._path}: frame {message.sequence} of {message.pad} is damaged"):
+                    frame = replace(
+                        frame_of(message, index, chips[index]),
+                        sequence=message.sequence + numbers[message.pad],
+                        device_time_us=message.device_time_us + later_ns // 1000,
+                    )
                 yield _NextFrame(frame, message.host_time_ns + later_ns)
             if not self._loop or not first:
                 return
@@ -166,10 +168,8 @@ def _first_states(path: Path, names: set[str]) -> dict[str, StateMessage]:
 
 
 def _require_same_structure(pad: PadConfig, state: StateMessage, path: Path) -> None:
-    try:
+    with damage_told(SourceError, f"{path}: its configuration of pad '{state.pad}' is not of this version"):
         recorded = _config_of(state)
-    except msgspec.ValidationError as error:
-        raise SourceError(f"{path}: its configuration of pad '{state.pad}' is not of this version: {error}") from error
     if recorded.pad().geometry_hash != pad.pad().geometry_hash:
         raise SourceError(
             f"pad '{pad.name}': {path} was recorded from a pad of another structure: its [pad.geometry] is "

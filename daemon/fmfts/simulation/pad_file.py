@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from fmfts.common.reading import damage_told, open_regular
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulation.mechanics import Mechanics
 from fmfts.simulation.slab import Slab
@@ -16,6 +16,10 @@ from fmfts.simulation.solved_table import standard_mechanics
 
 FORMAT = "fmfts pad model 1"
 REMEDY = "`fmfts-daemon pad-model -o FILE.npz` makes one"
+
+
+class PadFileError(ValueError):
+    """The file holds no pad model."""
 
 
 def write_pad_file(path: Path, mechanics: Mechanics, slab: Slab) -> None:
@@ -35,21 +39,22 @@ def write_pad_file(path: Path, mechanics: Mechanics, slab: Slab) -> None:
 
 
 def read_pad_file(path: Path) -> tuple[Mechanics, Slab]:
-    """Read the file. Raises OSError where it cannot be read, ValueError where it is not a pad model."""
-    try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            if str(file["format"]) != FORMAT:
-                raise ValueError(f"its format is {str(file['format'])!r}, not {FORMAT!r}")
-            count, exponents, coefficient = int(file["count"]), file["exponents"], file["coefficient"]
-            if count < 5 or coefficient.shape != (count + 2, count + 2, len(exponents), 5):
-                raise ValueError("its table has another size than it says")
-            if not np.all(np.isfinite(coefficient)):
-                raise ValueError("its table contains NaN or infinity")
-            first_m, spacing_m = float(file["first_m"]), float(file["spacing_m"])
-            mechanics = Mechanics(first_m, spacing_m, count, float(file["largest_force_n"]), exponents, coefficient)
-            return mechanics, Slab(**json.loads(str(file["slab"])))
-    except (KeyError, TypeError, ValueError, IndexError, EOFError, BadZipFile) as error:
-        raise ValueError(f"{path}: is not a pad model ({error}): {REMEDY}") from error
+    """Read the file. Raises OSError where it cannot be read, PadFileError where it is not a pad model."""
+    with (
+        open_regular(path) as opened,
+        damage_told(PadFileError, f"{path}: is not a pad model: {REMEDY}"),
+        np.load(opened, allow_pickle=False) as file,
+    ):
+        if str(file["format"]) != FORMAT:
+            raise ValueError(f"its format is {str(file['format'])!r}, not {FORMAT!r}")
+        count, exponents, coefficient = int(file["count"]), file["exponents"], file["coefficient"]
+        if count < 5 or coefficient.shape != (count + 2, count + 2, len(exponents), 5):
+            raise ValueError("its table has another size than it says")
+        if not np.all(np.isfinite(coefficient)):
+            raise ValueError("its table contains NaN or infinity")
+        first_m, spacing_m = float(file["first_m"]), float(file["spacing_m"])
+        mechanics = Mechanics(first_m, spacing_m, count, float(file["largest_force_n"]), exponents, coefficient)
+        return mechanics, Slab(**json.loads(str(file["slab"])))
 
 
 def mechanics_of(pad: PadConfig, source: SimulatedSource) -> Mechanics:

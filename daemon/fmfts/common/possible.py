@@ -1,0 +1,38 @@
+"""What physics allows of a number that comes from a wire, a file or a person. Each door asks here first.
+
+The configuration has narrower limits, beside its keys; what a chip can tell stands with the chip (sensor/chips).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+
+class Range(NamedTuple):
+    """A closed range, and what is in it, for people."""
+
+    lowest: float
+    highest: float
+    of: str
+
+    def holds(self, value: float) -> bool:
+        """Whether the value is in the range; NaN is in none."""
+        return self.lowest <= value <= self.highest
+
+    def require(self, values: Iterable[float]) -> None:
+        """ValueError names the first value that is out of the range."""
+        for value in values:
+            if not self.holds(value):
+                raise ValueError(f"{value:g} is no {self.of}: from {self.lowest:g} to {self.highest:g}")
+
+
+# A converter of 12 bits tells 8.9 G at the coarsest gain; a gain that is off by its 5 % makes 9.4 G of it.
+FIELD_T = Range(-1e-3, 1e-3, "field in T")
+NOISE_T = Range(0.0, 1e-4, "noise in T")
+GAIN = Range(0.1, 10.0, "gain")
+SHARE = Range(0.0, 1.0, "share")
+# Where silicone, solder and the chips' data sheets end. Each chip's own range is narrower (Thermometer).
+TEMPERATURE_C = Range(-60.0, 150.0, "temperature in °C")
+RECORDING_S = Range(0.0, 3600.0, "duration of a recording in s")
+SAMPLES = Range(1, 1e7, "number of samples")

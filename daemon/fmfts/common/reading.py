@@ -1,0 +1,40 @@
+"""Reads files of which anything may be wrong, so that each kind of file fails in one way: with its own error."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file to read. OSError if it is none: a pipe in its place would make the reader wait for ever."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "not a file, but a folder, a pipe or a device", str(path))
+    return open(descriptor, "rb")
+
+
+def read_regular(path: Path, most_bytes: int) -> bytes:
+    """The content of a file, at most `most_bytes` of it. OSError as from `open_regular`."""
+    with open_regular(path) as file:
+        return file.read(most_bytes)
+
+
+@contextmanager
+def damage_told(named: type[Exception], sentence: str) -> Iterator[None]:
+    """Every error inside becomes `named`, with `sentence` and what was wrong. `named` itself passes.
+
+    What a decoder raises for damaged bytes is no part of its promises, so no list of its errors is ever complete.
+    """
+    try:
+        yield
+    except named:
+        raise
+    except Exception as error:
+        raise named(f"{sentence} ({type(error).__name__}: {error})") from error
