@@ -65,7 +65,7 @@ test-firmware-long: test-packages $(VENV)/.installed-test
 # Shorter: VERSIONS="--python 3.12 --set oldest tests/unit/test_bus.py".
 VERSIONS ?=
 test-versions: test-packages $(VENV)/.installed-test
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[versions]'
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/drills/versions.py $(VERSIONS)
 
 sizes:
@@ -126,12 +126,12 @@ recordings: $(VENV)/.installed-test firmware
 $(VENV)/.installed: pyproject.toml $(wildcard daemon/fmfts/*/*.[ch] daemon/fmfts/*/*/*.[ch]) | base-packages
 	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
 	@echo "installing fmfts into $(VENV) (a minute the first time)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e .
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e .
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
 	@echo "installing what the tests need into $(VENV)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[test]' -e ./lab
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[test]' -e ./lab
 	@touch $@
 
 base-packages:

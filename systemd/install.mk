@@ -23,7 +23,7 @@ DEB_PACKAGES = $(call missing_packages,debhelper dh-python build-essential pytho
 install:
 	@$(call need,$(INSTALL_PACKAGES),exit 1)
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)"
-	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) .
+	$(PIP_TARGET) $(if $(WITHOUT_DEPENDENCIES),--no-deps) ./clients/python .
 	rm -rf "$(DESTDIR)$(INSTALL_LIB)/bin"
 	install -d -m 755 $(foreach file,$(INSTALL_FILES),"$(DESTDIR)$(dir $(file))") "$(DESTDIR)/etc/fmfts"
 	$(IN_PLACE) systemd/fmfts-daemon.sh | install -m 755 /dev/stdin "$(DESTDIR)$(PREFIX)/bin/fmfts-daemon"

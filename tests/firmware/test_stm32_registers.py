@@ -74,7 +74,7 @@ def read_svd(content: bytes) -> dict[str, Peripheral]:
 @cache
 def svd() -> dict[str, Peripheral]:
     spec = importlib.util.find_spec("pyocd")
-    assert spec is not None, "pyocd is not installed: pip install -e '.[test]'"
+    assert spec is not None, "pyocd is not installed: pip install -e clients/python -e '.[test]'"
     assert spec.submodule_search_locations is not None
     archive = Path(spec.submodule_search_locations[0]) / "debug/svd/svd_data.zip"
     with zipfile.ZipFile(archive) as files:

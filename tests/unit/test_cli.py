@@ -98,4 +98,4 @@ def test_verb_of_the_laboratory_says_how_to_install_it(
 ) -> None:
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
     assert main(["study", "speed-accuracy", "--out", "x"]) == 69
-    assert "pip install . ./lab" in capsys.readouterr().err
+    assert "pip install ./clients/python . ./lab" in capsys.readouterr().err

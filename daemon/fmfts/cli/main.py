@@ -147,7 +147,7 @@ def _without_laboratory(options: argparse.Namespace) -> int:
     raise VerbError(
         exit_codes.UNAVAILABLE,
         f"{options.verb} belongs to the laboratory, a separate package; install it in a checkout of fmfts with\n"
-        f"    {sys.executable} -m pip install . ./lab",
+        f"    {sys.executable} -m pip install ./clients/python . ./lab",
     )
 
 
