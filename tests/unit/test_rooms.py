@@ -19,7 +19,7 @@ FLOORS = [
     {"baseline", "sensor/bridge", "sensor/i2c", "config"},
     {"pipeline/fast", "scene", "simulation", "recording"},
     {"sources", "pipeline", "calibrate"},
-    {"runtime", "offline", "collect"},
+    {"runtime", "offline", "collect", "page"},
     {"cli"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

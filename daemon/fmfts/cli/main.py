@@ -19,6 +19,7 @@ from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
+from fmfts.cli import view as view_verb
 from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, pad_named, seconds, serving_base
 from fmfts.common import exit_codes
 
@@ -117,6 +118,7 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     listen.add_argument("--pad", metavar="NAME", help="only this pad")
     listen.add_argument("--seconds", type=seconds, help="end after this time, with a summary")
     facts(listen)
+    view_verb.add_to(verb, LISTENERS_CONFIG)
     demo_verb.add_to(verb)
     init_verb.add_to(verb)
     keys_verb.add_to(verb)

@@ -29,6 +29,7 @@ OF_ERROR = {
     # a wrong option or name
     "NoSuchPadError": USAGE,
     "OptionError": USAGE,
+    "RefusedAddressError": USAGE,
     # what was asked cannot be done with these data, or now
     "BaselineError": DATA,
     "BadRequestError": DATA,

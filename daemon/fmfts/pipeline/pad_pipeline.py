@@ -69,6 +69,10 @@ class PadPipeline:
         return self._writer.number
 
     @property
+    def model(self) -> ContactModel | NoContactModel:
+        return self._model
+
+    @property
     def model_hash(self) -> str:
         return self._model.hash
 

@@ -18,6 +18,8 @@ from fmfts.bus.control import AbsentError, BadRequestError, NoSuchPadError, Requ
 from fmfts.bus.messages import StatusMessage
 from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
+from fmfts.config.pad_facts import pad_facts
+from fmfts.contact import ContactModel, NoContactModel
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.pending import Pending, fail_internally
@@ -97,10 +99,9 @@ class Verbs:
                 "pad": name,
                 "health": channel.health,
                 "baseline": channel.pipeline.baseline and channel.pipeline.baseline.id,
-                "rate_nominal_hz": float(self._configs[name].source.rate_hz),
-                "geometry_hash": channel.pipeline.pad.geometry_hash,
-                "sensors_m": channel.pipeline.pad.sensors.position_m.tolist(),
             }
+            | pad_facts(self._configs[name])
+            | _range_of(channel.pipeline.model)
             for name, channel in self._channels.items()
         ]
         request.reply(pads=pads)
@@ -166,6 +167,18 @@ class Verbs:
         if pad is None or pad not in self._channels:
             raise NoSuchPadError(no_such_pad(pad, sorted(self._channels), "the running daemon"))
         return self._channels[pad]
+
+
+def _range_of(model: ContactModel | NoContactModel) -> dict[str, object]:
+    """The places and forces that the contact model was calibrated for."""
+    if isinstance(model, NoContactModel):
+        return {}
+    envelope = model.facts.envelope
+    return {
+        "calibrated_x_m": [value * 1e-3 for value in envelope.x_mm],
+        "calibrated_y_m": [value * 1e-3 for value in envelope.y_mm],
+        "calibrated_force_n": envelope.force_max_n,
+    }
 
 
 def _origin(channel: Channel) -> Origin | None:

@@ -43,7 +43,12 @@ HEXADECIMAL = ("address",)  # keys whose value is written as boards and data she
 
 
 def print_facts(facts: dict[str, Any], as_json: bool) -> None:
-    print(json.dumps(facts, indent=1) if as_json else "\n".join(_lines(facts)))
+    print(json.dumps(facts, indent=1) if as_json else "\n".join(fact_lines(facts)))
+
+
+def fact_lines(facts: dict[str, Any]) -> list[str]:
+    """The facts as a person reads them, a line for each."""
+    return list(_lines(facts))
 
 
 def _lines(facts: dict[str, Any], indent: str = "") -> Iterator[str]:

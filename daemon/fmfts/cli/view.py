@@ -1,0 +1,42 @@
+"""Defines the verb `view`: the page in a browser."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
+from fmfts.common import exit_codes
+
+PORT = 8710
+
+
+def add_to(verb: AddVerb, listeners_config: str) -> None:
+    """Add the verb. verb: makes a parser from a name, a handler and a line of help."""
+    parser = verb("view", _view, "show a running daemon on a page in a browser", listeners_config)
+    parser.add_argument("--port", type=int, default=PORT, help=f"of the page, default {PORT}; 0: any that is free")
+    parser.add_argument("--host", default="127.0.0.1", help="where to serve; off this machine only with --certificate")
+    parser.add_argument("--certificate", type=Path, metavar="PEM", help="of TLS, with --key")
+    parser.add_argument("--key", type=Path, metavar="PEM", help="the certificate's key; nobody else may read it")
+    parser.add_argument("--recordings", type=Path, metavar="FOLDER", default=Path(), help="default: this folder")
+    parser.add_argument("--ghost", metavar="ENDPOINT", help="another opinion to draw beside each pad (the demo's)")
+
+
+def _view(options: argparse.Namespace) -> int:
+    from fmfts.page.browser import open_page
+    from fmfts.page.guard import Guard, RefusedAddressError
+    from fmfts.page.server import serve_page
+    from fmfts_client.endpoints import EndpointError, for_client
+
+    def serving(address: str) -> None:
+        print(f"the page: {address}", flush=True)
+        open_page(address)
+
+    if not 0 <= options.port <= 65535:
+        raise VerbError(exit_codes.USAGE, f"--port {options.port}: give 0 to 65535")
+    with ended_by(EndpointError, RefusedAddressError):
+        guard = Guard(options.host, options.certificate, options.key)
+        base = serving_base(options)
+        folder = options.recordings.absolute()
+        serve_page(guard, for_client(base), folder, base, options.port, serving, options.ghost)
+    return 0

@@ -1,0 +1,23 @@
+"""Facts of a configured pad for whoever draws it: places of its sensors, its magnet, and where it sits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fmfts.config import PadConfig
+
+
+def pad_facts(config: PadConfig) -> dict[str, Any]:
+    """What the configuration says of a pad's shape, in SI; the unit is in each key."""
+    pad, placement = config.pad(), config.placement.si()
+    return {
+        "rate_nominal_hz": float(config.source.rate_hz),
+        "geometry_hash": pad.geometry_hash,
+        "sensors_m": pad.sensors.position_m.tolist(),
+        "rest_position_m": pad.rest_position_m.tolist(),
+        "rest_axis": pad.rest_axis.tolist(),
+        "magnet_diameter_m": pad.magnet.diameter_m,
+        "magnet_length_m": pad.magnet.length_m,
+        "placement_m": placement.position_m.tolist(),
+        "placement_rotation": placement.rotation.tolist(),
+    }

@@ -1,0 +1,146 @@
+"""One open page: lets it in, sends it what it watches, and carries out what it asks for."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import threading
+import time
+from typing import Any
+
+import msgpack  # type: ignore[import-untyped]
+import msgspec
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from fmfts.page.commands import ERRORS, Commands, Ping, Replay, Watch, decode
+from fmfts.page.feed import Feed, Viewer
+from fmfts.page.guard import Guard
+from fmfts.page.recordings import messages_of, pads_of
+
+HELLO_S = 5.0
+REQUESTS_AT_ONCE = 4
+WRONG_TOKEN, TOO_MANY = 4401, 4429  # application's own close codes
+BATCH_S = 0.025
+
+
+class PageConnection:
+    """Serves one page until it goes."""
+
+    def __init__(self, socket: ServerConnection, feed: Feed, commands: Commands) -> None:
+        self._socket = socket
+        self._feed = feed
+        self._commands = commands
+        self._viewer = Viewer()
+        self._ready = asyncio.Event()
+        self._said: list[str] = []
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._replay: asyncio.Task[None] | None = None
+
+    def wake(self) -> None:
+        """New messages may be there to send."""
+        self._ready.set()
+
+    async def serve(self, guard: Guard) -> None:
+        if not await self._is_let_in(guard):
+            await self._socket.close(WRONG_TOKEN, "wrong token: open the address that fmfts-daemon view printed")
+            return
+        self._feed.add(self._viewer)
+        sender = asyncio.create_task(self._send())
+        try:
+            async for text in self._socket:
+                self._take(text)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._feed.remove(self._viewer)
+            for task in (sender, *self._tasks, *([self._replay] if self._replay else [])):
+                task.cancel()
+
+    async def _is_let_in(self, guard: Guard) -> bool:
+        """The first message has to be {"token": …}."""
+        try:
+            first = json.loads(await asyncio.wait_for(self._socket.recv(), HELLO_S))
+        except (TimeoutError, ValueError, RecursionError, ConnectionClosed):
+            return False
+        return isinstance(first, dict) and guard.knows(first.get("token"))
+
+    def _take(self, text: str | bytes) -> None:
+        try:
+            asked = decode(text)
+        except (msgspec.DecodeError, ValueError, RecursionError) as error:
+            self._say({"error": f"this request is none: {error}"})
+            return
+        match asked:
+            case Watch(detail=detail, hidden=hidden):
+                self._viewer.detail = None if detail is None else f"contact/{detail}".encode()
+                self._viewer.hidden = hidden
+            case Ping(sent_ms=sent_ms):
+                self._say({"pong": sent_ms, "now_ns": self._feed.now_ns(), "left_out": self._viewer.left_out,
+                           "recording": self._commands.recordings.under_way})  # fmt: skip
+            case Replay():
+                self._switch(asked)
+            case _ if len(self._tasks) >= REQUESTS_AT_ONCE:
+                self._say({"id": asked.id, "error": "this page waits for several answers already"})
+            case _:
+                task = asyncio.create_task(self._commands.carry_out(asked, self._say))
+                self._tasks.add(task)
+                task.add_done_callback(self._tasks.discard)
+
+    def _say(self, answer: dict[str, Any]) -> None:
+        self._said.append(json.dumps(answer))
+        self._ready.set()
+
+    async def _send(self) -> None:
+        """Sends what is there, as fast as the page takes it: meanwhile newer contacts replace older ones."""
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await self._ready.wait()
+                self._ready.clear()
+                said, self._said = self._said, []
+                for text in said:
+                    await self._socket.send(text)
+                batch = self._viewer.batch()
+                if batch:
+                    await self._socket.send(batch)
+
+    def _switch(self, asked: Replay) -> None:
+        """Show a recording in place of the bus, or the bus again."""
+        if self._replay is not None:
+            self._replay.cancel()
+            self._replay = None
+        if asked.name is None:
+            self._feed.add(self._viewer)
+            self._say({"id": asked.id, "done": {}})
+            return
+        self._feed.remove(self._viewer)
+        self._replay = asyncio.create_task(self._play(asked, asked.name))
+
+    async def _play(self, asked: Replay, name: str) -> None:
+        over = threading.Event()
+        try:
+            path = self._commands.recordings.path_of(name)
+            pads = await asyncio.to_thread(pads_of, path)
+            self._say({"id": asked.id, "done": {"pads": pads, "recording": name}})
+            messages = messages_of(path, over.is_set)
+            first_ns = 0
+            begun_s = time.monotonic()
+            while chunk := await asyncio.to_thread(lambda: [one for one, _ in zip(messages, range(200), strict=False)]):
+                for sent_ns, topic, body in chunk:
+                    first_ns = first_ns or sent_ns
+                    due_s = begun_s + (sent_ns - first_ns) * 1e-9 / asked.speed
+                    if due_s - time.monotonic() > BATCH_S:
+                        self._put_clock(sent_ns)
+                        await asyncio.sleep(due_s - time.monotonic())
+                    self._viewer.take(topic, body)
+            self._say({"replayed": name})
+        except ERRORS as error:
+            self._say({"id": asked.id, "error": str(error)})
+        finally:
+            over.set()
+
+    def _put_clock(self, now_ns: int) -> None:
+        """Tells the page what time it is in the recording, and sends what is due."""
+        self._viewer.take(b"clock", msgpack.packb({"now_ns": now_ns}))
+        self._ready.set()

@@ -1,0 +1,59 @@
+"""The page's files, read once at start: no request opens a file. Each answer forbids what the page does not need."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+
+FOLDER = Path(__file__).parent / "static"
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self' {socket}; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": "no-store",
+}
+
+
+class Files:
+    """Answers for paths of the page. socket: the address, ws://… or wss://…, to which the page may connect."""
+
+    def __init__(self, socket: str, folder: Path = FOLDER) -> None:
+        self._policy = POLICY.format(socket=socket)
+        self._files = {
+            f"/{path.relative_to(folder)}": (path.read_bytes(), TYPES[path.suffix])
+            for path in folder.rglob("*")
+            if path.suffix in TYPES
+        }
+        self._files["/"] = self._files["/index.html"]
+
+    def answer(self, path: str) -> Response:
+        """The file of this path, or 404."""
+        name = path.partition("?")[0]
+        if name not in self._files:
+            return self.refuse(404, "Not Found", "there is no such file here\n")
+        body, kind = self._files[name]
+        return self._response(200, "OK", body, kind)
+
+    def refuse(self, status: int, phrase: str, sentence: str) -> Response:
+        return self._response(status, phrase, sentence.encode(), "text/plain; charset=utf-8")
+
+    def _response(self, status: int, phrase: str, body: bytes, kind: str) -> Response:
+        headers = Headers({**HEADERS, "Content-Security-Policy": self._policy})
+        headers.update({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close"})
+        return Response(status, phrase, headers, body)

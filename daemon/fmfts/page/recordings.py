@@ -1,0 +1,143 @@
+"""Recordings that the page makes and shows again: files of one folder, made by `fmfts-daemon record`."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fmfts.bus.messages import AnyMessage, StateMessage
+from fmfts.common.writing import why_not_written
+from fmfts.config import PadConfig
+from fmfts.config.pad_facts import pad_facts
+from fmfts.recording.file import RecordingError, read
+from fmfts_client.endpoints import OVERRIDE
+
+ENDING_S = 10.0
+LISTED = 100
+SHOWN = ("contact", "event", "status")
+
+
+class RecordingsError(Exception):
+    """It cannot be done; the text says why, and what to do."""
+
+
+class Recordings:
+    """folder: where recordings are. base: the endpoint base of the recorded daemon, as in FMFTS_BUS; None: default."""
+
+    def __init__(self, folder: Path, base: str | None) -> None:
+        self.folder = folder
+        self._base = base
+        self._lock = threading.Lock()  # two pages may press the button at once
+        self._recorder: subprocess.Popen[str] | None = None
+        self._path = folder
+
+    @property
+    def under_way(self) -> str | None:
+        """The name of the file that is being written."""
+        recorder = self._recorder
+        return self._path.name if recorder is not None and recorder.poll() is None else None
+
+    def begin(self) -> dict[str, Any]:
+        """Start to record all pads into a new file. RecordingsError if that is under way, or cannot be."""
+        with self._lock:
+            if self.under_way is not None:
+                raise RecordingsError(f"{self._path} is being recorded already")
+            if not self.folder.is_dir() or not os.access(self.folder, os.W_OK):
+                raise RecordingsError(
+                    f"no recording can be written to {self.folder}: start `fmfts-daemon view` with --recordings FOLDER"
+                )
+            self._path = self.folder / f"fmfts-{datetime.now():%Y-%m-%d-%H%M%S}.mcap"
+            environment = os.environ if self._base is None else os.environ | {OVERRIDE: self._base}
+            command = [sys.executable, "-m", "fmfts", "record", str(self._path), "--json"]
+            pipe = subprocess.PIPE
+            try:
+                self._recorder = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True, env=environment,
+                    start_new_session=True,  # Ctrl-C is for us; the recorder is told by `end`
+                )  # fmt: skip
+            except OSError as error:
+                raise RecordingsError(f"the recorder cannot be started: {why_not_written(error)}") from error
+            return {"recording": self._path.name}
+
+    def end(self) -> dict[str, Any]:
+        """Stop recording; the facts of the file. RecordingsError if none is under way, or it failed."""
+        with self._lock:
+            recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            raise RecordingsError("nothing is being recorded")
+        if recorder.poll() is None:
+            recorder.send_signal(signal.SIGTERM)
+        try:
+            out, said = recorder.communicate(timeout=ENDING_S)
+        except subprocess.TimeoutExpired as error:
+            recorder.kill()
+            recorder.communicate()
+            raise RecordingsError(f"{self._path}: the recorder did not end: its last second may be missing") from error
+        if recorder.returncode != 0:
+            raise RecordingsError(said.strip() or f"the recorder ended with {recorder.returncode}")
+        facts: dict[str, Any] = json.loads(out)
+        return facts
+
+    def names(self) -> list[str]:
+        """The files of the folder, the newest first."""
+        try:
+            found = [(path.stat().st_mtime_ns, path.name) for path in self.folder.glob("*.mcap")]
+        except OSError:
+            return []
+        return [name for _, name in sorted(found, reverse=True)[:LISTED]]
+
+    def path_of(self, name: str) -> Path:
+        """The file of this name. RecordingsError unless the folder lists it: a page names no other file."""
+        if name not in self.names():
+            raise RecordingsError(f"there is no recording {name} in {self.folder}")
+        return self.folder / name
+
+    def close(self) -> None:
+        if self.under_way is not None:
+            self.end()
+
+
+def pads_of(path: Path) -> list[dict[str, Any]]:
+    """What the page must know of the pads of a recording, as `pads` of the control socket tells it of running ones."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in read(path):
+        if isinstance(one.message, StateMessage):
+            found.setdefault(one.pad, _facts(path, one.message))
+        elif found and len(found) == len(_names_before(found, one.pad)):
+            break
+    return list(found.values())
+
+
+def _names_before(found: dict[str, dict[str, Any]], pad: str) -> set[str]:
+    return found.keys() | {pad}
+
+
+def _facts(path: Path, state: StateMessage) -> dict[str, Any]:
+    try:
+        return {"pad": state.pad} | pad_facts(msgspec.convert(state.config, PadConfig))
+    except msgspec.ValidationError as error:
+        raise RecordingError(f"{path}: its configuration of pad '{state.pad}' is another version's: {error}") from error
+
+
+def messages_of(path: Path, stopped: Callable[[], bool]) -> Iterator[tuple[int, bytes, bytes]]:
+    """Yields (time of sending in ns, topic, body) of each message that a page shows, in order."""
+    encode = msgspec.msgpack.encode
+    for one in read(path):
+        if stopped():
+            return
+        if one.kind in SHOWN:
+            yield sent_ns(one.message), f"{one.kind}/{one.pad}".encode(), encode(one.message)
+
+
+def sent_ns(message: AnyMessage) -> int:
+    return int(getattr(message, "t_publish_ns", None) or message.t_ns)  # type: ignore[union-attr]

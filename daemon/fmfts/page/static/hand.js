@@ -1,0 +1,92 @@
+// All pads at once: where [pad.placement] says they sit, else in a grid. A button lies over each, for mouse and keys.
+
+import { sentence } from "./numbers.js";
+import { begin, colour, halfSide, label } from "./paint.js";
+import { drawPad } from "./top.js";
+
+// Places the pads: {x, y, turn} in m and rad, y up. Pads that would lie over each other go into a grid.
+export function placed(pads) {
+  const seen = pads.map((pad) => {
+    const [x, y] = pad.shape.placement_m ?? [0, 0], rotation = pad.shape.placement_rotation;
+    return { pad, x, y, turn: rotation ? Math.atan2(rotation[1][0], rotation[0][0]) : 0 };
+  });
+  const apart = (one, other) => Math.hypot(one.x - other.x, one.y - other.y) >= 0.9 * (halfSide(one.pad.shape) + halfSide(other.pad.shape));
+  if (seen.every((one, i) => seen.slice(i + 1).every((other) => apart(one, other)))) return seen;
+  const columns = Math.ceil(Math.sqrt(pads.length)), step = 2.35 * Math.max(...pads.map((pad) => halfSide(pad.shape)));
+  return pads.map((pad, i) => ({ pad, x: (i % columns) * step, y: -Math.floor(i / columns) * step, turn: 0 }));
+}
+
+export class Hand {
+  constructor(canvas, buttons, choose) {
+    this.canvas = canvas;
+    this.buttons = buttons;
+    this.choose = choose;
+    this.places = [];
+    this.named = "";
+  }
+
+  setPads(pads) {
+    const named = JSON.stringify(pads.map((pad) => [pad.name, pad.shape.placement_m]));
+    if (named === this.named) return;
+    this.named = named;
+    this.places = placed(pads);
+    this.buttons.replaceChildren(
+      ...this.places.map((place) => {
+        const button = document.createElement("button");
+        button.addEventListener("click", () => this.choose(place.pad.name));
+        place.button = button;
+        return button;
+      }),
+    );
+    this.fitted = "";
+  }
+
+  // Scale and offset with which all pads fit; moves the buttons where they changed.
+  fit(width, height) {
+    const key = `${this.named} ${width} ${height}`;
+    if (key === this.fitted) return;
+    this.fitted = key;
+    const xs = this.places.flatMap(({ x, pad }) => [x - 1.15 * halfSide(pad.shape), x + 1.15 * halfSide(pad.shape)]);
+    const ys = this.places.flatMap(({ y, pad }) => [y - 1.15 * halfSide(pad.shape), y + 1.15 * halfSide(pad.shape)]);
+    const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    this.scale = Math.min(width / (x1 - x0), (height - 18) / (y1 - y0));
+    this.middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+    for (const place of this.places) {
+      const half = halfSide(place.pad.shape) * this.scale, [x, y] = this.at(place, width, height);
+      Object.assign(place.button.style, { left: `${x - half}px`, top: `${y - half}px`, width: `${2 * half}px`, height: `${2 * half}px` });
+    }
+  }
+
+  at(place, width, height) {
+    return [width / 2 + (place.x - this.middle[0]) * this.scale, height / 2 - (place.y - this.middle[1]) * this.scale];
+  }
+
+  draw(chosen, contactOf) {
+    const [ctx, width, height] = begin(this.canvas);
+    if (!this.places.length) return;
+    this.fit(width, height);
+    for (const place of this.places) {
+      const { pad } = place, contact = contactOf(pad), half = halfSide(pad.shape) * this.scale, [x, y] = this.at(place, width, height);
+      ctx.save();
+      ctx.translate(x, y);
+      ctx.rotate(-place.turn);
+      drawPad(ctx, pad, contact, this.scale, false);
+      if (pad.name === chosen) {
+        ctx.strokeStyle = colour.accent;
+        ctx.lineWidth = 2.5;
+        ctx.strokeRect(-half - 3, -half - 3, 2 * half + 6, 2 * half + 6);
+      }
+      ctx.restore();
+      const bad = contact && contact.health !== "ok";
+      if (half > 16) label(ctx, pad.name, x, y + half + 9, { px: Math.min(12.5, half / 2.2), weight: pad.name === chosen ? 700 : 500, fill: bad ? colour.bad : colour.ink });
+    }
+  }
+
+  // Text alternatives; called once a second.
+  describe(chosen, contactOf) {
+    for (const { pad, button } of this.places) {
+      button.setAttribute("aria-label", `pad ${pad.name}: ${sentence(contactOf(pad))}`);
+      button.setAttribute("aria-current", String(pad.name === chosen));
+    }
+  }
+}

@@ -1,0 +1,60 @@
+// Numbers of messages as a person reads them. What is not known is null, never zero.
+
+export const known = (value) => (typeof value === "number" && Number.isFinite(value)) || typeof value === "bigint";
+export const UNKNOWN = "not known";
+
+// A number with a true minus sign, and no "−0.0".
+export function shown(value, digits) {
+  const text = value.toFixed(digits);
+  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+}
+
+export function withDeviation(value, deviation, unit, digits, factor = 1) {
+  if (!known(value)) return UNKNOWN;
+  const spread = known(deviation) ? ` ± ${shown(deviation * factor, digits)}` : "";
+  return `${shown(value * factor, digits)}${spread} ${unit}`;
+}
+
+// What a contact message says of the touch: "unknown", "none", "over" or "touch".
+export function touchOf(contact) {
+  if (!contact) return "unknown";
+  if (contact.over_range) return "over";
+  if (contact.contact === false) return "none";
+  if (contact.contact === true) return "touch";
+  return "unknown";
+}
+
+// The force in words; with its unit, and ± one standard deviation.
+export function forceText(contact) {
+  switch (touchOf(contact)) {
+    case "over":
+      return known(contact.force_min_n) ? `more than ${shown(contact.force_min_n, 2)} N` : "beyond the calibrated range";
+    case "none":
+      return "no contact";
+    case "touch":
+      if (known(contact.force_n)) return `${shown(contact.force_n, 2)} N${known(contact.force_sd_n) ? ` ± ${shown(contact.force_sd_n, 2)}` : ""}`;
+      return known(contact.displacement_m) ? `touched; magnet moved ${withDeviation(contact.displacement_m, contact.displacement_sd_m, "mm", 3, 1e3)}` : "touched, force not known";
+    default:
+      return UNKNOWN;
+  }
+}
+
+export function placeText(contact) {
+  if (!contact || contact.contact === false || !known(contact.x_m) || !known(contact.y_m)) return "";
+  return `x ${shown(contact.x_m * 1e3, 1)} mm, y ${shown(contact.y_m * 1e3, 1)} mm`;
+}
+
+// One sentence that says what a drawing shows: "1.28 N ± 0.05 at x −5.8 mm, y −1.6 mm".
+export function sentence(contact) {
+  if (!contact) return "nothing arrives";
+  const place = placeText(contact);
+  const touch = `${forceText(contact)}${place ? ` at ${place}` : ""}`;
+  return contact.health === "ok" ? touch : `${contact.health.replace("_", " ")}: ${touch}`;
+}
+
+// A message as JSON: nanoseconds beyond 2^53 stay whole numbers.
+export function asJson(message) {
+  const mark = "\u0001";
+  const text = JSON.stringify(message, (_, value) => (typeof value === "bigint" ? `${mark}${value}${mark}` : value), 1);
+  return text.replaceAll(new RegExp(`"\\\\u0001(-?\\d+)\\\\u0001"`, "g"), "$1");
+}

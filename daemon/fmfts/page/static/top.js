@@ -1,0 +1,238 @@
+// The pad from above, to scale: outline, sensors, magnet, contact with its uncertainty. x to the right, y up.
+
+import { known, touchOf, shown } from "./numbers.js";
+import { begin, colour, disc, faded, forceRadius, halfSide, hatch, label } from "./paint.js";
+import { sensorStates } from "./pads.js";
+
+const SENSOR_M = 0.0026, UNSEEN = ["stale", "disconnected", "no_baseline", "lost", "disturbed"];
+
+export function drawTop(canvas, pad, contact) {
+  const [ctx, width, height] = begin(canvas);
+  const half = halfSide(pad.shape);
+  const scale = (Math.min(width, height) / 2 - 20) / half;
+  ctx.translate(width / 2, height / 2);
+  drawAxes(ctx, half, scale);
+  drawPad(ctx, pad, contact, scale, true);
+}
+
+// The pad around (0, 0) of the context; scale in pixels a metre. full: with figures, for the large drawing.
+export function drawPad(ctx, pad, contact, scale, full) {
+  const { shape } = pad, half = halfSide(shape) * scale;
+  const outline = () => {
+    ctx.beginPath();
+    ctx.roundRect(-half, -half, 2 * half, 2 * half, Math.min(half * 0.08, 14));
+  };
+  outline();
+  ctx.fillStyle = colour.silicone;
+  ctx.fill();
+  ctx.lineWidth = full ? 1.5 : 1;
+  ctx.strokeStyle = colour["silicone-edge"];
+  ctx.stroke();
+  if (full) drawAxesCross(ctx, half);
+  if (full && shape.calibrated_x_m) drawCalibrated(ctx, shape, scale);
+  drawSensors(ctx, pad, contact, scale, full);
+  if (!contact || UNSEEN.includes(contact.health)) drawVeil(ctx, outline, contact, half, full);
+  if (contact?.pose) drawMagnet(ctx, pad, contact.pose, scale, full);
+  if (full) drawTrail(ctx, pad, scale);
+  if (contact) drawContact(ctx, contact, scale, half, full);
+  if (pad.ghost && contact) drawGhost(ctx, pad.ghost, scale, half, full);
+}
+
+function drawAxes(ctx, half, scale) {
+  const side = half * scale;
+  ctx.strokeStyle = colour.grid;
+  ctx.lineWidth = 1;
+  ctx.beginPath();
+  for (let mm = -Math.floor(half * 100) * 10; mm <= half * 1e3; mm += 10) {
+    const at = (mm / 1e3) * scale;
+    ctx.moveTo(at, side);
+    ctx.lineTo(at, side + 5);
+    ctx.moveTo(-side, at);
+    ctx.lineTo(-side - 5, at);
+    const text = mm === 0 ? "0" : shown(mm, 0);
+    label(ctx, text, at, side + 13, { px: 11 });
+    label(ctx, mm === 0 ? "0" : shown(-mm, 0), -side - 8, at, { px: 11, align: "right" });
+  }
+  ctx.stroke();
+}
+
+// Which way x and y point, in the lower left corner.
+function drawAxesCross(ctx, half) {
+  const x = -half + 14, y = half - 14, arm = 20;
+  ctx.strokeStyle = colour.muted;
+  ctx.lineWidth = 1.4;
+  ctx.beginPath();
+  ctx.moveTo(x, y - arm);
+  ctx.lineTo(x, y);
+  ctx.lineTo(x + arm, y);
+  ctx.moveTo(x - 3, y - arm + 5);
+  ctx.lineTo(x, y - arm);
+  ctx.lineTo(x + 3, y - arm + 5);
+  ctx.moveTo(x + arm - 5, y - 3);
+  ctx.lineTo(x + arm, y);
+  ctx.lineTo(x + arm - 5, y + 3);
+  ctx.stroke();
+  label(ctx, "x", x + arm + 7, y, { px: 11, halo: false });
+  label(ctx, "y", x, y - arm - 7, { px: 11, halo: false });
+}
+
+function drawCalibrated(ctx, shape, scale) {
+  const [x0, x1] = shape.calibrated_x_m, [y0, y1] = shape.calibrated_y_m;
+  ctx.setLineDash([2, 5]);
+  ctx.strokeStyle = colour["silicone-edge"];
+  ctx.strokeRect(x0 * scale, -y1 * scale, (x1 - x0) * scale, (y1 - y0) * scale);
+  ctx.setLineDash([]);
+  label(ctx, "calibrated", x1 * scale - 4, -y0 * scale + 9, { px: 10.5, align: "right", halo: false });
+}
+
+const SENSOR_COLOUR = { good: "ok", "left out": "warn", saturated: "bad", silent: "bad", "not known": "muted" };
+
+function drawSensors(ctx, pad, contact, scale, full) {
+  const side = Math.max(SENSOR_M * scale, full ? 14 : 4), states = sensorStates(contact, pad.status, pad.shape.sensors_m.length);
+  pad.shape.sensors_m.forEach(([x, y], number) => {
+    const state = states[number], px = x * scale, py = -y * scale, tone = colour[SENSOR_COLOUR[state]];
+    ctx.strokeStyle = ctx.fillStyle = tone;
+    ctx.lineWidth = full ? 1.8 : 1.2;
+    ctx.setLineDash(state === "left out" || state === "not known" ? [3, 3] : []);
+    ctx.beginPath();
+    ctx.roundRect(px - side / 2, py - side / 2, side, side, 2);
+    if (state === "good") faded(ctx, 0.22, () => ctx.fill());
+    ctx.stroke();
+    ctx.setLineDash([]);
+    if (state === "saturated") {
+      ctx.beginPath();
+      ctx.moveTo(px, py - side * 0.36);
+      ctx.lineTo(px + side * 0.36, py + side * 0.3);
+      ctx.lineTo(px - side * 0.36, py + side * 0.3);
+      ctx.fill();
+    } else if (state === "silent") {
+      ctx.beginPath();
+      for (const turn of [1, -1]) {
+        ctx.moveTo(px - side * 0.3, py - side * 0.3 * turn);
+        ctx.lineTo(px + side * 0.3, py + side * 0.3 * turn);
+      }
+      ctx.stroke();
+    }
+    if (full) label(ctx, state === "good" ? `${number + 1}` : `${number + 1} ${state}`, px, py + (state === "good" ? 0.5 : side * 0.5 + 9), { px: 11, weight: 600, fill: tone, halo: state !== "good" });
+  });
+}
+
+function drawVeil(ctx, outline, contact, half, full) {
+  hatch(ctx, outline, colour.veil, full ? 14 : 8, 0.35);
+  const word = contact ? contact.health.replace("_", " ") : "nothing arrives";
+  label(ctx, word, 0, full ? -half + 24 : 0, { px: full ? 17 : Math.max(9, Math.min(13, half / 4)), weight: 700, fill: colour.bad });
+}
+
+function drawMagnet(ctx, pad, pose, scale, full) {
+  const [x, y] = pose.position_m, radius = (pad.shape.magnet_diameter_m / 2) * scale;
+  disc(ctx, x * scale, -y * scale, Math.max(radius, 2));
+  ctx.fillStyle = colour.magnet;
+  faded(ctx, 0.9, () => ctx.fill());
+  if (!full) return;
+  const [sx, sy] = pose.position_sd_m;
+  disc(ctx, x * scale, -y * scale, 2 * sx * scale, 2 * sy * scale);
+  ctx.strokeStyle = colour.ellipse;
+  ctx.lineWidth = 1.2;
+  ctx.stroke();
+  // Toward where the magnet's north pole leans; its length is the tilt, 1 mm a degree.
+  const tilt = Math.atan2(Math.hypot(pose.axis[0], pose.axis[1]), Math.abs(pose.axis[2])) * (180 / Math.PI);
+  const across = Math.hypot(pose.axis[0], pose.axis[1]) || 1, reach = radius + tilt * 1e-3 * scale;
+  ctx.beginPath();
+  ctx.moveTo(x * scale, -y * scale);
+  ctx.lineTo((x * scale) + (pose.axis[0] / across) * reach, -(y * scale) - (pose.axis[1] / across) * reach);
+  ctx.strokeStyle = colour.north;
+  ctx.lineWidth = 2.5;
+  ctx.stroke();
+}
+
+function drawTrail(ctx, pad, scale) {
+  const { trail } = pad;
+  if (trail.length < 2) return;
+  ctx.strokeStyle = colour.contact;
+  ctx.lineWidth = 2;
+  for (let i = 1; i < trail.length; i++) {
+    faded(ctx, (0.35 * i) / trail.length, () => {
+      ctx.beginPath();
+      ctx.moveTo(trail[i - 1][1] * scale, -trail[i - 1][2] * scale);
+      ctx.lineTo(trail[i][1] * scale, -trail[i][2] * scale);
+      ctx.stroke();
+    });
+  }
+}
+
+function drawContact(ctx, contact, scale, half, full) {
+  const touch = touchOf(contact);
+  if (touch === "unknown" && !UNSEEN.includes(contact.health)) {
+    label(ctx, "contact not known", 0, full ? half - 18 : 0, { px: full ? 14 : 10, weight: 650, fill: colour.warn });
+  }
+  if (touch === "none" && full) label(ctx, "no contact", 0, half - 16, { px: 13 });
+  if (touch === "none" || touch === "unknown") return;
+  const placed = known(contact.x_m) && known(contact.y_m);
+  const x = (placed ? contact.x_m : 0) * scale, y = -(placed ? contact.y_m : 0) * scale;
+  if (touch === "over") return drawOver(ctx, contact, x, y, scale, half, full, placed);
+  if (!placed) return void label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
+  const radius = forceRadius(contact.force_n ?? 0) * scale;
+  disc(ctx, x, y, Math.max(radius, 2));
+  ctx.fillStyle = colour.contact;
+  faded(ctx, 0.5, () => ctx.fill());
+  ctx.strokeStyle = colour.contact;
+  ctx.lineWidth = full ? 2 : 1.2;
+  ctx.stroke();
+  if (known(contact.x_sd_m) && known(contact.y_sd_m)) {
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(-half, -half, 2 * half, 2 * half);
+    ctx.clip();
+    disc(ctx, x, y, Math.max(2 * contact.x_sd_m * scale, 1), Math.max(2 * contact.y_sd_m * scale, 1));
+    ctx.strokeStyle = colour.ellipse;
+    ctx.lineWidth = full ? 2 : 1.2;
+    ctx.stroke();
+    ctx.restore();
+  }
+  if (!full) return;
+  cross(ctx, x, y, 5);
+  const text = known(contact.force_n) ? `${shown(contact.force_n, 2)} N` : "force not known";
+  label(ctx, text, ...beside(x, y, Math.max(radius, 2 * (contact.y_sd_m ?? 0) * scale), half), { px: 18, weight: 700, fill: colour.ink });
+}
+
+function drawOver(ctx, contact, x, y, scale, half, full, placed) {
+  const radius = placed ? forceRadius(contact.force_min_n ?? 1) * scale * 1.25 : half * 0.8;
+  hatch(ctx, () => disc(ctx, x, y, radius), colour.bad, full ? 9 : 5, 0.8, 2);
+  disc(ctx, x, y, radius);
+  ctx.setLineDash([7, 5]);
+  ctx.strokeStyle = colour.bad;
+  ctx.lineWidth = full ? 3 : 1.5;
+  ctx.stroke();
+  ctx.setLineDash([]);
+  if (full) label(ctx, `▲ more than ${known(contact.force_min_n) ? shown(contact.force_min_n, 2) : "?"} N`, ...beside(x, y, radius, half), { px: 18, weight: 700, fill: colour.bad });
+}
+
+function drawGhost(ctx, ghost, scale, half, full) {
+  if (!known(ghost.force_n)) return;
+  if (ghost.force_n < 0.05) return;
+  const x = Math.min(Math.max(ghost.x_m * scale, -half), half), y = Math.min(Math.max(-ghost.y_m * scale, -half), half);
+  disc(ctx, x, y, Math.min(forceRadius(ghost.force_n) * scale, half));
+  ctx.strokeStyle = colour.ghost;
+  ctx.lineWidth = full ? 2.2 : 1.4;
+  ctx.setLineDash([4, 4]);
+  ctx.stroke();
+  ctx.setLineDash([]);
+  if (full) label(ctx, `fixed baseline: ${shown(ghost.force_n, 2)} N`, 0, half - 34, { px: 12.5, weight: 600, fill: colour.ghost });
+}
+
+function cross(ctx, x, y, arm) {
+  ctx.strokeStyle = colour.ink;
+  ctx.lineWidth = 1.5;
+  ctx.beginPath();
+  ctx.moveTo(x - arm, y);
+  ctx.lineTo(x + arm, y);
+  ctx.moveTo(x, y - arm);
+  ctx.lineTo(x, y + arm);
+  ctx.stroke();
+}
+
+// Where a label beside a disc has room: above it, or below it near the upper edge.
+function beside(x, y, radius, half) {
+  const above = y - radius - 14;
+  return [Math.min(Math.max(x, -half + 60), half - 60), above > -half + 12 ? above : y + radius + 14];
+}

@@ -1,0 +1,37 @@
+// What is wrong, in words, and what to do: from health, reason and sensor_faults, as docs/troubleshooting.md has it.
+
+let advice = { health: {}, reasons: {} };
+
+export async function loadAdvice() {
+  advice = await (await fetch("advice.json")).json();
+}
+
+// {health, reason, advice} of what is shown now; health "wait" before anything arrived.
+export function wordsOf(contact, status, linkState) {
+  if (!contact) {
+    if (linkState !== "open") return { health: "gone", word: "no connection", reason: "", advice: "" };
+    return status?.everArrived
+      ? { health: "gone", word: "nothing arrives", reason: "The daemon sends nothing.", advice: advice.health.silent ?? "" }
+      : { health: "wait", word: "waiting", reason: "for fmfts-daemon", advice: advice.health.silent ?? "" };
+  }
+  const faults = (status?.sensor_faults ?? []).filter((fault) => !contact.reason.includes(fault));
+  const known = Object.entries(advice.reasons).find(([words]) => contact.reason.includes(words));
+  const reason = [contact.reason, ...faults].filter(Boolean).join("; ");
+  const help = known ? known[1] : contact.health === "ok" && !faults.length ? "" : advice.health[contact.health === "ok" ? "degraded" : contact.health] ?? "";
+  return { health: contact.health, word: contact.health.replace("_", " "), reason, advice: help };
+}
+
+// Text with `code` in backticks, as elements.
+export function withCode(element, text) {
+  element.replaceChildren(
+    ...text.split("`").map((part, number) => (number % 2 ? Object.assign(document.createElement("code"), { textContent: part }) : part)),
+  );
+}
+
+export function toast(text) {
+  const box = document.getElementById("toast");
+  box.textContent = text;
+  box.classList.add("shown");
+  clearTimeout(toast.timer);
+  toast.timer = setTimeout(() => box.classList.remove("shown"), 4000);
+}
