@@ -26,7 +26,7 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
-TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config)
+TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
 .PHONY: fuzz-files transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
@@ -138,7 +138,7 @@ base-packages:
 	@$(call need,$(BASE_PACKAGES),exit 1)
 
 test-packages:
-	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path and of the C client are skipped" >&2)
+	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path, of the C client and of the page are skipped" >&2)
 
 # Installs missing Debian packages (1) as root; as another user prints the line to run, then does (2).
 define need

@@ -158,7 +158,7 @@ function drawPadNow(pad) {
   drawTop(element("top"), pad, contact);
   drawSection(element("section"), pad, contact);
   const lens = drawLens(element("lens"), pad, contact);
-  setText(element("lens-scale"), `enlarged around its rest; the circle is ${(lens * 1e3).toLocaleString("en")} mm wide each way`);
+  setText(element("lens-scale"), `where it moved from its place in the drawing; circle ± ${(lens * 1e3).toLocaleString("en")} mm`);
   showReadings(pad, contact, replays.shown ? null : ageMs);
 }
 
@@ -282,6 +282,7 @@ const actions = {
   seconds: (seconds = traces.seconds === 10 ? 600 : 10) => setSeconds(seconds),
 };
 new Keys(actions);
+Object.assign(page, { nowMs, link });
 window.fmfts = page; // for tests, and for who looks with the browser's tools
 setTheme(wantsDark.matches ? "dark" : "light");
 new ResizeObserver(() => (page.dirty = true)).observe(element("stage"));

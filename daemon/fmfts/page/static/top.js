@@ -9,7 +9,7 @@ const SENSOR_M = 0.0026, UNSEEN = ["stale", "disconnected", "no_baseline", "lost
 export function drawTop(canvas, pad, contact) {
   const [ctx, width, height] = begin(canvas);
   const half = halfSide(pad.shape);
-  const scale = (Math.min(width, height) / 2 - 20) / half;
+  const scale = Math.min(width / 2 - 34, height / 2 - 20) / half; // room for the numbers
   ctx.translate(width / 2, height / 2);
   drawAxes(ctx, half, scale);
   drawPad(ctx, pad, contact, scale, true);

@@ -1,0 +1,292 @@
+"""The server of the page: whom it lets in, what it answers to strangers, and what it gives a page to draw."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import random
+import re
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgpack
+import pytest
+import zmq
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from fmfts.page.browser import may_open
+from fmfts.page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
+from fmfts.page.files import FOLDER, Files
+from fmfts.page.guard import Guard, RefusedAddressError
+from fmfts.page.recordings import Recordings, RecordingsError
+from fmfts.page.server import WAITING, PageServer
+from fmfts_client import Endpoints
+
+ROOT = Path(__file__).parents[2]
+
+
+class Served:
+    """A page's server in a thread, on a bus of its own; `publish` is the daemon."""
+
+    def __init__(self, folder: Path) -> None:
+        self.guard = Guard("127.0.0.1")
+        self.endpoints = Endpoints.from_base(f"ipc://{folder}")
+        self.bus: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.PUB)
+        self.bus.bind(self.endpoints.bus)
+        began = threading.Event()
+        self._over = threading.Event()
+
+        async def serve() -> None:
+            server = PageServer(self.guard, self.endpoints, Recordings(folder, f"ipc://{folder}"))
+            running = asyncio.create_task(
+                server.run(0, lambda address: (setattr(self, "address", address), began.set()))
+            )
+            while not self._over.is_set() and not running.done():
+                await asyncio.sleep(0.01)
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+
+        self._thread = threading.Thread(target=lambda: asyncio.run(serve()))
+        self._thread.start()
+        assert began.wait(10.0)
+        self.port = int(self.address.split(":")[2].partition("/")[0])
+
+    address = ""
+
+    @contextmanager
+    def page(self, token: str | None = None, **options: object) -> Iterator[ClientConnection]:
+        """An open page; it has said its token. options: of the connection, such as another origin."""
+        options = {"origin": f"http://127.0.0.1:{self.port}", "proxy": None, **options}
+        with connect(f"ws://127.0.0.1:{self.port}/socket", **options) as page:  # type: ignore[arg-type]
+            page.send(json.dumps({"token": self.guard.token} if token is None else {"token": token}))
+            yield page
+
+    def ask(self, request: bytes) -> bytes:
+        """Bytes sent to the port, and all that is answered."""
+        with socket.create_connection(("127.0.0.1", self.port), timeout=5.0) as peer:
+            peer.sendall(request)
+            answer = b""
+            try:
+                while part := peer.recv(65536):
+                    answer += part
+            except (ConnectionError, TimeoutError):
+                pass
+            return answer
+
+    def get(self, path: str, host: str | None = None) -> bytes:
+        return self.ask(f"GET {path} HTTP/1.1\r\nHost: {host or f'127.0.0.1:{self.port}'}\r\n\r\n".encode())
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join(10.0)
+        self.bus.close(0)
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    # Signal handlers can be set in the main thread only; here the test ends the server.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("signal.getsignal", lambda number: signal.SIG_IGN)
+        served = Served(tmp_path_factory.mktemp("bus"))
+        yield served
+        served.close()
+
+
+def answered(page: ClientConnection, wanted: str) -> dict[str, object]:
+    """The next answer with this key."""
+    while True:
+        text = page.recv(timeout=5.0)
+        if isinstance(text, str) and wanted in (answer := json.loads(text)):
+            return answer  # type: ignore[no-any-return]
+
+
+class TestWhoMay:
+    def test_page_is_served_with_a_policy_that_allows_nothing_unsafe(self, served: Served) -> None:
+        answer = served.get("/").decode()
+        assert answer.startswith("HTTP/1.1 200 OK")
+        policy = re.search(r"Content-Security-Policy: (.*)\r", answer)
+        assert policy is not None
+        assert "default-src 'none'" in policy[1]
+        assert "unsafe" not in policy[1]
+        assert f"ws://127.0.0.1:{served.port}/socket" in policy[1]
+
+    def test_another_host_name_gets_nothing(self, served: Served) -> None:
+        for host in ("evil.example", f"evil.example:{served.port}", "127.0.0.1", f"127.0.0.1:{served.port + 1}"):
+            assert served.get("/", host).startswith(b"HTTP/1.1 421")
+
+    def test_no_path_leaves_the_folder(self, served: Served) -> None:
+        for path in ("/../guard.py", "/%2e%2e/guard.py", "//etc/passwd", "/vendor/../../guard.py", "/main.js/", "/."):
+            assert served.get(path).startswith(b"HTTP/1.1 404")
+
+    @pytest.mark.parametrize("origin", ["http://evil.example", "null", None, "https://127.0.0.1"])
+    def test_another_page_may_not_connect(self, served: Served, origin: str | None) -> None:
+        with pytest.raises(InvalidStatus, match="403"), served.page(origin=origin):
+            pass
+
+    @pytest.mark.parametrize("token", ["", "wrong", "ä"])
+    def test_without_the_token_nothing_is_told(self, served: Served, token: str) -> None:
+        with served.page(token) as page:
+            with pytest.raises(ConnectionClosed) as closed:
+                page.recv(timeout=5.0)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 4401
+
+    def test_request_before_the_token_is_not_carried_out(self, served: Served, tmp_path: Path) -> None:
+        address, origin = f"ws://127.0.0.1:{served.port}/socket", f"http://127.0.0.1:{served.port}"
+        with connect(address, proxy=None, origin=origin) as page:  # type: ignore[arg-type]
+            page.send(json.dumps({"ask": "record", "id": 1, "on": True}))
+            with pytest.raises(ConnectionClosed):
+                page.recv(timeout=5.0)
+
+    def test_malformed_requests_are_refused_and_the_page_goes_on(self, served: Served) -> None:
+        with served.page() as page:
+            for text in ("", "{", "[]", '{"ask": "rm"}', '{"ask": "baseline", "id": 1, "pad": "../x", "kind": "bare"}'):
+                page.send(text)
+                assert "error" in answered(page, "error")
+            page.send(json.dumps({"ask": "ping", "sent_ms": 1.0}))
+            assert answered(page, "pong")["pong"] == 1.0
+
+    def test_noise_on_the_port_leaves_the_page_served(self, served: Served) -> None:
+        chance = random.Random(1)
+        for _ in range(100):
+            request = bytearray(f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\n\r\n".encode())
+            for _ in range(chance.randint(1, 8)):
+                request[chance.randrange(len(request))] = chance.randrange(256)
+            with socket.create_connection(("127.0.0.1", served.port)) as peer:
+                peer.sendall(bytes(request))
+        assert served.get("/").startswith(b"HTTP/1.1 200")
+
+    def test_many_silent_connections_keep_nobody_out(self, served: Served) -> None:
+        idle = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(WAITING + 100)]
+        assert served.get("/").startswith(b"HTTP/1.1 200")
+        for each in idle:
+            each.close()
+
+
+class TestFeed:
+    def test_page_gets_every_message_of_the_pad_it_watches_and_the_newest_of_others(self, served: Served) -> None:
+        with served.page() as page:
+            page.send(json.dumps({"ask": "watch", "detail": "left"}))
+            page.send(json.dumps({"ask": "ping", "sent_ms": 0.0}))
+            answered(page, "pong")
+            time.sleep(0.3)  # subscribed
+            for number in range(50):
+                for pad in ("left", "right"):
+                    served.bus.send_multipart([f"contact/{pad}".encode(), msgpack.packb({"seq": number})])
+            seen: dict[str, list[int]] = {"left": [], "right": []}
+            until = time.monotonic() + 5.0
+            while time.monotonic() < until and 49 not in (seen["right"] and seen["left"]):
+                batch = page.recv(timeout=5.0)
+                if isinstance(batch, bytes):
+                    values = msgpack.Unpacker(raw=False)
+                    values.feed(batch)
+                    for topic in values:
+                        seen[topic.partition("/")[2]].append(values.unpack()["seq"])
+            assert seen["left"] == list(range(50))
+            assert seen["right"][-1] == 49
+            assert len(seen["right"]) < 50
+
+    def test_without_a_page_nothing_is_subscribed(self, tmp_path: Path) -> None:
+        bus: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.XPUB)
+        endpoints = Endpoints.from_base(f"ipc://{tmp_path}")
+        bus.bind(endpoints.bus)
+        feed, viewer = Feed(endpoints), Viewer()
+        assert not bus.poll(200)
+        feed.add(viewer)
+        assert {bus.recv() for _ in range(3)} == {b"\x01contact/", b"\x01event/", b"\x01status/"}
+        feed.remove(viewer)
+        assert {bus.recv() for _ in range(3)} == {b"\x00contact/", b"\x00event/", b"\x00status/"}
+        feed.close()
+        bus.close(0)
+
+    def test_browser_that_does_not_read_costs_a_bounded_memory_and_is_told(self) -> None:
+        viewer = Viewer()
+        for number in range(KEPT_FOR_A_PAGE + 10):
+            viewer.take(b"contact/left", msgpack.packb({"seq": number}))
+        assert viewer.left_out == 10
+        assert (
+            len(list(msgpack.Unpacker(raw=False).__class__(__import__("io").BytesIO(viewer.batch()))))
+            == 2 * KEPT_FOR_A_PAGE
+        )
+
+
+class TestAddress:
+    def test_off_this_machine_only_with_tls(self) -> None:
+        with pytest.raises(RefusedAddressError, match="--certificate"):
+            Guard("0.0.0.0")
+        with pytest.raises(RefusedAddressError, match="both"):
+            Guard("127.0.0.1", certificate=Path("a.pem"))
+
+    def test_key_that_others_may_read_is_refused(self, tmp_path: Path) -> None:
+        for name in ("a.pem", "b.pem"):
+            (tmp_path / name).write_text("")
+            (tmp_path / name).chmod(0o644)
+        with pytest.raises(RefusedAddressError, match="chmod 600"):
+            Guard("0.0.0.0", tmp_path / "a.pem", tmp_path / "b.pem").tls()
+
+    def test_token_is_behind_the_hash_where_no_server_sees_it(self) -> None:
+        guard = Guard("127.0.0.1")
+        assert guard.address(8710) == f"http://127.0.0.1:8710/#{guard.token}"
+        assert len(guard.token) >= 32
+        assert Guard("127.0.0.1").token != guard.token
+
+    def test_browser_is_opened_only_where_there_is_a_desktop_and_it_is_wanted(self) -> None:
+        assert may_open({"DISPLAY": ":0"}, "linux")
+        assert not may_open({}, "linux")
+        assert not may_open({"DISPLAY": ":0", "BROWSER": "none"}, "linux")
+
+
+class TestRecordings:
+    def test_only_files_of_the_folder_can_be_shown(self, tmp_path: Path) -> None:
+        (tmp_path / "a.mcap").write_bytes(b"")
+        (tmp_path / "b.txt").write_bytes(b"")
+        recordings = Recordings(tmp_path, None)
+        assert recordings.names() == ["a.mcap"]
+        assert recordings.path_of("a.mcap") == tmp_path / "a.mcap"
+        for name in ("b.txt", "../a.mcap", "/etc/passwd", ""):
+            with pytest.raises(RecordingsError):
+                recordings.path_of(name)
+
+    def test_ending_what_was_not_begun_says_so(self, tmp_path: Path) -> None:
+        with pytest.raises(RecordingsError, match="nothing is being recorded"):
+            Recordings(tmp_path, None).end()
+
+
+class TestFiles:
+    def test_page_has_no_inline_script_or_style(self) -> None:
+        page = (FOLDER / "index.html").read_text()
+        assert not re.search(r"<script(?![^>]*src=)|<style|\sstyle=|\son\w+=", page)
+
+    def test_every_file_that_the_page_names_is_there_and_none_is_elsewhere(self) -> None:
+        for file in FOLDER.glob("*.*"):
+            named = re.findall(
+                r"""(?:src|href|from|import)\s*=?\s*["']([^"'#]+\.(?:js|css|svg|json))["']""", file.read_text()
+            )
+            assert all((FOLDER / name).exists() for name in named), file
+            assert "https://" not in file.read_text(), file
+
+    def test_what_to_do_is_what_the_manual_says(self) -> None:
+        manual = (ROOT / "docs/troubleshooting.md").read_text()
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", manual)
+        advice = json.loads((FOLDER / "advice.json").read_text())
+        rows = dict(re.findall(r"^\| `(\w+)` \| .*? \| (.*) \|$", plain[plain.index("## `health`") :], re.MULTILINE))
+        assert {name: text for name, text in advice["health"].items() if name != "silent"} == rows
+        for sentence in (advice["health"]["silent"], *advice["reasons"].values()):
+            assert f"| {sentence} |" in plain
+        for reason in advice["reasons"]:
+            assert f'`reason` is "{reason}"' in plain
+
+    def test_vendored_libraries_are_those_of_the_table(self) -> None:
+        table = (ROOT / "docs/dependencies.md").read_text()
+        for file in (FOLDER / "vendor").glob("*.*s"):
+            assert hashlib.sha256(file.read_bytes()).hexdigest() in table, file.name
+
+    def test_unknown_path_is_no_file(self) -> None:
+        assert Files("ws://x").answer("/nothing").status_code == 404
