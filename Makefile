@@ -1,5 +1,6 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
-#              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board)
+#              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
+#              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
@@ -20,6 +21,7 @@ BIN := $(VENV)/bin
 SECONDS ?=
 PAPER ?=
 FIRMWARE ?=
+HAND ?=
 
 # Packages that a bare Debian lacks: python3-venv, and python3-dev with Python.h for the compiled parts.
 BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv) \
@@ -34,11 +36,13 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 # instead, because Python would print a traceback if Ctrl-C came while it starts.
 until_interrupted = trap 'kill $$demo; wait $$demo 2>/dev/null; exit 0' INT TERM HUP; $(1) & demo=$$!; wait $$demo
 
-demo: $(VENV)/.installed $(if $(PAPER),firmware) $(if $(FIRMWARE),test-packages $(VENV)/.installed-test)
+demo: $(VENV)/.installed $(if $(PAPER)$(HAND),firmware) $(if $(FIRMWARE),test-packages $(VENV)/.installed-test)
 ifneq ($(PAPER),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/paper_demo.py)
 else ifneq ($(FIRMWARE),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/firmware_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
+else ifneq ($(HAND),)
+	@$(call until_interrupted,$(BIN)/python tests/end_to_end/hand_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)))
 endif

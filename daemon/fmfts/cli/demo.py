@@ -1,4 +1,4 @@
-"""`fmfts-daemon demo`: runs the daemon and a live view in one terminal, with their own sockets and state."""
+"""`fmfts-daemon demo`: runs the daemon, a live view in the terminal and the page, with their own sockets and state."""
 
 # Slow imports are in `main`, where Ctrl-C is handled.
 from __future__ import annotations
@@ -130,6 +130,7 @@ def main() -> int:
 
 
 def _demo(options: argparse.Namespace) -> int:
+    from fmfts.cli.page_beside import page_beside
     from fmfts.config.example import EXAMPLE_PATH
     from fmfts.view.listen import listen
 
@@ -137,7 +138,9 @@ def _demo(options: argparse.Namespace) -> int:
     with (
         tempfile.TemporaryDirectory(prefix="fmfts-demo-") as folder,
         running_daemon(options.config or EXAMPLE_PATH, Path(folder)) as base,
+        page_beside(Path(folder), base) as page_line,
     ):
+        print(page_line(), flush=True)
         return listen(None, options.seconds, endpoint=base)
 
 

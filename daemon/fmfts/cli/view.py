@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
@@ -19,7 +24,13 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     parser.add_argument("--certificate", type=Path, metavar="PEM", help="of TLS, with --key")
     parser.add_argument("--key", type=Path, metavar="PEM", help="the certificate's key; nobody else may read it")
     parser.add_argument("--recordings", type=Path, metavar="FOLDER", default=Path(), help="default: this folder")
-    parser.add_argument("--ghost", metavar="ENDPOINT", help="another opinion to draw beside each pad (the demo's)")
+    parser.add_argument(
+        "--fixed-baseline", action="store_true", help="draw also what a baseline that is only subtracted would say"
+    )
+    parser.add_argument(
+        "--ghost-endpoint", metavar="ENDPOINT", help="where --fixed-baseline publishes; default: private"
+    )
+    parser.add_argument("--beside", metavar="ENDPOINT", action="append", default=[], help="further messages to draw")
 
 
 def _view(options: argparse.Namespace) -> int:
@@ -37,6 +48,25 @@ def _view(options: argparse.Namespace) -> int:
     with ended_by(EndpointError, RefusedAddressError):
         guard = Guard(options.host, options.certificate, options.key)
         base = serving_base(options)
-        folder = options.recordings.absolute()
-        serve_page(guard, for_client(base), folder, base, options.port, serving, options.ghost)
+        endpoints, folder = for_client(base), options.recordings.absolute()
+        with ExitStack() as stack:
+            beside: list[str] = options.beside
+            if options.fixed_baseline:
+                beside = [*beside, stack.enter_context(_fixed_baseline(base, options.ghost_endpoint))]
+            serve_page(guard, endpoints, folder, base, options.port, serving, beside)
     return 0
+
+
+@contextmanager
+def _fixed_baseline(base: str | None, endpoint: str | None) -> Iterator[str]:
+    """Runs fmfts.page.ghost, and yields its endpoint. endpoint: None for one in a folder of its own."""
+    with tempfile.TemporaryDirectory(prefix="fmfts-ghost-") as folder:
+        endpoint = endpoint or f"ipc://{folder}/ghost"
+        where = [] if base is None else ["--endpoint", base]
+        command = [sys.executable, "-m", "fmfts.page.ghost", "--bind", endpoint, *where]
+        ghost = subprocess.Popen(command, stdin=subprocess.DEVNULL)
+        try:
+            yield endpoint
+        finally:
+            ghost.terminate()
+            ghost.wait()

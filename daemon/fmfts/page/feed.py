@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgpack  # type: ignore[import-untyped]
 import zmq
@@ -15,7 +15,7 @@ from fmfts_client.keys import show_key
 from fmfts_client.subscription import LARGEST_MESSAGE
 
 TOPICS = (b"contact/", b"event/", b"status/")
-GHOST = b"ghost/"
+GHOST, CAPTION = b"ghost/", b"caption/"
 RECEIVED_AT_MOST = 20_000  # 1.4 s of 64 pads at 220 Hz; ZeroMQ drops what is beyond
 KEPT_FOR_A_PAGE = 2_000  # 9 s of a pad at 220 Hz, for a browser that does not read
 
@@ -56,10 +56,11 @@ class Viewer:
 class Feed:
     """One subscription for all viewers. Without a viewer it is subscribed to nothing, and costs nothing.
 
-    ghost: endpoint of `ghost/<pad>` messages (fmfts.page.ghost), which the demo adds. Raises EndpointError.
+    beside: endpoints of other programs, with `ghost/<pad>` (fmfts.page.ghost), or `caption/` {text} of a demo.
+    Raises EndpointError.
     """
 
-    def __init__(self, endpoints: Endpoints, ghost: str | None = None) -> None:
+    def __init__(self, endpoints: Endpoints, beside: Sequence[str] = ()) -> None:
         self.viewers: set[Viewer] = set()
         self._socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.SUB)
         self._socket.setsockopt(zmq.LINGER, 0)
@@ -71,10 +72,10 @@ class Feed:
             self._socket.close()
             raise
         self._clock = SenderClock() if endpoints.bus.startswith("tcp://") else None
-        self._topics = TOPICS if ghost is None else (*TOPICS, GHOST)
+        self._topics = (*TOPICS, GHOST, CAPTION) if beside else TOPICS
         self._socket.connect(endpoints.bus)
-        if ghost is not None:
-            self._socket.connect(ghost)
+        for endpoint in beside:
+            self._socket.connect(endpoint)
 
     def add(self, viewer: Viewer) -> None:
         if not self.viewers:

@@ -7,7 +7,7 @@ import errno
 import logging
 import resource
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +35,10 @@ log = logging.getLogger(__name__)
 class PageServer:
     """Serves pages at `guard`'s host. Use `run`."""
 
-    def __init__(self, guard: Guard, endpoints: Endpoints, recordings: Recordings, ghost: str | None = None) -> None:
+    def __init__(self, guard: Guard, endpoints: Endpoints, recordings: Recordings, beside: Sequence[str] = ()) -> None:
         self._guard = guard
         self._tls = guard.tls()
-        self._feed = Feed(endpoints, ghost)
+        self._feed = Feed(endpoints, beside)
         self._commands = Commands(endpoints, recordings)
         self._pages: set[PageConnection] = set()
         self._waiting: dict[ServerConnection, None] = {}  # in the order of their coming
@@ -153,11 +153,14 @@ def serve_page(
     base: str | None,
     port: int,
     serving: Callable[[str], None],
-    ghost: str | None = None,
+    beside: Sequence[str] = (),
 ) -> None:
-    """Serve the page until a signal ends it. folder: of recordings. base: as in FMFTS_BUS, for the recorder."""
+    """Serve the page until a signal ends it. folder: of recordings. base: as in FMFTS_BUS, for the recorder.
+
+    beside: see `Feed`.
+    """
 
     async def run() -> None:
-        await PageServer(guard, endpoints, Recordings(folder, base), ghost).run(port, serving)
+        await PageServer(guard, endpoints, Recordings(folder, base), beside).run(port, serving)
 
     asyncio.run(run())

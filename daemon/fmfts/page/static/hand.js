@@ -46,8 +46,9 @@ export class Hand {
     const key = `${this.named} ${width} ${height}`;
     if (key === this.fitted) return;
     this.fitted = key;
-    const xs = this.places.flatMap(({ x, pad }) => [x - 1.15 * halfSide(pad.shape), x + 1.15 * halfSide(pad.shape)]);
-    const ys = this.places.flatMap(({ y, pad }) => [y - 1.15 * halfSide(pad.shape), y + 1.15 * halfSide(pad.shape)]);
+    const reach = ({ turn, pad }) => (Math.abs(Math.cos(turn)) + Math.abs(Math.sin(turn)) + 0.1) * halfSide(pad.shape);
+    const xs = this.places.flatMap((place) => [place.x - reach(place), place.x + reach(place)]);
+    const ys = this.places.flatMap((place) => [place.y - reach(place), place.y + reach(place)]);
     const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     this.scale = Math.min(width / (x1 - x0), (height - 18) / (y1 - y0));
     this.middle = [(x0 + x1) / 2, (y0 + y1) / 2];

@@ -75,6 +75,7 @@ function choose(name) {
 link.addEventListener("message", ({ detail: { topic, body } }) => {
   if (topic === "clock") return void (page.clockMs = { at: performance.now(), ms: Number(body.now_ns) / 1e6 });
   const [kind, name] = topic.split("/");
+  if (kind === "caption") return caption(body.text);
   if (kind !== "ghost" && body.v !== SCHEMA) {
     banner(`The daemon speaks version ${body.v} of the messages, this page ${SCHEMA}: install both of one version.`);
     return;
@@ -103,6 +104,11 @@ link.addEventListener("state", ({ detail: { state, why } }) => {
 link.addEventListener("said", ({ detail }) => {
   page.leftOut = detail.left_out ?? page.leftOut;
 });
+
+function caption(text) {
+  element("caption").hidden = !text;
+  setText(element("caption"), text);
+}
 
 function banner(text) {
   element("banner").hidden = !text;

@@ -207,17 +207,23 @@ function drawOver(ctx, contact, x, y, scale, half, full, placed) {
   if (full) label(ctx, `▲ more than ${known(contact.force_min_n) ? shown(contact.force_min_n, 2) : "?"} N`, ...beside(x, y, radius, half), { px: 18, weight: 700, fill: colour.bad });
 }
 
+// Where a fixed baseline puts the magnet and the contact; it believes itself in any field.
 function drawGhost(ctx, ghost, scale, half, full) {
-  if (!known(ghost.force_n)) return;
-  if (ghost.force_n < 0.05) return;
-  const x = Math.min(Math.max(ghost.x_m * scale, -half), half), y = Math.min(Math.max(-ghost.y_m * scale, -half), half);
-  disc(ctx, x, y, Math.min(forceRadius(ghost.force_n) * scale, half));
+  const inside = (value) => Math.min(Math.max(value, -half), half);
   ctx.strokeStyle = colour.ghost;
   ctx.lineWidth = full ? 2.2 : 1.4;
-  ctx.setLineDash([4, 4]);
-  ctx.stroke();
+  ctx.setLineDash(full ? [4, 4] : [3, 2]);
+  if (ghost.magnet_m) {
+    disc(ctx, inside(ghost.magnet_m[0] * scale), inside(-ghost.magnet_m[1] * scale), Math.max(0.0013 * scale, 3));
+    ctx.stroke();
+  }
+  if (ghost.force_n >= 0.05) {
+    disc(ctx, inside(ghost.x_m * scale), inside(-ghost.y_m * scale), Math.min(forceRadius(ghost.force_n) * scale, half));
+    ctx.stroke();
+  }
   ctx.setLineDash([]);
-  if (full) label(ctx, `fixed baseline: ${shown(ghost.force_n, 2)} N`, 0, half - 34, { px: 12.5, weight: 600, fill: colour.ghost });
+  const text = known(ghost.force_n) ? `${shown(ghost.force_n, 2)} N` : "no answer";
+  if (full) label(ctx, `fixed baseline: ${text}`, half - 10, -half + 16, { px: 13, weight: 650, fill: colour.ghost, align: "right" });
 }
 
 function cross(ctx, x, y, arm) {

@@ -1,0 +1,200 @@
+"""`make demo HAND=1`: five boards (the firmware's host build on ptys), a daemon, the page, and a fixed baseline.
+
+Options: --seconds ends it with a summary. The address of the page is printed; BROWSER=none opens no browser.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections import Counter, deque
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import zmq
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from end_to_end.hand_world import CYCLE_S, NAMES, ROOM_C, UNPLUGGED_S, HandWorld, act_at, config_of
+from end_to_end.processes import FirmwareHost, RunningDaemon
+from fmfts.cli.demo import end_on_signals
+from fmfts.cli.page_beside import page_beside
+from fmfts.config.file import load
+
+MOVES_A_SECOND = 30
+WRONG_N = 0.2
+# Only steady moments are judged: a force that changes by 3 N/s is off by 0.03 N after the 10 ms from sample to message.
+SETTLED_S, STEADY_N = 0.15, 0.02
+UID = "68616e64{:016x}"
+
+
+class Hand:
+    """The five boards, moved as the world says. Boards and daemon are real; only the chips' field is made up."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folders = [folder / name for name in NAMES]
+        for each in self._folders:
+            each.mkdir()
+        self._boards: list[FirmwareHost | None] = [self._board(number) for number in range(len(NAMES))]
+        self.config = config_of([str(each / "board") for each in self._folders])
+        self.world: HandWorld
+
+    def _board(self, number: int) -> FirmwareHost:
+        return FirmwareHost(self._folders[number], "--uid", UID.format(number))
+
+    def still(self, mounted: bool) -> None:
+        for number, board in enumerate(self._boards):
+            assert board is not None
+            board.field(self.world.field(number, 0.0, still=True, mounted=mounted))
+
+    def bare(self, number: int) -> None:
+        """This pad is taken off; the others stay mounted."""
+        board = self._boards[number]
+        assert board is not None
+        board.field(self.world.field(number, 0.0, still=True, mounted=False))
+
+    def move(self, time_s: float) -> None:
+        """Put the world as it is at `time_s` around the boards; pull and put the plug of the ring finger."""
+        ring, now = NAMES.index("ring"), time_s % CYCLE_S
+        pulled = UNPLUGGED_S[0] <= now < UNPLUGGED_S[1]
+        board = self._boards[ring]
+        if pulled and board is not None:
+            board.kill()
+            self._boards[ring] = None
+        elif not pulled and board is None:
+            self._boards[ring] = self._board(ring)
+        for number, each in enumerate(self._boards):
+            if each is not None:
+                each.field(self.world.field(number, time_s))
+                each.tell(f"temperature 0 {ROOM_C + self.world.warming_k(number, time_s):.2f}")
+
+    def close(self) -> None:
+        for board in self._boards:
+            if board is not None:
+                board.kill()
+
+
+class Score:
+    """How often each way is wrong by more than WRONG_N, and how often the daemon says that it does not know."""
+
+    def __init__(self) -> None:
+        self._forces: deque[tuple[float, list[float]]] = deque(maxlen=MOVES_A_SECOND * 5)
+        self.told = {"daemon": 0, "ghost": 0}
+        self.wrong = {"daemon": 0, "ghost": 0}
+        self.worst_n = {"daemon": 0.0, "ghost": 0.0}
+        self.unknown = 0
+        self.by_act: Counter[tuple[str, str, str]] = Counter()
+
+    def moved(self, forces_n: list[float]) -> None:
+        """The boards have these forces from now on."""
+        self._forces.append((time.monotonic(), forces_n))
+
+    def take(self, who: str, pad: str, body: dict[str, Any], act: str) -> None:
+        sampled_s = body["t_sample_ns"] * 1e-9
+        number = NAMES.index(pad)
+        around = [forces[number] for moment, forces in self._forces if abs(moment - sampled_s) < SETTLED_S]
+        if not around or max(around) - min(around) > STEADY_N or body.get("over_range"):
+            return
+        force_n = 0.0 if body.get("contact") is False else body["force_n"]
+        if force_n is None or (who == "daemon" and body["contact"] is None):
+            self.unknown += who == "daemon"
+            return
+        off_n = abs(force_n - around[-1])
+        self.told[who] += 1
+        self.worst_n[who] = max(self.worst_n[who], off_n)
+        if off_n > WRONG_N:
+            self.wrong[who] += 1
+            self.by_act[who, act, pad] += 1
+
+    def lines(self) -> list[str]:
+        def of(who: str, name: str) -> str:
+            share = 100.0 * self.wrong[who] / max(self.told[who], 1)
+            return f"  {name} {share:5.1f} % of {self.told[who]} messages; the worst by {self.worst_n[who]:.2f} N"
+
+        return [
+            f"wrong by more than {WRONG_N:g} N:",
+            of("ghost", "a fixed baseline"),
+            of("daemon", "fmfts-daemon    "),
+            f"  fmfts-daemon said {self.unknown} times that the force is not known, with the reason",
+        ]
+
+
+def record_baselines(daemon: RunningDaemon, hand: Hand) -> None:
+    print("recording the baselines of five pads: bare, then at rest", flush=True)
+    for number, name in enumerate(NAMES):
+        hand.bare(number)
+        daemon.request("baseline", pad=name, bare=True, duration_s=1.0, timeout_s=30.0)
+        hand.still(mounted=True)
+    for name in NAMES:
+        daemon.request("baseline", pad=name, duration_s=1.0, timeout_s=30.0)
+
+
+def run(seconds: float | None, folder: Path, stack: ExitStack) -> Score:
+    hand = Hand(folder)
+    stack.callback(hand.close)
+    (folder / "bus").mkdir()
+    config = folder / "hand.toml"
+    config.write_text(hand.config)
+    hand.world = HandWorld(load(config)[0])
+    hand.still(mounted=True)
+    daemon = stack.enter_context(RunningDaemon(folder / "bus", hand.config))
+    for name in NAMES:
+        daemon.wait_for(lambda contact, name=name: contact.pad == name and contact.sensors_ok == 0b1111)
+    record_baselines(daemon, hand)
+    captions = zmq.Context.instance().socket(zmq.PUB)
+    stack.callback(captions.close, 0)
+    captions.bind(f"ipc://{folder}/caption")
+    ghosts = zmq.Context.instance().socket(zmq.SUB)
+    stack.callback(ghosts.close, 0)
+    ghosts.subscribe(b"ghost/")
+    options = ("--fixed-baseline", "--ghost-endpoint", f"ipc://{folder}/ghost", "--beside", f"ipc://{folder}/caption")
+    print(stack.enter_context(page_beside(folder, daemon.base, *options))(), flush=True)
+    ghosts.connect(f"ipc://{folder}/ghost")
+    contacts = stack.enter_context(daemon.subscribe())
+    return play(seconds, hand, contacts, ghosts, captions)
+
+
+def play(seconds: float | None, hand: Hand, contacts: Any, ghosts: Any, captions: Any) -> Score:
+    score, begun, said = Score(), time.monotonic(), ""
+    told = 0.0
+    try:
+        while seconds is None or time.monotonic() - begun < seconds:
+            now = time.monotonic() - begun
+            hand.move(now)
+            score.moved([hand.world.touch(number, now)[2] for number in range(len(NAMES))])
+            text = act_at(now).text
+            if text != said:
+                print(text, flush=True)
+            if text != said or now - told > 1.0:
+                captions.send_multipart((b"caption/", msgpack.packb({"text": text})))
+                said, told = text, now
+            while (message := contacts.receive(0.0)) is not None:
+                score.take("daemon", message.pad, message.body, text)
+            while ghosts.poll(0):
+                topic, body = ghosts.recv_multipart()
+                one = msgpack.unpackb(body)
+                score.take("ghost", topic.decode().partition("/")[2], one, text)
+            time.sleep(max(0.0, 1.0 / MOVES_A_SECOND - (time.monotonic() - begun - now)))
+    except KeyboardInterrupt:
+        pass  # the usual end
+    return score
+
+
+def main() -> int:
+    end_on_signals()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float)
+    seconds = parser.parse_args().seconds
+    with tempfile.TemporaryDirectory(prefix="fmfts-hand-") as name, ExitStack() as stack:
+        score = run(seconds, Path(name), stack)
+    print(*score.lines(), sep="\n", flush=True)
+    print(score.by_act)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
