@@ -9,7 +9,7 @@ import argparse
 import sys
 import tempfile
 import time
-from collections import Counter, deque
+from collections import deque
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,8 @@ from fmfts.config.file import load
 MOVES_A_SECOND = 30
 WRONG_N = 0.2
 # Only steady moments are judged: a force that changes by 3 N/s is off by 0.03 N after the 10 ms from sample to message.
-SETTLED_S, STEADY_N = 0.15, 0.02
+SETTLED_S, STEADY_N, FEWEST_MOVES = 0.15, 0.02, 4
+CAPTION_S = 0.3
 UID = "68616e64{:016x}"
 
 
@@ -41,7 +42,11 @@ class Hand:
             each.mkdir()
         self._boards: list[FirmwareHost | None] = [self._board(number) for number in range(len(NAMES))]
         self.config = config_of([str(each / "board") for each in self._folders])
+        self._captioned_s = -CAPTION_S
         self.world: HandWorld
+        self.daemon: RunningDaemon
+        self.captions: zmq.Socket[bytes]
+        self.address = ""
 
     def _board(self, number: int) -> FirmwareHost:
         return FirmwareHost(self._folders[number], "--uid", UID.format(number))
@@ -57,8 +62,8 @@ class Hand:
         assert board is not None
         board.field(self.world.field(number, 0.0, still=True, mounted=False))
 
-    def move(self, time_s: float) -> None:
-        """Put the world as it is at `time_s` around the boards; pull and put the plug of the ring finger."""
+    def move(self, time_s: float) -> list[float]:
+        """Put the world as it is at `time_s` around the boards; pull and put the ring finger's plug. Returns forces."""
         ring, now = NAMES.index("ring"), time_s % CYCLE_S
         pulled = UNPLUGGED_S[0] <= now < UNPLUGGED_S[1]
         board = self._boards[ring]
@@ -71,6 +76,10 @@ class Hand:
             if each is not None:
                 each.field(self.world.field(number, time_s))
                 each.tell(f"temperature 0 {ROOM_C + self.world.warming_k(number, time_s):.2f}")
+        if time_s - self._captioned_s >= CAPTION_S:  # again and again, for pages that open later
+            self._captioned_s = time_s
+            self.captions.send_multipart((b"caption/", msgpack.packb({"text": act_at(time_s).text})))
+        return [self.world.touch(number, time_s)[2] for number in range(len(NAMES))]
 
     def close(self) -> None:
         for board in self._boards:
@@ -87,17 +96,16 @@ class Score:
         self.wrong = {"daemon": 0, "ghost": 0}
         self.worst_n = {"daemon": 0.0, "ghost": 0.0}
         self.unknown = 0
-        self.by_act: Counter[tuple[str, str, str]] = Counter()
 
     def moved(self, forces_n: list[float]) -> None:
         """The boards have these forces from now on."""
         self._forces.append((time.monotonic(), forces_n))
 
-    def take(self, who: str, pad: str, body: dict[str, Any], act: str) -> None:
+    def take(self, who: str, pad: str, body: dict[str, Any]) -> None:
         sampled_s = body["t_sample_ns"] * 1e-9
         number = NAMES.index(pad)
         around = [forces[number] for moment, forces in self._forces if abs(moment - sampled_s) < SETTLED_S]
-        if not around or max(around) - min(around) > STEADY_N or body.get("over_range"):
+        if len(around) < FEWEST_MOVES or max(around) - min(around) > STEADY_N or body.get("over_range"):
             return
         force_n = 0.0 if body.get("contact") is False else body["force_n"]
         if force_n is None or (who == "daemon" and body["contact"] is None):
@@ -108,7 +116,6 @@ class Score:
         self.worst_n[who] = max(self.worst_n[who], off_n)
         if off_n > WRONG_N:
             self.wrong[who] += 1
-            self.by_act[who, act, pad] += 1
 
     def lines(self) -> list[str]:
         def of(who: str, name: str) -> str:
@@ -133,7 +140,8 @@ def record_baselines(daemon: RunningDaemon, hand: Hand) -> None:
         daemon.request("baseline", pad=name, duration_s=1.0, timeout_s=30.0)
 
 
-def run(seconds: float | None, folder: Path, stack: ExitStack) -> Score:
+def served_hand(folder: Path, stack: ExitStack) -> Hand:
+    """A hand with baselines, read by a daemon and shown by the page at its `address`, with captions and ghosts."""
     hand = Hand(folder)
     stack.callback(hand.close)
     (folder / "bus").mkdir()
@@ -141,43 +149,45 @@ def run(seconds: float | None, folder: Path, stack: ExitStack) -> Score:
     config.write_text(hand.config)
     hand.world = HandWorld(load(config)[0])
     hand.still(mounted=True)
-    daemon = stack.enter_context(RunningDaemon(folder / "bus", hand.config))
+    hand.daemon = stack.enter_context(RunningDaemon(folder / "bus", hand.config))
     for name in NAMES:
-        daemon.wait_for(lambda contact, name=name: contact.pad == name and contact.sensors_ok == 0b1111)
-    record_baselines(daemon, hand)
-    captions = zmq.Context.instance().socket(zmq.PUB)
-    stack.callback(captions.close, 0)
-    captions.bind(f"ipc://{folder}/caption")
+        hand.daemon.wait_for(lambda contact, name=name: contact.pad == name and contact.sensors_ok == 0b1111)
+    record_baselines(hand.daemon, hand)
+    hand.captions = zmq.Context.instance().socket(zmq.PUB)
+    stack.callback(hand.captions.close, 0)
+    hand.captions.bind(f"ipc://{folder}/caption")
+    options = ("--fixed-baseline", "--ghost-endpoint", f"ipc://{folder}/ghost", "--beside", f"ipc://{folder}/caption")
+    line = stack.enter_context(page_beside(folder, hand.daemon.base, *options))()
+    print(line, flush=True)
+    hand.address = line.removeprefix("the page: ")
+    return hand
+
+
+def run(seconds: float | None, folder: Path, stack: ExitStack) -> Score:
+    hand = served_hand(folder, stack)
     ghosts = zmq.Context.instance().socket(zmq.SUB)
     stack.callback(ghosts.close, 0)
     ghosts.subscribe(b"ghost/")
-    options = ("--fixed-baseline", "--ghost-endpoint", f"ipc://{folder}/ghost", "--beside", f"ipc://{folder}/caption")
-    print(stack.enter_context(page_beside(folder, daemon.base, *options))(), flush=True)
     ghosts.connect(f"ipc://{folder}/ghost")
-    contacts = stack.enter_context(daemon.subscribe())
-    return play(seconds, hand, contacts, ghosts, captions)
+    return play(seconds, hand, stack.enter_context(hand.daemon.subscribe()), ghosts)
 
 
-def play(seconds: float | None, hand: Hand, contacts: Any, ghosts: Any, captions: Any) -> Score:
+def play(seconds: float | None, hand: Hand, contacts: Any, ghosts: Any) -> Score:
     score, begun, said = Score(), time.monotonic(), ""
-    told = 0.0
     try:
         while seconds is None or time.monotonic() - begun < seconds:
             now = time.monotonic() - begun
-            hand.move(now)
-            score.moved([hand.world.touch(number, now)[2] for number in range(len(NAMES))])
+            forces_n = hand.move(now)
+            score.moved(forces_n)
             text = act_at(now).text
             if text != said:
                 print(text, flush=True)
-            if text != said or now - told > 1.0:
-                captions.send_multipart((b"caption/", msgpack.packb({"text": text})))
-                said, told = text, now
+                said = text
             while (message := contacts.receive(0.0)) is not None:
-                score.take("daemon", message.pad, message.body, text)
+                score.take("daemon", message.pad, message.body)
             while ghosts.poll(0):
                 topic, body = ghosts.recv_multipart()
-                one = msgpack.unpackb(body)
-                score.take("ghost", topic.decode().partition("/")[2], one, text)
+                score.take("ghost", topic.decode().partition("/")[2], msgpack.unpackb(body))
             time.sleep(max(0.0, 1.0 / MOVES_A_SECOND - (time.monotonic() - begun - now)))
     except KeyboardInterrupt:
         pass  # the usual end
@@ -192,7 +202,6 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="fmfts-hand-") as name, ExitStack() as stack:
         score = run(seconds, Path(name), stack)
     print(*score.lines(), sep="\n", flush=True)
-    print(score.by_act)
     return 0
 
 

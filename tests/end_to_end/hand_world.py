@@ -40,6 +40,7 @@ name = "{name}"
 [pad.source]
 type = "bridge"
 port = "{ports[number]}"
+range_gauss = 4.0
 [pad.tolerance]
 sensor_rotation_deg = 0.5
 [pad.scene]
@@ -87,7 +88,10 @@ class HandWorld:
     def __init__(self, config: Config) -> None:
         self._configs: list[PadConfig] = list(config.pad)
         chance = np.random.default_rng(SEED)
-        self._pads = [replace(MountedPad.built(pad.pad(), chance, None, CHIP_TURN_RAD, CROSS_AXIS), ambient_t=EARTH_T.copy()) for pad in self._configs]
+        self._pads = [
+            replace(MountedPad.built(pad.pad(), chance, None, CHIP_TURN_RAD, CROSS_AXIS), ambient_t=EARTH_T.copy())
+            for pad in self._configs
+        ]
         self._placements = [pad.placement.si() for pad in self._configs]
 
     def touch(self, number: int, time_s: float) -> tuple[float, float, float]:

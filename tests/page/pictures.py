@@ -1,0 +1,126 @@
+"""`make pictures`: takes the pictures of the manual from the real page, in Chromium, of the firmware on a pty.
+
+They are: a touch, a sensor that is left out, the guided baseline, a hand beside a fixed baseline, a moving touch.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Browser, Page
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from end_to_end.firmware_in_the_loop import PressedPad
+from end_to_end.first_use import EARTH_T
+from end_to_end.hand_demo import Hand, served_hand
+from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemon, resting_field
+from fmfts.config.file import load
+from fmfts.simulation.finger import Touch
+from page.rig import View, chromium, opened, record_rest, until
+
+DOCS = ROOT / "docs"
+COLOURS = 128
+MOVING_S, MOVING_HZ = 6.0, 8
+HEALTH = "document.querySelector('#health').dataset.health"
+FORCE = "document.querySelector('#force').dataset.kind"
+
+
+def keep(shot: bytes, name: str) -> None:
+    """A picture with few colours takes a third of the bytes, and looks the same."""
+    picture = Image.open(io.BytesIO(shot)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    picture.save(DOCS / name, optimize=True)
+    print(f"{DOCS / name}: {(DOCS / name).stat().st_size // 1024} kB", flush=True)
+
+
+def slide(time_s: float) -> Touch:
+    """A finger that comes, slides in an eight, and goes, every six seconds."""
+    now = time_s % MOVING_S
+    rise = min(max(min(now - 0.4, MOVING_S - 0.8 - now) / 0.6, 0.0), 1.0)
+    turn = 2.0 * math.pi * now / MOVING_S
+    return Touch(7e-3 * math.sin(turn), 5e-3 * math.sin(2.0 * turn), 1.3 * rise * (0.8 + 0.2 * math.cos(turn)))
+
+
+def one_pad(browser: Browser, folder: Path) -> None:
+    with ExitStack() as stack:
+        board = stack.enter_context(FirmwareHost(folder))
+        daemon = stack.enter_context(RunningDaemon(folder, BRIDGE_CONFIG.format(port=board.port)))
+        pad = load(daemon.config)[0].pad[0].pad()
+        view = stack.enter_context(View(folder, daemon.environment))
+        page = opened(browser, view.address)
+        guided(page, board, resting_field(pad))
+        record_rest(daemon)
+        pressed = stack.enter_context(PressedPad(board, pad))
+        pressed.press(slide)
+        until(page, f"{HEALTH} === 'ok'")
+        page.wait_for_timeout(10_000)
+        until(page, f"{FORCE} === 'touch' && parseFloat(document.querySelector('#force').textContent) > 1.2")
+        keep(page.screenshot(), "page.png")
+        moving(page)
+        board.tell("fault 0 2 unplugged")
+        until(page, f"{HEALTH} === 'degraded' && {FORCE} === 'touch'")
+        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": 600}), "page-fault.png")
+        page.context.close()
+
+
+def guided(page: Page, board: FirmwareHost, at_rest: object) -> None:
+    """The cards, when the baseline at rest was recorded."""
+    board.field(EARTH_T)
+    until(page, f"{HEALTH} === 'no_baseline'")
+    page.keyboard.press("g")
+    for card in range(4):
+        if card == 3:
+            board.field(at_rest + EARTH_T)  # type: ignore[operator]
+        page.click(f"#cards > li:nth-child({card + 1}) button")
+        until(page, f"document.querySelectorAll('#cards > li')[{card}].dataset.state === 'done'")
+    keep(page.screenshot(clip={"x": 860, "y": 0, "width": 580, "height": 900}), "page-guide.png")
+    page.keyboard.press("Escape")
+
+
+def moving(page: Page) -> None:
+    """An animation of one round of the finger, of the pad and its section."""
+    pictures, began = [], time.monotonic()
+    for number in range(int(MOVING_S * MOVING_HZ)):
+        page.wait_for_timeout(max(0.0, (began + number / MOVING_HZ - time.monotonic()) * 1e3))
+        shot = page.screenshot(clip={"x": 0, "y": 100, "width": 1030, "height": 490})
+        pictures.append(Image.open(io.BytesIO(shot)).convert("RGB").resize((687, 327), Image.Resampling.LANCZOS))
+    palette = pictures[len(pictures) // 2].quantize(COLOURS, dither=Image.Dither.NONE)
+    few = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
+    path = DOCS / "page-touch.png"
+    few[0].save(path, save_all=True, append_images=few[1:], duration=round(1000 / MOVING_HZ), loop=0, optimize=True)
+    print(f"{path}: {path.stat().st_size // 1024} kB", flush=True)
+
+
+def hand(browser: Browser, folder: Path) -> None:
+    with ExitStack() as stack:
+        served: Hand = served_hand(folder, stack)
+        page = opened(browser, served.address)
+        began = time.monotonic()
+        while (now := time.monotonic() - began) < 15.0:
+            served.move(now)
+            page.wait_for_timeout(20)
+        page.keyboard.press("3")
+        while time.monotonic() - began < 16.5:
+            served.move(time.monotonic() - began)
+            page.wait_for_timeout(20)
+        keep(page.screenshot(), "page-hand.png")
+        page.context.close()
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory(prefix="fmfts-pictures-") as name, chromium() as browser:
+        for take in (one_pad, hand):
+            folder = Path(name) / take.__name__
+            folder.mkdir()
+            take(browser, folder)
+
+
+if __name__ == "__main__":
+    main()
