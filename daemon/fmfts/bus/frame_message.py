@@ -40,6 +40,6 @@ def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHI
         age_us=np.array(message.age_us, dtype=np.uint16),
         fresh=np.array(message.fresh, dtype=np.bool_),
         valid=np.array(message.valid, dtype=np.bool_),
-        temperature_c=message.temperature_c,
+        temperature_c=chip.believed_c(message.temperature_c),
         chip=chip,
     )

@@ -90,5 +90,6 @@ class BaselinedPad:
         """The `reason` of messages while the magnet is above its recorded rest."""
         return (
             f"the magnet is above the rest that baseline {self.baseline.id} recorded, and no press lifts it: the "
-            "baseline was recorded under load; record it again while nothing touches the pad"
+            "baseline was recorded under load: record it again while nothing touches the pad; or something pulls at it "
+            "and this ends by itself when it lets go"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,12 +25,18 @@ from fmfts.pose.tracker import NOTHING_SAID
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 # A finger never lifts the magnet. If the magnet stays lifted for this long, its baseline was recorded under load.
 LIFTED_S = 0.2
+# Something that pulls at the pad lifts it too. If the magnet is back at rest for this long, the baseline was good.
+RESTED_S = 0.5
+PULLED = "the magnet is {:.2f} mm above its rest: something pulls at the pad, or its baseline was recorded under load"
+# A board warms by 20 K in ten minutes. So within this time the last temperature is off by a fifth of a kelvin at most.
+HELD_S = 5.0
 
 
 @dataclass(slots=True)
 class EstimatorMemory:
     """last_us: the board's time of the last frame, None before the first. lifted_s: how long the magnet has been above
-    its rest."""
+    its rest. rested_s: how long it has been at rest since. unread_s: how long an earlier frame's temperature is held.
+    """
 
     tracker: TrackerMemory
     touch: TouchMemory
@@ -38,6 +44,8 @@ class EstimatorMemory:
     ambient_motion: AmbientMotionMemory | None
     last_us: int | None = None
     lifted_s: float = 0.0
+    rested_s: float = 0.0
+    unread_s: float = 0.0
 
 
 class Estimator:
@@ -79,11 +87,18 @@ class Estimator:
 
     def hand_over(self, alignment: Alignment) -> FastPath | None:
         """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame."""
-        if self._path is None or self.memory.last_us is None or self.memory.lifted_s > 0.0:
+        if (
+            self._path is None
+            or self.memory.last_us is None
+            or self.memory.lifted_s > 0.0
+            or self.memory.unread_s > 0.0
+        ):
             return None
         if self._ambient_motion is not None and self._ambient_motion.is_moving:
             return None
         if not self._tracker.can_be_handed_over:
+            return None
+        if alignment.memory.without_news:
             return None
         self._path.take_over(alignment.memory, self.memory)
         return self._path
@@ -102,6 +117,24 @@ class Estimator:
         self._touch.memory, self._smoother.memory = memory.touch, memory.smoother
         if self._ambient_motion is not None and memory.ambient_motion is not None:
             self._ambient_motion.memory = memory.ambient_motion
+
+    def _follow_lift(self, lifted: bool, resting: bool, elapsed_s: float) -> None:
+        """Count for how long the magnet is above its rest, and then, for how long it has been back at rest.
+
+        A press that brings a magnet exactly there, where a baseline under load found it, does not hold it there.
+        """
+        memory = self.memory
+        memory.rested_s = memory.rested_s + elapsed_s if memory.lifted_s > 0.0 and resting and not lifted else 0.0
+        if lifted:
+            memory.lifted_s += elapsed_s
+        elif memory.lifted_s < LIFTED_S or memory.rested_s >= RESTED_S:
+            memory.lifted_s = memory.rested_s = 0.0
+
+    def _follow_thermometer(self, temperature_c: float | None, elapsed_s: float) -> None:
+        """Count how long an earlier temperature is held. Before the first one, its error is in every deviation."""
+        tracking, held = self.baselined.tracking, self._tracker.memory.unread_variance == 0.0
+        matters = tracking.unread_warming_k > 0.0 and self.baselined.temperature_c is not None
+        self.memory.unread_s = self.memory.unread_s + elapsed_s if temperature_c is None and matters and held else 0.0
 
     def forget_touch(self) -> None:
         """Treat the pad as untouched until the next onset."""
@@ -136,23 +169,35 @@ class Estimator:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":
             self._touch.unseen()
+            memory.rested_s = 0.0
             return Reading(track.health, track.reason, track.used)
+        self._follow_thermometer(temperature_c, elapsed_s)
         if elapsed_s > self._touch.longest_gap_s:
             self._touch.forget()
         estimate = self.baselined.with_calibration_uncertainty(track.estimate)
         change, covariance = displacement(estimate, self.mounting.rest)
         touching = self._touch.update(change, covariance)
+        if memory.unread_s > HELD_S:
+            track = _held(track, memory.unread_s)
         if isinstance(self._model, NoContactModel):
             return _without_model(self._model, track, touching, distance(change, covariance))
         # The contact model was trained on the pad as drawn.
         contact = self._model.estimate(*self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s))
-        if memory.lifted_s < LIFTED_S:
-            memory.lifted_s = memory.lifted_s + elapsed_s if contact.lifted_m > 0.0 else 0.0
+        self._follow_lift(contact.lifted_m > 0.0, touching is False, elapsed_s)
         if memory.lifted_s >= LIFTED_S:
             return Reading("no_baseline", self.baselined.lifted_reason, track.used, track.estimate)
+        if contact.lifted_m > 0.0:
+            return Reading("disturbed", PULLED.format(contact.lifted_m * 1e3), track.used, track.estimate)
         return Reading(
             track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
         )
+
+
+def _held(track: Track, unread_s: float) -> Track:
+    told = (
+        f"no temperature that the chips can have for {unread_s:.0f} s: the last good one is held (thermometer, wiring)"
+    )
+    return replace(track, health="degraded", reason=f"{track.reason}; {told}" if track.reason else told)
 
 
 def _without_model(

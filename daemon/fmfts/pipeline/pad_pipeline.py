@@ -16,7 +16,7 @@ from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Passed
 from fmfts.pose import Alignment, State, TrackingModel
-from fmfts.pose.alignment import AlignmentMemory
+from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.missing import missing_sensors
@@ -144,10 +144,10 @@ class PadPipeline:
 
     def _judge(self, frame: Frame) -> ContactMessage:
         aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid)
-        if frame.valid.any():
+        if frame.valid.any() and self._alignment.memory.without_news <= MOST_WITHOUT_NEWS:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:
-            sampled_ns = self._writer.sampled_ns  # the frame holds no sample, so the newest is still the last one
+            sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one
         stuck = None if self._estimator is None else aligned.repeats > self._estimator.baselined.repeats_allowed
         self._missing = missing_sensors(frame, stuck)
         if self._estimator is None:

@@ -12,13 +12,14 @@ static int little_endian(const uint8_t *bytes)
     return bytes[0] | bytes[1] << 8;
 }
 
-/* Puts the fresh samples into the memory. False if one is missing, saturated or stuck, or if the board was reset,
- * or if no frame came for long. */
+/* Puts the fresh samples into the memory. False if none is fresh, if one is missing, saturated or stuck, if the board was
+ * reset, or if no frame came for long. */
 static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
     double newest = 0.0, before = 0.0;
-    if ((frame->valid & ((1u << sensors) - 1)) != (1u << sensors) - 1 || frame->gain_code >= FMFTS_GAIN_CODES) {
+    unsigned all = (1u << sensors) - 1;
+    if ((frame->valid & all) != all || !(frame->fresh & all) || frame->gain_code >= FMFTS_GAIN_CODES) {
         return false;
     }
     for (int i = 0; i < sensors; i++) {
@@ -39,7 +40,8 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
         }
         for (int axis = 0; axis < 3; axis++) {
             int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * i + 2 * axis);
-            if (count == (int)parameters->saturated_count[0]) {
+            int saturated = (int)parameters->saturated_count[0], largest = (int)parameters->largest_count[0];
+            if (count == saturated || count > largest || count < -largest - 1) {
                 return false;
             }
             if (fresh) {

@@ -22,6 +22,8 @@ Times = NDArray[np.int64]
 
 # A chip that is this many periods behind the others has stopped: the others do not wait for it.
 STOPPED_PERIODS = 2.5
+# After so many frames without any new sample, none of a chip is in them: the next one tells of the past.
+MOST_WITHOUT_NEWS = 3
 # After a longer gap than this (or STOPPED_PERIODS, at low rates) the samples before it say nothing of the motion since:
 # the line from them to the next sample would make that as uncertain as the whole way that the pad moved in the gap.
 LONGEST_GAP_US = 300_000.0
@@ -48,11 +50,15 @@ class Aligned:
 
 @dataclass(slots=True)
 class AlignmentMemory:
-    """field_t (3, N, 3) and time_us (3, N): the three newest samples of each sensor, newest first; repeats (N, 3)."""
+    """field_t (3, N, 3) and time_us (3, N): the three newest samples of each sensor, newest first; repeats (N, 3).
+
+    without_news: how many frames in a row brought no new sample of any sensor.
+    """
 
     field_t: Array
     time_us: Times
     repeats: NDArray[np.int64]
+    without_news: int = 0
 
 
 class Alignment:
@@ -90,10 +96,11 @@ class Alignment:
             same = memory.field_t[0, fresh] == memory.field_t[1, fresh]
             memory.repeats[fresh] = np.where(same, memory.repeats[fresh] + 1, 0)
             memory.time_us[0, fresh] = time_us[fresh]
+        memory.without_news = 0 if fresh.any() else memory.without_news + 1
         newest, previous, oldest = memory.field_t
         time, before, oldest_time = memory.time_us
         running = (time.max() - time <= self.stopped_us) & np.isfinite(field_t).any(axis=1)
-        if not running.any():
+        if not running.any() or memory.without_news > MOST_WITHOUT_NEWS:
             nothing = np.full_like(newest, np.nan)
             return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), memory.repeats.copy())
         instant = int(time[running].min())

@@ -31,6 +31,8 @@ enum {
     X(step_t, 3 * FMFTS_GAIN_CODES)                                                                                    \
     X(at_zero_c, 1)             /* NaN: no thermometer */                                                              \
     X(c_per_count, 1)                                                                                                  \
+    X(range_c, 2)                                                                                                      \
+    X(largest_count, 1)                                                                                                \
     X(stopped_us, 1)            /* alignment.py */                                                                     \
     X(longest_gap_us, 1)                                                                                               \
     X(jump_t, 1)                                                                                                       \

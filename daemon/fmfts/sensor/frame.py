@@ -63,8 +63,15 @@ class Frame:
     @property
     def usable(self) -> NDArray[np.bool_]:
         """(N, 3) axes that hold a measurement."""
-        usable: NDArray[np.bool_] = self.valid[:, None] & ~self.overflow
+        usable: NDArray[np.bool_] = self.valid[:, None] & ~self.overflow & ~self.impossible
         return usable
+
+    @property
+    def impossible(self) -> NDArray[np.bool_]:
+        """(N, 3) axes whose count the chip's converter cannot tell; they hold no measurement."""
+        largest = self.chip.largest_count
+        impossible: NDArray[np.bool_] = ~self.overflow & ((self.counts > largest) | (self.counts < -largest - 1))
+        return impossible
 
     @property
     def sampled_us(self) -> NDArray[np.int64]:

@@ -15,12 +15,16 @@ SILENT = "silent"
 def missing_sensors(frame: Frame, stuck: NDArray[np.bool_] | None = None) -> dict[int, str]:
     """Sensor (from 0) → what is wrong with it, to follow "sensor 1 is ". stuck (N, 3): axes that repeat one value."""
     found = {}
-    overflow = frame.overflow
+    overflow, impossible = frame.overflow, frame.impossible
     for sensor in range(len(frame.valid)):
         if not frame.valid[sensor]:
             found[sensor] = SILENT
         elif overflow[sensor].any():
             found[sensor] = saturated(frame.chip, frame.gain_code, overflow[sensor])
+        elif impossible[sensor].any():
+            found[sensor] = (
+                f"telling on {_named(impossible[sensor])} what its converter cannot (is it a {frame.chip.label}?)"
+            )
         elif stuck is not None and stuck[sensor].any():
             found[sensor] = f"stuck on {_named(stuck[sensor])}, which repeats one value (run selftest)"
     return found

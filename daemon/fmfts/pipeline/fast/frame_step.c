@@ -14,6 +14,12 @@ static bool has_all_readings(const fmfts_pose_parameters *parameters, size_t rea
     return sensors >= 1 && sensors <= FMFTS_SENSORS && readings_bytes == FMFTS_READING_BYTES * (size_t)sensors;
 }
 
+/* Whether a temperature is missed: Estimator counts for how long. */
+static bool misses_temperature(const fmfts_pose_parameters *parameters, double temperature_c)
+{
+    return isnan(temperature_c) && !isnan(parameters->rest_temperature_c[0]);
+}
+
 /* _pose_message of contact_message.py */
 static void put_pose(const fmfts_message_parameters *parameters, const double *state, const fmfts_pose *pose,
                       fmfts_numbers *n)
@@ -83,6 +89,7 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     fmfts_estimate estimate;
     memcpy(next, memory, sizeof *next);
     if (!has_all_readings(&parameters->pose, readings_bytes) ||
+        misses_temperature(&parameters->pose, frame->temperature_c) ||
         !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
         !fmfts_track(&parameters->pose, &next->pose, &field, frame->temperature_c, &pose) ||
         !fmfts_judge_residuals(&parameters->pose, &next->pose, &field)) {

@@ -10,7 +10,8 @@
 
 static double temperature_c(const fmfts_lane *lane, const fmfts_sample *sample)
 {
-    return fmfts_temperature_c(sample, lane->parameters->pose.at_zero_c[0], lane->parameters->pose.c_per_count[0]);
+    const fmfts_pose_parameters *pose = &lane->parameters->pose;
+    return fmfts_temperature_c(sample, pose->at_zero_c[0], pose->c_per_count[0], pose->range_c);
 }
 
 /* Whether the sample is this pad's next one, and has a temperature exactly if the template has one (its first number). */

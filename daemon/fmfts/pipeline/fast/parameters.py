@@ -57,9 +57,11 @@ def put_sensors(
 def _put_chip(parameters: DoubleTable, chip: Chip) -> None:
     thermometer = chip.thermometer
     parameters.put("saturated_count", chip.saturated_count)
+    parameters.put("largest_count", chip.largest_count)
     parameters.put("step_t", chip.step_t)
     parameters.put("at_zero_c", np.nan if thermometer is None else thermometer.at_zero_c)
     parameters.put("c_per_count", np.nan if thermometer is None else thermometer.c_per_count)
+    parameters.put("range_c", np.array((np.nan, np.nan) if thermometer is None else thermometer.range_c))
 
 
 def put_tracking(

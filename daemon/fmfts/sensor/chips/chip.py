@@ -16,10 +16,11 @@ PerAxis = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Thermometer:
-    """Temperature registers: `at_zero_c` + count · `c_per_count`."""
+    """Temperature registers: `at_zero_c` + count · `c_per_count`. range_c: where the chip works; it tells no other."""
 
     at_zero_c: float
     c_per_count: float
+    range_c: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,8 @@ class Chip:
     """The facts of one kind of chip. `name` is for the configuration, `label` for people.
 
     ranges_gauss, counts_per_gauss: by gain code; the second for each axis x, y, z.
-    largest_count: what the converter can tell. saturated_count: what it says instead where the field is larger.
+    largest_count: what the converter can tell, of either sign (and −largest_count − 1). saturated_count: what it says
+    instead where the field is larger.
     output_rates_hz: by the chip's rate code, slowest first; free_rate_hz: the highest that this chip has.
     single_rate_hz, single_conversion_s, single_wait_s: of measurements at the host's word; the wait is long enough for
     the slowest chip. clock_tolerance: relative, of the chip's own clock.
@@ -95,9 +97,16 @@ class Chip:
         raise ValueError(f"the {self.name} delivers at most {self.free_rate_hz} Hz, not {rate_hz:g} Hz")
 
     def temperature_c(self, count: int) -> float | None:
-        """None where the chip has no thermometer: what its registers say then means nothing."""
+        """None where the chip has no thermometer, or could not work: its registers then mean nothing."""
         thermometer = self.thermometer
-        return None if thermometer is None else thermometer.at_zero_c + count * thermometer.c_per_count
+        return None if thermometer is None else self.believed_c(thermometer.at_zero_c + count * thermometer.c_per_count)
+
+    def believed_c(self, temperature_c: float | None) -> float | None:
+        """The temperature, or None where this chip cannot have told it."""
+        if temperature_c is None or self.thermometer is None:
+            return None
+        lowest_c, highest_c = self.thermometer.range_c
+        return temperature_c if lowest_c <= temperature_c <= highest_c else None
 
     def why_not_identity(self, answer: bytes) -> str | None:
         """What is wrong with the identification registers, None if nothing is.

@@ -29,7 +29,7 @@ HMC5983 = Chip(
     clock_tolerance=0.03,
     noise_t=2e-7,  # 2 mG at ±0.88 G
     sensitivity_per_k=-0.0003,  # compensated
-    thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 128),
+    thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 128, range_c=(-30.0, 85.0)),  # its "operating temperature"
     bias_strap=BiasStrap(gain_code=5, limits=(243, 575), field_gauss=(1.16, 1.16, 1.08), deviation=0.005),
 )
 HMC5883L = replace(

@@ -79,7 +79,8 @@ class I2cPad:
         usable = [one if one.state == SensorState.OK and one.sampled_us is not None else None for one in self.sensors]
         newest_us = max((one.sampled_us or 0 for one in usable if one), default=now_us())
         ages = [AGE_UNKNOWN_US if one is None else newest_us - (one.sampled_us or 0) for one in usable]
-        temperatures = [one.temperature_raw for one in usable if one and one.temperature_raw != TEMPERATURE_UNKNOWN]
+        told = [one.temperature_raw for one in usable if one and one.temperature_raw != TEMPERATURE_UNKNOWN]
+        temperatures = [raw for raw in told if self.chip.temperature_c(raw) is not None]
         sample = Sample(
             self.index,
             self.sequence,

@@ -73,8 +73,9 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     return true;
 }
 
-double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count)
+double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count, const double *range_c)
 {
     bool told = sample->temperature_raw != FMFTS_TEMPERATURE_UNKNOWN;
-    return told ? at_zero_c + sample->temperature_raw * c_per_count : NAN;
+    double temperature_c = at_zero_c + sample->temperature_raw * c_per_count;
+    return told && range_c[0] <= temperature_c && temperature_c <= range_c[1] ? temperature_c : NAN;
 }

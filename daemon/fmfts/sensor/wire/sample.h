@@ -25,7 +25,8 @@ typedef struct {
 /* Decodes `size` bytes of a line, without its closing zero. False: they are no sample of this wire version. */
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
 
-/* As Chip.temperature_c; NaN if the temperature is not known, or both numbers are NaN (a chip without a thermometer). */
-double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count);
+/* As Chip.temperature_c; NaN if the temperature is not known, is none that the chip can have, or if all numbers are NaN (a
+ * chip without a thermometer). range_c: lowest and highest. */
+double fmfts_temperature_c(const fmfts_sample *sample, double at_zero_c, double c_per_count, const double *range_c);
 
 #endif
