@@ -2,6 +2,7 @@
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
+# make page-drills  the page under load: many pads, pages and strangers, an hour's run
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
@@ -31,7 +32,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
-.PHONY: pictures fuzz-files transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: pictures page-drills fuzz-files transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
 # instead, because Python would print a traceback if Ctrl-C came while it starts.
@@ -54,6 +55,10 @@ transcript: $(VENV)/.installed-test firmware
 # Takes the pictures of docs/page.md again, from the real page.
 pictures: test-packages $(VENV)/.installed-test firmware
 	$(BIN)/python tests/page/pictures.py
+
+# Many pads, pages and strangers, and an hour of the page (shorter: FMFTS_PAGE_SECONDS=600); nothing else may run meanwhile.
+page-drills: test-packages $(VENV)/.installed-test firmware
+	$(BIN)/python -m pytest -s tests/page/page_drills.py
 
 PARTS ?=
 test: test-packages $(VENV)/.installed-test firmware-for-tests

@@ -21,7 +21,7 @@ SEED = 5
 EARTH_T = np.array([1.9e-5, 0.4e-5, -4.4e-5])
 CYCLE_S = 44.0
 FELT_M = 0.1  # of another pad's magnet
-TOOL_A_M2 = 0.055  # dipole moment of a magnetised screwdriver
+TOOL_A_M2 = 0.02  # dipole moment of a magnetised screwdriver
 WARMER_K, REMANENCE_PER_K, ROOM_C = 15.0, -0.0012, 25.0
 MU0_4PI = 1e-7
 # Chips that a machine placed, as tolerance.sensor_rotation_deg says; a hand's need `baseline --turn` first.
