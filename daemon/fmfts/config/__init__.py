@@ -63,10 +63,17 @@ class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_on
     clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
 
 
+Imperfection = Literal[
+    "silicone", "casting", "soft_iron", "offset_drift", "disturbed", "flicker", "steps", "nonlinear", "bit_errors"
+]
+
+
 class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
     seed: int = 1
     finger: Literal["script", "none"] = "script"
     finger_friction: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
+    finger_shape: Literal["round", "ball", "edge", "flat", "angled", "thimble"] = "round"
+    imperfections: tuple[Imperfection, ...] = ()
     warming_k_per_minute: float = 0.0
     turning_deg_per_s: float = 20.0
     mechanics: str = "standard"

@@ -27,6 +27,8 @@ class MountedPad:
     """A built pad. rest_axis_from_z (3, 3): from axes in which the unloaded magnet points along +z to pad axes.
 
     Each chip has its own axes: `pad.sensors` holds them as they are turned, cross_axis (N, 3, 3) what they read across.
+    magnet_off_m (2,): how far the magnet is cast from the pad's middle. Of a wide pad, a press moves any magnet as it
+    would move one in the middle, if it is as far from it.
     """
 
     pad: Pad
@@ -35,6 +37,7 @@ class MountedPad:
     rest_axis_from_z: Array
     mechanics: Mechanics = field(default_factory=standard_mechanics)
     cross_axis: Array | None = None
+    magnet_off_m: Array = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def built(
@@ -76,8 +79,22 @@ class MountedPad:
 
     def pose(self, *press: Array) -> tuple[Array, Array]:
         """Position in m (K, 3) and unit axis (K, 3) of the magnet. press: x, y in m, force, shear x, y, each (K,)."""
-        displacement, axis = self.mechanics.displacement(*press)
-        return self.pad.rest_position_m + displacement, axis @ self.rest_axis_from_z.T
+        return self.moved(self.response(*press))
+
+    def centred(self, x_m: Array, y_m: Array, *load: Array) -> tuple[Array, ...]:
+        """A press as the table of presses counts it: from the magnet's place."""
+        return x_m - self.magnet_off_m[0], y_m - self.magnet_off_m[1], *load
+
+    def response(self, *press: Array) -> Array:
+        """(K, 5) movement of the magnet: displacement in m, and x and y of its axis where its rest axis is +z."""
+        return self.mechanics.response(*self.centred(*press))
+
+    def moved(self, response: Array) -> tuple[Array, Array]:
+        """Position in m (K, 3) and unit axis (K, 3) of the magnet after a movement (K, 5)."""
+        tilt = response[:, 3:]
+        upright = np.sqrt(1.0 - np.sum(tilt * tilt, axis=1, keepdims=True))
+        axis = np.concatenate([tilt, upright], axis=1)
+        return self.pad.rest_position_m + response[:, :3], axis @ self.rest_axis_from_z.T
 
     def magnet_field(self, *press: Array, magnet: Magnet | None = None) -> Array:
         """The magnet's field (N, 3) in tesla at the sensors, in pad axes: at sensor i under the i-th of N presses."""

@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.pad import Array, rotation_from_vector
+from fmfts.pad import Array, Magnet, rotation_from_vector
 from fmfts.sensor.chips import TESLA_PER_GAUSS, Axes
 from fmfts.sensor.chips.selftest import selftest_facts
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
 from fmfts.sensor.source import SourceError, SourceState
 from fmfts.simulation.chip import ChipArray
 from fmfts.simulation.finger import Finger, Touch, columns, finger_of
+from fmfts.simulation.finger_shape import SHAPES
+from fmfts.simulation.imperfections import Imperfections, PadNow, cast
 from fmfts.simulation.mounted import MountedPad
 from fmfts.simulation.neighbour import NeighbourMagnet, seeded
 from fmfts.simulation.pad_file import mechanics_of
@@ -74,6 +76,17 @@ class Simulated:
             ]
         except ValueError as error:
             raise SourceError(str(error)) from error
+        self._imperfections: Imperfections | None = None
+        if "casting" in source.imperfections:
+            self._built = cast(self._built, seeded(source, "casting"))
+        if source.imperfections or source.finger_shape != "round":
+            self._imperfections = Imperfections(
+                source.imperfections,
+                SHAPES[source.finger_shape],
+                self._built,
+                source.rate_hz,
+                seeded(source, "imperfections"),
+            )
         self._chip = chip = drawing.chip
         noise_t = chip.noise_t if noise_t is None else noise_t
         self._chips = ChipArray(
@@ -148,6 +161,8 @@ class Simulated:
         sampled_s = self._chips.time_of(conversion)
         fresh = conversion != self._delivered
         counts = self._chips.counts(self._field(sampled_s, warming_k), self._gain_code, warming_k)
+        if self._imperfections is not None:
+            counts = self._imperfections.transferred(counts)
         self._counts = np.where(fresh[:, None], counts, self._counts)
         self._delivered = conversion
         newest_s = float(sampled_s.max())
@@ -171,18 +186,30 @@ class Simulated:
         ambient = self._ambient(sampled_s)
         for other in self.neighbours:
             ambient = ambient + other.field(self._built.pad.sensors.position_m, sampled_s, warming_k)
+        if self._imperfections is not None:
+            field_t: Array = self.imperfect_field(ambient[None], sampled_s[None], warming_k)[0]
+            return field_t
         if not self.mounted:
             return self._built.sensed(ambient)
         return self._built.sensed(ambient + self._magnet_field(sampled_s, warming_k))
+
+    def imperfect_field(self, ambient_t: Array, sampled_s: Array, warming_k: float) -> Array:
+        """(K, N, 3) as `_field`, of K frames in the order of time. ambient_t (K, N, 3), sampled_s (K, N)."""
+        assert self._imperfections is not None
+        touches = [self.finger(moment) for moment in sampled_s.ravel().tolist()] if self.mounted else []
+        now = PadNow(self._built, self._warm_magnet(warming_k), warming_k)
+        return self._imperfections.field(now, touches, ambient_t, sampled_s)
+
+    def _warm_magnet(self, warming_k: float) -> Magnet:
+        magnet = self._built.pad.magnet
+        return magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
 
     def _magnet_field(self, sampled_s: Array, warming_k: float) -> Array:
         """(N, 3) field of the magnet; computed again only when the finger, the pad or the temperature changes."""
         touches = [self.finger(moment) for moment in sampled_s.tolist()]
         pressed, field_t = self._pressed
         if pressed is None or pressed[0] is not self._built or pressed[1:] != (touches, warming_k):
-            magnet = self._built.pad.magnet
-            warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self._magnet_per_k * warming_k))
-            field_t = self._built.magnet_field(*columns(touches), magnet=warm)
+            field_t = self._built.magnet_field(*columns(touches), magnet=self._warm_magnet(warming_k))
             self._pressed = (self._built, touches, warming_k), field_t
         return field_t
 

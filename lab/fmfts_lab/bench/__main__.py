@@ -18,6 +18,7 @@ from fmfts_lab.bench import (
     moment,
     neighbours,
     resident,
+    silicone,
     speed,
     turning,
 )
@@ -29,7 +30,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
-        "contact | latency | frame | resident",
+        "silicone | contact | latency | frame | resident",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -72,6 +73,15 @@ def main() -> None:
     verb.add_argument("--unnamed", action="store_true", help="without tolerances of rotation and cross-axis")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=as_built.run)
+    verb = verbs.add_parser(
+        "silicone", help="what real pads do besides: creep, casting, chips, fingers of other shapes"
+    )
+    verb.add_argument("--pads", type=int, default=4, help="how many pads are built, for each row")
+    verb.add_argument("--seconds", type=float, default=12.0, help="of presses and pauses, for each pad")
+    verb.add_argument("--only", nargs="+", metavar="EFFECT", help="effects whose name begins so")
+    verb.add_argument("--turn", action="store_true", help="after --turn, not after bare and rest alone")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=silicone.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
     verb.set_defaults(run=neighbours.run)

@@ -111,24 +111,35 @@ class ManyFrames(Simulated):
         # A reading that is not fresh keeps its last value.
         newest = np.maximum.accumulate(np.where(fresh, np.arange(count)[:, None] + 1, 0))
         counts = np.take_along_axis(np.concatenate([self._counts[None], counts]), newest[:, :, None], axis=0)
+        if self._imperfections is not None:
+            counts = self._imperfections.transferred(counts)
         self._sequence += count
         self._delivered, self._counts = conversion[-1], counts[-1]
         return _wire_frames(sequence, sampled_s, fresh, counts, self._gain_code)
 
     def _fields(self, sampled_s: Array) -> Array:
         """(K, N, 3) field at each sensor of each frame, at its own sample time (K, N)."""
+        if self._imperfections is not None:
+            return self.imperfect_field(self._ambients(sampled_s), sampled_s, 0.0)
         built, shape = self._built, (*sampled_s.shape, 3)
         press = columns([self.finger(moment) for moment in sampled_s.ravel().tolist()])
         position_m, axis = (vectors.reshape(shape) for vectors in built.pose(*press))
         magnet_t = cylinder_field(built.pad.sensors.position_m, position_m, axis, built.pad.magnet)
-        angle, along = (self.turning_rad_per_s * sampled_s)[:, :, None], TURNING_AXIS @ built.ambient_t
+        return built.sensed(self._ambients(sampled_s) + magnet_t)
+
+    def _ambients(self, sampled_s: Array) -> Array:
+        """(K, N, 3) the ambient field at the times (K, N)."""
+        if self.tumbling:
+            return np.array([self._ambient(row) for row in sampled_s])
+        earth_t = self._built.ambient_t
+        angle, along = (self.turning_rad_per_s * sampled_s)[:, :, None], TURNING_AXIS @ earth_t
         # Rodrigues' formula, as in `rotation_from_vector`.
         ambient_t = (
-            np.cos(angle) * built.ambient_t
-            + np.sin(angle) * np.cross(TURNING_AXIS, built.ambient_t)
+            np.cos(angle) * earth_t
+            + np.sin(angle) * np.cross(TURNING_AXIS, earth_t)
             + (1.0 - np.cos(angle)) * along * TURNING_AXIS
         )
-        return built.sensed(ambient_t + magnet_t)
+        return np.asarray(ambient_t)
 
 
 def _wire_frames(

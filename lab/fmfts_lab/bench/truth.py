@@ -30,7 +30,7 @@ class Truth:
     def all_deviations(self, messages: Sequence[ContactMessage]) -> Array:
         """(K,) `deviations` of each message."""
         worst = np.zeros(len(messages))
-        posed, poses, touches = [], [], []
+        posed, poses, touches, times_s = [], [], [], []
         for number, message in enumerate(messages):
             if message.health not in PUBLISHED:
                 continue
@@ -43,8 +43,9 @@ class Truth:
                 posed.append(number)
                 poses.append(message.pose)
                 touches.append(touch)
+                times_s.append(message.t_sample_ns * 1e-9)
         if posed:
-            worst[posed] = np.maximum(worst[posed], self._pose_deviations(poses, touches))
+            worst[posed] = np.maximum(worst[posed], self._pose_deviations(poses, self.poses(times_s, touches)))
         return worst
 
     def contact_errors(self, message: ContactMessage) -> list[float]:
@@ -59,8 +60,12 @@ class Truth:
         ]
         return [abs(value - truth) / sd for value, sd, truth in pairs if value is not None and sd is not None]
 
-    def _pose_deviations(self, poses: Sequence[PoseMessage], touches: Sequence[Touch]) -> Array:
-        position_m, axis = self._built.pose(*columns(touches))
+    def poses(self, times_s: Sequence[float], touches: Sequence[Touch]) -> tuple[Array, Array]:
+        """Position (K, 3) m and axis (K, 3) of the magnet at these times, under these touches."""
+        return self._built.pose(*columns(touches))
+
+    def _pose_deviations(self, poses: Sequence[PoseMessage], true: tuple[Array, Array]) -> Array:
+        position_m, axis = true
         away = np.abs(np.array([pose.position_m for pose in poses]) - position_m)
         away /= np.array([pose.position_sd_m for pose in poses])
         # The deviation is that of one direction; an error in both directions together is √2 times as large.
