@@ -14,7 +14,7 @@ from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
     BridgeSource: {"pad_index"},
-    I2cSource: {"mux_address", "channels"},
+    I2cSource: {"mux_address", "channels", "addresses"},
     ReplaySource: {"pad", "rate_hz", "range_gauss", "trigger", "chip"},
 }
 
@@ -89,8 +89,9 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
         **_chips_of(pad),
         bus=source.bus,
         clock_hz=source.clock_hz,
-        mux_address=source.mux_address,
+        mux_address=source.mux_address if source.channels else None,
         channels=source.channels,
+        addresses=source.sensor_addresses(len(pad.geometry.sensors_mm)),
     )
 
 
@@ -99,8 +100,13 @@ def origin_of(pad: PadConfig) -> Origin | None:
     match pad.source:
         case BridgeSource(chip=chip, uid=uid, pad_index=pad_index):
             return Origin("bridge", chip, uid=None if uid is None else uid.lower(), pad_index=pad_index)
-        case I2cSource(chip=chip, bus=bus, mux_address=mux_address, channels=channels):
-            return Origin("i2c", chip, bus=bus, mux_address=mux_address, channels=channels)
+        case I2cSource(chip=chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses):
+            if not channels:
+                own = pad.source.sensor_addresses(len(pad.geometry.sensors_mm))
+                return Origin("i2c", chip, bus=bus, addresses=own)
+            return Origin(
+                "i2c", chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses or None
+            )
         case SimulatedSource(chip=chip, seed=seed):
             return Origin("simulated", chip, seed=seed)
         case ReplaySource():

@@ -8,6 +8,7 @@ gain of the sample after a change) and TI SCPS207 (a channel becomes active afte
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 LSB_PER_GAUSS = (1370, 1090, 820, 660, 440, 390, 330, 230)
 OUTPUT_RATE_HZ = (0.75, 1.5, 3, 7.5, 15, 30, 75, 220)
@@ -175,7 +176,8 @@ class Hmc5983:
 class Tca9548a:
     """The switch and what hangs on its channels."""
 
-    def __init__(self, address: int, channels: dict[int, Hmc5983]) -> None:
+    def __init__(self, address: int, channels: dict[int, Any]) -> None:
+        """channels: the chip on each, or a list of several of other addresses."""
         self.address = address
         self.channels = channels
         self.control = 0
@@ -187,26 +189,36 @@ class Tca9548a:
     def stop(self) -> None:
         self.control = self.pending
 
-    def active(self) -> list[Hmc5983]:
-        return [chip for channel, chip in self.channels.items() if self.control >> channel & 1 and not chip.absent]
+    def active(self) -> list[Any]:
+        found = []
+        for channel, chips in self.channels.items():
+            if self.control >> channel & 1:
+                found += [chip for chip in (chips if isinstance(chips, list) else [chips]) if not chip.absent]
+        return found
 
 
 class Bus:
-    """Muxes on one pair of wires, byte by byte; `start` and `put` answer whether anyone acknowledged."""
+    """Muxes, and chips without one, on one pair of wires, byte by byte; `start` and `put` answer whether anyone
+    acknowledged."""
 
-    def __init__(self, muxes: Sequence[Tca9548a]) -> None:
+    def __init__(self, muxes: Sequence[Tca9548a], chips: Sequence[Any] = ()) -> None:
         self.muxes = muxes
+        self.chips = chips
         self.transfers = 0
+        self.conflicts = 0
         self._mux: Tca9548a | None = None
-        self._chips: list[Hmc5983] = []
+        self._chips: list[Any] = []
 
     def start(self, address: int, reading: bool) -> bool:
         """(Repeated) START and address."""
         present = [mux for mux in self.muxes if not (mux.absent or mux.held_in_reset)]
         self._mux = next((mux for mux in present if mux.address == address), None)
-        self._chips = [chip for mux in present for chip in mux.active() if chip.address == address]
+        reached = [chip for mux in present for chip in mux.active()] + [chip for chip in self.chips if not chip.absent]
+        self._chips = [chip for chip in reached if chip.address == address]
         if len(self._chips) > 1 and reading:
-            self.muxes[0].conflicts += 1
+            self.conflicts += 1
+            if self.muxes:
+                self.muxes[0].conflicts += 1
         for chip in self._chips:
             chip.started(reading)
         return bool(self._mux or self._chips)

@@ -1,11 +1,15 @@
 """Emulated I2C buses for real smbus2 clients under umockdev's preload: /dev/i2c-7 with two muxes of four HMC5983 each,
 and /dev/i2c-8, which no order concerns, with one.
 
+With a kind of chip as its argument, /dev/i2c-7 has such chips instead: four behind one mux ("qmc5883l"), or one at each
+address that follows, without a mux ("mlx90393 12 13 14 15").
+
 Run by the system's Python (it needs gir1.2-umockdev-1.0). Prints the test bed's directory, then obeys one JSON object
 a line on stdin and prints "done" after each:
     {"chip": [mux, channel], "set": {...}}   attributes of a chip        {"mux": mux, "set": {...}}   of a mux
     {"chip": [mux, channel], "call": "power_on"}                         {"busy": [addresses]}  kernel-bound
     {"block_s": seconds}                     every transfer from now on takes that long
+    {"direct": index, "set": {...}}          attributes of a chip without a mux
     {"report": true}                         prints transfers, conflicts and registers instead of "done"
 """
 
@@ -26,6 +30,8 @@ from gi.repository import GLib, UMockdev  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parent))
 from chips import Bus, Hmc5983, NackError, Tca9548a  # noqa: E402
+from magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l  # noqa: E402
+from mlx90393 import Mlx90393  # noqa: E402
 
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR, I2C_SMBUS = 0x0703, 0x0705, 0x0707, 0x0720
 FUNCTIONS = 0x0EFF0001  # what a plain I2C adapter of Linux offers: I2C and emulated SMBus
@@ -114,6 +120,8 @@ def obey(kernel: KernelBus, order: dict) -> str:
     if "chip" in order:
         mux, channel = order["chip"]
         target = kernel.bus.muxes[mux].channels[channel]
+    elif "direct" in order:
+        target = kernel.bus.chips[order["direct"]]
     elif "mux" in order:
         target = kernel.bus.muxes[order["mux"]]
     for name, value in order.get("set", {}).items():
@@ -129,9 +137,9 @@ def obey(kernel: KernelBus, order: dict) -> str:
     kernel.block_s = order.get("block_s", kernel.block_s)
     kernel.busy = order.get("busy", kernel.busy)
     if "report" in order:
-        chips = [chip for mux in kernel.bus.muxes for chip in mux.channels.values()]
+        chips = [chip for mux in kernel.bus.muxes for chip in mux.channels.values()] + list(kernel.bus.chips)
         registers = [list(chip.registers[:3]) for chip in chips]
-        conflicts = sum(mux.conflicts for mux in kernel.bus.muxes)
+        conflicts = kernel.bus.conflicts
         return json.dumps({"transfers": kernel.bus.transfers, "conflicts": conflicts, "registers": registers})
     return "done"
 
@@ -140,7 +148,10 @@ def main() -> None:
     with suppress(PermissionError):  # chips wait for no processor; without the right to this, they do when it is busy
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     testbed = UMockdev.Testbed.new()
-    kernels = {number: KernelBus(Bus(some_muxes(count))) for number, count in MUXES.items()}
+    buses = {number: Bus(some_muxes(count)) for number, count in MUXES.items()}
+    if len(sys.argv) > 1:
+        buses[7] = bus_of(sys.argv[1], [int(each) for each in sys.argv[2:]])
+    kernels = {number: KernelBus(bus) for number, bus in buses.items()}
     for number, kernel in kernels.items():
         testbed.add_from_string(DEVICE.format(number))
         testbed.attach_ioctl(f"/dev/i2c-{number}", kernel)
@@ -176,6 +187,23 @@ def some_muxes(count: int) -> list[Tca9548a]:
         )
         for m in range(count)
     ]
+
+
+def bus_of(kind: str, addresses: list[int]) -> Bus:
+    """Four chips of another kind, with the fields of `some_muxes`."""
+    made = {"qmc5883l": Qmc5883l, "lis3mdl": Lis3mdl, "mmc5983ma": Mmc5983ma, "mlx90393": Mlx90393}[kind]
+    start = time.monotonic()
+    chips = [
+        made(
+            lambda: time.monotonic() - start,
+            field_gauss=(0.1 * (number + 1), -0.05 * (number + 1), 0.3),
+            clock_error=(number - 1.5) * 0.02,
+            phase_s=0.001 * number,
+            address=addresses[number] if addresses else None,
+        )
+        for number in range(len(addresses) or 4)
+    ]
+    return Bus([], chips) if addresses else Bus([Tca9548a(0x70, dict(enumerate(chips)))])
 
 
 main()

@@ -36,8 +36,8 @@ def missing() -> bool:
 class KernelBus:
     """The server process, and what reads from it; `order` changes what is on the bus."""
 
-    def __init__(self) -> None:
-        command = [SYSTEM_PYTHON, str(SERVER)]
+    def __init__(self, *chips: object) -> None:
+        command = [SYSTEM_PYTHON, str(SERVER), *map(str, chips)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self.process.stdin
         assert self.process.stdout
@@ -75,11 +75,11 @@ class KernelBus:
 
 
 @contextmanager
-def kernel_bus() -> Iterator[KernelBus]:
-    """Seen by processes that are started meanwhile."""
+def kernel_bus(*chips: object) -> Iterator[KernelBus]:
+    """Seen by processes that are started meanwhile. chips: a kind, and addresses where they have no mux."""
     if missing():
         conftest.missing(PACKAGES)
-    bus = KernelBus()
+    bus = KernelBus(*chips)
     try:
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("LD_PRELOAD", "libumockdev-preload.so.0")  # for the reader, our child; we run without

@@ -13,7 +13,8 @@ Kind = Literal["bridge", "i2c", "simulated"]
 class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The sensors of one pad. A fact that is None is not known.
 
-    uid, pad_index: of a board. bus, mux_address, channels: of chips on an I2C bus; chips have no numbers of their own.
+    uid, pad_index: of a board. bus, mux_address, channels, addresses: of chips on an I2C bus, which have no numbers of
+    their own; addresses: None where the mux's channels tell them apart.
     seed: of a simulated pad. chip: what kind of chip they are.
     """
 
@@ -25,6 +26,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     mux_address: int | None = None
     channels: tuple[int, ...] | None = None
     seed: int | None = None
+    addresses: tuple[int, ...] | None = None
 
     def on(self, board: Mapping[str, object]) -> Origin:
         """The same with what the board says of itself (`SourceState.board`)."""
@@ -43,6 +45,8 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
             case "bridge":
                 board = "a board that told no uid" if self.uid is None else f"board {self.uid}"
                 return f"{board}, pad_index {self.pad_index}, {self.chip}"
+            case "i2c" if self.channels is None and self.addresses is not None:
+                return f"I2C bus {self.bus}, addresses {', '.join(f'0x{each:02x}' for each in self.addresses)}, {self.chip}"
             case "i2c":
                 mux = "?" if self.mux_address is None else f"0x{self.mux_address:02x}"
                 channels = ", ".join(map(str, self.channels or ()))

@@ -34,7 +34,7 @@ def prospects(mounting: Mounting, pad: Pad) -> list[str]:
     if not now:
         return []
     told = []
-    for name, information in _steps(mounting):
+    for name, information in _steps(mounting, pad.chip.bias_strap is not None):
         then = accuracy(_informed(mounting, information), pad)
         if min(then[key] / now[key] for key in ("press_1n_sideways_sd_m", "press_1n_force_sd_n")) < WORTH:
             told.append(f"{name}: {_figures(then)} instead of {_figures(now)}")
@@ -45,7 +45,7 @@ def _figures(facts: dict[str, float]) -> str:
     return f"±{facts['press_1n_sideways_sd_m'] * 1e6:.0f} µm and ±{facts['press_1n_force_sd_n']:.3f} N"
 
 
-def _steps(mounting: Mounting) -> Iterator[tuple[str, Array]]:
+def _steps(mounting: Mounting, has_selftest: bool) -> Iterator[tuple[str, Array]]:
     """Each step with the information (M, M) that it adds, in SI."""
     count = len(mounting.gain)
     size, first = 9 + 12 * count, 9 + 3 * count
@@ -60,7 +60,8 @@ def _steps(mounting: Mounting) -> Iterator[tuple[str, Array]]:
             information[range(9, first), range(9, first)] = 1.0 / square(place_m)
         return information
 
-    yield "selftest", of(0.0, SELFTEST_GAIN, 0.0, 0.0, apart=False)
+    if has_selftest:
+        yield "selftest", of(0.0, SELFTEST_GAIN, 0.0, 0.0, apart=False)
     yield "--turn", of(0.0, TURN_GAIN, TURN_ROTATION_RAD, TURN_CROSS_AXIS, apart=True)
     yield "--refine", of(REFINE_PLACE_M, REFINE_GAIN, REFINE_ROTATION_RAD, REFINE_CROSS_AXIS, apart=True)
 

@@ -14,13 +14,12 @@ from fmfts.config import (
     PadConfig,
     ReplaySource,
     SimulatedSource,
-    SourceConfig,
     collect,
 )
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
-from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
+from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz, no_trigger
 from fmfts.sensor.wire.packets import MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
@@ -76,7 +75,9 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     except ValueError as error:
         yield ("source", "range_gauss"), str(error)
     most_hz = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
-    if source.rate_hz > most_hz:
+    if source.trigger == "simultaneous" and not chip.has_trigger:
+        yield ("source", "trigger"), no_trigger(chip)
+    elif source.rate_hz > most_hz:
         simultaneous = f'trigger = "simultaneous"{" over a bridge" if isinstance(source, BridgeSource) else ""}'
         mode = simultaneous if source.trigger == "simultaneous" else f'chip = "{source.chip}" running free'
         yield ("source", "rate_hz"), f"at most {most_hz} with {mode}"
@@ -85,15 +86,33 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and not Path(source.mechanics).is_file():
         yield ("source", "mechanics"), 'neither "standard" nor a file: `fmfts-daemon pad-model -o PAD.npz` makes one'
     if isinstance(source, I2cSource):
-        if not FIRST_MUX <= source.mux_address <= FIRST_MUX + 7:
-            yield ("source", "mux_address"), "a TCA9548A is at 0x70 to 0x77 (112 to 119), as its pins A0 to A2 say"
-        if len(source.channels) != len(pad.geometry.sensors_mm):
-            yield (
-                ("source", "channels"),
-                f"one channel for each of the {len(pad.geometry.sensors_mm)} sensors in geometry.sensors_mm",
-            )
-        if len(set(source.channels)) != len(source.channels):
-            yield ("source", "channels"), "each sensor needs a channel of its own"
+        yield from _on_i2c(source, len(pad.geometry.sensors_mm))
+
+
+def _on_i2c(source: I2cSource, sensors: int) -> Iterator[Problem]:
+    chip = CHIPS[source.chip]
+    if source.channels and not FIRST_MUX <= source.mux_address <= FIRST_MUX + 7:
+        yield ("source", "mux_address"), "a TCA9548A is at 0x70 to 0x77 (112 to 119), as its pins A0 to A2 say"
+    if source.channels and len(source.channels) != sensors:
+        yield ("source", "channels"), f"one channel for each of the {sensors} sensors in geometry.sensors_mm"
+        return
+    addresses = source.sensor_addresses(sensors)
+    where = ", ".join(f"0x{each:02x}" for each in chip.addresses)
+    foreign = [each for each in addresses if each not in chip.addresses]
+    if len(addresses) != sensors and not source.addresses:
+        yield (
+            ("source", "channels"),
+            f"without a mux at most {len(chip.addresses)} chips fit on a bus: an {chip.label} can be at {where}; name the "
+            "channels of a mux",
+        )
+    elif len(addresses) != sensors:
+        yield ("source", "addresses"), f"one address for each of the {sensors} sensors in geometry.sensors_mm"
+    elif foreign:
+        yield ("source", "addresses"), f"an {chip.label} can be at {where}, not at 0x{foreign[0]:02x}"
+    elif source.channels and len(set(zip(source.channels, addresses, strict=True))) != sensors:
+        yield ("source", "channels"), "each sensor needs a channel of its own"
+    elif not source.channels and len(set(addresses)) != sensors:
+        yield ("source", "addresses"), "each sensor needs an address of its own"
 
 
 def _sensors(pad: PadConfig) -> Iterator[Problem]:
@@ -192,18 +211,25 @@ def _magnets_apart_mm(one: PadConfig, other: PadConfig) -> float:
     return math.dist(first, second)
 
 
-def _sensor_addresses(source: SourceConfig) -> set[tuple[Key, ...]]:
+def _sensor_addresses(pad: PadConfig) -> set[tuple[Key, ...]]:
     """Addresses of the sensors that a source reads. Two pads must not share any: each would take the other's frames."""
+    source = pad.source
     if isinstance(source, BridgeSource):
         return {(source.uid.lower() if source.uid else source.port, source.pad_index)}
     if isinstance(source, I2cSource):
-        return {(source.bus, source.mux_address, channel) for channel in source.channels}
+        addresses = source.sensor_addresses(len(pad.geometry.sensors_mm))
+        if not source.channels:
+            return {(source.bus, address) for address in addresses}
+        return {
+            (source.bus, source.mux_address, channel, address)
+            for channel, address in zip(source.channels, addresses, strict=False)
+        }
     return set()
 
 
 def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     for (first, one), (second, other) in combinations(enumerate(pads), 2):
-        shared = _sensor_addresses(one.source) & _sensor_addresses(other.source)
+        shared = _sensor_addresses(one) & _sensor_addresses(other)
         if shared:
             what = "channels" if isinstance(other.source, I2cSource) else "pad_index"
             yield ("pad", second, "source", what), f"pad {pads[first].name!r} reads the same sensors"
@@ -211,6 +237,7 @@ def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
 
 def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     sensors_on: dict[int, list[int]] = {}  # bus → sensors of each pad
+    muxed: dict[int, bool] = {}
     clock_hz: dict[int, int] = {}
     for number, pad in enumerate(pads):
         source = pad.source
@@ -219,8 +246,16 @@ def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
         if clock_hz.setdefault(source.bus, source.clock_hz) != source.clock_hz:
             yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
         sensors = sensors_on.setdefault(source.bus, [])
-        sensors.append(len(source.channels))
-        most_hz = i2c_rate_hz(CHIPS[source.chip], source.trigger, source.clock_hz, sum(sensors), len(sensors))
+        sensors.append(len(pad.geometry.sensors_mm))
+        muxed[source.bus] = bool(source.channels) or muxed.get(source.bus, False)
+        most_hz = i2c_rate_hz(
+            CHIPS[source.chip],
+            source.trigger,
+            source.clock_hz,
+            sum(sensors),
+            len(sensors),
+            muxed=muxed[source.bus],
+        )
         if source.rate_hz > most_hz:
             mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
             yield (

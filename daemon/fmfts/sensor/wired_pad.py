@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from fmfts.sensor.chips import Chip
-from fmfts.sensor.chips.rates import highest_rate_hz
+from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
 from fmfts.sensor.source import SourceError
 
 
@@ -33,12 +33,16 @@ class PadOnBoard(WiredPad):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PadOnI2c(WiredPad):
-    """`channels` of the switch at `mux_address`, one a sensor."""
+    """`channels` of the switch at `mux_address`, one a sensor; None and empty: the sensors are straight on the bus.
+
+    `addresses`: of each sensor's chip.
+    """
 
     bus: int
     clock_hz: int
-    mux_address: int
+    mux_address: int | None
     channels: tuple[int, ...]
+    addresses: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,8 @@ class Settings:
     @classmethod
     def of(cls, pad: WiredPad) -> Self:
         """SourceError where no chip can do what is asked."""
+        if pad.trigger == "simultaneous" and not pad.chip.has_trigger:
+            raise SourceError(f"pad {pad.name!r}: {no_trigger(pad.chip)}")
         most_hz = highest_rate_hz(pad.chip, pad.trigger, over_bridge=isinstance(pad, PadOnBoard))
         if pad.rate_hz > most_hz:
             asked = f"rate_hz = {pad.rate_hz}, chip = {pad.chip.name!r}, trigger = {pad.trigger!r}"

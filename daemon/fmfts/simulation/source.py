@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Magnet, rotation_from_vector
 from fmfts.sensor.chips import TESLA_PER_GAUSS, Axes
-from fmfts.sensor.chips.selftest import selftest_facts
+from fmfts.sensor.chips.selftest import no_selftest, selftest_facts
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
-from fmfts.sensor.source import SourceError, SourceState
+from fmfts.sensor.source import CannotError, SourceError, SourceState
 from fmfts.simulation.chip import ChipArray
 from fmfts.simulation.finger import Finger, Touch, columns, finger_of
 from fmfts.simulation.finger_shape import SHAPES
@@ -92,7 +92,8 @@ class Simulated:
         self._chips = ChipArray(
             len(drawing.sensors), source.rate_hz, source.trigger, chip, noise_t, seeded(source, "chips")
         )
-        self._straps = seeded(source, "straps").normal(0.0, chip.bias_strap.deviation, self._built.gain.shape)
+        strap_deviation = 0.0 if chip.bias_strap is None else chip.bias_strap.deviation
+        self._straps = seeded(source, "straps").normal(0.0, strap_deviation, self._built.gain.shape)
         self._gain_code = chip.gain_code_for_range(source.range_gauss)
         self._rate_hz = source.rate_hz
         self._warming_k_per_s = source.warming_k_per_minute / 60.0
@@ -134,6 +135,8 @@ class Simulated:
 
     def request_selftest(self, pad_index: int) -> None:
         """Simulate strap currents of both signs, and subtract the unbiased field (data sheet, self-test operation)."""
+        if self._chip.bias_strap is None:
+            raise CannotError(no_selftest(self._chip))
         strap, saturated_count = self._chip.bias_strap, self._chip.saturated_count
         now_s = self._sequence / self._rate_hz
         warming_k = self._warming_k(now_s)

@@ -123,7 +123,9 @@ def _rate(surroundings: Surroundings) -> str:
     chip = CHIPS[source.chip]
     most = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, I2cSource):
-        most = min(most, i2c_rate_hz(chip, source.trigger, source.clock_hz, len(source.channels), 1))
+        sensors = len(surroundings.config.geometry.sensors_mm)
+        on_bus = i2c_rate_hz(chip, source.trigger, source.clock_hz, sensors, 1, muxed=bool(source.channels))
+        most = min(most, on_bus)
     if most < 220:
         return f"rate: {source.rate_hz} Hz, at most {most} for these chips, this trigger and this bus's clock; not 220"
     return f"rate: {source.rate_hz} Hz of {most}"

@@ -4,9 +4,14 @@ from typing import Literal
 
 from fmfts.sensor.chips.chip import GAIN_CODES, TESLA_PER_GAUSS, Axes, Chip
 from fmfts.sensor.chips.hmc5983 import HMC5883L, HMC5983
+from fmfts.sensor.chips.lis3mdl import LIS3MDL
+from fmfts.sensor.chips.mlx90393 import MLX90393
+from fmfts.sensor.chips.mmc5983ma import MMC5983MA
+from fmfts.sensor.chips.qmc5883l import QMC5883L
 
-ChipName = Literal["hmc5983", "hmc5883l"]  # as the configuration writes it
-CHIPS: dict[str, Chip] = {chip.name: chip for chip in (HMC5983, HMC5883L)}
+# As the configuration writes it.
+ChipName = Literal["hmc5983", "hmc5883l", "mmc5983ma", "qmc5883l", "lis3mdl", "mlx90393"]
+CHIPS: dict[str, Chip] = {chip.name: chip for chip in (HMC5983, HMC5883L, MMC5983MA, QMC5883L, LIS3MDL, MLX90393)}
 
 # Where nobody names a chip: old recordings, tables of fields, studies.
 DEFAULT_CHIP = HMC5983
@@ -18,7 +23,11 @@ __all__ = [
     "GAIN_CODES",
     "HMC5883L",
     "HMC5983",
+    "LIS3MDL",
+    "MLX90393",
+    "MMC5983MA",
     "NOISE_T",
+    "QMC5883L",
     "TESLA_PER_GAUSS",
     "Axes",
     "Chip",

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from fmfts.sensor.chips.driver import Driver
 
 TESLA_PER_GAUSS = 1e-4
 GAIN_CODES = 8  # what the three bits of the wire can name (docs/wire.md); a chip may have fewer
@@ -29,32 +34,42 @@ class BiasStrap:
 
     field_gauss: nominal, per axis; its own tolerance is inside the limits. limits: least and largest count of a good
     axis at `gain_code`, of either sign. deviation: of the strap's field from one axis to another, as a fraction.
+    settings: what to write to measure without bias, with the positive and with the negative one.
     """
 
     gain_code: int
     limits: tuple[int, int]
     field_gauss: PerAxis
     deviation: float
+    settings: Callable[[Chip], tuple[bytes, bytes, bytes]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chip:
     """The facts of one kind of chip. `name` is for the configuration, `label` for people.
 
+    driver: its registers. address: where it answers first; other_addresses: where its pins can put it.
+    identity: what it says of itself where identity_mask has ones.
     ranges_gauss, counts_per_gauss: by gain code; the second for each axis x, y, z.
     largest_count: what the converter can tell, of either sign (and −largest_count − 1). saturated_count: what it says
     instead where the field is larger.
     output_rates_hz: by the chip's rate code, slowest first; free_rate_hz: the highest that this chip has.
     single_rate_hz, single_conversion_s, single_wait_s: of measurements at the host's word; the wait is long enough for
-    the slowest chip. clock_tolerance: relative, of the chip's own clock.
-    noise_t: standard deviation of one sample. sensitivity_per_k: relative change of the counts with temperature.
-    thermometer: None where the chip has none.
+    the slowest chip; a rate of 0: it takes no such word. clock_tolerance: relative, of the chip's own clock.
+    noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz, empty
+    where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
+    sensitivity_per_k: relative change of the counts with temperature.
+    thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test with limits.
+    supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
     """
 
     name: str
     label: str
+    driver: Driver
     address: int
+    other_addresses: tuple[int, ...] = ()
     identity: bytes
+    identity_mask: bytes = b"\xff\xff\xff"
     ranges_gauss: tuple[float, ...]
     counts_per_gauss: tuple[PerAxis, ...]
     largest_count: int
@@ -66,9 +81,13 @@ class Chip:
     single_wait_s: float
     clock_tolerance: float
     noise_t: float
+    noises_t: tuple[float, ...] = ()
+    single_noise_t: float | None = None
     sensitivity_per_k: float
     thermometer: Thermometer | None
-    bias_strap: BiasStrap
+    bias_strap: BiasStrap | None
+    supply: str = ""
+    remarks: str = ""
     # (GAIN_CODES, 3) the field of one count in tesla, by gain code and axis; NaN where the chip has no such code.
     step_t: NDArray[np.float64] = field(init=False, repr=False)
 
@@ -77,6 +96,15 @@ class Chip:
         steps[: len(self.counts_per_gauss)] = TESLA_PER_GAUSS / np.array(self.counts_per_gauss, dtype=float)
         steps.setflags(write=False)
         object.__setattr__(self, "step_t", steps)
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        return (self.address, *self.other_addresses)
+
+    @property
+    def has_trigger(self) -> bool:
+        """It measures at the host's word."""
+        return self.single_rate_hz > 0
 
     def gain_code_for_range(self, range_gauss: float) -> int:
         """The gain code whose range is `range_gauss`; ValueError names the ranges that exist."""
@@ -96,6 +124,12 @@ class Chip:
                 return rate
         raise ValueError(f"the {self.name} delivers at most {self.free_rate_hz} Hz, not {rate_hz:g} Hz")
 
+    def noise_at_t(self, rate_hz: float, trigger: str) -> float:
+        """Standard deviation of one sample, in tesla, as the chip is set up for `rate_hz`."""
+        if trigger == "simultaneous":
+            return self.noise_t if self.single_noise_t is None else self.single_noise_t
+        return self.noises_t[self.output_rates_hz.index(self.output_rate_hz(rate_hz))] if self.noises_t else self.noise_t
+
     def temperature_c(self, count: int) -> float | None:
         """None where the chip has no thermometer, or could not work: its registers then mean nothing."""
         thermometer = self.thermometer
@@ -108,14 +142,19 @@ class Chip:
         lowest_c, highest_c = self.thermometer.range_c
         return temperature_c if lowest_c <= temperature_c <= highest_c else None
 
-    def why_not_identity(self, answer: bytes) -> str | None:
-        """What is wrong with the identification registers, None if nothing is.
+    def is_identity(self, answer: bytes) -> bool:
+        """Necessary, not sufficient: a clone may answer the same, and fails the self-test."""
+        return len(answer) == len(self.identity) and all(
+            one & mask == due for one, mask, due in zip(answer, self.identity_mask, self.identity, strict=True)
+        )
 
-        Necessary, not sufficient: a clone may answer the same, and fails the self-test.
-        """
-        if answer == self.identity:
+    def why_not_identity(self, answer: bytes) -> str | None:
+        """What is wrong with the identification registers, None if nothing is."""
+        if self.is_identity(answer):
             return None
-        due = f"{self.identity.hex(' ')} ({self.identity.decode('ascii', 'replace')})"
+        masked = bytes(due if mask else 0 for due, mask in zip(self.identity, self.identity_mask, strict=True))
+        text = masked.decode("ascii", "replace")
+        due = f"{masked.hex(' ')} ({text})" if text.isprintable() else masked.hex(" ")
         return (
             f"answers {answer.hex(' ')} where an {self.label} says {due}: another chip is fitted, or the bus is noisy"
         )

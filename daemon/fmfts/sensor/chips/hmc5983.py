@@ -9,10 +9,61 @@ from dataclasses import replace
 from struct import Struct
 
 from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip, Thermometer
+from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires
+
+CONFIG_A, CONFIG_B, MODE, DATA, STATUS, IDENTIFICATION, TEMPERATURE = 0x00, 0x01, 0x02, 0x03, 0x09, 0x0A, 0x31
+STATUS_READY = 0x01
+MODE_CONTINUOUS, MODE_SINGLE = 0x00, 0x01
+TEMPERATURE_COMPENSATION = 0x80  # off at power-on
+AVERAGE_8 = 0x60
+BIAS_NONE, BIAS_POSITIVE, BIAS_NEGATIVE = 0x00, 0x01, 0x02
+IDLE_RATE_HZ = 15  # of single measurements, which do not use it; from the data sheet's example of a self-test
+STRAP_GAIN_CODE = 5
+
+_TO_STATUS, _TO_DATA = bytes((STATUS,)), bytes((DATA,))
+_AXES = Struct(">hhh")
+
+
+class _Registers:
+    """The registers of both chips, as `Driver` has it."""
+
+    sample_bits = 126  # status, and six data bytes in one transfer, repeated starts
+    trigger_bits = 29
+    trigger = bytes((MODE, MODE_SINGLE))
+    stale_samples = 1  # the first sample after a change of gain still has the old gain
+
+    def identify(self, wires: Wires, chip: Chip) -> bytes:
+        (identification,) = wires.exchange(bytes((IDENTIFICATION,)), IDENTITY_BYTES)
+        return identification
+
+    def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        wires.write(bytes((CONFIG_A,)) + _configuration(chip, setup))
+        if not self.is_set_up(wires, chip, setup):
+            return False
+        if not setup.single:
+            wires.write(bytes((MODE, MODE_CONTINUOUS)))
+        return True
+
+    def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        (held,) = wires.exchange(bytes((CONFIG_A,)), 2)
+        return held == _configuration(chip, setup)
+
+    def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
+        status, block = wires.exchange(_TO_STATUS, 1, _TO_DATA, 6)
+        return bool(status[0] & STATUS_READY), block
+
+    def axes(self, chip: Chip, block: bytes) -> Axes:
+        return axes_from_registers(block)
+
+    def temperature_count(self, wires: Wires, block: bytes) -> int | None:
+        (raw,) = wires.exchange(bytes((TEMPERATURE,)), 2)
+        return int.from_bytes(raw, "big", signed=True)
+
 
 HMC5983 = Chip(
     name="hmc5983",
     label="HMC5983",
+    driver=_Registers(),
     address=0x1E,
     identity=b"H43",
     # By gain code (CRB bits 7–5), both from the gain table; the range is the one it recommends, a fifth smaller than
@@ -30,21 +81,24 @@ HMC5983 = Chip(
     noise_t=2e-7,  # 2 mG at ±0.88 G
     sensitivity_per_k=-0.0003,  # compensated
     thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 128, range_c=(-30.0, 85.0)),  # its "operating temperature"
-    bias_strap=BiasStrap(gain_code=5, limits=(243, 575), field_gauss=(1.16, 1.16, 1.08), deviation=0.005),
+    bias_strap=BiasStrap(
+        gain_code=STRAP_GAIN_CODE,
+        limits=(243, 575),
+        field_gauss=(1.16, 1.16, 1.08),
+        deviation=0.005,
+        settings=lambda chip: _strap_settings(chip),
+    ),
 )
 HMC5883L = replace(
     HMC5983, name="hmc5883l", label="HMC5883L", free_rate_hz=75, sensitivity_per_k=-0.003, thermometer=None
 )
 
 ADDRESS = HMC5983.address
-CONFIG_A, CONFIG_B, MODE, DATA, STATUS, IDENTIFICATION, TEMPERATURE = 0x00, 0x01, 0x02, 0x03, 0x09, 0x0A, 0x31
-STATUS_READY = 0x01
-MODE_CONTINUOUS, MODE_SINGLE = 0x00, 0x01
-TEMPERATURE_COMPENSATION = 0x80  # off at power-on
-AVERAGE_8 = 0x60
-BIAS_NONE, BIAS_POSITIVE, BIAS_NEGATIVE = 0x00, 0x01, 0x02
 
-_AXES = Struct(">hhh")
+
+def _configuration(chip: Chip, setup: Setup) -> bytes:
+    """The wanted content of configuration registers A and B."""
+    return bytes((config_a(chip, IDLE_RATE_HZ if setup.single else setup.rate_hz), config_b(setup.gain_code)))
 
 
 def config_a(chip: Chip, rate_hz: float, bias: int = 0, averaging: int = 0) -> int:
@@ -55,6 +109,15 @@ def config_a(chip: Chip, rate_hz: float, bias: int = 0, averaging: int = 0) -> i
 
 def config_b(gain_code: int) -> int:
     return gain_code << 5
+
+
+def _strap_settings(chip: Chip) -> tuple[bytes, bytes, bytes]:
+    """Registers A and B without bias, with the positive and with the negative one."""
+    none, positive, negative = (
+        bytes((CONFIG_A, config_a(chip, IDLE_RATE_HZ, bias, AVERAGE_8), config_b(STRAP_GAIN_CODE)))
+        for bias in (BIAS_NONE, BIAS_POSITIVE, BIAS_NEGATIVE)
+    )
+    return none, positive, negative
 
 
 def axes_from_registers(block: bytes) -> Axes:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from fmfts.sensor.chips.chip import Chip
 
 BRIDGE_SIMULTANEOUS_HZ = 152  # docs/wire.md, host → board: what the firmware accepts
-# On I2C. Select: START, address, control byte, STOP; then status and six data bytes in one transfer, repeated starts.
-BITS_PER_SENSOR = 20 + 126
+# On I2C. Select: START, address, control byte, STOP; then the chip's own transfer.
+BITS_PER_SELECTION = 20
 BITS_PER_PAD = 20  # the mux's control byte read back
-BITS_PER_TRIGGER = 20 + 29  # of a pad: several channels selected, the mode register written
 
 
 def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
@@ -17,14 +16,23 @@ def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
     return min(chip_hz, BRIDGE_SIMULTANEOUS_HZ) if over_bridge and trigger == "simultaneous" else chip_hz
 
 
-def i2c_cycle_s(clock_hz: int, sensors: int, pads: int, trigger: str) -> float:
+def i2c_cycle_s(chip: Chip, clock_hz: int, sensors: int, pads: int, trigger: str, *, muxed: bool = True) -> float:
     """Time on the wires for one reading of all sensors of a bus."""
-    bits = sensors * BITS_PER_SENSOR + pads * BITS_PER_PAD
-    return (bits + (pads * BITS_PER_TRIGGER if trigger == "simultaneous" else 0)) / clock_hz
+    bits = sensors * chip.driver.sample_bits
+    if muxed:
+        bits += sensors * BITS_PER_SELECTION + pads * BITS_PER_PAD
+    if trigger == "simultaneous":  # with a mux one write reaches all sensors of a pad
+        bits += pads * (BITS_PER_SELECTION + chip.driver.trigger_bits) if muxed else sensors * chip.driver.trigger_bits
+    return bits / clock_hz
 
 
-def i2c_rate_hz(chip: Chip, trigger: str, clock_hz: int, sensors: int, pads: int) -> int:
+def i2c_rate_hz(chip: Chip, trigger: str, clock_hz: int, sensors: int, pads: int, *, muxed: bool = True) -> int:
     """What chips and bus allow together: simultaneous conversions have to end before they can be read."""
     waiting_s = chip.single_wait_s if trigger == "simultaneous" else 0.0
-    bus_hz = int(1.0 / (waiting_s + i2c_cycle_s(clock_hz, sensors, pads, trigger)))
+    bus_hz = int(1.0 / (waiting_s + i2c_cycle_s(chip, clock_hz, sensors, pads, trigger, muxed=muxed)))
     return min(chip.highest_rate_hz(trigger), bus_hz)
+
+
+def no_trigger(chip: Chip) -> str:
+    """The sentence for a chip that is asked for simultaneous measurements, and takes no such word."""
+    return f'an {chip.label} measures at its own times only: set trigger = "free"'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fmfts.sensor.chips.chip import Axes, Chip
+from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip
 
 
 def strap_counts(chip: Chip, unbiased: Axes, positive: Axes, negative: Axes) -> tuple[Axes, Axes]:
@@ -27,9 +27,21 @@ def _strap_axis(chip: Chip, unbiased: int, plus: int, minus: int) -> tuple[int, 
     return plus - external, minus - external
 
 
+def strap_of(chip: Chip) -> BiasStrap:
+    """ValueError where the chip has none."""
+    if chip.bias_strap is None:
+        raise ValueError(no_selftest(chip))
+    return chip.bias_strap
+
+
+def no_selftest(chip: Chip) -> str:
+    """The sentence for who asks for the self-test of a chip that has none."""
+    return f"an {chip.label} has no self-test that could measure its gains: `fmfts-daemon baseline --turn` measures them"
+
+
 def limits(chip: Chip, gain_code: int, axis: int) -> tuple[int, int]:
     """Least and largest count of a good axis: the data sheet's, scaled from the gain code that it gives them for."""
-    strap = chip.bias_strap
+    strap = strap_of(chip)
     scale = chip.counts_per_gauss[gain_code][axis] / chip.counts_per_gauss[strap.gain_code][axis]
     low, high = strap.limits
     return round(low * scale), round(high * scale)
@@ -69,7 +81,7 @@ def selftest_facts(
         "gain_code": gain_code,
         "passed": all(one["passed"] for one in sensors),
         "sensors": sensors,
-        "gain_factor_sd": chip.bias_strap.deviation,
+        "gain_factor_sd": strap_of(chip).deviation,
     }
 
 
@@ -82,7 +94,7 @@ def selftest_failures(chip: Chip, gain_code: int, up: Axes, down: Axes) -> list[
 def _gain_factor(chip: Chip, gain_code: int, axis: int, plus: int, minus: int) -> float | None:
     if _axis_failure(chip, gain_code, axis, plus, minus) is not None:
         return None
-    nominal = chip.bias_strap.field_gauss[axis] * chip.counts_per_gauss[gain_code][axis]
+    nominal = strap_of(chip).field_gauss[axis] * chip.counts_per_gauss[gain_code][axis]
     return (plus - minus) / 2 / nominal
 
 

@@ -34,11 +34,12 @@ class Switches:
         self._bus = bus
         self._control: dict[int, int | None] = dict.fromkeys(addresses)  # None: unknown
 
-    def select(self, address: int, control: int) -> None:
+    def select(self, address: int | None, control: int) -> None:
+        """Connect the channels in `control` of the mux at `address`, and none of any other. None: of all muxes none."""
         for other, active in self._control.items():
             if other != address and active != NO_CHANNEL:
                 self._write(other, NO_CHANNEL)
-        if self._control[address] != control:
+        if address is not None and self._control[address] != control:
             self._write(address, control)
 
     def foreign_control(self, address: int) -> int | None:

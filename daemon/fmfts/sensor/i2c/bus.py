@@ -7,18 +7,19 @@ import mmap
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from struct import Struct
 
 import smbus2
 
-from fmfts.sensor.chips.hmc5983 import ADDRESS, DATA, STATUS
 from fmfts.sensor.lock import lock_device, not_permitted
 from fmfts.sensor.source import SourceError
 
 NOT_ACKNOWLEDGED = (errno.ENXIO, errno.EREMOTEIO, errno.EIO)  # 6 and 121; some adapters report 5
 _RECORD = Struct("<QB")
 _TEXT_BYTES = 80
+MOST_WRITES_KEPT = 256
 
 
 class CallRecord:
@@ -58,6 +59,7 @@ class I2cBus:
         self.place = ""  # mux and channels of the next calls, for the record
         self._number = number
         self._record = record
+        self._writes: dict[tuple[int, bytes], smbus2.i2c_msg] = {}  # of `exchange`: the same few all the time
         try:
             self._lock = os.open(self.path, os.O_RDWR | os.O_CLOEXEC)
             lock_device(self._lock, self.path)
@@ -91,18 +93,32 @@ class I2cBus:
         self._call(f"reading {size} bytes from 0x{address:02x}", lambda: self._bus.i2c_rdwr(message))
         return bytes(message)
 
-    def read_register(self, address: int, register: int, size: int) -> bytes:
-        pointer, answer = smbus2.i2c_msg.write(address, (register,)), smbus2.i2c_msg.read(address, size)
-        what = f"reading {size} bytes at register 0x{register:02x} of 0x{address:02x}"
-        self._call(what, lambda: self._bus.i2c_rdwr(pointer, answer))
-        return bytes(answer)
+    def exchange(self, address: int, parts: tuple[bytes | int, ...]) -> list[bytes]:
+        """One transfer in one system call, repeated starts between its parts: bytes to write, or how many to read.
 
-    def read_status_and_axes(self) -> tuple[int, bytes]:
-        """Status register and the six data bytes of the selected chip, in one system call."""
-        status, axes = smbus2.i2c_msg.read(ADDRESS, 1), smbus2.i2c_msg.read(ADDRESS, 6)
-        messages = (_TO_STATUS, status, _TO_DATA, axes)
-        self._call(f"reading status and axes of 0x{ADDRESS:02x}", lambda: self._bus.i2c_rdwr(*messages))
-        return bytes(status)[0], bytes(axes)
+        Returns what was read.
+        """
+        messages, answers = [], []
+        for part in parts:
+            if isinstance(part, int):
+                answers.append(smbus2.i2c_msg.read(address, part))
+                messages.append(answers[-1])
+            else:
+                messages.append(self._write_of(address, part))
+        first = parts[0]
+        what = f"reading from 0x{address:02x}"
+        if isinstance(first, bytes):
+            what += f" after writing {first.hex(' ')}"
+        self._call(what, lambda: self._bus.i2c_rdwr(*messages))
+        return [bytes(answer) for answer in answers]
+
+    def _write_of(self, address: int, data: bytes) -> smbus2.i2c_msg:
+        key = address, data
+        if key not in self._writes:
+            if len(self._writes) >= MOST_WRITES_KEPT:
+                self._writes.clear()
+            self._writes[key] = smbus2.i2c_msg.write(address, data)
+        return self._writes[key]
 
     def _call(self, what: str, call: Callable[[], object]) -> None:
         self._record.begin(f"{what} ({self.place})"[:_TEXT_BYTES].encode())
@@ -112,5 +128,16 @@ class I2cBus:
             self._record.end()
 
 
-_TO_STATUS = smbus2.i2c_msg.write(ADDRESS, (STATUS,))
-_TO_DATA = smbus2.i2c_msg.write(ADDRESS, (DATA,))
+
+@dataclass(frozen=True, slots=True)
+class ChipWires:
+    """The bus as the chip at `address` sees it: `Wires` of chips/driver.py."""
+
+    bus: I2cBus
+    address: int
+
+    def write(self, data: bytes) -> None:
+        self.bus.write(self.address, data)
+
+    def exchange(self, *parts: bytes | int) -> list[bytes]:
+        return self.bus.exchange(self.address, parts)

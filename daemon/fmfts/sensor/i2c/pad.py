@@ -8,16 +8,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fmfts.sensor.chips import Chip, hmc5983, tca9548a
-from fmfts.sensor.chips.hmc5983 import ADDRESS
+from fmfts.sensor.chips import Chip, tca9548a
+from fmfts.sensor.chips.driver import Setup
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.frame import AGE_UNKNOWN_US
-from fmfts.sensor.i2c.bus import I2cBus
+from fmfts.sensor.i2c.bus import NOT_ACKNOWLEDGED, ChipWires, I2cBus
+from fmfts.sensor.i2c.others import identity_of_another
 from fmfts.sensor.i2c.reader_config import PadWiring
 from fmfts.sensor.i2c.sensor import Sensor, now_us
-from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, HelloPad, HelloSensor, Sample, SensorState, StatusPad
+from fmfts.sensor.wire.packets import NO_MUX, TEMPERATURE_UNKNOWN, HelloPad, HelloSensor, Sample, SensorState, StatusPad
 from fmfts.sensor.wired_pad import Settings
 
+LOOK_US = 5_000_000
 MISSES_UNTIL_LOST = 3  # a single NACK is noise
 TRIGGER_TRIES = 3
 
@@ -32,7 +34,7 @@ class MuxError(Exception):
 
 @dataclass(slots=True)
 class I2cPad:
-    """Reads the sensors of `wiring` through `switches`. A frame needs `poll`, then `sample`; `watch` now and then."""
+    """Reads the sensors of `wiring`, through `switches` if it has a mux. A frame needs `poll`, then `sample`; `watch` now and then."""
 
     bus: I2cBus
     switches: Switches
@@ -47,7 +49,12 @@ class I2cPad:
     _turn: int = 0
 
     def __post_init__(self) -> None:
-        self.sensors = [Sensor(channel) for channel in self.wiring.channels]
+        wiring = self.wiring
+        channels = wiring.channels or (None,) * len(wiring.addresses)
+        self.sensors = [
+            Sensor(ChipWires(self.bus, address), channel)
+            for address, channel in zip(wiring.addresses, channels, strict=True)
+        ]
 
     def configure(self, settings: Settings) -> None:
         """Set all sensors up with `settings`; `poll` tries again those that fail."""
@@ -56,12 +63,16 @@ class I2cPad:
             self._guard(sensor, self._set_up)
 
     def trigger(self) -> int:
-        """Start a conversion in all working chips with one write. Returns the time (µs) at which it will have ended."""
-        channels = [sensor.channel for sensor in self.sensors if sensor.state == SensorState.OK]
-        if channels:
+        """Start a conversion in all working chips, those of one address with one write.
+
+        Returns the time (µs) at which it will have ended.
+        """
+        working = [sensor for sensor in self.sensors if sensor.state == SensorState.OK]
+        for wires in dict.fromkeys(sensor.wires for sensor in working):
             try:
-                self._select(tca9548a.several(channels))
-                self.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_SINGLE)))
+                channels = [sensor.channel for sensor in working if sensor.wires == wires]
+                self._select(tca9548a.several(channel for channel in channels if channel is not None))
+                wires.write(self.chip.driver.trigger)
             except (MuxError, OSError):
                 self.bus_errors += 1  # reading each sensor shows which one failed
         return now_us() + round(self.chip.single_conversion_s * 1e6)
@@ -108,6 +119,8 @@ class I2cPad:
     def mux_misuse(self) -> str | None:
         """A sentence if the mux is not as this process left it. Samples may then be another sensor's: drops them."""
         address = self.wiring.mux_address
+        if address is None:
+            return None
         try:
             control = self.switches.foreign_control(address)
         except OSError:
@@ -124,24 +137,29 @@ class I2cPad:
         )
 
     def describe(self, bus_number: int) -> HelloPad:
-        sensors = tuple(HelloSensor(one.channel, one.state, one.identification) for one in self.sensors)
-        return HelloPad(bus_number & 0xFF, self.wiring.mux_address, sensors)
+        """Without a mux, the wire has 0 as its address, and the sensor's own address as the channel (docs/wire.md)."""
+        sensors = tuple(
+            HelloSensor(one.wires.address if one.channel is None else one.channel, one.state, one.identification)
+            for one in self.sensors
+        )
+        return HelloPad(bus_number & 0xFF, self.wiring.mux_address or NO_MUX, sensors)
 
     def status(self) -> StatusPad:
         return StatusPad(self.bus_errors, 0, self.config_repairs, tuple(one.state for one in self.sensors))
 
     def select(self, sensor: Sensor) -> None:
-        self._select(tca9548a.one(sensor.channel))
+        self._select(tca9548a.NO_CHANNEL if sensor.channel is None else tca9548a.one(sensor.channel))
 
-    def registers(self) -> bytes:
-        """The wanted content of configuration registers A and B."""
-        rate_hz = 15 if self.settings.trigger else self.settings.rate_hz  # single measurements do not use it
-        return bytes((hmc5983.config_a(self.chip, rate_hz), hmc5983.config_b(self.settings.gain_code)))
+    @property
+    def setup(self) -> Setup:
+        return Setup(self.settings.gain_code, self.settings.rate_hz, bool(self.settings.trigger))
 
     def _select(self, control: int) -> None:
-        self.bus.place = f"mux 0x{self.wiring.mux_address:02x}, channels 0b{control:08b}"
+        """Connect these channels of the pad's mux, and none of any other. Without a mux: none at all."""
+        address = self.wiring.mux_address
+        self.bus.place = "no mux" if address is None else f"mux 0x{address:02x}, channels 0b{control:08b}"
         try:
-            self.switches.select(self.wiring.mux_address, control)
+            self.switches.select(address, control)
         except OSError as error:
             raise MuxError(error) from error
 
@@ -162,44 +180,56 @@ class I2cPad:
             sensor.lose(state)
 
     def _set_up(self, sensor: Sensor) -> None:
+        driver, wires = self.chip.driver, sensor.wires
         self.select(sensor)
-        sensor.identification = self.bus.read_register(ADDRESS, hmc5983.IDENTIFICATION, len(self.chip.identity))
-        if self.chip.why_not_identity(sensor.identification):
+        try:
+            sensor.identification = driver.identify(wires, self.chip)
+        except OSError as error:
+            self._look_for_another(sensor, error)
+            if sensor.other is None:
+                raise
+            sensor.identification = sensor.other
+        if not self.chip.is_identity(sensor.identification):
+            other = identity_of_another(self.chip, self.bus, wires.address) if sensor.other is None else None
+            sensor.identification = other or sensor.identification
             sensor.lose(SensorState.WRONG_IDENTIFICATION)
             return
-        wanted = self.registers()
-        self.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A,)) + wanted)
-        if self.bus.read_register(ADDRESS, hmc5983.CONFIG_A, 2) != wanted:
+        if not driver.set_up(wires, self.chip, self.setup):
             sensor.lose(SensorState.CONFIGURATION_LOST)
             return
-        if not self.settings.trigger:
-            self.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_CONTINUOUS)))
-        _, block = self.bus.read_status_and_axes()
-        sensor.begin(block)
+        _, block = driver.sample(wires)
+        sensor.begin(block, driver.stale_samples)
+
+    def _look_for_another(self, sensor: Sensor, error: OSError) -> None:
+        """Nothing acknowledges the sensor's address. Look for other chips now and then: each look costs frames."""
+        if error.errno in NOT_ACKNOWLEDGED and now_us() >= sensor.look_us:
+            sensor.other = identity_of_another(self.chip, self.bus)
+            sensor.look_us = now_us() + LOOK_US
 
     def _read(self, sensor: Sensor, converted_us: int | None) -> None:
         for _ in range(1 if converted_us is None else TRIGGER_TRIES):
             self.select(sensor)
             before_us, sensor.polled_us = sensor.polled_us, now_us()
-            status, block = self.bus.read_status_and_axes()
-            if status & hmc5983.STATUS_READY or block != sensor.block:
+            ready, block = self.chip.driver.sample(sensor.wires)
+            if ready or block not in (None, sensor.block):
                 break
         period_us = self._period_us()
-        if sensor.is_new(status, block, period_us):
+        if block is not None and sensor.is_new(ready, block, period_us):
             # A free-running chip converted between the last poll and this one: the middle has the smallest error.
             guess_us = max((before_us + sensor.polled_us) // 2, sensor.polled_us - period_us)
-            sensor.take(block, guess_us if converted_us is None else converted_us)
+            axes = self.chip.driver.axes(self.chip, block)
+            sensor.take(block, axes, guess_us if converted_us is None else converted_us)
         elif sensor.is_silent(period_us):
             sensor.lose(SensorState.NO_NEW_DATA)
 
     def _check(self, sensor: Sensor) -> None:
         self.select(sensor)
-        if self.bus.read_register(ADDRESS, hmc5983.CONFIG_A, 2) != self.registers():
+        if not self.chip.driver.is_set_up(sensor.wires, self.chip, self.setup):
             self.config_repairs += 1
             self._set_up(sensor)
         if self.chip.thermometer is not None:
-            raw = self.bus.read_register(ADDRESS, hmc5983.TEMPERATURE, 2)
-            sensor.temperature_raw = int.from_bytes(raw, "big", signed=True)
+            count = self.chip.driver.temperature_count(sensor.wires, sensor.block)
+            sensor.temperature_raw = TEMPERATURE_UNKNOWN if count is None else count
 
     def _period_us(self) -> int:
         if self.settings.trigger:

@@ -17,7 +17,6 @@ import msgspec
 
 from fmfts import __version__
 from fmfts.sensor.chips import CHIPS
-from fmfts.sensor.chips.hmc5983 import ADDRESS
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.i2c.bus import CallRecord, I2cBus
@@ -43,8 +42,9 @@ class Reader:
         self._config = config
         self._chip = CHIPS[config.chip]
         self._settings = Settings(config.gain_code, config.rate_hz, config.trigger)
-        self._switches = Switches(bus, {pad.mux_address for pad in config.pads})
-        for address in {pad.mux_address for pad in config.pads} | {ADDRESS}:
+        muxes = {pad.mux_address for pad in config.pads if pad.mux_address is not None}
+        self._switches = Switches(bus, muxes)
+        for address in muxes.union(*(pad.addresses for pad in config.pads)):
             bus.require_unbound(address)
         self._pads = [
             I2cPad(bus, self._switches, wiring, index, self._settings, self._chip)

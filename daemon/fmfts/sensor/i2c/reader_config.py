@@ -14,9 +14,12 @@ from fmfts.sensor.wired_pad import PadOnI2c, Settings
 
 
 class PadWiring(Struct, frozen=True):
+    """mux_address, channels: None and empty where the chips are straight on the bus."""
+
     name: str
-    mux_address: int
+    mux_address: int | None
     channels: tuple[int, ...]
+    addresses: tuple[int, ...]
 
 
 class ReaderConfig(Struct, frozen=True):
@@ -38,16 +41,22 @@ class ReaderConfig(Struct, frozen=True):
 
     @property
     def sensors(self) -> int:
-        return sum(len(pad.channels) for pad in self.pads)
+        return sum(len(pad.addresses) for pad in self.pads)
+
+    @property
+    def muxed(self) -> bool:
+        return any(pad.mux_address is not None for pad in self.pads)
 
     @property
     def cycle_s(self) -> float:
         """Time on the wires for one reading of all sensors."""
-        return i2c_cycle_s(self.clock_hz, self.sensors, len(self.pads), self.trigger_name)
+        chip = CHIPS[self.chip]
+        return i2c_cycle_s(chip, self.clock_hz, self.sensors, len(self.pads), self.trigger_name, muxed=self.muxed)
 
     @property
     def highest_rate_hz(self) -> int:
-        return i2c_rate_hz(CHIPS[self.chip], self.trigger_name, self.clock_hz, self.sensors, len(self.pads))
+        chip = CHIPS[self.chip]
+        return i2c_rate_hz(chip, self.trigger_name, self.clock_hz, self.sensors, len(self.pads), muxed=self.muxed)
 
 
 def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
@@ -55,7 +64,7 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
     in_order = [pads[index] for index in sorted(pads)]
     first = in_order[0]
     settings = Settings.of(first)
-    wirings = tuple(PadWiring(pad.name, pad.mux_address, pad.channels) for pad in in_order)
+    wirings = tuple(PadWiring(pad.name, pad.mux_address, pad.channels, pad.addresses) for pad in in_order)
     for pad in in_order:
         _check_channels(pad)
     _check_sharing(wirings)
@@ -73,27 +82,48 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
 
 
 def _check_channels(pad: PadOnI2c) -> None:
-    channels = pad.channels
-    if len(channels) != pad.sensors or not 1 <= pad.sensors <= MAX_SENSORS:
+    """Every sensor can be reached, and by a way of its own."""
+    channels, addresses = pad.channels, pad.addresses
+    if channels and len(channels) != pad.sensors or not 1 <= pad.sensors <= MAX_SENSORS:
         raise SourceError(
             f"pad {pad.name!r}: {len(channels)} channels, but {pad.sensors} places in geometry.sensors_mm: "
             f"one channel a sensor, 1 to {MAX_SENSORS} of them"
         )
-    if len(set(channels)) != len(channels):
-        raise SourceError(f"pad {pad.name!r}: channels = {list(channels)}: every sensor needs a channel of its own")
+    if len(addresses) != pad.sensors:
+        raise SourceError(
+            f"pad {pad.name!r}: {len(addresses)} addresses, but {pad.sensors} places in geometry.sensors_mm: an "
+            f"{pad.chip.label} can be at {', '.join(f'0x{each:02x}' for each in pad.chip.addresses)}; more of them need a mux"
+        )
+    if len(set(ways(pad))) != pad.sensors:
+        what = "channels" if channels else "addresses"
+        own = "a channel of its own" if channels else "an address of its own"
+        values = list(channels) if channels else [f"0x{each:02x}" for each in addresses]
+        raise SourceError(f"pad {pad.name!r}: {what} = {values}: every sensor needs {own}")
+
+
+def ways(pad: PadOnI2c | PadWiring) -> list[tuple[int | None, int | None, int]]:
+    """Mux, channel and address of each sensor."""
+    channels = pad.channels or (None,) * len(pad.addresses)
+    return [(pad.mux_address, channel, address) for channel, address in zip(channels, pad.addresses, strict=True)]
 
 
 def _check_sharing(wirings: Sequence[PadWiring]) -> None:
     if len(wirings) > MAX_PADS:
         raise SourceError(f"{len(wirings)} pads on one I2C bus ({_names(wirings)}): at most {MAX_PADS}")
+    direct = {address: pad.name for pad in wirings if pad.mux_address is None for address in pad.addresses}
     for index, pad in enumerate(wirings):
         for other in wirings[:index]:
-            shared = set(pad.channels) & set(other.channels)
-            if pad.mux_address == other.mux_address and shared:
-                raise SourceError(
-                    f"pads {other.name!r} and {pad.name!r} "
-                    f"both use channel {min(shared)} of mux 0x{pad.mux_address:02x}"
-                )
+            theirs = set(ways(other))
+            for mux, channel, address in (way for way in ways(pad) if way in theirs):
+                where = f"address 0x{address:02x}" if mux is None else f"channel {channel} of mux 0x{mux:02x}"
+                raise SourceError(f"pads {other.name!r} and {pad.name!r} both use {where}")
+        hidden = set(pad.addresses) & set(direct) if pad.mux_address is not None else set()
+        if hidden:
+            address = min(hidden)
+            raise SourceError(
+                f"pads {direct[address]!r} and {pad.name!r} both have a chip at 0x{address:02x}, one of them straight on "
+                "the bus: it would answer for the one behind the mux; give it another address, or the other a bus"
+            )
 
 
 def _names(wirings: Sequence[PadWiring]) -> str:

@@ -1,37 +1,34 @@
-"""The bias-strap measurement of one pad on an I2C bus (data sheet 900425, self-test operation)."""
+"""The bias-strap measurement of one pad on an I2C bus, of chips that have a strap (HMC5983 data sheet 900425)."""
 
 from __future__ import annotations
 
 import time
 
-from fmfts.sensor.chips import hmc5983
-from fmfts.sensor.chips.chip import Axes
-from fmfts.sensor.chips.hmc5983 import ADDRESS
+from fmfts.sensor.chips.chip import Axes, BiasStrap
 from fmfts.sensor.chips.selftest import selftest_failures, strap_counts
 from fmfts.sensor.i2c.pad import I2cPad, MuxError
 from fmfts.sensor.i2c.sensor import Sensor
 from fmfts.sensor.wire.packets import Selftest, SelftestSensor, SensorState
 
-RATE_HZ = 15  # from the data sheet's example; single measurements do not use it
 CONVERSION_LIMIT_S = 0.1  # twice the time of eight averaged conversions of 6 ms
 NOTHING: Axes = (0, 0, 0)
 
 
 def measure(pad: I2cPad, request_id: int) -> Selftest:
     """Measure every sensor without bias and with both biases, then configure all as before. Blocks 0.1 s a sensor."""
-    sensors = tuple(_measure_sensor(pad, sensor) for sensor in pad.sensors)
+    strap = pad.chip.bias_strap
+    assert strap is not None, "`Link.request_selftest` refuses a chip without one"
+    sensors = tuple(_measure_sensor(pad, sensor, strap) for sensor in pad.sensors)
     pad.configure(pad.settings)
-    return Selftest(request_id, pad.index, pad.chip.bias_strap.gain_code, sensors)
+    return Selftest(request_id, pad.index, strap.gain_code, sensors)
 
 
-def _measure_sensor(pad: I2cPad, sensor: Sensor) -> SelftestSensor:
+def _measure_sensor(pad: I2cPad, sensor: Sensor, strap: BiasStrap) -> SelftestSensor:
     if sensor.state != SensorState.OK:
         return SelftestSensor(sensor.state, NOTHING, NOTHING)
     try:
         pad.select(sensor)
-        unbiased, positive, negative = (
-            _biased(pad, bias) for bias in (hmc5983.BIAS_NONE, hmc5983.BIAS_POSITIVE, hmc5983.BIAS_NEGATIVE)
-        )
+        unbiased, positive, negative = (_biased(pad, sensor, settings) for settings in strap.settings(pad.chip))
     except MuxError:
         return SelftestSensor(SensorState.MUX_SILENT, NOTHING, NOTHING)
     except OSError:
@@ -39,26 +36,24 @@ def _measure_sensor(pad: I2cPad, sensor: Sensor) -> SelftestSensor:
     if unbiased is None or positive is None or negative is None:
         return SelftestSensor(SensorState.NO_NEW_DATA, NOTHING, NOTHING)
     positive, negative = strap_counts(pad.chip, unbiased, positive, negative)
-    failed = selftest_failures(pad.chip, pad.chip.bias_strap.gain_code, positive, negative)
+    failed = selftest_failures(pad.chip, strap.gain_code, positive, negative)
     return SelftestSensor(SensorState.SELFTEST_FAILED if failed else SensorState.OK, positive, negative)
 
 
-def _biased(pad: I2cPad, bias: int) -> Axes | None:
-    """Counts under `bias`; None if no conversion ended in time."""
-    config_a = hmc5983.config_a(pad.chip, RATE_HZ, bias, hmc5983.AVERAGE_8)
-    config_b = hmc5983.config_b(pad.chip.bias_strap.gain_code)
-    pad.bus.write(ADDRESS, bytes((hmc5983.CONFIG_A, config_a, config_b)))
-    _single(pad)  # this one still has the old gain
-    block = _single(pad)
-    return None if block is None else hmc5983.axes_from_registers(block)
+def _biased(pad: I2cPad, sensor: Sensor, settings: bytes) -> Axes | None:
+    """Counts under the bias that `settings` makes; None if no conversion ended in time."""
+    sensor.wires.write(settings)
+    _single(pad, sensor)  # this one still has the old gain
+    block = _single(pad, sensor)
+    return None if block is None else pad.chip.driver.axes(pad.chip, block)
 
 
-def _single(pad: I2cPad) -> bytes | None:
-    pad.bus.write(ADDRESS, bytes((hmc5983.MODE, hmc5983.MODE_SINGLE)))
+def _single(pad: I2cPad, sensor: Sensor) -> bytes | None:
+    sensor.wires.write(pad.chip.driver.trigger)
     end_s = time.monotonic() + CONVERSION_LIMIT_S
     while time.monotonic() < end_s:
         time.sleep(pad.chip.single_conversion_s)
-        status, block = pad.bus.read_status_and_axes()
-        if status & hmc5983.STATUS_READY:
+        ready, block = pad.chip.driver.sample(sensor.wires)
+        if ready:
             return block
     return None

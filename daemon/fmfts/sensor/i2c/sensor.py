@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from fmfts.sensor.chips import hmc5983
 from fmfts.sensor.chips.chip import Axes
+from fmfts.sensor.i2c.bus import ChipWires
 from fmfts.sensor.wire.packets import TEMPERATURE_UNKNOWN, SensorState
 
 RETRY_US = 250_000
@@ -20,7 +20,8 @@ def now_us() -> int:
 class Sensor:
     """`sampled_us`: time of the last sample, None if none is usable. `block`: the data registers as last read."""
 
-    channel: int
+    wires: ChipWires
+    channel: int | None  # of the mux; None: straight on the bus
     state: SensorState = SensorState.NOT_STARTED
     identification: bytes = bytes(3)
     axes: Axes = (0, 0, 0)
@@ -33,32 +34,35 @@ class Sensor:
     discard: int = 0
     misses: int = 0
     temperature_raw: int = TEMPERATURE_UNKNOWN
+    other: bytes | None = None  # the identification of another chip that answers in its place
+    look_us: int = 0
 
-    def begin(self, block: bytes) -> None:
+    def begin(self, block: bytes | None, stale_samples: int) -> None:
         """The sensor is set up. `block` was converted before, so it does not count as a new sample."""
         self.state, self.sampled_us, self.fresh = SensorState.OK, None, False
-        self.block = block
-        self.discard = 1  # the first sample after a change of gain still has the old gain
+        self.block, self.other = block or b"", None
+        self.discard = stale_samples
         self.polled_us = self.started_us = now_us()
 
     def lose(self, state: SensorState) -> None:
         self.state = state
         self.retry_us = now_us() + RETRY_US
 
-    def is_new(self, status: int, block: bytes, period_us: int) -> bool:
+    def is_new(self, ready: bool, block: bytes, period_us: int) -> bool:
         """RDY alone does not decide: data may change after RDY was read, and some chips keep RDY set after reading."""
         if block != self.block:
             return True
         age_us = self.polled_us - (self.sampled_us or 0)
-        return bool(status & hmc5983.STATUS_READY) and age_us > 0.5 * period_us
+        return ready and age_us > 0.5 * period_us
 
     def is_silent(self, period_us: int) -> bool:
         return now_us() - max(self.sampled_us or 0, self.started_us) > 5 * period_us + 100_000
 
-    def take(self, block: bytes, sampled_us: int) -> None:
+    def take(self, block: bytes, axes: Axes, sampled_us: int) -> None:
+        """A new sample. `axes` are the counts in `block`."""
         self.block = block
         if self.discard:
             self.discard -= 1
             self.started_us = self.polled_us
             return
-        self.axes, self.sampled_us, self.fresh = hmc5983.axes_from_registers(block), sampled_us, True
+        self.axes, self.sampled_us, self.fresh = axes, sampled_us, True

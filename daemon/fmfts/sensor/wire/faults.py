@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TypeVar
 
 from fmfts.sensor.chips import Chip
+from fmfts.sensor.chips.recognised import why_not
 from fmfts.sensor.wire.codec import VERSION
-from fmfts.sensor.wire.packets import Hello, HelloPad, Reply, Request, Result, SensorState, Verb
+from fmfts.sensor.wire.packets import NO_MUX, Hello, HelloPad, Reply, Request, Result, SensorState, Verb
 from fmfts.sensor.wired_pad import WiredPad
 
 Key = TypeVar("Key")
@@ -35,6 +36,8 @@ def note(book: dict[Key, str], subject: Key, sentence: str | None) -> None:
 
 def sensor_name(pad: HelloPad, sensor: int) -> str:
     """The sensor's name for people, who count from one."""
+    if pad.mux_address == NO_MUX:
+        return f"sensor {sensor + 1} (at 0x{pad.sensors[sensor].channel:02x})"
     return f"sensor {sensor + 1} (mux 0x{pad.mux_address:02x}, channel {pad.sensors[sensor].channel})"
 
 
@@ -43,9 +46,13 @@ def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | No
     if state == SensorState.OK:
         return None
     if state == SensorState.WRONG_IDENTIFICATION:
-        what = chip.why_not_identity(pad.sensors[sensor].identification) or "did not identify itself when started"
+        what = why_not(chip, pad.sensors[sensor].identification) or "did not identify itself when started"
     elif state == SensorState.NO_ANSWER:
-        what = f"does not answer at 0x{chip.address:02X}: check SDA/SCL of that channel"
+        what = (
+            "does not answer: check its supply, SDA, SCL and address pins"
+            if pad.mux_address == NO_MUX
+            else f"does not answer at 0x{chip.address:02X}: check SDA/SCL of that channel"
+        )
     else:
         what = _STATE_SENTENCES.get(state, f"reports state {state}, unknown to this version: update the daemon")
     return f"{sensor_name(pad, sensor)} {what}"

@@ -6,8 +6,9 @@ from collections import deque
 from collections.abc import Mapping
 
 from fmfts.sensor.chips import Chip
+from fmfts.sensor.chips.selftest import no_selftest
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
-from fmfts.sensor.source import SourceState
+from fmfts.sensor.source import CannotError, SourceState
 from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.board import SETTING, Board
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
@@ -144,7 +145,10 @@ class Link:
         return frames
 
     def request_selftest(self, pad_index: int, now_ns: int) -> None:
-        self._selftests.begin(pad_index, self._pads[pad_index].name, now_ns)
+        pad = self._pads[pad_index]
+        if pad.chip.bias_strap is None:
+            raise CannotError(f"pad {pad.name!r}: {no_selftest(pad.chip)}")
+        self._selftests.begin(pad_index, pad.name, now_ns)
         self.requests.ask(Verb.SELFTEST, pad_index)
 
     def selftest_result(self, pad_index: int) -> dict[str, object] | None:

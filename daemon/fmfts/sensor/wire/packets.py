@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 MAX_SENSORS = 8
 MAX_PADS = 3
 ALL_PADS = 255
+NO_MUX = 0  # in place of a mux's address: then a sensor's channel is its own address
 TEMPERATURE_UNKNOWN = -32768
 UID_BYTES = 12
 

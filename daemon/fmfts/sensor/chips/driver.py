@@ -1,0 +1,68 @@
+"""How a chip is spoken to on an I2C bus: what each file of this folder implements for its registers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from fmfts.sensor.chips.chip import Axes, Chip
+
+IDENTITY_BYTES = 3  # what the wire has room for (docs/wire.md, hello)
+
+
+class Setup(NamedTuple):
+    """What a chip is asked for. single: measurements at the host's word, in place of a stream of its own."""
+
+    gain_code: int
+    rate_hz: float
+    single: bool
+
+
+class Wires(Protocol):
+    """The bus as one chip sees it. Every failure raises OSError."""
+
+    def write(self, data: bytes) -> None:
+        """One transfer."""
+
+    def exchange(self, *parts: bytes | int) -> list[bytes]:
+        """One transfer with repeated starts between its parts: bytes to write, or a number of bytes to read.
+
+        Returns what was read, part by part.
+        """
+
+
+class Driver(Protocol):
+    """The registers of one kind of chip. It keeps no state: a chip may be unplugged and changed at any time.
+
+    sample_bits, trigger_bits: bit times on the wires of `sample`, and of writing `trigger` to one chip.
+    trigger: starts one measurement; empty where the chip only streams.
+    stale_samples: how many samples after `set_up` are still of the settings before.
+    """
+
+    sample_bits: int
+    trigger_bits: int
+    trigger: bytes
+    stale_samples: int
+
+    def identify(self, wires: Wires, chip: Chip) -> bytes:
+        """Its IDENTITY_BYTES, for `Chip.why_not_identity`. Leaves the chip's settings alone if it is of another kind."""
+
+    def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        """Configure it. False if its registers do not hold what was written."""
+
+    def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        """The registers still hold what `set_up` wrote: a brown-out changes them silently."""
+
+    def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
+        """Whether the chip says that a sample is new, and the sample; None if it has none to give now."""
+
+    def axes(self, chip: Chip, block: bytes) -> Axes:
+        """Counts (x, y, z) of a sample, `chip.saturated_count` where an axis is beyond its range."""
+
+    def temperature_count(self, wires: Wires, block: bytes) -> int | None:
+        """What the thermometer says, or None. block: the newest sample, which holds it on some chips."""
+
+
+def saturating(chip: Chip, counts: Axes) -> Axes:
+    """`counts` with the axes marked that the chip cannot tell; where the field is larger, they mean nothing."""
+    x, y, z = (count if abs(count) <= chip.largest_count else chip.saturated_count for count in counts)
+    return x, y, z

@@ -1,0 +1,95 @@
+"""The QMC5883L three-axis magnetometer: facts and registers (QST data sheet 13-52-04, rev. 1.0).
+
+It is what most boards sold as HMC5883L carry. Its registers, its address and its scale are all others.
+"""
+
+from __future__ import annotations
+
+from struct import Struct
+
+from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
+from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires, saturating
+
+# Section 9.1: X, Y, Z at 0x00 to 0x05, low byte first.
+STATUS, CONTROL_1, CONTROL_2, PERIOD, IDENTIFICATION = 0x06, 0x09, 0x0A, 0x0B, 0x0B
+STATUS_READY, STATUS_OVERFLOW = 0x01, 0x02
+MODE_CONTINUOUS = 0x01  # section 9.2.3: bits 1–0; output rate 3–2; range 5–4; oversampling 7–6, of which 0 is 512
+ROLL_OVER, NO_INTERRUPT = 0x40, 0x01  # section 9.2.4
+SET_RESET_PERIOD = 0x01  # section 9.2.5: recommended
+
+_AXES = Struct("<hhh")
+# With ROLL_OVER the pointer goes from 0x06 to 0x00, so that one transfer brings the status and the sample after it.
+_STATUS_AND_AXES = bytes((STATUS,))
+
+
+class _Registers:
+    """As `Driver` has it."""
+
+    sample_bits = 93
+    trigger_bits = 0
+    trigger = b""  # it has no single measurements
+    stale_samples = 1
+
+    def identify(self, wires: Wires, chip: Chip) -> bytes:
+        """The period, a reserved register, and the identification 0xFF, which alone counts."""
+        (identification,) = wires.exchange(bytes((IDENTIFICATION,)), IDENTITY_BYTES)
+        return identification
+
+    def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        control, *others = _configuration(chip, setup)
+        wires.write(bytes((CONTROL_2, *others)))
+        wires.write(bytes((CONTROL_1, control)))  # last: the mode, which begins to measure
+        return self.is_set_up(wires, chip, setup)
+
+    def is_set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
+        (held,) = wires.exchange(bytes((CONTROL_1,)), 3)
+        return held == _configuration(chip, setup)
+
+    def sample(self, wires: Wires) -> tuple[bool, bytes | None]:
+        (answer,) = wires.exchange(_STATUS_AND_AXES, 7)
+        status = answer[0]
+        if not status & STATUS_READY:  # old, or the zeros of a chip that was reset
+            return False, None
+        return True, bytes((status & STATUS_OVERFLOW,)) + answer[1:]
+
+    def axes(self, chip: Chip, block: bytes) -> Axes:
+        """The overflow flag is of all axes together; an axis that is beyond its range also shows the last count."""
+        counts = saturating(chip, _AXES.unpack(block[1:]))
+        if block[0] and chip.saturated_count not in counts:
+            return chip.saturated_count, chip.saturated_count, chip.saturated_count
+        return counts
+
+    def temperature_count(self, wires: Wires, block: bytes) -> int | None:
+        return None
+
+
+QMC5883L = Chip(
+    name="qmc5883l",
+    label="QMC5883L",
+    driver=_Registers(),
+    address=0x0D,
+    identity=b"\x00\x00\xff",
+    identity_mask=b"\x00\x00\xff",
+    ranges_gauss=(2.0, 8.0),
+    counts_per_gauss=tuple((counts, counts, counts) for counts in (12000, 3000)),  # section 2.2
+    largest_count=32766,  # it stays at 32767 or −32768 beyond its range
+    saturated_count=-32768,
+    output_rates_hz=(10.0, 50.0, 100.0, 200.0),
+    free_rate_hz=200,
+    single_rate_hz=0,
+    single_conversion_s=0.0,
+    single_wait_s=0.0,
+    clock_tolerance=0.05,
+    noise_t=2e-3 * TESLA_PER_GAUSS,  # section 2.2, field resolution: at ±2 G, 512 times oversampled
+    sensitivity_per_k=-0.0005,
+    thermometer=None,  # its thermometer has no known zero (section 9.2.2)
+    bias_strap=None,
+    supply="made; on boards sold as HMC5883L, under 5 € each",
+    remarks="one address, so a mux; at most 200 Hz; no self-test; no thermometer with a known zero",
+)
+
+
+def _configuration(chip: Chip, setup: Setup) -> bytes:
+    """The wanted content of control registers 1 and 2, and of the period of set and reset."""
+    rate = chip.output_rates_hz.index(chip.output_rate_hz(setup.rate_hz))
+    return bytes((setup.gain_code << 4 | rate << 2 | MODE_CONTINUOUS, ROLL_OVER | NO_INTERRUPT, SET_RESET_PERIOD))

@@ -1,0 +1,71 @@
+"""What emulated magnetometers share: field, gains, a clock of their own, conversions that end while nobody looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from random import Random
+
+
+class Magnetometer:
+    """`clock_error` is relative; `gain` multiplies what the data sheet calls nominal; noise is one deviation."""
+
+    address = 0
+
+    def __init__(
+        self,
+        time_s: Callable[[], float],
+        field_gauss: Sequence[float] = (0.0, 0.0, 0.0),
+        clock_error: float = 0.0,
+        phase_s: float = 0.0,
+        address: int | None = None,
+        noise_gauss: float = 0.0,
+        seed: int = 1,
+    ) -> None:
+        self.time_s = time_s
+        self.field_gauss = list(field_gauss)
+        self.clock_error = clock_error
+        self.phase_s = phase_s
+        self.address = self.address if address is None else address
+        self.noise_gauss = noise_gauss
+        self.random = Random(seed)
+        self.gain = [1.0, 1.0, 1.0]
+        self.temperature_c = 25.0
+        self.absent = False
+        self.frozen = False  # a clock that has stopped
+        self.conversions = 0
+        self.next_conversion_s: float | None = None
+        self.power_on()
+
+    def power_on(self) -> None:
+        raise NotImplementedError
+
+    def convert(self) -> None:
+        """A conversion ended: its result goes to the output."""
+        raise NotImplementedError
+
+    def following_s(self) -> float | None:
+        """The time from one conversion to the next; None where one was all."""
+        raise NotImplementedError
+
+    def sensed_gauss(self) -> list[float]:
+        return [
+            (field + self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else field) * gain
+            for field, gain in zip(self.field_gauss, self.gain, strict=True)
+        ]
+
+    def begin(self, conversion_s: float) -> None:
+        self.next_conversion_s = self.time_s() + conversion_s * (1.0 + self.clock_error) + self.phase_s
+
+    def run(self) -> None:
+        """Catch up with the clock. Of conversions that nobody could have seen only the last is made."""
+        while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
+            ended_s, following_s = self.next_conversion_s, self.following_s()
+            if following_s is None:
+                self.next_conversion_s = None
+            else:
+                period_s = following_s * (1.0 + self.clock_error)
+                missed = max(0, int((self.time_s() - ended_s) / period_s) - 1)
+                self.conversions += missed
+                self.next_conversion_s = ended_s + (missed + 1) * period_s
+            self.conversions += 1
+            self.convert()

@@ -1,0 +1,85 @@
+"""Chips beside the HMC5983 with real smbus2 on an emulated kernel bus, with and without a mux, to a contact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from end_to_end.kernel_bus import KernelBus, all_valid, kernel_bus, pad, run
+from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
+from fmfts.sensor.i2c.source import I2c
+
+# Rate, range and addresses without a mux; where there are none, the chips are behind one.
+WIRED: dict[str, dict[str, Any]] = {
+    "mlx90393": {"rate_hz": 220, "range_gauss": 132.0, "channels": (), "addresses": (0x0C, 0x0D, 0x0E, 0x0F)},
+    "lis3mdl": {"rate_hz": 150, "range_gauss": 4.0, "channels": (), "addresses": (0x1C, 0x1E)},
+    "qmc5883l": {"rate_hz": 200, "range_gauss": 8.0},
+    "mmc5983ma": {"rate_hz": 220, "range_gauss": 8.0},
+}
+
+
+@contextmanager
+def wired(chip: str, **options: Any) -> Iterator[tuple[KernelBus, I2c]]:
+    settings = WIRED[chip] | options
+    sensors = len(settings.get("addresses", range(4)))
+    with kernel_bus(chip, *settings.get("addresses", ())) as kernel:
+        yield kernel, kernel.open(pad(sensors=sensors, **{"chip": chip, "channels": tuple(range(sensors))} | settings))
+
+
+@pytest.mark.parametrize("chip", WIRED)
+def test_every_chip_arrives_as_a_field(chip: str) -> None:
+    with wired(chip) as (kernel, source):
+        frame = run(source, all_valid)[-1]
+        sensors = len(frame.valid)
+        due = np.array([(0.1 * (c + 1), -0.05 * (c + 1), 0.3) for c in range(sensors)]) * TESLA_PER_GAUSS
+        assert frame.chip is CHIPS[chip]
+        assert frame.field_t == pytest.approx(due, abs=frame.chip.step_t[frame.gain_code].max())
+        frames = run(source, lambda frames: len(frames) > 60)
+        assert np.mean([frame.fresh for frame in frames]) > 0.5  # less on a machine that falls behind
+        assert kernel.report()["conflicts"] == 0
+        assert source.state.sensor_faults == {}
+        if CHIPS[chip].thermometer is not None:
+            run(source, lambda frames: frames and frames[-1].temperature_c == pytest.approx(25.0, abs=0.2))
+
+
+def test_a_chip_without_a_mux_that_falls_silent_is_named_by_its_address_and_comes_back() -> None:
+    with wired("mlx90393") as (kernel, source):
+        run(source, all_valid)
+        assert kernel.order(direct=2, set={"absent": True}) == "done"
+        run(source, lambda frames: source.state.sensor_faults)
+        assert source.state.sensor_faults == {
+            (0, 2): "sensor 3 (at 0x0e) does not answer: check its supply, SDA, SCL and address pins"
+        }
+        assert run(source, lambda frames: len(frames) > 5)[-1].valid.tolist() == [True, True, False, True]
+        assert kernel.order(direct=2, set={"absent": False}) == "done"
+        run(source, all_valid)
+        run(source, lambda frames: not source.state.sensor_faults)
+
+
+def test_a_chip_sold_as_another_is_named_with_what_to_set() -> None:
+    with kernel_bus("qmc5883l") as kernel:
+        source = kernel.open(pad())
+        run(source, lambda frames: len(source.state.sensor_faults) == 4)
+        assert source.state.sensor_faults[0, 1] == (
+            'sensor 2 (mux 0x70, channel 1) is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'
+        )
+
+
+def test_a_saturated_axis_of_another_chip_is_flagged_alone() -> None:
+    with wired("qmc5883l") as (kernel, source):
+        run(source, all_valid)
+        kernel.chip(2, field_gauss=[0.1, 12.0, 0.2])
+        frames = run(source, lambda frames: frames and frames[-1].overflow.any())
+        assert np.argwhere(frames[-1].overflow).tolist() == [[2, 1]]
+
+
+def test_a_chip_that_was_power_cycled_is_set_up_again() -> None:
+    with wired("mlx90393") as (kernel, source):
+        run(source, all_valid)
+        assert kernel.order(direct=0, call="power_on") == "done"
+        run(source, lambda frames: frames and not frames[-1].fresh[0])
+        run(source, lambda frames: all_valid(frames) and frames[-1].fresh[0])
