@@ -104,9 +104,7 @@ def origin_of(pad: PadConfig) -> Origin | None:
             if not channels:
                 own = pad.source.sensor_addresses(len(pad.geometry.sensors_mm))
                 return Origin("i2c", chip, bus=bus, addresses=own)
-            return Origin(
-                "i2c", chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses or None
-            )
+            return Origin("i2c", chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses or None)
         case SimulatedSource(chip=chip, seed=seed):
             return Origin("simulated", chip, seed=seed)
         case ReplaySource():

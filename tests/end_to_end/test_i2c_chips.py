@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from end_to_end.kernel_bus import KernelBus, all_valid, kernel_bus, pad, run
+from end_to_end.processes import RunningDaemon
+from fmfts.config.file import load
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.sensor.i2c.source import I2c
+from fmfts.simulation.mounted import MountedPad
 
 # Rate, range and addresses without a mux; where there are none, the chips are behind one.
 WIRED: dict[str, dict[str, Any]] = {
@@ -83,3 +88,56 @@ def test_a_chip_that_was_power_cycled_is_set_up_again() -> None:
         assert kernel.order(direct=0, call="power_on") == "done"
         run(source, lambda frames: frames and not frames[-1].fresh[0])
         run(source, lambda frames: all_valid(frames) and frames[-1].fresh[0])
+
+
+CONTACT_CONFIG = """
+[[pad]]
+name = "left"
+[pad.source]
+type = "i2c"
+bus = 7
+chip = "{chip}"
+rate_hz = {rate_hz}
+range_gauss = {range_gauss}
+channels = {channels}
+"""
+FORCE_N, PRESSED_MM = 1.0, (3.0, -2.0)
+
+
+@pytest.mark.parametrize(("chip", "rate_hz", "muxed"), [("mlx90393", 130, False), ("qmc5883l", 100, True)])
+def test_a_press_on_a_pad_of_other_chips_becomes_a_contact(
+    chip: str, rate_hz: int, muxed: bool, tmp_path: Path
+) -> None:
+    """From registers to place and force: the daemon, its baseline and its messages, all as with the first chip."""
+    addresses = () if muxed else CHIPS[chip].addresses[:4]
+    noise_gauss = CHIPS[chip].noise_at_t(rate_hz, "free") / TESLA_PER_GAUSS
+    config = CONTACT_CONFIG.format(
+        chip=chip,
+        rate_hz=rate_hz,
+        range_gauss=CHIPS[chip].ranges_gauss[-1 if muxed else 0],
+        channels=[0, 1, 2, 3] if muxed else [],
+    )
+    with kernel_bus(chip, *addresses) as kernel, RunningDaemon(tmp_path, config) as daemon:
+        mounted = MountedPad.exact(load(daemon.config)[0].pad[0].pad())
+
+        def press(force_n: float) -> None:
+            places = [np.full(4, value) for value in (PRESSED_MM[0] * 1e-3, PRESSED_MM[1] * 1e-3, force_n, 0.0, 0.0)]
+            field_gauss = mounted.magnet_field(*places) / TESLA_PER_GAUSS
+            for number, field in enumerate(field_gauss):
+                changes = {"field_gauss": field.tolist(), "noise_gauss": noise_gauss}
+                assert kernel.order(**{"chip": [0, number]} if muxed else {"direct": number}, set=changes) == "done"
+
+        press(0.0)
+        daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
+        assert daemon.request("baseline", pad="left", rest=True, timeout_s=30.0)["kind"] == "rest"
+        quiet = daemon.wait_for(lambda contact: contact.health == "ok")
+        assert quiet.contact is False
+        press(FORCE_N)
+        settled_ns = time.monotonic_ns() + 500_000_000  # the chips' fields change one after another
+        felt = daemon.wait_for(lambda contact: contact.t_sample_ns > settled_ns and contact.health == "ok")
+        assert felt.contact
+        # Deviations count the noise, and what the baseline leaves unknown; 5 of them, of one message.
+        assert abs(felt.force_n - FORCE_N) < 5 * felt.force_sd_n
+        assert abs(felt.x_m - PRESSED_MM[0] * 1e-3) < 5 * felt.x_sd_m
+        assert abs(felt.y_m - PRESSED_MM[1] * 1e-3) < 5 * felt.y_sd_m
+        assert felt.force_sd_n < 0.2 * FORCE_N

@@ -68,13 +68,17 @@ def test_each_axis_has_the_data_sheets_scale_and_sign(clock: Clock, kind: Kind) 
     due = np.array(FIELD_GAUSS) * kind.counts_per_gauss
     assert np.abs(last_counts(samples)[0] - due).max() <= 1.0 + 0.002 * np.abs(due).max()  # tables round to 0.2 %
     step_t = CHIPS[kind.name].step_t[kind.gain_code]
-    assert last_counts(samples)[0] * step_t == pytest.approx(np.array(FIELD_GAUSS) * 1e-4, abs=step_t.max())  # the MMC5983MA drops two bits
+    assert last_counts(samples)[0] * step_t == pytest.approx(
+        np.array(FIELD_GAUSS) * 1e-4, abs=step_t.max()
+    )  # the MMC5983MA drops two bits
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("kind", PROMISED, ids=lambda kind: f"{kind.name}-{kind.gain_code}")
-def test_a_saturated_axis_is_flagged_alone_and_is_good_again_after(clock: Clock, kind: Kind, axis: int, sign: int) -> None:
+def test_a_saturated_axis_is_flagged_alone_and_is_good_again_after(
+    clock: Clock, kind: Kind, axis: int, sign: int
+) -> None:
     """Also where it is far beyond: an output that wraps around must not read as a field."""
     one = chip_of(clock, kind.name)
     pad, _ = emulated_pad(clock, kind.name, [one], gain_code=kind.gain_code, rate_hz=100)
@@ -229,10 +233,8 @@ def test_a_chip_at_the_address_of_another_is_told_by_what_it_says(clock: Clock) 
     assert "is a QMC5883L at 0x0D" in str(why_not(CHIPS["mlx90393"], pad.sensors[0].identification))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mmc5983ma"])  # its settings cannot be read back
 def test_a_chip_that_does_not_hold_what_is_written_is_not_used(clock: Clock, kind: str) -> None:
-    if kind == "mmc5983ma":
-        pytest.skip("its settings cannot be read back (data sheet, register map)")
     one = chip_of(clock, kind)
     pad, bus = emulated_pad(clock, kind, [one], rate_hz=100)
     pad.select(pad.sensors[0])

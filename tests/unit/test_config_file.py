@@ -80,9 +80,9 @@ SIMULATED = "pad 'a' (first [[pad]]): "
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (PAD + "rate_hz = 500", SIMULATED + "source.rate_hz = 500: must be a whole number from 1 to 220"),
-        (PAD + "rate_hz = 219.5", SIMULATED + "source.rate_hz = 219.5: must be a whole number from 1 to 220"),
-        (PAD + 'rate_hz = "fast"', SIMULATED + "source.rate_hz = 'fast': must be a whole number from 1 to 220"),
+        (PAD + "rate_hz = 5000", SIMULATED + "source.rate_hz = 5000: must be a whole number from 1 to 1000"),
+        (PAD + "rate_hz = 219.5", SIMULATED + "source.rate_hz = 219.5: must be a whole number from 1 to 1000"),
+        (PAD + 'rate_hz = "fast"', SIMULATED + "source.rate_hz = 'fast': must be a whole number from 1 to 1000"),
         (PAD + "rate = 100", SIMULATED + "source.rate: there is no such key; did you mean rate_hz, in hertz?"),
         (PAD + "[pad.magnet]\ndiameter = 2", SIMULATED + "magnet.diameter: there is no such key; did you mean diameter_mm, in millimetres?"),
         (PAD + "[pad.scene]\nx = 2", SIMULATED + "scene.x: there is no such key (there are ambient, remanence, neighbours, steel_nearby)"),

@@ -46,7 +46,8 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
                 board = "a board that told no uid" if self.uid is None else f"board {self.uid}"
                 return f"{board}, pad_index {self.pad_index}, {self.chip}"
             case "i2c" if self.channels is None and self.addresses is not None:
-                return f"I2C bus {self.bus}, addresses {', '.join(f'0x{each:02x}' for each in self.addresses)}, {self.chip}"
+                addresses = ", ".join(f"0x{each:02x}" for each in self.addresses)
+                return f"I2C bus {self.bus}, addresses {addresses}, {self.chip}"
             case "i2c":
                 mux = "?" if self.mux_address is None else f"0x{self.mux_address:02x}"
                 channels = ", ".join(map(str, self.channels or ()))

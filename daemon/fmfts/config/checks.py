@@ -75,6 +75,8 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     except ValueError as error:
         yield ("source", "range_gauss"), str(error)
     most_hz = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
+    if isinstance(source, BridgeSource) and not chip.on_boards:
+        yield ("source", "chip"), f"no firmware of a board reads an {chip.label} yet: connect it to an I2C bus"
     if source.trigger == "simultaneous" and not chip.has_trigger:
         yield ("source", "trigger"), no_trigger(chip)
     elif source.rate_hz > most_hz:
@@ -102,8 +104,8 @@ def _on_i2c(source: I2cSource, sensors: int) -> Iterator[Problem]:
     if len(addresses) != sensors and not source.addresses:
         yield (
             ("source", "channels"),
-            f"without a mux at most {len(chip.addresses)} chips fit on a bus: an {chip.label} can be at {where}; name the "
-            "channels of a mux",
+            f"without a mux at most {len(chip.addresses)} chips fit on a bus: an {chip.label} can be at {where}; name "
+            "the channels of a mux",
         )
     elif len(addresses) != sensors:
         yield ("source", "addresses"), f"one address for each of the {sensors} sensors in geometry.sensors_mm"

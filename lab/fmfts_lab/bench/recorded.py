@@ -8,6 +8,7 @@ from fmfts.baseline import Baseline, Means, Mounting, Recording, make_bare, make
 from fmfts.baseline.file_format import StoredGains
 from fmfts.pad import Pad, Tolerance, rotation_from_vector
 from fmfts.sensor.chips import HMC5983, NOISE_T
+from fmfts.sensor.chips.selftest import strap_of
 from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.workspace import Array
 
@@ -56,7 +57,7 @@ def bare_and_rest(
 
 def selftested(built: MountedPad, random: np.random.Generator) -> StoredGains:
     """What a self-test finds: the gains, each with the error of its strap's field."""
-    strap = HMC5983.bias_strap
+    strap = strap_of(HMC5983)
     found = built.gain * random.normal(1.0, strap.deviation, built.gain.shape)
     return StoredGains("", tuple((float(x), float(y), float(z)) for x, y, z in found), strap.deviation)
 

@@ -56,10 +56,11 @@ class Chip:
     output_rates_hz: by the chip's rate code, slowest first; free_rate_hz: the highest that this chip has.
     single_rate_hz, single_conversion_s, single_wait_s: of measurements at the host's word; the wait is long enough for
     the slowest chip; a rate of 0: it takes no such word. clock_tolerance: relative, of the chip's own clock.
-    noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz, empty
-    where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
+    noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz,
+    empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
     sensitivity_per_k: relative change of the counts with temperature.
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test with limits.
+    on_boards: the firmware of boards reads it, too.
     supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
     """
 
@@ -86,6 +87,7 @@ class Chip:
     sensitivity_per_k: float
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
+    on_boards: bool = False
     supply: str = ""
     remarks: str = ""
     # (GAIN_CODES, 3) the field of one count in tesla, by gain code and axis; NaN where the chip has no such code.
@@ -128,7 +130,9 @@ class Chip:
         """Standard deviation of one sample, in tesla, as the chip is set up for `rate_hz`."""
         if trigger == "simultaneous":
             return self.noise_t if self.single_noise_t is None else self.single_noise_t
-        return self.noises_t[self.output_rates_hz.index(self.output_rate_hz(rate_hz))] if self.noises_t else self.noise_t
+        return (
+            self.noises_t[self.output_rates_hz.index(self.output_rate_hz(rate_hz))] if self.noises_t else self.noise_t
+        )
 
     def temperature_c(self, count: int) -> float | None:
         """None where the chip has no thermometer, or could not work: its registers then mean nothing."""

@@ -44,7 +44,7 @@ class Driver(Protocol):
     stale_samples: int
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        """Its IDENTITY_BYTES, for `Chip.why_not_identity`. Leaves the chip's settings alone if it is of another kind."""
+        """Its IDENTITY_BYTES, for `Chip.is_identity`. A chip of another kind keeps its settings."""
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
         """Configure it. False if its registers do not hold what was written."""

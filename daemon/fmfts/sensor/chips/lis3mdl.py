@@ -1,4 +1,4 @@
-"""The LIS3MDL three-axis magnetometer: facts and registers (ST data sheet DocID024204 rev. 6, application note AN4602)."""
+"""The LIS3MDL three-axis magnetometer: facts and registers (ST data sheet DocID024204 rev. 6, note AN4602)."""
 
 from __future__ import annotations
 
@@ -85,9 +85,7 @@ LIS3MDL = Chip(
     noise_t=4.6e-3 * TESLA_PER_GAUSS,
     # Ultra-high performance from table 3 (3.2 mG; 4.1 mG in z counts least and is left out); the faster ones by the
     # number of measurements that each averages: no data sheet tells them.
-    noises_t=tuple(
-        mg * 1e-3 * TESLA_PER_GAUSS for mg in (3.2, 3.2, 4.6, 6.1, 8.1)
-    ),
+    noises_t=tuple(mg * 1e-3 * TESLA_PER_GAUSS for mg in (3.2, 3.2, 4.6, 6.1, 8.1)),
     single_noise_t=3.2e-3 * TESLA_PER_GAUSS,
     sensitivity_per_k=-0.0003,
     thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 8),

@@ -106,11 +106,11 @@ _LARGEST = 22000
 
 def _conversion_s(filtered: int) -> float:
     """Of three axes, 67 + 64 (2 + 2^DIG_FILT) µs each, with 0.49 ms (table 18), and 0.26 ms of the temperature."""
-    return (3 * (67 + 64 * (2 + 2**filtered)) + 490 + 259) * 1e-6
+    return (3 * (67 + 64 * (2 + (1 << filtered))) + 490 + 259) * 1e-6
 
 
 def _per_gauss(microtesla: float) -> float:
-    return 100.0 / (microtesla * 2**RESOLUTION)
+    return 100.0 / (microtesla * (1 << RESOLUTION))
 
 
 MLX90393 = Chip(

@@ -36,7 +36,9 @@ def strap_of(chip: Chip) -> BiasStrap:
 
 def no_selftest(chip: Chip) -> str:
     """The sentence for who asks for the self-test of a chip that has none."""
-    return f"an {chip.label} has no self-test that could measure its gains: `fmfts-daemon baseline --turn` measures them"
+    return (
+        f"an {chip.label} has no self-test that could measure its gains: `fmfts-daemon baseline --turn` measures them"
+    )
 
 
 def limits(chip: Chip, gain_code: int, axis: int) -> tuple[int, int]:

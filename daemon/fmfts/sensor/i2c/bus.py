@@ -128,7 +128,6 @@ class I2cBus:
             self._record.end()
 
 
-
 @dataclass(frozen=True, slots=True)
 class ChipWires:
     """The bus as the chip at `address` sees it: `Wires` of chips/driver.py."""

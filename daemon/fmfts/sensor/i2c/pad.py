@@ -34,7 +34,10 @@ class MuxError(Exception):
 
 @dataclass(slots=True)
 class I2cPad:
-    """Reads the sensors of `wiring`, through `switches` if it has a mux. A frame needs `poll`, then `sample`; `watch` now and then."""
+    """Reads the sensors of `wiring`, through `switches` if it has a mux.
+
+    A frame needs `poll`, then `sample`; `watch` now and then.
+    """
 
     bus: I2cBus
     switches: Switches

@@ -84,15 +84,16 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
 def _check_channels(pad: PadOnI2c) -> None:
     """Every sensor can be reached, and by a way of its own."""
     channels, addresses = pad.channels, pad.addresses
-    if channels and len(channels) != pad.sensors or not 1 <= pad.sensors <= MAX_SENSORS:
+    if (channels and len(channels) != pad.sensors) or not 1 <= pad.sensors <= MAX_SENSORS:
         raise SourceError(
             f"pad {pad.name!r}: {len(channels)} channels, but {pad.sensors} places in geometry.sensors_mm: "
             f"one channel a sensor, 1 to {MAX_SENSORS} of them"
         )
     if len(addresses) != pad.sensors:
+        where = ", ".join(f"0x{each:02x}" for each in pad.chip.addresses)
         raise SourceError(
             f"pad {pad.name!r}: {len(addresses)} addresses, but {pad.sensors} places in geometry.sensors_mm: an "
-            f"{pad.chip.label} can be at {', '.join(f'0x{each:02x}' for each in pad.chip.addresses)}; more of them need a mux"
+            f"{pad.chip.label} can be at {where}; more of them need a mux"
         )
     if len(set(ways(pad))) != pad.sensors:
         what = "channels" if channels else "addresses"
@@ -121,8 +122,8 @@ def _check_sharing(wirings: Sequence[PadWiring]) -> None:
         if hidden:
             address = min(hidden)
             raise SourceError(
-                f"pads {direct[address]!r} and {pad.name!r} both have a chip at 0x{address:02x}, one of them straight on "
-                "the bus: it would answer for the one behind the mux; give it another address, or the other a bus"
+                f"pads {direct[address]!r} and {pad.name!r} both have a chip at 0x{address:02x}, one of them straight "
+                "on the bus: it would answer for the one behind the mux; give it another address, or the other a bus"
             )
 
 
