@@ -209,7 +209,8 @@ def test_a_reset_whose_hello_was_lost_is_noticed_and_the_settings_given_again() 
     for i in range(100):
         line.feed(sample(time_us=20_000 * i, sequence=i), later_ns=20_000_000)
     assert line.asked() == []
-    line.feed(sample(time_us=0))
+    for i in range(30):  # it has run for two seconds only: a tenth of a second of packets convinces
+        line.feed(sample(time_us=20_000 * i, sequence=i), later_ns=20_000_000)
     assert [one.verb for one in line.asked()] == [Verb.HELLO]
     assert line.answer_all(hello(4, rate_hz=220)) == [Verb.HELLO, Verb.RATE]
 
@@ -284,4 +285,6 @@ def test_frames_between_two_runs_of_a_board_are_no_gap(before: int, reopened: bo
                 statistics.frame(frame)
         if reopened:
             line.link.restart()
+        else:
+            line.feed(hello(4))
     assert (statistics.frames, statistics.gaps) == (before + 57, 3)

@@ -27,9 +27,9 @@ OTHER = replace(
     identity=b"XYZ",
     ranges_gauss=(2.5, 5.0),
     counts_per_gauss=((900, 800, 700), (450, 400, 350)),
-    largest_count=3000,
+    largest_count=5000,
     saturated_count=-32768,
-    thermometer=Thermometer(at_zero_c=20.0, c_per_count=0.1),
+    thermometer=Thermometer(range_c=(-40.0, 125.0), at_zero_c=20.0, c_per_count=0.1),
 )
 
 

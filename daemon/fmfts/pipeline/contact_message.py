@@ -81,10 +81,10 @@ class MessageWriter:
         payload = path.message(self._templates[judged.kind], self.number, self.sampled_ns, publish_ns, time.time_ns())
         return PackedMessage(payload, judged.kind, self.sampled_ns, publish_ns)
 
-    def begin(self, lane: Lane) -> bool:
-        """Let `lane` send the next messages. Returns False, and does nothing, if the last message was not packed."""
+    def begin(self, lane: Lane, sequence: int) -> bool:
+        """Let `lane` send the messages after frame `sequence`. False, and it does nothing, if none was packed."""
         if self._last_kind is not None:
-            lane.begin(self._templates, self._last_kind, self.number)
+            lane.begin(self._templates, self._last_kind, self.number, sequence)
         return self._last_kind is not None
 
     def passed(self, passed: Passed) -> PackedMessage:

@@ -58,6 +58,7 @@ class PadPipeline:
         self._neighbours: list[NeighbourView] = []
         self._among_others = False
         self._missing: dict[int, str] = {}
+        self._sequence = 0  # of the last frame
 
     @property
     def baseline(self) -> Baseline | None:
@@ -119,6 +120,7 @@ class PadPipeline:
 
     def answer(self, frame: Frame) -> ContactMessage | PackedMessage:
         """Like process(), but returns the encoded message if the fast path handled the frame."""
+        self._sequence = frame.sequence
         if self._compiled is not None and self._estimator is not None:
             judged = self._compiled.judge(frame.packed, frame.device_time_us, frame.temperature_c)
             if judged is not None:
@@ -135,12 +137,15 @@ class PadPipeline:
         if self._compiled is None:
             return None
         lane = self._compiled.lane(clock, topic, pad_index)
-        return lane if self._writer.begin(lane) else None
+        return lane if self._writer.begin(lane, self._sequence) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
         """Take the pad back from C. Returns the frames that C handled and the last message; None if there are none."""
         passed = lane.end()
-        return None if passed is None else (passed, self._writer.passed(passed))
+        if passed is None:
+            return None
+        self._sequence = passed.sequence
+        return passed, self._writer.passed(passed)
 
     def _judge(self, frame: Frame) -> ContactMessage:
         aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid)

@@ -78,7 +78,8 @@ class Channel:
         """Process one frame: publish its contact message, and an event for each change."""
         arrived_ns = time.monotonic_ns()
         self._last_frame_ns = arrived_ns
-        self._statistics.frame(frame)
+        if not self._statistics.frame(frame):
+            return
         if self.job is not None:
             self.job.take(frame)
         self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9

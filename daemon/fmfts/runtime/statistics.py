@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from fmfts.pipeline.fast import Passed
 from fmfts.sensor import Frame
 
+NUMBERS = 2**32  # the sequence's (docs/wire.md), after which it begins anew
+MOST_MISSING = 1 << 16  # five minutes at 220 Hz: longer than any computer stalls
+
 
 @dataclass(slots=True)
 class PadStatistics:
@@ -22,17 +25,28 @@ class PadStatistics:
     dropped: int = 0
     rate_hz: float = 0.0
     _last: tuple[int, int] | None = None  # run, sequence
+    _expected: int | None = None  # the sequence after one that could not be
     _first_ns: int | None = None
     _sampled_ns: int = 0  # of the last message
     _published: int = 0  # messages since the last `interval`
     _latencies_s: list[float] = field(default_factory=list)
 
-    def frame(self, frame: Frame) -> None:
-        """Count a frame, and the frames missing before it: the jump of the sequence number within a run."""
+    def frame(self, frame: Frame) -> bool:
+        """Count a frame, and the frames missing before it: the jump of the sequence number within a run.
+
+        False if the number cannot be: the frame came before, or so many frames cannot be missing. Two such frames in a
+        row that go on from each other are believed.
+        """
         self.frames += 1
         if self._last is not None and self._last[0] == frame.run:
-            self.gaps += max(frame.sequence - self._last[1] - 1, 0)
-        self._last = frame.run, frame.sequence
+            missing = (frame.sequence - self._last[1] - 1) % NUMBERS
+            if missing > MOST_MISSING and frame.sequence != self._expected:
+                self.dropped += 1
+                self._expected = (frame.sequence + 1) % NUMBERS
+                return False
+            self.gaps += missing if missing <= MOST_MISSING else 0
+        self._last, self._expected = (frame.run, frame.sequence), None
+        return True
 
     def published(self, sampled_ns: int, published_ns: int) -> None:
         """Count a message. One without a new sample has no latency: `t_sample_ns` says how old its sample is."""

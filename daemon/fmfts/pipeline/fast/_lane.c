@@ -80,7 +80,7 @@ static int take_template(PyObject *given, fmfts_template *template, Py_buffer *p
     return 1;
 }
 
-/* begin((template of each kind), kind, number): `kind` and `number` are those of the last message. */
+/* begin((template of each kind), kind, number, sequence): the last three are those of the last message. */
 static PyObject *lane_begin(PyObject *object, PyObject *args)
 {
     lane_object *self = (lane_object *)object;
@@ -88,13 +88,14 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     PyObject *given[FMFTS_KINDS];
     size_t longest = 0;
     int kind;
+    unsigned sequence;
     unsigned long long number;
     self->begun = 0;
     if (!lane->parameters) {
         PyErr_SetString(PyExc_ValueError, "this Lane failed to initialise");
         return NULL;
     }
-    if (!PyArg_ParseTuple(args, "(OOO)iK", &given[0], &given[1], &given[2], &kind, &number)) {
+    if (!PyArg_ParseTuple(args, "(OOO)iKI", &given[0], &given[1], &given[2], &kind, &number, &sequence)) {
         return NULL;
     }
     for (int i = 0; i < FMFTS_KINDS; i++) {
@@ -115,6 +116,7 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     }
     lane->kind = (fmfts_kind)kind;
     lane->number = number;
+    lane->sequence = sequence;
     lane->passed = lane->change_bytes = 0;
     self->begun = 1;
     return Py_NewRef(Py_None);

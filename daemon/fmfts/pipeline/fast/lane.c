@@ -8,6 +8,8 @@
 
 #include "../../sensor/wire/sample.h"
 
+enum { MOST_MISSING = 1000 }; /* frames; after more, or a repeated one, Python decides (statistics.py) */
+
 static double temperature_c(const fmfts_lane *lane, const fmfts_sample *sample)
 {
     const fmfts_pose_parameters *pose = &lane->parameters->pose;
@@ -19,7 +21,7 @@ static bool is_expected(const fmfts_lane *lane, const fmfts_sample *sample)
 {
     bool has_temperature = lane->message[lane->kind].place[FMFTS_MESSAGE_INTEGERS] >= 0;
     return sample->pad_index == lane->pad_index && has_temperature == !isnan(temperature_c(lane, sample)) &&
-           (lane->passed == 0 || sample->sequence > lane->sequence) && lane->passed < FMFTS_TALLIED;
+           sample->sequence - lane->sequence - 1 < MOST_MISSING && lane->passed < FMFTS_TALLIED;
 }
 
 /* Solves the sample up to its contact, into the pad's outcome. */

@@ -73,10 +73,10 @@ class Lane:
     def __init__(self, compiled: _fast.Lane) -> None:
         self.compiled = compiled
 
-    def begin(self, templates: Sequence[Template], kind: Kind, number: int) -> None:
-        """Let C handle frames until end(). templates: one for each Kind. kind, number: of the last message."""
+    def begin(self, templates: Sequence[Template], kind: Kind, number: int, sequence: int) -> None:
+        """Let C handle frames until end(). templates: one for each Kind. The others: of the last message."""
         quiet, touched, over_range = [(template.text, template.places) for template in templates]
-        self.compiled.begin((quiet, touched, over_range), kind, number)
+        self.compiled.begin((quiet, touched, over_range), kind, number, sequence % 2**32)
 
     def last_ns(self) -> int:
         """When the last frame since begin() arrived (host clock, ns); 0 if there was none."""

@@ -96,6 +96,17 @@ class DeviceClock:
         self._take_line()
         self._draw_line()
 
+    @property
+    def newest_us(self) -> int:
+        """The newest time of the board that it learned from."""
+        newest_us: int = LINE.unpack_from(self.line)[0]
+        return newest_us
+
+    def is_plausible(self, device_us: int, arrival_ns: int) -> bool:
+        """Whether this time goes on from what was learned. If it does not, `to_host_ns` begins anew."""
+        self._take_line()
+        return self._origin is None or self._plausible(device_us, arrival_ns)
+
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         """Host time of `device_us`, never later than its arrival at `arrival_ns`. Learns from the arrival."""
         host_ns = None if _wire is None else _wire.host_time(self.line, device_us, arrival_ns)

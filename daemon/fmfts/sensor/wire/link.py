@@ -29,6 +29,7 @@ from fmfts.sensor.wire.packets import (
 from fmfts.sensor.wire.requests import REPEAT_NS, Requests
 from fmfts.sensor.wire.selftests import Selftests
 from fmfts.sensor.wire.strange import StrangeBytes
+from fmfts.sensor.wire.time_gate import TimeGate
 from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
@@ -57,6 +58,7 @@ class Link:
         self.strange = StrangeBytes()
         self._misfits = 0
         self._selftests = Selftests()
+        self._times = TimeGate()
         # The chip of each pad by (pad index, bytes of readings): pads that agree with the last hello.
         self._accepted: dict[tuple[int, int], Chip] = {}
 
@@ -159,20 +161,26 @@ class Link:
         self.heard_ns = now_ns
         key = pad_index, len(packed[3])
         chip = self._accepted.get(key)
-        host_time_ns: int | None
         if chip is not None:
             host_time_ns = self._host_time_ns(time_us, now_ns)
         else:
             host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns)
-            if host_time_ns is None:
-                return None
+        if host_time_ns is None:
+            return None
+        if chip is None:
             chip = self._pads[pad_index].chip
             if self.hello is not None:
                 self._accepted[key] = chip
         temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
         return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
 
-    def _host_time_ns(self, time_us: int, now_ns: int) -> int:
+    def _host_time_ns(self, time_us: int, now_ns: int) -> int | None:
+        """When a packet's sample was taken, on this host; None if its time cannot be."""
+        if isinstance(self._clock, DeviceClock) and not self._times.admits(self._clock, time_us, now_ns):
+            self._leave_out(
+                "sample", f"no clock of a board goes on to {time_us * 1e-6:.3f} s here: it came twice, or late"
+            )
+            return None
         restarts = self._clock.restarts
         host_time_ns = self._clock.to_host_ns(time_us, now_ns)
         if self._clock.restarts != restarts:
@@ -184,6 +192,8 @@ class Link:
         if not self._fits("sample", pad_index, sensors):
             return None
         host_time_ns = self._host_time_ns(time_us, now_ns)
+        if host_time_ns is None:
+            return None
         pad = self._pads.get(pad_index)
         if pad is None or not self.is_right_board:
             return None
@@ -233,12 +243,14 @@ class Link:
             case Selftest():
                 self._take_selftest(packet)
             case Load():
-                self.loads.append((self._clock.to_host_ns(packet.time_us, now_ns), packet.counts))
+                if (taken_ns := self._host_time_ns(packet.time_us, now_ns)) is not None:
+                    self.loads.append((taken_ns, packet.counts))
             case Request():
                 self._leave_out("request", "only a host sends these: are the board's TX and RX joined?")
 
     def _take_hello(self, hello: Hello) -> None:
         self._board.hello, self._hello_due_ns = hello, None
+        self._times.hello()
         self._accepted.clear()
         if not self.is_right_board:
             return

@@ -1,0 +1,58 @@
+"""Refuses packets whose time cannot be: one that is ahead of the time that passed here, or that was there before.
+
+A valid packet may be old: something on the line sent it again. Or its sender's memory was damaged. The clock would take
+each for a reset of the board, and what follows for another one. A real reset, or a computer that was suspended, shows
+in the packets after it: they go on from each other, as packets of a running clock do, or a hello came before them.
+"""
+
+from __future__ import annotations
+
+from fmfts.sensor.wire.clock import JUMP_NS, DeviceClock
+
+# So many packets in a row that go on from each other are a clock's: a reset board, whose hello was lost.
+CONVINCING = 3
+# Packets of the last seconds that come again go on from each other too. Nothing repeats a line for longer than this.
+RECENT_US = 10_000_000
+REPEATED_NS = 100_000_000
+# How far the steps of time and arrival may differ besides JUMP_NS: an RC oscillator's tolerance, twice.
+STEP_SHARE = 0.04
+
+
+class TimeGate:
+    """Judges the times of one board's packets, before its clock learns from them."""
+
+    def __init__(self) -> None:
+        self._strange: tuple[int, int] | None = None  # time in µs and arrival in ns of the last one
+        self._count = 0
+        self._since_ns = 0
+        self._hello = False
+
+    def hello(self) -> None:
+        """The board said who it is, as it does after a reset: the next packet tells its new time."""
+        self._hello = True
+
+    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
+        """Whether `clock` may learn from a packet with this time."""
+        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(clock.newest_us, device_us, arrival_ns):
+            self._strange, self._count, self._hello = None, 0, False
+            return True
+        return False
+
+    def _is_believed(self, newest_us: int, device_us: int, arrival_ns: int) -> bool:
+        """A strange time: whether it is a clock's that began anew."""
+        if self._goes_on(device_us, arrival_ns):
+            self._count += 1
+        else:
+            self._count, self._since_ns = 1, arrival_ns
+        self._strange = device_us, arrival_ns
+        if self._hello:
+            return True
+        is_recent = 0 < newest_us - device_us <= RECENT_US
+        return self._count >= CONVINCING and (not is_recent or arrival_ns - self._since_ns >= REPEATED_NS)
+
+    def _goes_on(self, device_us: int, arrival_ns: int) -> bool:
+        """Whether as much time passed on both clocks since the last strange packet."""
+        if self._strange is None:
+            return False
+        there_ns, here_ns = 1000 * (device_us - self._strange[0]), arrival_ns - self._strange[1]
+        return there_ns >= 0 and abs(there_ns - here_ns) <= JUMP_NS + STEP_SHARE * here_ns

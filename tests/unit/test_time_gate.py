@@ -1,0 +1,108 @@
+"""Packets that are valid, and whose time cannot be: from the future, from the past, or there before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from test_link import Line, hello, sample
+
+from fmfts.runtime.statistics import MOST_MISSING, PadStatistics
+
+PERIOD_US = 4545
+PERIOD_NS = 1000 * PERIOD_US
+
+
+def line_after(frames: int) -> Line:
+    """A line whose board has sent so many frames, its hello first."""
+    line = Line()
+    line.feed(hello(4))
+    for number in range(frames):
+        assert len(line.feed(of(number))) == 1
+    return line
+
+
+def of(number: int, **changes: int) -> Any:
+    return sample(**({"sequence": number, "time_us": (number + 1) * PERIOD_US} | changes))
+
+
+@pytest.mark.parametrize("power", [25, 40, 45, 46, 47])
+def test_one_packet_from_the_future_changes_nothing(power: int) -> None:
+    line = line_after(300)
+    (before,) = line.feed(of(300))
+    assert line.feed(of(301, time_us=2**power)) == []
+    (frame,) = line.feed(of(302))
+    assert frame.run == before.run
+    assert frame.host_time_ns - before.host_time_ns == pytest.approx(2 * PERIOD_NS, abs=PERIOD_NS / 2)
+    assert "packets" in line.state.warnings
+
+
+@pytest.mark.parametrize("back", [10, 220, 2000])
+def test_packets_that_come_again_are_not_taken_for_new_ones(back: int) -> None:
+    """One between two others, and a burst of them at once."""
+    line = line_after(2100)
+    assert line.feed(of(2100 - back), later_ns=1_000_000) == []
+    (before,) = line.feed(of(2100), later_ns=PERIOD_NS - 1_000_000)
+    again = [of(number) for number in range(2100 - back, min(2100 - back + 40, 2095))]
+    assert line.feed(*again, later_ns=0) == []
+    (frame,) = line.feed(of(2101))
+    assert frame.run == before.run
+    assert frame.host_time_ns - before.host_time_ns == pytest.approx(PERIOD_NS, abs=PERIOD_NS / 2)
+
+
+def test_a_board_that_was_reset_is_believed_with_its_hello_at_once() -> None:
+    line = line_after(300)
+    line.feed(hello(4))
+    frames = [frame for number in range(4) for frame in line.feed(of(number))]
+    assert len(frames) == 4
+    assert len({frame.run for frame in frames}) == 1
+    assert [frame.sequence for frame in frames] == [0, 1, 2, 3]
+
+
+def test_a_board_that_was_reset_is_believed_without_its_hello_after_some_packets() -> None:
+    """Its hello was lost. Of a board that has run for longer than ten seconds, three packets convince."""
+    line = line_after(2300)
+    frames = [frame for number in range(20) for frame in line.feed(of(number))]
+    assert len(frames) == 18
+    young = line_after(300)
+    frames = [frame for number in range(150) for frame in young.feed(of(number))]
+    assert len(frames) == pytest.approx(128, abs=3)  # after a tenth of a second
+
+
+def test_a_computer_that_was_suspended_goes_on() -> None:
+    """Its clock stood for an hour, the board's did not."""
+    line = line_after(300)
+    later = [of(number) for number in range(792_300, 792_320)]
+    frames = [frame for packet in later for frame in line.feed(packet)]
+    assert len(frames) == 18
+
+
+class TestSequence:
+    def count(self, *numbers: int) -> tuple[PadStatistics, list[bool]]:
+        line, statistics = Line(), PadStatistics()
+        line.feed(hello(4))
+        taken = []
+        for at, number in enumerate(numbers):
+            (frame,) = line.feed(sample(sequence=number % 2**32, time_us=(at + 1) * PERIOD_US))
+            taken.append(statistics.frame(frame))
+        return statistics, taken
+
+    def test_a_packet_that_came_twice_is_dropped_and_counted(self) -> None:
+        statistics, taken = self.count(5, 6, 6, 7, 7, 8, 5, 9)
+        assert taken == [True, True, False, True, False, True, False, True]
+        assert (statistics.frames, statistics.dropped, statistics.gaps) == (8, 3, 0)
+
+    def test_a_number_that_cannot_be_is_dropped_and_those_after_it_are_not(self) -> None:
+        statistics, taken = self.count(5, 2**31, 6, 7)
+        assert taken == [True, False, True, True]
+        assert statistics.gaps == 0
+
+    def test_numbers_that_go_on_from_each_other_are_believed(self) -> None:
+        """Whatever made them jump, the pad does not stay dropped."""
+        _, taken = self.count(5, 5 + 2 * MOST_MISSING, 6 + 2 * MOST_MISSING, 7 + 2 * MOST_MISSING)
+        assert taken == [True, False, True, True]
+
+    def test_numbers_that_begin_anew_after_the_largest_one_go_on(self) -> None:
+        statistics, taken = self.count(2**32 - 2, 2**32 - 1, 0, 1, 3)
+        assert all(taken)
+        assert statistics.gaps == 1
