@@ -34,6 +34,7 @@ from fmfts.collect.plan import PRESETS, PlanError, read_plan
 from fmfts.config import PadConfig, SimulatedSource, file
 from fmfts.config.file import ConfigError
 from fmfts.contact import ContactModel, ModelError
+from fmfts.contact.inference import NetworkInference
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.offline.replay import Replay
 from fmfts.recording.file import RecordingError, RecordingWriter
@@ -137,6 +138,11 @@ def kinds(folder: Path) -> list[Kind]:
         found = load(path, pad)
         return found and (found.id, found.mounting(pad).chi2)
 
+    def use_model(path: Path) -> object:
+        model = ContactModel.load(str(path), pad)
+        assert isinstance(model.inference, NetworkInference)
+        return model.inference.network, model.facts
+
     def use_gains(path: Path) -> object:
         path_of("left", "selftest").write_bytes(path.read_bytes())
         return stored_gains(pad, None)
@@ -144,7 +150,7 @@ def kinds(folder: Path) -> list[Kind]:
     return [
         Kind(msgspec.json.encode(baseline), use_baseline, BaselineError, "baseline", resealed, hashed=True),
         Kind(path_of("left", "selftest").read_bytes(), use_gains, BaselineError, "self-test", _json),
-        Kind(DEFAULT_PATH.read_bytes(), lambda path: ContactModel.load(str(path), pad).hash, ModelError, "model"),
+        Kind(DEFAULT_PATH.read_bytes(), use_model, ModelError, "model", hashed=True),
         Kind(toml, lambda path: file.load(path)[0], ConfigError, "config"),
         Kind(recording, lambda path: sum(1 for _ in read_recording(path)), RecordingError, "recording"),
         Kind(recording, lambda path: sum(1 for _ in Replay(path).contacts()), RecordingError, "replay"),

@@ -17,12 +17,13 @@ from test_contact_model import CALIBRATION
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.contract import METADATA_KEY, RESPONSE_KEY, SHEAR_OUTPUT_ORDER, SIZE_LIMIT_BYTES
+from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
 from fmfts.pad import Pad
 
 
 def edited(tmp_path: Path, edit: Callable[[onnx.ModelProto], None]) -> str:
-    proto = onnx.load(DEFAULT_PATH)
+    proto = onnx.load_from_string(unsealed(DEFAULT_PATH.read_bytes()))
     edit(proto)
     path = tmp_path / "edited.onnx"
     path.write_bytes(proto.SerializeToString())
@@ -45,7 +46,7 @@ def model(pad: Pad) -> ContactModel:
 
 
 def test_model_that_ships_is_the_one_its_report_describes(model: ContactModel) -> None:
-    digest = hashlib.sha256(DEFAULT_PATH.read_bytes()).hexdigest()[:12]
+    digest = hashlib.sha256(unsealed(DEFAULT_PATH.read_bytes())).hexdigest()[:12]
     report = json.loads(DEFAULT_PATH.with_suffix(".json").read_text())
     assert model.hash == report["model"] == digest
     over_all = report["on_the_calibration_set"][0]
@@ -128,7 +129,7 @@ def test_model_of_another_shape_is_refused(tmp_path: Path, pad: Pad) -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
 def test_truncated_file_is_refused(tmp_path: Path, pad: Pad, share: float) -> None:
-    content = DEFAULT_PATH.read_bytes()
+    content = unsealed(DEFAULT_PATH.read_bytes())
     path = tmp_path / "half.onnx"
     path.write_bytes(content[: int(len(content) * share)])
     with pytest.raises(ModelError, match=r"half\.onnx"):
@@ -151,7 +152,7 @@ def test_file_that_is_too_large_or_absent_or_no_model_is_refused(tmp_path: Path,
 
 def test_model_with_weights_in_another_file_is_refused(tmp_path: Path, pad: Pad) -> None:
     path = tmp_path / "split.onnx"
-    whole = onnx.load(str(DEFAULT_PATH))
+    whole = onnx.load_from_string(unsealed(DEFAULT_PATH.read_bytes()))
     onnx.save_model(whole, str(path), save_as_external_data=True, location="weights.bin", size_threshold=0)
     assert (tmp_path / "weights.bin").stat().st_size > 1000
     with pytest.raises(ModelError, match="external data"):
@@ -194,3 +195,18 @@ def test_model_whose_facts_are_of_another_number_of_outputs_is_refused(tmp_path:
 def test_dimensions_of_the_standard_pad_are_those_of_the_configuration() -> None:
     pad = PadConfig(name="standard", source=SimulatedSource()).pad()
     assert (pad.geometry_hash, pad.dimensions) == (STANDARD_HASH, STANDARD_DIMENSIONS)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.2, 0.5, 0.8, 0.95, 1.0])
+def test_a_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: Path) -> None:
+    """Most bits are a weight's, and the model with another weight would answer forces as well."""
+    content = bytearray(DEFAULT_PATH.read_bytes())
+    content[round(place * (len(content) - 1))] ^= 0x04
+    (tmp_path / "damaged.onnx").write_bytes(content)
+    with pytest.raises(ModelError, match="damaged"):
+        ContactModel.load(str(tmp_path / "damaged.onnx"), pad)
+
+
+def test_a_model_without_a_seal_is_of_an_older_version_and_loads(pad: Pad, tmp_path: Path) -> None:
+    (tmp_path / "older.onnx").write_bytes(unsealed(DEFAULT_PATH.read_bytes()))
+    assert ContactModel.load(str(tmp_path / "older.onnx"), pad).hash == ContactModel.load("default", pad).hash

@@ -22,12 +22,13 @@ from fmfts.contact.inference import CompiledInference, _network
 from fmfts.contact.network import ReferenceInference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.recognition import network_of
+from fmfts.contact.seal import unsealed
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 
 pytestmark = pytest.mark.skipif(_network is None, reason="the network was not compiled")
 
-CONTENT = DEFAULT_PATH.read_bytes()
+CONTENT = unsealed(DEFAULT_PATH.read_bytes())
 Edit = Callable[[onnx.ModelProto], None]
 
 

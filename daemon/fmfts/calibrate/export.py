@@ -15,6 +15,7 @@ from fmfts.calibrate.network import DIRECTION_GAIN, SOFTENING, ContactNetwork
 from fmfts.contact.contract import IR_VERSION, METADATA_KEY, OPSET, RESPONSE_KEY, Facts, pack_response
 from fmfts.contact.graph import AXES, CONCAT_AXIS, NODES, SCALED, constants
 from fmfts.contact.response import Response
+from fmfts.contact.seal import sealed
 
 
 def export(network: ContactNetwork, facts: Facts, response: Response | None) -> bytes:
@@ -42,8 +43,7 @@ def export(network: ContactNetwork, facts: Facts, response: Response | None) -> 
         properties[RESPONSE_KEY] = pack_response(response)
     helper.set_model_props(model, properties)
     onnx.checker.check_model(model, full_check=True)
-    serialised: bytes = model.SerializeToString(deterministic=True)
-    return serialised
+    return sealed(model.SerializeToString(deterministic=True))
 
 
 def _constants(network: ContactNetwork) -> dict[str, NDArray[np.float32]]:

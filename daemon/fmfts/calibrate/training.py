@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +27,7 @@ from fmfts.contact.contract import (
     Facts,
 )
 from fmfts.contact.response import Response
+from fmfts.contact.seal import hash_of, unsealed
 from fmfts.pad import Array
 from fmfts.sensor.chips import NOISE_T
 
@@ -109,7 +109,7 @@ def _calibrated(
     model = export(network, facts, response)
     judged = calibration.press[normal, : 2 + response.loads]
     report = {
-        "model": hashlib.sha256(model).hexdigest()[:12],
+        "model": hash_of(unsealed(model)),
         "calibration_set_sha256": calibration.digest,
         "sheared_set_sha256": None if facts.friction_error is None else known_shear.calibration.digest,
         "presses": len(calibration.press),

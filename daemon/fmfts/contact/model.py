@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from math import sqrt
 from pathlib import Path
 from typing import Self
@@ -26,6 +25,7 @@ from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
+from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH, path_of
 from fmfts.contact.verified import check_versions, compared, inference_of, read
 from fmfts.pad import Array, Pad, differences
@@ -56,7 +56,7 @@ EVEN_SPREAD = 1.0 / sqrt(12.0)
 
 
 class ContactModel:
-    """A verified model. `hash`: first 12 hex digits of the file's SHA-256.
+    """A verified model. `hash`: see `hash_of` in seal.py.
 
     refiner: moves each answer to the most likely press, if not None. friction: of the finger; the shear that it may
     exert widens the deviations of a model of three outputs. smoothing_s: time constant of the `Smoother` of each pad.
@@ -139,7 +139,7 @@ class ContactModel:
 
     @classmethod
     def _load(cls, file: Path, pad: Pad, refine: bool, friction: float, smoothing_s: float) -> Self:
-        content = read(file)
+        content = unsealed(read(file))
         parsed = parse(content)
         check_versions(parsed)
         inference = inference_of(content, parsed.graph)
@@ -158,7 +158,7 @@ class ContactModel:
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
             facts = msgspec.structs.replace(facts, friction_error=_shipped_friction_error(facts.geometry_hash))
         refiner = Refiner(response) if refine and response is not None else None
-        model = cls(inference, facts, hashlib.sha256(content).hexdigest()[:12], refiner, friction, smoothing_s)
+        model = cls(inference, facts, hash_of(content), refiner, friction, smoothing_s)
         model.response = response
         contact, jacobian = model._infer(model.rest_pose)  # also warms up the session
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
