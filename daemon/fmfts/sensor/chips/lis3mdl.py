@@ -88,7 +88,7 @@ LIS3MDL = Chip(
     noises_t=tuple(mg * 1e-3 * TESLA_PER_GAUSS for mg in (3.2, 3.2, 4.6, 6.1, 8.1)),
     single_noise_t=3.2e-3 * TESLA_PER_GAUSS,
     sensitivity_per_k=-0.0003,
-    thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 8),
+    thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 8, range_c=(-40.0, 85.0)),
     bias_strap=None,
     supply="its maker calls it obsolete; boards with it are still sold, 5 to 10 € each",
     remarks="two addresses, so two chips a bus or a mux's channel; noise above 155 Hz is computed (unverified)",

@@ -136,7 +136,7 @@ MLX90393 = Chip(
     noises_t=tuple(mg * 1e-3 * TESLA_PER_GAUSS for mg in (6.2, 8.5, 11.5, 15.0, 18.6, 21.8)),
     single_noise_t=18.6e-3 * TESLA_PER_GAUSS,
     sensitivity_per_k=-0.0003,
-    thermometer=Thermometer(at_zero_c=25.0 + (65536 - 46244) / 45.2, c_per_count=1 / 45.2),
+    thermometer=Thermometer(at_zero_c=25.0 + (65536 - 46244) / 45.2, c_per_count=1 / 45.2, range_c=(-40.0, 85.0)),
     bias_strap=None,
     supply="made; boards 10 to 20 € each, and on every ReSkin, AnySkin and eFlesh board",
     remarks="four addresses by its pins, so no mux for a pad of four; noise from a graph (unverified)",
