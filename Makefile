@@ -1,6 +1,7 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
+# make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run
 # make pictures     take the pictures of the manual from the real page, in Chromium
@@ -32,7 +33,10 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
-.PHONY: pictures page-drills fuzz-files transcript collect-chain collect-drills fuzz demo test test-firmware-long test-versions lint unit processes clock long firmware-for-tests bench cold-starts firmware model recordings wheel clean base-packages test-packages
+.PHONY: demo test lint unit processes clock long bench cold-starts clean wheel
+.PHONY: transcript recordings model pictures chips-page
+.PHONY: fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
 # instead, because Python would print a traceback if Ctrl-C came while it starts.
@@ -48,6 +52,9 @@ else ifneq ($(HAND),)
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)))
 endif
+
+chips-page: $(VENV)/.installed-test
+	$(BIN)/python -m fmfts_lab.study.chips_page
 
 transcript: $(VENV)/.installed-test firmware
 	$(BIN)/python tests/end_to_end/first_use.py

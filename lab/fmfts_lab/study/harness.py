@@ -37,7 +37,7 @@ POINT, ROWS_OF_POINT = "point", "rows_of_point"
 class Request:
     """The options of a study: the pad, the folder for the files, how thorough it is, and the random seed.
 
-    pads: all pads of the configuration that contains `pad`.
+    pads: all pads of the configuration that contains `pad`. chips: of the scene's study, the chips in place of models.
     """
 
     pad: PadConfig
@@ -45,6 +45,7 @@ class Request:
     quick: bool = False
     seed: int = 1
     pads: tuple[PadConfig, ...] = ()
+    chips: bool = False
 
 
 class Study:

@@ -17,7 +17,7 @@ from fmfts.contact.response import Response
 from fmfts.pad import Array
 from fmfts.scene import Cost, Model, Surroundings, configured, costs, placed_beside, recommended
 from fmfts.sensor.chips import NOISE_T
-from fmfts_lab.study import scene_chart, scene_facts
+from fmfts_lab.study import scene_chart, scene_chips, scene_facts
 from fmfts_lab.study.harness import Facts, Request, Row, Study, say
 from fmfts_lab.study.scene_networks import SIZES, Networks, smallest_network
 from fmfts_lab.study.scene_trial import tried, tried_beside
@@ -26,6 +26,18 @@ SHIPPED = Model(8, True)  # what config.toml has: a field that drifts, no neighb
 COLUMNS = ("kind", "model", "unknowns", "cylinder", "neighbours", "noise_mm", "bias_mm", "noise_n", "bias_n", "error",
            "causes", "hidden", "parameters", "noise_in_bounds", "bias_in_bounds", "score",
            "available", "answered", "wrong", "frames")  # fmt: skip
+CHIP_COLUMNS = (
+    "kind",
+    "chip",
+    "trigger",
+    "rate_hz",
+    "noise_ut",
+    "range_gauss",
+    "noise_mm",
+    "noise_n",
+    "mean_mm",
+    "causes",
+)
 TRIED = ("recommended", "shipped default")
 BESIDE_S, QUICK_BESIDE_S = 14.0, 6.0
 
@@ -48,6 +60,10 @@ class Scene:
 def run(request: Request) -> Facts:
     """Run the study. DataError if no contact model holds a response."""
     scene = Scene.of(request)
+    if request.chips:
+        study = Study("scene-chips", request, CHIP_COLUMNS)
+        rows = study.measure({"chips": partial(scene_chips.chip_rows, scene.surroundings)})
+        return study.conclude({"assumed": scene.said[:1], "chips": rows})
     surroundings, networks = scene.surroundings, Networks.of(scene.surroundings, request.quick)
     study = Study("scene", request, COLUMNS)
     found = costs(surroundings)
@@ -83,6 +99,8 @@ HEADER = f"{'model':34} {'place, mm: noise':>17} {'bias':>8} {'force, N: noise':
 
 
 def printed(facts: Facts) -> str:
+    if "chips" in facts:
+        return "\n".join([*facts["assumed"], *scene_chips.printed(facts["chips"])])
     lines = [*facts["assumed"], "", HEADER]
     for row in facts["models"]:
         mark = "  <- recommended" if row["model"] == facts["recommended"] else ""

@@ -30,6 +30,7 @@ def add_to(verb: AddVerb) -> None:
     study.add_argument(
         "--pad", metavar="NAME", help="the pad with this geometry and magnet; needed if there are several"
     )
+    study.add_argument("--chips", action="store_true", help="scene: what each kind of chip is worth at this pad, alone")
     study.add_argument("--json", action="store_true", help="print facts as JSON")
 
 
@@ -39,6 +40,8 @@ def _study(options: argparse.Namespace) -> int:
     pad = configured_pad(options)
     if options.seed < 0:
         raise VerbError(exit_codes.USAGE, f"--seed is {options.seed}: zero or more")
+    if options.chips and options.study != "scene":
+        raise VerbError(exit_codes.USAGE, f"--chips is an option of `study scene`, not of `study {options.study}`")
     try:
         study = import_module(STUDIES[options.study])
     except ImportError as error:
@@ -46,7 +49,9 @@ def _study(options: argparse.Namespace) -> int:
     from fmfts_lab.study.harness import Request, say
 
     try:
-        facts = study.run(Request(pad, options.out, options.quick, options.seed, configured_pads(options)))
+        facts = study.run(
+            Request(pad, options.out, options.quick, options.seed, configured_pads(options), options.chips)
+        )
     except KeyboardInterrupt:
         say(f"stopped; what is done is in {options.out}, and the same command goes on from there")
         raise
