@@ -1,4 +1,4 @@
-"""`make chips-page`: writes docs/chips.md from the chips' descriptions, and from what each is worth at the shipped pad."""
+"""`make chips-page`: the tables of docs/chips.md, from the chips' descriptions and their worth at the shipped pad."""
 
 from __future__ import annotations
 
@@ -16,58 +16,23 @@ from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_chips import chip_rows
 
 PAGE = Path(__file__).parents[3] / "docs" / "chips.md"
-HEAD = """# The chips
-
-For who chooses magnetometers for a new pad, or has some and asks whether they will do. This page is made from the code
-(`make chips-page`): a test fails where they differ.
-
-**For a new pad take the MMC5983MA**, four of them behind a TCA9548A, with `trigger = "simultaneous"`: it is made, its noise is
-the smallest, and it holds fields of 8 G. The QMC5883L is as good as the HMC5983 was, costs least, and is what boards sold as HMC5883L
-carry. The MLX90393 needs no mux and is on boards that you may own; its noise is seven times as large.
-
-Set `chip`, `rate_hz` and `range_gauss` in `[pad.source]`; `fmfts-daemon probe` names a chip that is not the one you set.
-Today the chips beside the HMC run on Linux I2C (`type = "i2c"`) and in the simulation; boards read HMC chips only.
-
-## What each can do
-"""
-WORTH = """
-## What each is worth at the shipped pad
-
-The Cramér–Rao bound of one frame, rms over presses all over the pad: a magnet of 2 × 2 mm, 12 mm above four chips, 0.3 to
-2 N. Each chip at 220 Hz or as near as it comes, with one trigger for all where that is quieter, and at the best rate that it
-and a bus of 400 kHz allow four of them. "Mean": the place's error in the mean of the frames of 1/220 s. `fmfts-daemon study scene --chips --config FILE` says it for your pad.
-"""
-FOOT = """
-## What the drivers do about each chip's own traps
-
-| chip | trap | what the driver does |
-|---|---|---|
-| QMC5883L | sold as HMC5883L: other address, registers, byte order and scale | recognises it by its identification at 0x0D; `probe` says `set chip = "qmc5883l"` |
-| QMC5883L | its overflow flag is of all axes together | marks the axis that shows the last count; all three where none does |
-| QMC5883L | after a reset it answers with zeros | takes only samples that it calls ready |
-| LIS3MDL | beyond its full scale nothing is promised | marks an axis beyond ±4, 8, 12 or 16 G as saturated |
-| LIS3MDL | temperature read on from the axes repeats x | reads it in a transfer of its own |
-| LIS3MDL | shares 0x1E with the HMC5983 | tells them by WHO_AM_I and by `H43` |
-| MMC5983MA | a field of more than 10 G leaves it magnetised | a set pulse before every measurement |
-| MMC5983MA | "done" stays until it is cleared | clears it before it reads the axes, so that no sample is lost or taken twice |
-| MMC5983MA | its settings cannot be read back | resets it first; a chip that was reset delivers nothing, and is set up again |
-| MLX90393 | RES 0 and 1 wrap around: a field beyond the range reads as another field | RES 2 alone, where the converter's own end is reached first |
-| MLX90393 | OSR 0 with DIG_FILT 0 or 1 never ends with HALLCONF 0xC | uses DIG_FILT 2 to 7 |
-| MLX90393 | registers cannot be read in a burst | leaves the burst to set it up; afterwards the status tells whether it is still in one |
-| MLX90393 | upper bits of register 0 are the factory's | keeps them |
-
-How it is tested: every driver runs on an emulation of its chip, register by register, that was written from the data sheet
-and not from the driver (`tests/emulator/magnetometers.py`, `mlx90393.py`). `tests/unit/test_driver_mutations.py` lists wrong
-drivers that these tests catch. None was measured on hardware: "unverified" marks what no data sheet at hand told.
-"""
+# Each table of the page stands between such lines; the rest of the page is written by hand.
+BEGIN, END = "<!-- {}, made by `make chips-page`: begin -->\n", "<!-- end -->\n"
 
 
-def page() -> str:
+def page(text: str) -> str:
+    """The page with its tables made anew. ValueError where it lacks their marks."""
     config = load(EXAMPLE_PATH)[0].pad[0]
     response = ContactModel.load("default", config.pad()).response
     assert response is not None, "the shipped model holds one"
-    worth = list(chip_rows(Surroundings(config, response)))
-    return HEAD + "\n" + _abilities() + WORTH + "\n" + _worth(worth) + FOOT
+    for name, table in (
+        ("abilities", _abilities()),
+        ("worth", _worth(list(chip_rows(Surroundings(config, response))))),
+    ):
+        begin = BEGIN.format(name)
+        before, after = text[: text.index(begin)], text[text.index(END, text.index(begin)) :]
+        text = f"{before}{begin}{table}{after}"
+    return text
 
 
 def _abilities() -> str:
@@ -147,4 +112,4 @@ def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -84,7 +84,8 @@ def printed(rows: list[Row]) -> list[str]:
     for row in rows:
         gauss = "none" if row["range_gauss"] is None else f"±{row['range_gauss']:g}"
         lines.append(
-            f"{row['chip']:10} {row['trigger']:13} {row['rate_hz']:9} {row['noise_ut']:10.3f} {gauss:>9} {row['noise_mm']:10.3f} "
+            f"{row['chip']:10} {row['trigger']:13} {row['rate_hz']:9} {row['noise_ut']:10.3f} {gauss:>9} "
+            f"{row['noise_mm']:10.3f} "
             f"{row['noise_n']:9.4f} {row['mean_mm']:9.3f}  {row['causes']}"
         )
     return lines

@@ -1,0 +1,225 @@
+# ruff: noqa: E501  a mutation is easier to read in one line
+"""Wrong drivers, each with one mistake: what is checked of every chip must catch all of them, and pass the right one.
+
+A mutation is a piece of the driver's file and what stands there instead. The emulated chips are written from the data
+sheets, so that a mistake in a driver meets a chip that does not share it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from emulated_bus import Clock, clock, emulated_pad, run
+from test_chip_drivers import FIELD_GAUSS, KINDS, PROMISED
+
+import fmfts.sensor.chips as chips_package
+from fmfts.sensor.chips import CHIPS, Chip
+from fmfts.sensor.wire.packets import SensorState
+
+__all__ = ["clock"]
+FOLDER = Path(chips_package.__file__).parent
+RATE_HZ = {"qmc5883l": 200, "lis3mdl": 155, "mmc5983ma": 200, "mlx90393": 226}
+
+# (chip, what is wrong, the right text, the wrong one)
+MUTATIONS = [
+    ("qmc5883l", "high byte first", 'Struct("<hhh")', 'Struct(">hhh")'),
+    ("qmc5883l", "range bits shifted wrongly", "setup.gain_code << 4", "setup.gain_code << 5"),
+    ("qmc5883l", "output rate shifted wrongly", "rate << 2", "rate << 1"),
+    ("qmc5883l", "no continuous mode", "MODE_CONTINUOUS = 0x01", "MODE_CONTINUOUS = 0x00"),
+    ("qmc5883l", "no roll-over: the status is followed by the temperature", "ROLL_OVER | NO_INTERRUPT", "NO_INTERRUPT"),
+    ("qmc5883l", "the status's register is wrong", "STATUS, CONTROL_1, CONTROL_2, PERIOD, IDENTIFICATION = 0x06", "STATUS, CONTROL_1, CONTROL_2, PERIOD, IDENTIFICATION = 0x05"),
+    ("qmc5883l", "takes samples that are not ready", "if not status & STATUS_READY:", "if not status | STATUS_READY:"),
+    ("qmc5883l", "a saturated axis is no fault", "counts = saturating(chip, _AXES.unpack(block[1:]))", "counts = _AXES.unpack(block[1:])"),
+    ("qmc5883l", "the last count counts as a field", "largest_count=32766", "largest_count=32768"),
+    ("qmc5883l", "scale of the other range", "(12000, 3000)", "(3000, 12000)"),
+    ("qmc5883l", "set and reset are not set up", "SET_RESET_PERIOD = 0x01", "SET_RESET_PERIOD = 0x00"),
+    ("qmc5883l", "any identification will do", 'identity_mask=b"\\x00\\x00\\xff"', 'identity_mask=b"\\x00\\x00\\x00"'),
+    ("qmc5883l", "never looks whether its settings are kept", "return held == _configuration(chip, setup)", "return True"),
+    ("lis3mdl", "high byte first", 'Struct("<hhh")', 'Struct(">hhh")'),
+    ("lis3mdl", "no advance: one register six times", "ADVANCE = 0x80", "ADVANCE = 0x00"),
+    ("lis3mdl", "range bits shifted wrongly", "setup.gain_code << 5", "setup.gain_code << 4"),
+    ("lis3mdl", "z has another performance", "performance << 2", "performance"),
+    ("lis3mdl", "stays off", "MODE_OFF if setup.single else MODE_CONTINUOUS", "MODE_OFF"),
+    ("lis3mdl", "not fast: 10 Hz in place of 155", "THERMOMETER_ON, FAST = 0x80, 0x02", "THERMOMETER_ON, FAST = 0x80, 0x10"),
+    ("lis3mdl", "thermometer off", "THERMOMETER_ON, FAST = 0x80, 0x02", "THERMOMETER_ON, FAST = 0x00, 0x02"),
+    ("lis3mdl", "temperature high byte first", '"little", signed=True', '"big", signed=True'),
+    ("lis3mdl", "temperature read on from the axes", "bytes((ADVANCE | TEMPERATURE,)), 2", "bytes((ADVANCE | 0x2C,)), 4"),
+    ("lis3mdl", "temperature has no zero at 25", "at_zero_c=25.0", "at_zero_c=0.0"),
+    ("lis3mdl", "high and low bytes need not belong together", "BLOCK_UPDATE = 0x40", "BLOCK_UPDATE = 0x00"),
+    ("lis3mdl", "x alone makes it ready", "if answer[0] & STATUS_READY else (False, None)", "if True else (False, None)"),
+    ("lis3mdl", "beyond its full scale it counts on", "largest_count=27366", "largest_count=32767"),
+    ("lis3mdl", "another chip's name", 'identity=b"\\x3d\\x00\\x00"', 'identity=b"\\x3e\\x00\\x00"'),
+    ("mmc5983ma", "signed, though zero is in the middle", 'Struct(">HHH")', 'Struct(">hhh")'),
+    ("mmc5983ma", "low byte first", 'Struct(">HHH")', 'Struct("<HHH")'),
+    ("mmc5983ma", "no set pulse: stays magnetised", "MEASURE_FIELD, AUTOMATIC_SET = 0x01, 0x20", "MEASURE_FIELD, AUTOMATIC_SET = 0x01, 0x00"),
+    ("mmc5983ma", "no set pulse in a stream", "CONTINUOUS, PERIODIC_SET = 0x08, 0x80", "CONTINUOUS, PERIODIC_SET = 0x08, 0x00"),
+    ("mmc5983ma", "bandwidth too small for its rate", "(6, 1), (7, 3)", "(6, 0), (7, 0)"),
+    ("mmc5983ma", "code of the rate one less", "(5, 0), (6, 1)", "(4, 0), (5, 1)"),
+    ("mmc5983ma", "no continuous mode", "CONTINUOUS, PERIODIC_SET = 0x08", "CONTINUOUS, PERIODIC_SET = 0x00"),
+    ("mmc5983ma", '"done" is never cleared', "_TO_STATUS, 1, _CLEAR_DONE, _TO_AXES, 6", "_TO_STATUS, 1, _TO_AXES, 6"),
+    ("mmc5983ma", "does not wait for its reset", "time.sleep(RESET_S)", "time.sleep(0.0)"),
+    ("mmc5983ma", "the last count counts as a field", "largest_count=32766", "largest_count=32768"),
+    ("mmc5983ma", "scale of 18 bits with 16", "(4096, 4096, 4096)", "(16384, 16384, 16384)"),
+    ("mmc5983ma", "triggers the thermometer", "trigger = bytes((CONTROL_0, AUTOMATIC_SET | MEASURE_FIELD))", "trigger = bytes((CONTROL_0, AUTOMATIC_SET | 0x02))"),
+    ("mlx90393", "RES 0, which wraps around", "RESOLUTION = 2", "RESOLUTION = 0"),
+    ("mlx90393", "RES 3, its zero is elsewhere", "RESOLUTION = 2", "RESOLUTION = 3"),
+    ("mlx90393", "signed, though zero is in the middle", 'Struct(">HHHH")', 'Struct(">hhhh")'),
+    ("mlx90393", "temperature read as x", "_, x, y, z = _MEASUREMENT", "x, y, z, _ = _MEASUREMENT"),
+    ("mlx90393", "z has the step of x", "_per_gauss(z)) for xy, z", "_per_gauss(xy)) for xy, z"),
+    ("mlx90393", "gains in the other order", "FINEST_GAIN_SEL - setup.gain_code", "setup.gain_code"),
+    ("mlx90393", "a filter that never ends (erratum of HALLCONF)", "RESOLUTIONS | filtered << 2", "RESOLUTIONS | (filtered & 1) << 2"),
+    ("mlx90393", "overwrites what the factory wrote", "_register(wires, 0)[1:], \"big\") & ~ANALOG", "_register(wires, 0)[1:], \"big\") & 0"),
+    ("mlx90393", "register's number is not shifted", "value & 0xFF, number << 2", "value & 0xFF, number"),
+    ("mlx90393", "set up in a burst, without leaving it", "wires.exchange(bytes((EXIT,)), 1)", "wires.exchange(bytes((NOTHING,)), 1)"),
+    ("mlx90393", "an error counts as a sample", "if answer[0] & STATUS_ERROR else", "if False else"),
+    ("mlx90393", "pauses 20 ms between measurements", "BURST_OF_ALL = 0x8000, ALL << 6", "BURST_OF_ALL = 0x8000, ALL << 6 | 1"),
+    ("mlx90393", "does not see that a reset ended the burst", "return _is_in_burst(status)\n\n    def sample", "return True\n\n    def sample"),
+    ("mlx90393", "beyond the converter's end it counts on", "largest_count=_LARGEST - 1", "largest_count=_LARGEST + 10000"),
+    ("mlx90393", "temperature's zero is another", "46244) / 45.2", "46000) / 45.2"),
+]  # fmt: skip
+
+
+def mutated(kind: str, right: str, wrong: str) -> Chip:
+    """The chip of a file in which `wrong` stands for `right`."""
+    path = FOLDER / f"{kind}.py"
+    source = path.read_text(encoding="utf-8")
+    assert right in source, f"the mutation of {kind} mutates nothing: {right}"
+    module = ModuleType(f"mutated_{kind}")
+    exec(compile(source.replace(right, wrong), str(path), "exec"), module.__dict__)
+    chip: Chip = getattr(module, kind.upper())
+    return chip
+
+
+def made(clock: Clock, kind: str, **options: Any) -> Any:
+    return KINDS[kind](clock, **({"field_gauss": FIELD_GAUSS} | options))
+
+
+def scale_and_saturation(clock: Clock, kind: str) -> None:
+    for promised in (each for each in PROMISED if each.name == kind):
+        one = made(clock, kind)
+        pad, _ = emulated_pad(clock, kind, [one], gain_code=promised.gain_code, rate_hz=100)
+        due = np.array(FIELD_GAUSS) * promised.counts_per_gauss
+        counts = run(pad, clock, 0.3, 100)[-1].counts[0]
+        assert np.abs(counts - due).max() <= 1.0 + 0.002 * np.abs(due).max()
+        step_t = CHIPS[kind].step_t[promised.gain_code]
+        assert counts * step_t == pytest.approx(np.array(FIELD_GAUSS) * 1e-4, abs=float(step_t.max()))
+        for axis in range(3):
+            for beyond in (1.7 * promised.range_gauss, -3.9 * promised.range_gauss):
+                one.field_gauss = [beyond if each == axis else 0.1 for each in range(3)]
+                flags = run(pad, clock, 0.1, 100)[-1].counts[0] == CHIPS[kind].saturated_count
+                assert flags.tolist() == [each == axis for each in range(3)]
+        one.field_gauss = list(FIELD_GAUSS)
+        # Nothing is left of the strong field. Quiet: what a chip did before it was saturated does not matter.
+        assert np.abs(run(pad, clock, 0.2, 100)[-1].counts[0] - counts).max() <= 1
+    if kind == "qmc5883l":
+        assert one.registers[0x0B] == 0x01  # recommended (section 9.2.5)
+    if kind == "lis3mdl":
+        assert one.registers[0x24] & 0x40  # block data update
+        assert one.registers[0x23] >> 2 & 3 == one.registers[0x20] >> 5 & 3  # one performance for all axes
+
+
+def stream(clock: Clock, kind: str) -> None:
+    """Every conversion once, at the rate that was asked for, whatever else happens."""
+    rate_hz = RATE_HZ[kind]
+    one = made(clock, kind, noise_gauss=0.0)
+    pad, _ = emulated_pad(clock, kind, [one], rate_hz=rate_hz)
+    run(pad, clock, 0.3, 2 * rate_hz)
+    before = one.conversions
+    samples = run(pad, clock, 3.0, 4 * rate_hz, watch_s=1e9)
+    conversions = one.conversions - before
+    assert conversions >= 3.0 * rate_hz * 0.98
+    assert abs(sum(sample.fresh & 1 for sample in samples) - conversions) <= 1
+    assert pad.config_repairs == 0
+
+
+def reset_is_noticed(clock: Clock, kind: str) -> None:
+    one = made(clock, kind)
+    gain_code = len(CHIPS[kind].ranges_gauss) - 1
+    pad, _ = emulated_pad(clock, kind, [one], gain_code=gain_code, rate_hz=100)
+    good = run(pad, clock, 0.3, 100)[-1].counts[0]
+    one.power_on()
+    samples = run(pad, clock, 1.5, 100)
+    assert samples[-1].valid == 1
+    assert all(np.abs(sample.counts[0] - good).max() <= 1 for sample in samples if sample.valid)
+    if kind in ("qmc5883l", "lis3mdl"):  # a bit of its settings falls over
+        register = {"qmc5883l": 0x09, "lis3mdl": 0x21}[kind]
+        one.registers[register] ^= 0x20 if kind == "lis3mdl" else 0x10
+        run(pad, clock, 1.0, 100)
+        assert pad.config_repairs == 1
+        assert np.abs(run(pad, clock, 0.2, 100)[-1].counts[0] - good).max() <= 1
+    # The first samples after it are judged, and the check must see a reset without waiting for silence.
+    one.power_on()
+    if kind == "mlx90393":
+        repairs = pad.config_repairs
+        pad.watch()
+        assert pad.config_repairs == repairs + 1
+    # Set up again while it measures: in a burst an MLX90393 would refuse.
+    run(pad, clock, 1.0, 100)
+    pad.configure(pad.settings)
+    assert pad.sensors[0].state == SensorState.OK
+
+
+def temperature(clock: Clock, kind: str) -> None:
+    if CHIPS[kind].thermometer is None:
+        return
+    one = made(clock, kind)
+    one.temperature_c = 41.0
+    pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
+    raw = run(pad, clock, 1.0, 100)[-1].temperature_raw
+    assert CHIPS[kind].temperature_c(raw) == pytest.approx(41.0, abs=0.13)
+
+
+def trigger(clock: Clock, kind: str) -> None:
+    if not CHIPS[kind].has_trigger:
+        return
+    one = made(clock, kind)
+    pad, _ = emulated_pad(clock, kind, [one], rate_hz=50, trigger=1)
+    assert all(sample.fresh == 1 for sample in run(pad, clock, 1.0, 50)[3:])
+    counts = run(pad, clock, 0.2, 50)[-1].counts[0]
+    one.field_gauss = [40.0, 0.0, 0.0]
+    run(pad, clock, 0.2, 50)
+    one.field_gauss = list(FIELD_GAUSS)
+    assert np.abs(run(pad, clock, 0.2, 50)[-1].counts[0] - counts).max() <= 1
+
+
+def identity(clock: Clock, kind: str) -> None:
+    one = made(clock, kind)
+    pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
+    run(pad, clock, 0.1, 100)
+    assert pad.sensors[0].state == SensorState.OK
+    assert not CHIPS[kind].is_identity(b"H43")
+    assert not CHIPS[kind].is_identity(b"\x00\x00\x00")
+
+
+CHECKS: tuple[Callable[[Clock, str], None], ...] = (
+    identity,
+    temperature,
+    trigger,
+    reset_is_noticed,
+    stream,
+    scale_and_saturation,
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_right_driver_passes_every_check(clock: Clock, kind: str) -> None:
+    for check in CHECKS:
+        check(clock, kind)
+
+
+@pytest.mark.parametrize(("kind", "what", "right", "wrong"), MUTATIONS, ids=[f"{m[0]}: {m[1]}" for m in MUTATIONS])
+def test_wrong_driver_is_caught(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch, kind: str, what: str, right: str, wrong: str
+) -> None:
+    monkeypatch.setitem(CHIPS, kind, mutated(kind, right, wrong))
+    for check in CHECKS:
+        try:
+            check(clock, kind)
+        except (AssertionError, IndexError, ValueError):
+            return
+    pytest.fail(f"nothing notices a {kind} driver with this mistake: {what}")
