@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from end_to_end.kernel_bus import KernelBus, all_valid, kernel_bus, pad, run
-from end_to_end.processes import RunningDaemon
+from end_to_end.processes import RunningDaemon, run_command
+from fmfts.common import exit_codes
+from fmfts.config import I2cSource
 from fmfts.config.file import load
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts.sensor.i2c.source import I2c
@@ -141,3 +143,44 @@ def test_a_press_on_a_pad_of_other_chips_becomes_a_contact(
         assert abs(felt.x_m - PRESSED_MM[0] * 1e-3) < 5 * felt.x_sd_m
         assert abs(felt.y_m - PRESSED_MM[1] * 1e-3) < 5 * felt.y_sd_m
         assert felt.force_sd_n < 0.2 * FORCE_N
+
+
+def test_probe_names_what_is_on_the_bus_where_a_pad_is_not_sound(tmp_path: Path) -> None:
+    config = tmp_path / "pad.toml"
+    config.write_text('[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n')
+    with kernel_bus("qmc5883l"):
+        ended = run_command("probe", "--config", config)
+    assert ended.returncode == exit_codes.FAULTY, ended
+    assert 'sensor 1 (mux 0x70, channel 0) is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"' in ended.stdout
+    for channel in range(4):
+        assert f"QMC5883L at 0x0D, mux 0x70, channel {channel}" in ended.stdout
+
+
+@pytest.mark.parametrize("chip", WIRED)
+def test_init_writes_the_chips_that_it_finds_and_their_pad_runs(chip: str, tmp_path: Path) -> None:
+    addresses = WIRED[chip].get("addresses", ())
+    with kernel_bus(chip, *addresses):
+        written = run_command("init", "--i2c", "7", "--config", tmp_path / "pad.toml")
+        assert written.returncode == 0, written
+        if len(addresses) == 2:  # two chips are no pad, and their places are asked for
+            assert "FILL IN" in (tmp_path / "pad.toml").read_text()
+            return
+        checked = run_command("check-config", "--config", tmp_path / "pad.toml")
+        assert checked.returncode == 0, checked
+        probed = run_command("probe", "--config", tmp_path / "pad.toml")
+    assert probed.returncode == 0, probed
+    source = load(tmp_path / "pad.toml")[0].pad[0].source
+    assert isinstance(source, I2cSource)
+    assert (source.chip, source.addresses) == (chip, addresses)
+    assert bool(source.channels) is not bool(addresses)
+
+
+def test_init_tells_chips_behind_two_muxes_apart(tmp_path: Path) -> None:
+    with kernel_bus():
+        written = run_command("init", "--i2c", "7", "--config", tmp_path / "pad.toml")
+        assert written.returncode == 0, written
+    pads = load(tmp_path / "pad.toml")[0].pad
+    assert [(pad.source.mux_address, pad.source.channels) for pad in pads] == [
+        (0x70, (0, 1, 2, 3)),
+        (0x71, (0, 1, 2, 3)),
+    ]

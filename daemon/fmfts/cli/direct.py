@@ -13,7 +13,7 @@ from fmfts.baseline.files import StateError, stored
 from fmfts.baseline.job import BaselineJob, Collection, GainTest
 from fmfts.baseline.request import BaselineRequest, restore
 from fmfts.bus.lock import BusError, serving_pid
-from fmfts.config import Config, PadConfig
+from fmfts.config import Config, I2cSource, PadConfig
 from fmfts.recording.baseline import require_device
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
@@ -135,16 +135,32 @@ def probe(config: Config) -> dict[str, Any]:
                             whole.add(names[frame.pad_index])
             time.sleep(TURN_S)
         silence = f"connected, but no frame within {PATIENCE_S:g} s"
-        return {
-            "pads": [
-                probe_facts(name, source, index, "" if name in missing else silence, missing.get(name, {}))
-                for source, names in sources
-                for index, name in names.items()
-            ]
-        }
+        pads = [
+            probe_facts(name, source, index, "" if name in missing else silence, missing.get(name, {}))
+            for source, names in sources
+            for index, name in names.items()
+        ]
     finally:
         for source, _ in sources:
             source.close()
+    unsound = {facts["pad"] for facts in pads if not facts["sound"]}
+    on_buses = _on_the_buses([pad for pad in config.pad if pad.name in unsound])
+    return {"pads": [facts | on_buses.get(facts["pad"], {}) for facts in pads]}
+
+
+def _on_the_buses(unsound: Sequence[PadConfig]) -> dict[str, dict[str, Any]]:
+    """What is really on the I2C buses of pads that are not sound. Their devices must be closed."""
+    from fmfts.sensor.i2c.scan import scanned
+
+    facts = {}
+    for pad in unsound:
+        if isinstance(pad.source, I2cSource):
+            try:
+                found = [str(each) for each in scanned(pad.source.bus)]
+            except SourceError as error:
+                found = [str(error)]
+            facts[pad.name] = {"found_on_bus": found or ["no chip that this daemon knows"]}
+    return facts
 
 
 def _finished(pad: str, task: Task, turns: Iterator[None], show: Show) -> dict[str, Any]:

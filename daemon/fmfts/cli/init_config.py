@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,13 @@ from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
     from fmfts.config.example import FoundPad
+    from fmfts.sensor.i2c.scan import Found
 
 DEFAULT_FILE = Path("pad.toml")
 PORTS = ("/dev/serial/by-id/*", "/dev/ttyACM*", "/dev/ttyUSB*")
 TURN_S = 0.01
+USUAL_RATE_HZ, USUAL_RANGE_GAUSS = 220, 2.5
+PAD_CHANNELS = 4  # a mux carries two pads
 
 
 def add_to(verb: AddVerb) -> None:
@@ -82,21 +85,70 @@ def candidates(root: Path = Path("/")) -> list[str]:
 
 
 def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
-    from fmfts.config import I2cSource
-    from fmfts.config.example import FoundPad, shared_lines
+    """The pads on a bus of this computer: chips of one kind behind a mux, or straight on the bus."""
+    from fmfts.sensor import SourceError
+    from fmfts.sensor.i2c.scan import scanned
 
-    source = I2cSource(bus=bus)
-    board, reason = _asked(source)
-    if not board or reason:
-        raise VerbError(exit_codes.UNAVAILABLE, f"no pad found: /dev/i2c-{bus}: {reason or 'nothing answers'}")
-    lines = [
-        'type = "i2c"',
-        f"bus = {bus}                        # /dev/i2c-{bus}",
-        f"mux_address = {source.mux_address:#x}             # of the TCA9548A, 0x70 to 0x77",
-        f"channels = {list(source.channels)}        # the mux's channel of each sensor, in the order of sensors_mm",
-        *shared_lines(),
+    try:
+        found = scanned(bus)
+    except SourceError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, f"no pad found: /dev/i2c-{bus}: {error}") from error
+    if not found:
+        raise VerbError(
+            exit_codes.UNAVAILABLE,
+            f"no pad found: /dev/i2c-{bus}: no chip that this daemon knows answers, with or without a mux: check "
+            "supply, SDA and SCL",
+        )
+    groups: dict[tuple[int, int, str], list[Found]] = {}
+    for one in found:
+        half = 0 if one.channel is None else one.channel // PAD_CHANNELS
+        groups.setdefault((one.mux_address or 0, half, one.chip), []).append(one)
+    names = ["left"] if len(groups) == 1 else [f"pad{number + 1}" for number in range(len(groups))]
+    from fmfts.config.example import FoundPad
+
+    pads = [
+        FoundPad(name, _i2c_lines(bus, members), len(members))
+        for name, members in zip(names, groups.values(), strict=True)
     ]
-    return [FoundPad("left", lines, len(source.channels))], f"the pad on /dev/i2c-{bus}"
+    return pads, f"the {'pad' if len(pads) == 1 else 'pads'} on /dev/i2c-{bus}"
+
+
+def _i2c_lines(bus: int, members: Sequence[Found]) -> list[str]:
+    """The lines of [pad.source] for chips of one kind, at a rate and a range that suit them."""
+    from fmfts.config.example import shared_lines
+    from fmfts.sensor.chips import CHIPS
+
+    chip, first = CHIPS[members[0].chip], members[0]
+    lines = ['type = "i2c"', f"bus = {bus}                        # /dev/i2c-{bus}"]
+    if first.mux_address is None:
+        addresses = ", ".join(f"{each.address:#04x}" for each in members)
+        lines += [
+            "channels = []                  # no mux",
+            f"addresses = [{addresses}]    # of each sensor's chip, in the order of sensors_mm",
+        ]
+    else:
+        channels = [each.channel for each in members]
+        lines += [
+            f"mux_address = {first.mux_address:#x}             # of the TCA9548A, 0x70 to 0x77",
+            f"channels = {channels}        # the mux's channel of each sensor, in the order of sensors_mm",
+        ]
+        if any(each.address != chip.address for each in members):
+            lines.append(f"addresses = [{', '.join(f'{each.address:#04x}' for each in members)}]")
+    suited = {
+        "rate_hz": str(min(USUAL_RATE_HZ, chip.free_rate_hz)),
+        "range_gauss": f"{next(each for each in sorted(chip.ranges_gauss) if each >= USUAL_RANGE_GAUSS):g}",
+        "chip": f'"{chip.name}"',
+    }
+    return [*lines, *(_with_value(line, suited) for line in shared_lines())]
+
+
+def _with_value(line: str, values: Mapping[str, str]) -> str:
+    """A line of the example, with another value where `values` has its key."""
+    key, _, rest = line.partition(" = ")
+    if key not in values:
+        return line
+    comment = rest[rest.index("#") :] if "#" in rest else ""
+    return f"{key} = {values[key]}".ljust(31) + comment
 
 
 def _asked(source: Any) -> tuple[dict[str, Any], str]:

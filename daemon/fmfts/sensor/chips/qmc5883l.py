@@ -8,10 +8,10 @@ from __future__ import annotations
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
-from fmfts.sensor.chips.driver import IDENTITY_BYTES, Setup, Wires, saturating
+from fmfts.sensor.chips.driver import Setup, Wires, saturating
 
-# Section 9.1: X, Y, Z at 0x00 to 0x05, low byte first.
-STATUS, CONTROL_1, CONTROL_2, PERIOD, IDENTIFICATION = 0x06, 0x09, 0x0A, 0x0B, 0x0B
+# Section 9.1: X, Y, Z at 0x00 to 0x05, low byte first; after control 2 the period, a reserved one, the identification.
+STATUS, CONTROL_1, CONTROL_2 = 0x06, 0x09, 0x0A
 STATUS_READY, STATUS_OVERFLOW = 0x01, 0x02
 MODE_CONTINUOUS = 0x01  # section 9.2.3: bits 1–0; output rate 3–2; range 5–4; oversampling 7–6, of which 0 is 512
 ROLL_OVER, NO_INTERRUPT = 0x40, 0x01  # section 9.2.4
@@ -31,9 +31,9 @@ class _Registers:
     stale_samples = 1
 
     def identify(self, wires: Wires, chip: Chip) -> bytes:
-        """The period, a reserved register, and the identification 0xFF, which alone counts."""
-        (identification,) = wires.exchange(bytes((IDENTIFICATION,)), IDENTITY_BYTES)
-        return identification
+        """Control 2, the period, and the identification 0xFF. That alone is also what a bus says that nobody drives."""
+        (answer,) = wires.exchange(bytes((CONTROL_2,)), 4)
+        return answer[:2] + answer[3:]
 
     def set_up(self, wires: Wires, chip: Chip, setup: Setup) -> bool:
         control, *others = _configuration(chip, setup)
@@ -69,7 +69,7 @@ QMC5883L = Chip(
     driver=_Registers(),
     address=0x0D,
     identity=b"\x00\x00\xff",
-    identity_mask=b"\x00\x00\xff",
+    identity_mask=b"\x3e\xfe\xff",  # bits that are not used are zero
     ranges_gauss=(2.0, 8.0),
     counts_per_gauss=tuple((counts, counts, counts) for counts in (12000, 3000)),  # section 2.2
     largest_count=32766,  # it stays at 32767 or −32768 beyond its range

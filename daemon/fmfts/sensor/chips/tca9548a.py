@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import Protocol
 
 NO_CHANNEL = 0x00
+CHANNELS = 8
+ADDRESSES = range(0x70, 0x78)  # pins A0 to A2
 
 
 class ByteBus(Protocol):
