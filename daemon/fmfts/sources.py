@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmfts.baseline.origin import Origin
-from fmfts.config import BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.config import AnyskinSource, BridgeSource, I2cSource, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.source import Source, SourceError
-from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
+from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c, PadOnStream
 
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
@@ -40,6 +40,8 @@ def _device(pad: PadConfig) -> tuple[str, object]:
             return ("bridge", port)
         case I2cSource(bus=bus):
             return ("i2c", bus)
+        case AnyskinSource(port=port):
+            return ("anyskin", port)
         case ReplaySource(file=file):
             return ("replay", file)
         case SimulatedSource():
@@ -64,6 +66,10 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             from fmfts.sensor.i2c.source import I2c
 
             return I2c({index: on_i2c(pad) for index, pad in by_index.items()})
+        case AnyskinSource():
+            from fmfts.sensor.anyskin.source import Anyskin
+
+            return Anyskin(on_stream(first))
         case ReplaySource():
             from fmfts.recording.source import Replayed
 
@@ -95,6 +101,13 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
     )
 
 
+def on_stream(pad: PadConfig) -> PadOnStream:
+    """What the driver of an AnySkin board needs from the configuration."""
+    source = pad.source
+    assert isinstance(source, AnyskinSource)
+    return PadOnStream(**_chips_of(pad), port=source.port, baud=source.baud, is_text=source.form == "text")
+
+
 def origin_of(pad: PadConfig) -> Origin | None:
     """The pad's sensors as far as the configuration tells; None: it is a recording, whose baseline is in it."""
     match pad.source:
@@ -105,6 +118,8 @@ def origin_of(pad: PadConfig) -> Origin | None:
                 own = pad.source.sensor_addresses(len(pad.geometry.sensors_mm))
                 return Origin("i2c", chip, bus=bus, addresses=own)
             return Origin("i2c", chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses or None)
+        case AnyskinSource(chip=chip, port=port):
+            return Origin("anyskin", chip, port=port)
         case SimulatedSource(chip=chip, seed=seed):
             return Origin("simulated", chip, seed=seed)
         case ReplaySource():

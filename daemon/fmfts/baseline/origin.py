@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-Kind = Literal["bridge", "i2c", "simulated"]
+Kind = Literal["bridge", "i2c", "anyskin", "simulated"]
 
 
 class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -15,7 +15,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
     uid, pad_index: of a board. bus, mux_address, channels, addresses: of chips on an I2C bus, which have no numbers of
     their own; addresses: None where the mux's channels tell them apart.
-    seed: of a simulated pad. chip: what kind of chip they are.
+    port: of a board that tells no identity of its own. seed: of a simulated pad. chip: what kind of chip they are.
     """
 
     kind: Kind
@@ -27,6 +27,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     channels: tuple[int, ...] | None = None
     seed: int | None = None
     addresses: tuple[int, ...] | None = None
+    port: str | None = None
 
     def on(self, board: Mapping[str, object]) -> Origin:
         """The same with what the board says of itself (`SourceState.board`)."""
@@ -45,6 +46,8 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
             case "bridge":
                 board = "a board that told no uid" if self.uid is None else f"board {self.uid}"
                 return f"{board}, pad_index {self.pad_index}, {self.chip}"
+            case "anyskin":
+                return f"an AnySkin board on {self.port}"
             case "i2c" if self.channels is None and self.addresses is not None:
                 addresses = ", ".join(f"0x{each:02x}" for each in self.addresses)
                 return f"I2C bus {self.bus}, addresses {addresses}, {self.chip}"

@@ -74,6 +74,14 @@ Imperfection = Literal[
 ]
 
 
+class AnyskinSource(_HardwareSource, frozen=True, tag="anyskin", tag_field="type", kw_only=True):
+    port: str
+    baud: Annotated[int, Meta(ge=9600)] = 115200
+    form: Literal["binary", "text"] = "binary"
+    range_gauss: float = 52.0
+    chip: ChipName = "anyskin"
+
+
 class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
     seed: int = 1
     finger: Literal["script", "none"] = "script"
@@ -92,7 +100,7 @@ class ReplaySource(_HardwareSource, frozen=True, tag="replay", tag_field="type",
     speed: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
 
 
-SourceConfig = BridgeSource | I2cSource | SimulatedSource | ReplaySource
+SourceConfig = BridgeSource | I2cSource | AnyskinSource | SimulatedSource | ReplaySource
 
 
 class GeometryConfig(_Section, frozen=True):

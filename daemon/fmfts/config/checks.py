@@ -8,6 +8,7 @@ from itertools import combinations
 from pathlib import Path
 
 from fmfts.config import (
+    AnyskinSource,
     BridgeSource,
     Config,
     I2cSource,
@@ -77,6 +78,10 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     most_hz = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, BridgeSource) and not chip.on_boards:
         yield ("source", "chip"), f"no firmware of a board reads an {chip.label} yet: connect it to an I2C bus"
+    if chip.streamed is not isinstance(source, AnyskinSource) and not isinstance(
+        source, SimulatedSource | ReplaySource
+    ):
+        yield ("source", "chip"), 'chip = "anyskin" belongs to type = "anyskin", and no other does'
     if source.trigger == "simultaneous" and not chip.has_trigger:
         yield ("source", "trigger"), no_trigger(chip)
     elif source.rate_hz > most_hz:
@@ -218,6 +223,8 @@ def _sensor_addresses(pad: PadConfig) -> set[tuple[Key, ...]]:
     source = pad.source
     if isinstance(source, BridgeSource):
         return {(source.uid.lower() if source.uid else source.port, source.pad_index)}
+    if isinstance(source, AnyskinSource):
+        return {(source.port,)}
     if isinstance(source, I2cSource):
         addresses = source.sensor_addresses(len(pad.geometry.sensors_mm))
         if not source.channels:
@@ -233,7 +240,8 @@ def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
     for (first, one), (second, other) in combinations(enumerate(pads), 2):
         shared = _sensor_addresses(one) & _sensor_addresses(other)
         if shared:
-            what = "channels" if isinstance(other.source, I2cSource) else "pad_index"
+            words = {I2cSource: "channels", AnyskinSource: "port"}
+            what = words.get(type(other.source), "pad_index")
             yield ("pad", second, "source", what), f"pad {pads[first].name!r} reads the same sensors"
 
 

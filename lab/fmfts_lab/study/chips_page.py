@@ -51,8 +51,9 @@ def _abilities() -> str:
             chip.supply,
         )
         for chip in CHIPS.values()
+        if not chip.streamed
     )
-    remarks = "".join(f"- {chip.label}: {chip.remarks}.\n" for chip in CHIPS.values())
+    remarks = "".join(f"- {chip.label}: {chip.remarks}.\n" for chip in CHIPS.values() if not chip.streamed)
     return _table(columns, rows) + "\n" + remarks
 
 

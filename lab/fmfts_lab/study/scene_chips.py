@@ -49,6 +49,8 @@ def chip_rows(surroundings: Surroundings) -> Iterator[Row]:
     """Every chip as `settings` has it, on a bus of 400 kHz."""
     sensors, largest = len(surroundings.config.geometry.sensors_mm), largest_field_gauss(surroundings)
     for chip in CHIPS.values():
+        if chip.streamed:
+            continue
         of_chip = replace(surroundings, config=_with(surroundings, chip))
         found = recommended_range_gauss(of_chip)
         for setting in settings(chip, sensors, found):

@@ -5,19 +5,22 @@ from typing import Literal
 from fmfts.sensor.chips.chip import GAIN_CODES, TESLA_PER_GAUSS, Axes, Chip
 from fmfts.sensor.chips.hmc5983 import HMC5883L, HMC5983
 from fmfts.sensor.chips.lis3mdl import LIS3MDL
-from fmfts.sensor.chips.mlx90393 import MLX90393
+from fmfts.sensor.chips.mlx90393 import ANYSKIN, MLX90393
 from fmfts.sensor.chips.mmc5983ma import MMC5983MA
 from fmfts.sensor.chips.qmc5883l import QMC5883L
 
 # As the configuration writes it.
-ChipName = Literal["hmc5983", "hmc5883l", "mmc5983ma", "qmc5883l", "lis3mdl", "mlx90393"]
-CHIPS: dict[str, Chip] = {chip.name: chip for chip in (HMC5983, HMC5883L, MMC5983MA, QMC5883L, LIS3MDL, MLX90393)}
+ChipName = Literal["hmc5983", "hmc5883l", "mmc5983ma", "qmc5883l", "lis3mdl", "mlx90393", "anyskin"]
+CHIPS: dict[str, Chip] = {
+    chip.name: chip for chip in (HMC5983, HMC5883L, MMC5983MA, QMC5883L, LIS3MDL, MLX90393, ANYSKIN)
+}
 
 # Where nobody names a chip: old recordings, tables of fields, studies.
 DEFAULT_CHIP = HMC5983
 NOISE_T = DEFAULT_CHIP.noise_t
 
 __all__ = [
+    "ANYSKIN",
     "CHIPS",
     "DEFAULT_CHIP",
     "GAIN_CODES",

@@ -60,7 +60,7 @@ class Chip:
     empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
     sensitivity_per_k: relative change of the counts with temperature.
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test with limits.
-    on_boards: the firmware of boards reads it, too.
+    on_boards: the firmware of boards reads it, too. streamed: a board of others reads it, and nothing here does.
     supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
     """
 
@@ -88,6 +88,7 @@ class Chip:
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
     on_boards: bool = False
+    streamed: bool = False
     supply: str = ""
     remarks: str = ""
     # (GAIN_CODES, 3) the field of one count in tesla, by gain code and axis; NaN where the chip has no such code.

@@ -6,6 +6,7 @@ Every command is answered by a status byte. Four addresses by two pins, so a pad
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from struct import Struct
 
 from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip, Thermometer
@@ -140,6 +141,27 @@ MLX90393 = Chip(
     bias_strap=None,
     supply="made; boards 10 to 20 € each, and on every ReSkin, AnySkin and eFlesh board",
     remarks="four addresses by its pins, so no mux for a pad of four; noise from a graph (unverified)",
+)
+
+
+# On a ReSkin, AnySkin or eFlesh board, whose firmware makes microtesla of counts with these steps (its library's, for
+# GAIN_SEL 7 and RES 0); so the same counts come back. With RES 0 a field beyond ±53 G wraps around, unseen.
+ANYSKIN = replace(
+    MLX90393,
+    name="anyskin",
+    label="MLX90393 of an AnySkin board",
+    ranges_gauss=(52.0,),
+    counts_per_gauss=((100 / 0.161, 100 / 0.161, 100 / 0.294),),
+    largest_count=32767,
+    output_rates_hz=(500.0,),  # the board's own, whatever it is
+    free_rate_hz=500,
+    single_rate_hz=0,
+    noise_t=20e-3 * TESLA_PER_GAUSS,
+    noises_t=(),
+    single_noise_t=None,
+    streamed=True,
+    supply="boards of labs",
+    remarks="read by the board's own firmware; its settings are not known here",
 )
 
 

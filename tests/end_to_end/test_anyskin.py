@@ -1,0 +1,154 @@
+"""A board with AnySkin's own firmware on a pty, a pad of ours above it: the daemon makes contacts of its stream."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import pytest
+
+from emulator.anyskin_board import binary, text
+from emulator.pty_port import PtyPort
+from end_to_end.processes import PATIENCE_S, RunningDaemon
+from fmfts.config.file import load
+from fmfts.simulation.mounted import MountedPad
+
+CONFIG = """
+[[pad]]
+name = "skin"
+[pad.source]
+type = "anyskin"
+port = "{port}"
+form = "{form}"
+rate_hz = {rate_hz}
+[pad.geometry]
+sensors_mm = [[8, 8, 0], [8, -8, 0], [-8, 8, 0], [-8, -8, 0], [0, 0, 0]]
+[pad.contact]
+model = "{model}"
+"""
+NOISE_UT = 0.6
+FORCE_N = 1.0
+
+
+class Board:
+    """Sends packets on a pty at a steady rate, in a thread. field_t (N, 3): of its magnetometers."""
+
+    def __init__(self, folder: Path, rate_hz: float, form: Callable[..., bytes]) -> None:
+        self.link = folder / "skin"
+        self.field_t = np.zeros((5, 3))
+        self.damage: Callable[[bytes], bytes] | None = None  # of the next packet
+        self.sent = 0
+        self._port = PtyPort(self.link)
+        self._rate_hz, self._form = rate_hz, form
+        self._random = np.random.default_rng(1)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        start_s = time.monotonic()
+        while not self._ended.is_set():
+            noisy = self.field_t * 1e6 + self._random.normal(0.0, NOISE_UT, self.field_t.shape)
+            packet = self._form(noisy.tolist(), 25.0)
+            damage, self.damage = self.damage, None
+            self._port.write(damage(packet) if damage else packet)
+            self.sent += 1
+            time.sleep(max(0.0, start_s + self.sent / self._rate_hz - time.monotonic()))
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pull()
+
+    def pull(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._port.unplug()
+        self.link.unlink(missing_ok=True)
+
+
+def mounted_of(daemon: RunningDaemon) -> MountedPad:
+    return MountedPad.exact(load(daemon.config)[0].pad[0].pad())
+
+
+def pressed_field(mounted: MountedPad, force_n: float) -> np.ndarray:
+    return mounted.magnet_field(*(np.full(5, value) for value in (0.0, 0.0, force_n, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(("form", "sent"), [("binary", binary), ("text", text)])
+def test_press_on_a_pad_above_their_board_becomes_a_touch(
+    form: str, sent: Callable[..., bytes], tmp_path: Path
+) -> None:
+    """Five magnetometers are no pad that the shipped model knows: pose, touch and displacement are told."""
+    with Board(tmp_path, 100.0, sent) as board:
+        config = CONFIG.format(port=board.link, form=form, rate_hz=100, model="none")
+        with RunningDaemon(tmp_path, config) as daemon:
+            mounted = mounted_of(daemon)
+            board.field_t = pressed_field(mounted, 0.0)
+            daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
+            assert daemon.request("baseline", pad="skin", rest=True, timeout_s=30.0)["kind"] == "rest"
+            quiet = daemon.wait_for(lambda contact: contact.health == "ok")
+            assert quiet.contact is False
+            assert quiet.temperature_c == pytest.approx(25.0)
+            board.field_t = pressed_field(mounted, FORCE_N)
+            settled_ns = time.monotonic_ns() + 300_000_000
+            felt = daemon.wait_for(lambda contact: contact.t_sample_ns > settled_ns and contact.health == "ok")
+            assert felt.contact
+            places = [np.array([value]) for value in (0.0, 0.0, FORCE_N, 0.0, 0.0)]
+            moved_m = float(np.linalg.norm(mounted.mechanics.displacement(*places)[0]))
+            assert felt.displacement_m is not None
+            assert abs(felt.displacement_m - moved_m) < 5 * felt.displacement_sd_m
+
+
+def test_unplugging_garbage_and_half_packets_are_told_and_mended(tmp_path: Path) -> None:
+    def status(daemon: RunningDaemon) -> dict:
+        return daemon.request("probe")["pads"][0]
+
+    with Board(tmp_path, 200.0, binary) as board:
+        config = CONFIG.format(port=board.link, form="binary", rate_hz=200, model="none")
+        with RunningDaemon(tmp_path, config) as daemon:
+            field_t = pressed_field(mounted_of(daemon), 0.0)
+            board.field_t = field_t
+            daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
+            for damage in (lambda packet: bytes(500) + packet, lambda packet: packet[:31], lambda packet: packet[5:]):
+                board.damage = damage
+                after_ns = time.monotonic_ns() + 50_000_000
+                healthy = daemon.wait_for(lambda contact, after_ns=after_ns: contact.t_sample_ns > after_ns)
+                assert healthy.sensors_ok == 0b11111
+            board.field_t = np.full((5, 3), np.nan)
+            board.field_t[1:] = field_t[1:]
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b11110)
+            until = time.monotonic() + PATIENCE_S
+            while "sensor 1 (of the stream) gives no measurement" not in " ".join(status(daemon)["faults"]):
+                assert time.monotonic() < until, status(daemon)
+            board.field_t = field_t
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b11111)
+            board.pull()
+            gone = daemon.wait_for(lambda contact: contact.health == "disconnected")
+            assert "plug the board in again" in gone.reason or "does not exist" in gone.reason
+            with Board(tmp_path, 200.0, binary) as again:
+                again.field_t = field_t
+                daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b11111)
+
+
+def test_stream_of_another_form_or_rate_is_named_with_what_to_set(tmp_path: Path) -> None:
+    with Board(tmp_path, 50.0, text) as board:
+        board.field_t = np.ones((5, 3)) * 1e-5
+        config = CONFIG.format(port=board.link, form="binary", rate_hz=50, model="none")
+        with RunningDaemon(tmp_path, config) as daemon:
+            strange = daemon.wait_for(lambda contact: "bytes and no packet" in contact.reason)
+            assert strange.health == "disconnected"
+            assert "5 magnetometers, form is binary packets" in strange.reason
+    (tmp_path / "other").mkdir()
+    with Board(tmp_path / "other", 100.0, binary) as board:
+        board.field_t = np.ones((5, 3)) * 1e-5
+        config = CONFIG.format(port=board.link, form="binary", rate_hz=200, model="none")
+        with RunningDaemon(tmp_path / "other", config) as daemon:
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b11111)
+            (pad,) = daemon.request("probe")["pads"]
+            assert any("packets a second: set rate_hz = " in sentence for sentence in pad["faults"])
