@@ -29,7 +29,7 @@ OTHER = replace(
     counts_per_gauss=((900, 800, 700), (450, 400, 350)),
     largest_count=5000,
     saturated_count=-32768,
-    thermometer=Thermometer(range_c=(-40.0, 125.0), at_zero_c=20.0, c_per_count=0.1, range_c=(-40.0, 125.0)),
+    thermometer=Thermometer(at_zero_c=20.0, c_per_count=0.1, range_c=(-40.0, 125.0)),
 )
 
 
