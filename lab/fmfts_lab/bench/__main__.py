@@ -17,6 +17,7 @@ from fmfts_lab.bench import (
     latency,
     moment,
     neighbours,
+    overload,
     resident,
     silicone,
     speed,
@@ -30,7 +31,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
-        "silicone | contact | latency | frame | resident",
+        "silicone | contact | latency | overload | frame | resident",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -101,6 +102,11 @@ def main() -> None:
     verb.add_argument("--size", type=int, default=860, help="bytes of the echo's message: a contact's")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth with pads (needs matplotlib)")
     verb.set_defaults(run=latency.run)
+    verb = verbs.add_parser("overload", help="more work than the computer can do: true ages, losses, recovery")
+    verb.add_argument("--seconds", type=float, default=6.0, help="of load, for each row")
+    verb.add_argument("--rows", type=int, nargs="*", metavar="N", help="only these rows, from 0")
+    verb.add_argument("--no-echo", dest="echo", action="store_false", help="without what an echo can carry beside")
+    verb.set_defaults(run=overload.run)
     verb = verbs.add_parser("frame", help="what a frame costs by stage, on hot and on cold caches")
     verb.set_defaults(run=frame_cost.run)
     verb = verbs.add_parser("resident", help="whether the daemon's memory grows, a row each minute")

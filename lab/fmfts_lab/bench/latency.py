@@ -115,11 +115,11 @@ def spawn(target: Callable[..., None], *args: Any) -> tuple[Any, Any]:
     return ours, process
 
 
-def start_daemon(folder: Path, ports: list[str]) -> subprocess.Popen[bytes]:
-    """One pad on each port, with baselines; its socket and its log are in `folder`."""
+def start_daemon(folder: Path, ports: list[str], service: str = "") -> subprocess.Popen[bytes]:
+    """One pad on each port, with baselines; its socket and its log are in `folder`. service: more of the config."""
     store_baselines(folder, len(ports))
     config = folder / "config.toml"
-    config.write_text(config_text(ports))
+    config.write_text(config_text(ports) + service)
     environ = os.environ | {"XDG_STATE_HOME": str(folder), "FMFTS_BUS": f"ipc://{folder}"}
     with (folder / "log").open("wb") as output:
         return subprocess.Popen([sys.executable, "-m", "fmfts", "run", "--config", config], env=environ, stderr=output)

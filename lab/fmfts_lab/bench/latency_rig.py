@@ -31,7 +31,11 @@ READ_BYTES = 65536
 
 def samples(config: PadConfig, seconds: float) -> list[Sample]:
     """The samples that a board sends while a finger taps, presses and slides; they repeat after CYCLE_S."""
-    source = Simulated(config)
+    return samples_of(Simulated(config), seconds)
+
+
+def samples_of(source: Simulated, seconds: float) -> list[Sample]:
+    """The samples that a board with this source's chips sends."""
     found: list[Sample] = []
     period_ns = round(1e9 / RATE_HZ)
     for step in range(round(seconds * RATE_HZ)):
@@ -58,10 +62,10 @@ def samples(config: PadConfig, seconds: float) -> list[Sample]:
 def boards(pipe: Connection, lines: list[bytes], count: int) -> None:
     """`count` boards with the same frames, each in its own phase. Sends the ports and waits for "go". Then sends the
     times (count, frames) in ns at which each frame's bytes were handed to the pty, and how many found no room."""
-    ends, answers = _ptys(count)
+    ends, answers = ptys(count)
     pipe.send([os.ttyname(theirs) for _, theirs in ends])
     while not pipe.poll(0.02):
-        _answer(answers)
+        answer(answers)
     pipe.recv()
     written_ns, lost = np.zeros((count, len(lines)), dtype=np.int64), 0
     period_ns = 1e9 / RATE_HZ
@@ -77,14 +81,14 @@ def boards(pipe: Connection, lines: list[bytes], count: int) -> None:
             except BlockingIOError:
                 lost += 1
         if number % 50 == 0:
-            _answer(answers)
+            answer(answers)
     pipe.send((written_ns, lost))
     pipe.recv()
 
 
 def steady_boards(pipe: Connection, cycle: list[Sample], count: int) -> None:
     """`count` boards that send the same frames over and over until told to stop. Sends the ports."""
-    ends, answers = _ptys(count)
+    ends, answers = ptys(count)
     pipe.send([os.ttyname(theirs) for _, theirs in ends])
     period_ns, start_ns, number = 1e9 / RATE_HZ, time.monotonic_ns(), 0
     while not pipe.poll(0):
@@ -95,7 +99,7 @@ def steady_boards(pipe: Connection, cycle: list[Sample], count: int) -> None:
                 os.write(ours, line)
         number += 1
         if number % 50 == 0:
-            _answer(answers)
+            answer(answers)
 
 
 def repeated(cycle: list[Sample], number: int) -> Sample:
@@ -105,7 +109,7 @@ def repeated(cycle: list[Sample], number: int) -> Sample:
     return replace(cycle[place], sequence=number, time_us=cycle[place].time_us + passed_us)
 
 
-def _ptys(count: int) -> tuple[list[tuple[int, int]], dict[int, Decoder]]:
+def ptys(count: int) -> tuple[list[tuple[int, int]], dict[int, Decoder]]:
     """Both ends of each pty, and a decoder of the requests to each board."""
     ends = [os.openpty() for _ in range(count)]
     for ours, theirs in ends:
@@ -114,7 +118,7 @@ def _ptys(count: int) -> tuple[list[tuple[int, int]], dict[int, Decoder]]:
     return ends, {ours: Decoder() for ours, _ in ends}
 
 
-def _answer(answers: dict[int, Decoder]) -> None:
+def answer(answers: dict[int, Decoder]) -> None:
     """Answer every request at once. After the hello the daemon asks for nothing more."""
     hello = encode(
         Hello(

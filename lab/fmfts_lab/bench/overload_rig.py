@@ -1,0 +1,164 @@
+"""The processes of the overload bench: boards that note when they wrote each frame, busy processes, and who hears."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.sensor.wire.framing import encode
+from fmfts.simulation.finger import Finger, Touch
+from fmfts.simulation.source import Simulated
+from fmfts_lab.bench import latency_rig as rig
+from fmfts_lab.bench.latency import pad_of
+
+Times = NDArray[np.int64]
+
+# Boards and subscriber are other computers' work: they go before the daemon, so that what is late is the daemon's.
+OTHERS_PRIORITY = 50
+WARM_UP_S, AFTER_S = 1.5, 3.0  # before the load, and after it
+DUTY_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True)
+class Load:
+    """busy: processes that only compute. duty: the share of time in which the measured process may run."""
+
+    pads: int
+    busy: int = 0
+    duty: float = 1.0
+    realtime: int = 0
+    touched: bool = False
+
+    def __str__(self) -> str:
+        extra = [f"{self.busy} busy"]
+        extra += [f"own duty {100 * self.duty:.0f} %"] * (self.duty < 1.0)
+        extra += [f"realtime {self.realtime}"] * (self.realtime > 0)
+        extra += ["half of the pads touched"] * self.touched
+        return f"{self.pads} pads, {', '.join(extra)}"
+
+
+@dataclass(frozen=True)
+class Written:
+    """When each frame was handed to its pty: written_ns (pads, frames); lost: frames that found no room there."""
+
+    written_ns: Times
+    lost: NDArray[np.bool_]
+    load_ns: tuple[int, int]
+
+
+def recordings(load: Load, seconds: float) -> list[list[bytes]]:
+    """The lines of each pad: untouched, or for half of the pads touched and released at random."""
+    quiet = lines(lambda _: Touch(0.0, 0.0, 0.0), seconds)
+    if not load.touched:
+        return [quiet] * load.pads
+    tapped = [lines(random_finger(seed), seconds) for seed in range(8)]
+    return [tapped[pad // 2 % len(tapped)] if pad % 2 else quiet for pad in range(load.pads)]
+
+
+def lines(finger: Finger, seconds: float) -> list[bytes]:
+    """What a board sends, with the frame's number as its temperature (latency_rig.NUMBERS)."""
+    source = Simulated(pad_of(0))
+    source.finger = finger
+    return [encode(sample) for sample in rig.samples_of(source, seconds)]
+
+
+def random_finger(seed: int) -> Finger:
+    """Presses of 0.1 to 0.5 s and pauses of the same length, with ramps of 30 ms, anywhere within 6 mm."""
+    draw = np.random.default_rng(seed)
+    edges = np.cumsum(draw.uniform(0.1, 0.5, 400)) + 0.5
+    places, forces = draw.uniform(-6e-3, 6e-3, (400, 2)), draw.uniform(0.3, 1.5, 400)
+
+    def finger(time_s: float) -> Touch:
+        index = int(np.searchsorted(edges, time_s))
+        if index % 2 == 0 or index >= len(edges):
+            return Touch(0.0, 0.0, 0.0)
+        from_edge = min(time_s - edges[index - 1], edges[index] - time_s)
+        x_m, y_m = places[index].tolist()
+        return Touch(x_m, y_m, float(forces[index] * min(from_edge / 0.03, 1.0)))
+
+    return finger
+
+
+def boards(pipe: Connection, recorded: list[list[bytes]], load_s: float) -> None:
+    """Boards that begin one after the other within a frame's time. Sends the ports, waits for "go", sends the load's
+    begin and end, and last the times (pads, frames) of Written with what was lost."""
+    ends, answers = rig.ptys(len(recorded))
+    pipe.send([os.ttyname(theirs) for _, theirs in ends])
+    while not pipe.poll(0.02):
+        rig.answer(answers)
+    pipe.recv()
+    go_first()
+    count, frames = len(recorded), len(recorded[0])
+    written_ns, lost = np.zeros((count, frames), dtype=np.int64), np.zeros((count, frames), dtype=np.bool_)
+    period_ns, start_ns = 1e9 / rig.RATE_HZ, time.monotonic_ns() + 50_000_000
+    begin_ns = start_ns + round(WARM_UP_S * 1e9)
+    pipe.send((begin_ns, begin_ns + round(load_s * 1e9)))
+    for number in range(frames):
+        for pad, (ours, _) in enumerate(ends):
+            due_ns = start_ns + round((number + pad / count) * period_ns)
+            if (left_ns := due_ns - time.monotonic_ns()) > 0:
+                time.sleep(left_ns * 1e-9)
+            written_ns[pad, number] = time.monotonic_ns()
+            try:
+                os.write(ours, recorded[pad][number])
+            except BlockingIOError:
+                lost[pad, number] = True
+        if number % 50 == 0:
+            rig.answer(answers)
+    pipe.send((written_ns, lost))
+    pipe.recv()
+
+
+def subscriber(pipe: Connection, endpoint: str, count: int) -> None:
+    go_first()
+    rig.subscriber(pipe, endpoint, count)
+
+
+def go_first() -> None:
+    """Before every ordinary process; where that is not permitted, the busy processes hold the boards up as well."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(OTHERS_PRIORITY))
+    except PermissionError:
+        print("boards and subscriber got no priority: what is late may be theirs", file=sys.stderr)
+
+
+@contextmanager
+def busy(count: int) -> Iterator[None]:
+    """Processes of the measured one's weight that never sleep."""
+    processes = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+        for process in processes:
+            process.wait()
+
+
+def hold_to(duty: float, pid: int, until_ns: int) -> None:
+    """Until then, let a process run only for this share of each DUTY_PERIOD_S."""
+    while (now_ns := time.monotonic_ns()) < until_ns:
+        if duty < 1.0:
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(DUTY_PERIOD_S * (1.0 - duty))
+            os.kill(pid, signal.SIGCONT)
+            time.sleep(DUTY_PERIOD_S * duty)
+        else:
+            time.sleep((until_ns - now_ns) * 1e-9)
+
+
+def sleep_until(when_ns: int) -> None:
+    time.sleep(max(when_ns - time.monotonic_ns(), 0) * 1e-9)
+
+
+Start = Callable[[Sequence[str]], int]
