@@ -16,6 +16,7 @@ from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.fast.compiled import _fast
 from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor import Frame
+from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.link import Link
@@ -69,7 +70,7 @@ class Bus:
         self._theirs.subscribe(TOPIC)
         send = send_function()
         assert send is not None
-        self.loop = _fast.Loop(-1, send, int(self._ours.underlying))
+        self.loop = _fast.Loop(-1, send, int(self._ours.underlying), IN_TIME, BEHIND)
         while not self._theirs.poll(0):  # until the subscription has arrived
             self._ours.send_multipart((TOPIC, b""))
         self.heard()
@@ -91,6 +92,7 @@ class Host:
     """A pad whose bytes go to the loop while they may, and by way of frames otherwise, as the daemon has it."""
 
     LINE = 3
+    overdue_ns = 1 << 62  # its frames' times are not this computer's
 
     def __init__(self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True) -> None:
         self.link, self.clock = link_of(config)
@@ -111,7 +113,7 @@ class Host:
     def begin(self) -> None:
         if not (self._may_express and self.link.accepts(0)):
             return
-        self.lane = self.pipeline.begin(self.clock.line, TOPIC, 0)
+        self.lane = self.pipeline.begin(self.clock.line, TOPIC, 0, self.overdue_ns)
         if self.lane is not None:
             self._bus.loop.begin(self.LINE, self.link.give_back(), (self.lane.compiled,))
 

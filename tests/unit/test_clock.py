@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fmfts.sensor.wire import clock as clocks
 from fmfts.sensor.wire.clock import SLOPE_BUCKETS, DeviceClock, HostClock, _wire
 
 PERIOD_US = 4545
@@ -98,6 +99,23 @@ def test_a_backlog_that_comes_in_two_bursts_is_no_standstill() -> None:
     first, second = (board.true_ns(10_000_000) + ms * 1_000_000 for ms in (400, 900))
     late = [(device_us, first if index < 50 else second) for index, device_us in enumerate(backlog)]
     assert np.abs(errors_us(clock, board, late)).max() < 200
+    assert clock.restarts == 0
+
+
+@pytest.mark.parametrize("in_c", [True, False])
+def test_packets_that_waited_because_the_host_did_not_read_are_no_standstill(
+    in_c: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A host that reads four times a second, and each time what is 0.2 s old, for ten seconds."""
+    if not in_c:
+        monkeypatch.setattr(clocks, "_wire", None)
+    board, clock = Board(50), DeviceClock(tolerance=200e-6)
+    errors_us(clock, board, board.packets(10))
+    for read in range(40):
+        begin_us = 10_000_000 + read * 250_000
+        late = [(time, board.true_ns(begin_us + 450_000)) for time, _ in board.packets(0.25, start_us=begin_us)]
+        assert np.abs(errors_us(clock, board, late)).max() < 200
+        clock.found_empty(board.true_ns(begin_us + 200_000))
     assert clock.restarts == 0
 
 

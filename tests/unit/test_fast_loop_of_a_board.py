@@ -197,7 +197,9 @@ def test_a_touch_that_begins_in_c_is_told_of_at_once(
         run(daemon, lambda: channel._statistics.frames > 2)
         in_python = channel.frame
         seen: list[bool] = []
-        monkeypatch.setattr(channel, "frame", lambda frame: seen.append(channel._touched) or in_python(frame))
+        monkeypatch.setattr(
+            channel, "frame", lambda frame, **how: seen.append(channel._touched) or in_python(frame, **how)
+        )
         heard: list[Message] = []
         run(daemon, lambda: heard.extend(messages(subscription)) or streaming.is_over)
     touched = [one.body for one in heard if one.kind == "contact" and one.body["contact"]]

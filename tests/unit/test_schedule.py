@@ -73,7 +73,7 @@ def test_source_with_bytes_is_polled_and_sleeping_ones_cost_nothing(two: tuple[S
     schedule, awake, asleep = two
     os.write(awake.theirs, b"x")
     asked = asleep.asked
-    assert schedule.wait(soon()) == [awake]
+    assert schedule.wait(soon()) is awake
     assert asleep.asked == asked
 
 
@@ -82,7 +82,7 @@ def test_source_whose_time_has_come_is_polled(two: tuple[Schedule, Piped, Piped]
     due.deadline = time.monotonic_ns() + 1_000_000
     schedule.review()
     until = time.monotonic_ns() + FAR_NS
-    assert schedule.wait(until) == [due]
+    assert schedule.wait(until) is due
     assert time.monotonic_ns() < until
 
 
@@ -90,7 +90,7 @@ def test_deadline_that_came_nearer_while_served_is_kept(two: tuple[Schedule, Pip
     schedule, due, _ = two
     due.deadline = time.monotonic_ns() + 1_000_000
     schedule.served(cast(Source, due))
-    assert schedule.wait(time.monotonic_ns() + FAR_NS) == [due]
+    assert schedule.wait(time.monotonic_ns() + FAR_NS) is due
 
 
 def test_deadline_that_moved_away_wakes_nobody(two: tuple[Schedule, Piped, Piped]) -> None:
@@ -98,7 +98,7 @@ def test_deadline_that_moved_away_wakes_nobody(two: tuple[Schedule, Piped, Piped
     source.deadline = time.monotonic_ns()
     schedule.review()
     source.deadline = time.monotonic_ns() + FAR_NS
-    assert schedule.wait(soon()) == []
+    assert schedule.wait(soon()) is None
 
 
 def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Piped, Piped]) -> None:
@@ -113,9 +113,9 @@ def test_reopened_source_is_heard_on_its_new_descriptor(two: tuple[Schedule, Pip
     gone.open()
     schedule.served(cast(Source, gone))
     os.write(gone.theirs, b"x")
-    assert schedule.wait(soon()) == [gone]
+    assert schedule.wait(soon()) is gone
     os.write(other.theirs, b"x")
-    assert set(map(id, schedule.wait(soon()))) == {id(gone), id(other)}
+    assert {id(schedule.wait(soon())) for _ in range(2)} == {id(gone), id(other)}
 
 
 def test_a_call_is_told_from_a_source_with_bytes(two: tuple[Schedule, Piped, Piped]) -> None:
@@ -141,3 +141,11 @@ def test_source_with_frames_is_not_asked_for_its_deadline(two: tuple[Schedule, P
     assert source.asked == asked
     schedule.served(cast(Source, source))
     assert source.asked == asked + 1
+
+
+def test_sources_take_turns_however_long_one_has_bytes(two: tuple[Schedule, Piped, Piped]) -> None:
+    """One is polled in each turn, so that what C handles goes on between two frames that Python judges."""
+    schedule, one, other = two
+    for source in two[1:]:
+        os.write(source.theirs, b"x")
+    assert [schedule.wait(soon()) for _ in range(4)] in ([one, other] * 2, [other, one] * 2)

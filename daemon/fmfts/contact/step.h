@@ -16,6 +16,7 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
     X(onset_chi2, 1)            /* touch.py */                                                                         \
     X(release_chi2, 1)                                                                                                 \
     X(release_frames, 1)                                                                                               \
+    X(longest_gap_s, 1)                                                                                                \
     X(refine_steps, 1)          /* refinement.py, if the model refines */                                              \
     X(least_variance, 1)        /* added to each component of the covariance */                                        \
     X(model_rest, 6)            /* model.py */                                                                         \
@@ -60,9 +61,10 @@ typedef struct {
     bool over_range;
 } fmfts_estimate;
 
-/* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. False if that is not one. */
+/* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. elapsed_s: since the frame
+ * before. False if that is no covariance. */
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
-                 const double *covariance);
+                 const double *covariance, double elapsed_s);
 
 /* estimate.c: moves the question into the range that the model was trained on. False if the magnet is lifted. */
 bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);

@@ -37,9 +37,12 @@ static void follow(const fmfts_contact_parameters *parameters, fmfts_contact_mem
 }
 
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
-                 const double *covariance)
+                 const double *covariance, double elapsed_s)
 {
     double chi2;
+    if (elapsed_s > parameters->longest_gap_s[0]) { /* who touched may be gone: TouchDetector.forget */
+        memory->touched[0] = memory->quiet_frames[0] = 0.0;
+    }
     if (!chi2_of(change, covariance, &chi2)) {
         return false;
     }

@@ -129,14 +129,14 @@ class PadPipeline:
             self.hand_back()
         return self._judge(frame)
 
-    def begin(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane | None:
+    def begin(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> Lane | None:
         """Let C handle the next frames, from the board's bytes to the bus. None if Python must judge the next one.
 
-        clock: `DeviceClock.line`. Until end(), do not use this pipeline.
+        The arguments are those of FastPath.lane. Until end(), do not use this pipeline.
         """
         if self._compiled is None:
             return None
-        lane = self._compiled.lane(clock, topic, pad_index)
+        lane = self._compiled.lane(clock, topic, pad_index, overdue_ns)
         return lane if self._writer.begin(lane, self._sequence) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:

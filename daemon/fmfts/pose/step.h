@@ -71,7 +71,6 @@ enum {
     X(by_field, 3 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                   \
     X(leftovers, 1)                                                                                                    \
     X(change_error, 5 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                                \
-    X(longest_gap_s, 1)                                                                                                \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)
 
@@ -118,6 +117,7 @@ typedef struct {
 typedef struct {
     double covariance[FMFTS_STEP * FMFTS_STEP]; /* widened by the recent misfit */
     double chi2, residual_t;
+    double elapsed_s; /* since the frame before */
 } fmfts_pose;
 
 /* change: of pose from rest, position and axis in the rest axis's tangent plane. basis: the estimate's tangents. turn: from

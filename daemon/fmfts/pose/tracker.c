@@ -63,9 +63,6 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     uint8_t parts[FMFTS_STEP];
     bool has_prior = false;
     double elapsed = elapsed_s(memory, field);
-    if (elapsed > parameters->longest_gap_s[0]) {
-        return false; /* Python ends a touch from before the gap */
-    }
     predict(parameters, memory, elapsed, temperature_c);
     write_measurements(parameters, field, rows);
     for (int c = 0; c < FMFTS_STEP; c++) {
@@ -88,6 +85,7 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     if (!fits(parameters, &found, state, pose->covariance)) {
         return false;
     }
+    pose->elapsed_s = elapsed;
     pose->chi2 = found.chi2;
     pose->residual_t = found.residual_t;
     memcpy(memory->state, state, sizeof state);

@@ -16,6 +16,7 @@ from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind, Lane
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import state_message
+from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
@@ -24,12 +25,10 @@ from fmfts.sensor.probing import faults_of
 log = logging.getLogger(__name__)
 
 SHORTEST_SILENCE_NS = 150_000_000
-# An older frame is not solved: newer ones wait behind it. The scheduler of a busy computer causes shorter delays.
-OVERDUE_S = 0.5
 
 
 class Channel:
-    """Passes one pad's frames through its pipeline and publishes the results."""
+    """Passes one pad's frames through its pipeline, and publishes the results. is_recorded: all frames are wanted."""
 
     def __init__(
         self, source: Source, pad_index: int, pipeline: PadPipeline, publisher: Publisher, boot: str, rate_hz: float
@@ -50,13 +49,14 @@ class Channel:
         self._rate_hz = rate_hz
         self._clock = source.clock_line if isinstance(source, ByteSource) else None
         self._statistics = PadStatistics()
+        self._lateness = Lateness(source.state, pad_index, rate_hz, self._statistics)
         self._started_ns = time.monotonic_ns()
         # A pad is silent when no usable frame came for this long; it allows for two missing frames at every rate.
         self._silent_ns = max(SHORTEST_SILENCE_NS, int(3e9 / rate_hz))
         self._last_frame_ns: int | None = None
         self._last_used_ns: int | None = None
-        self._late_s = 0.0
         self._failed = False
+        self.is_recorded = False
         self._last: ContactMessage | PackedMessage | None = None
         self._kind: Kind | None = None  # of the last message, if the fast path made it
         self._health_since_ns = self._started_ns
@@ -74,22 +74,27 @@ class Channel:
         """A sentence for each thing that is wrong with the source now."""
         return faults_of(self.source, self.pad_index, self.pipeline.missing)
 
-    def frame(self, frame: Frame) -> None:
-        """Process one frame: publish its contact message, and an event for each change."""
+    def frame(self, frame: Frame, superseded: bool = False) -> None:
+        """Process one frame: publish its contact message, and an event for each change. superseded: only record it."""
         arrived_ns = time.monotonic_ns()
         self._last_frame_ns = arrived_ns
+        self._lateness.count_left_out()
         if not self._statistics.frame(frame):
             return
         if self.job is not None:
             self.job.take(frame)
-        self._late_s = (arrived_ns - frame.host_time_ns) * 1e-9
-        unusable = self._late_s > OVERDUE_S or not self._board_is_known()
-        if self._publisher.frames_wanted(self.name, arrived_ns):
+        unusable = self._lateness.is_to_be_left_out(frame.host_time_ns, arrived_ns, superseded)
+        if not unusable and not self._board_is_known():
+            self._statistics.dropped += 1
+            unusable = True
+        self.is_recorded = self._publisher.frames_wanted(self.name, arrived_ns)
+        if self.is_recorded:
             self._tell_recorders(frame, used=not unusable)
         if unusable:
-            self._statistics.dropped += 1
             return
         answer = self._answered(frame)
+        if self._lateness.is_to_be_left_out(frame.host_time_ns, answer.t_publish_ns):  # by now
+            return
         if isinstance(answer, PackedMessage) and answer.kind is self._kind:
             # Health and touch are the same as in the message before, so there is no event.
             self._publisher.send_packed(self._topic, answer.payload)
@@ -105,11 +110,11 @@ class Channel:
 
     def begin(self, now_ns: int) -> Lane | None:
         """Let C handle healthy frames from now on; None if Python must see the frames."""
-        if self._kind is None or self._clock is None or self.job is not None or self._rebaselining is not None:
+        self.is_recorded = self._publisher.frames_wanted(self.name, now_ns)
+        in_python = self.is_recorded or self.job is not None or self._rebaselining is not None
+        if in_python or self._kind is None or self._clock is None:
             return None
-        if self._publisher.frames_wanted(self.name, now_ns):
-            return None
-        self._lane = self.pipeline.begin(self._clock, self._topic, self.pad_index)
+        self._lane = self.pipeline.begin(self._clock, self._topic, self.pad_index, self._lateness.overdue_ns)
         return self._lane
 
     def end(self) -> None:
@@ -118,6 +123,8 @@ class Channel:
             return
         ended = self.pipeline.end(self._lane)
         self._lane = None
+        if self._lateness.count_left_out():
+            self._last_frame_ns = time.monotonic_ns()
         if ended is not None:
             passed, last = ended
             if passed.change is not None:
@@ -179,7 +186,7 @@ class Channel:
         elif not self._board_is_known():
             reason = "frames come, but the board has not said yet which one it is, and the baseline is one board's"
         elif now_ns - last < self._silent_ns:
-            reason = f"frames come {self._late_s:.1f} s late: this computer is overloaded, or the board's clock stands"
+            reason = self._lateness.reason
         else:
             reason = f"silent for {(now_ns - last) * 1e-9:.1f} s"
         self._publish(self.pipeline.absent("stale", f"{state.description}: {reason}"))
@@ -208,7 +215,11 @@ class Channel:
 
     def status(self, now_ns: int) -> StatusMessage:
         """The status message about the interval since the last call."""
+        self._lateness.count_left_out()
         latency = self._statistics.interval(now_ns)
+        if news := self._lateness.judge():
+            log.log(logging.WARNING if self._lateness.sentence else logging.INFO, "pad '%s': %s", self.name, news)
+            self.event("health", f"{self.health}: {news}")
         state, last, mounting = self.source.state, self._last_message, self.pipeline.mounting
         return StatusMessage(
             pad=self.name,
@@ -216,7 +227,7 @@ class Channel:
             t_publish_ns=now_ns,
             utc_ns=time.time_ns(),
             health=self.health,
-            reason="" if last is None else last.reason,
+            reason=(last.reason if last is not None else "") or self._lateness.sentence,
             since_ns=self._health_since_ns,
             source=state.description,
             connected=state.connected,

@@ -38,6 +38,7 @@ from fmfts.runtime.summary import one_line
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source
+from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
 from fmfts.service.notify import Notifier
 from fmfts.service.realtime import lock_memory, take_priority
@@ -48,6 +49,7 @@ from fmfts_client.endpoints import for_daemon
 log = logging.getLogger(__name__)
 
 TICK_NS = 50_000_000  # while a pad is silent, its health is published so often
+SILENT_AT_ONCE = 4  # so many pads' silence is published at once; frames of the others wait meanwhile
 QUIET_TICK_NS = 200_000_000  # while all is well; waking an idle computer costs more than the work of the tick
 SECOND_NS = 1_000_000_000
 NEIGHBOURS_WITHOUT_BARE = (
@@ -100,8 +102,9 @@ class Daemon:
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
         self._stopping = self._asked = False
-        self._tick_ns = self._look_ns = self._status_ns = time.monotonic_ns()
+        self._tick_ns = self._look_ns = self._status_ns = self._silence_ns = time.monotonic_ns()
         self._next_status = cycle(self._channels.values())
+        self._silence_order = list(self._channels.values())  # the next to be told of first
         self._wake_read, self._wake_write = socket.socketpair()
         log.info("publishing on %s, control on %s", endpoints.bus, endpoints.control)
 
@@ -151,7 +154,8 @@ class Daemon:
 
     def _turn(self) -> None:
         """Wait until something needs Python, and handle it."""
-        for source in self._schedule.wait(min(self._tick_ns, self._status_ns)):
+        source = self._schedule.wait(min(self._tick_ns, self._status_ns, self._silence_ns))
+        if source is not None:
             now_ns = time.monotonic_ns()
             with self._fast_loop.ended(source, now_ns):
                 self._serve(source, now_ns)
@@ -167,34 +171,39 @@ class Daemon:
             if self._verbs.is_busy:
                 self._fast_loop.end_all()  # the pad may get a new baseline
                 self._verbs.finish_jobs()
-            all_well = not self._tell_silence(now_ns) and not self._verbs.is_busy
-            self._tick_ns = now_ns + (QUIET_TICK_NS if all_well else TICK_NS)
+            self._tick_ns = now_ns + (TICK_NS if self._verbs.is_busy else QUIET_TICK_NS)
+        if now_ns >= self._silence_ns:
+            self._silence_ns = now_ns + self._tell_silence(now_ns)
         if now_ns >= self._status_ns:
             self._status_ns = now_ns + SECOND_NS // len(self._channels)
             self._report(next(self._next_status), now_ns)
 
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
+        newest_us = {frame.pad_index: frame.device_time_us for frame in frames}
         for frame in frames:
             channel = self._channels.get((id(source), frame.pad_index))
             if channel is not None:
-                channel.frame(frame)
+                age_us = newest_us[frame.pad_index] - frame.device_time_us
+                channel.frame(frame, superseded=channel.is_recorded and age_us > IN_TIME.longest_us)
         self._schedule.served(source, had_frames=bool(frames))
 
-    def _tell_silence(self, now_ns: int) -> bool:
-        """Publish the health of silent pads. True if there is any."""
-        silent = False
-        for channel in self._channels.values():
-            if not channel.is_silent(now_ns):
-                continue
+    def _tell_silence(self, now_ns: int) -> int:
+        """Publish the health of the next few silent pads. Returns after how many ns to go on: each has its turn every
+        TICK_NS."""
+        silent = [channel for channel in self._silence_order if channel.is_silent(now_ns)]
+        for channel in silent[:SILENT_AT_ONCE]:
+            self._silence_order.remove(channel)
+            self._silence_order.append(channel)
             with self._fast_loop.ended(channel.source, now_ns):
                 # The frames that C handled are counted now, so the pad may not be silent.
                 if channel.is_silent(now_ns):
                     # Its frames may be waiting unread: on a busy computer this loop itself is stopped at times.
                     self._serve(channel.source, now_ns)
                     channel.tick(now_ns)
-                silent |= channel.is_silent(now_ns)
-        return silent
+        if not silent:
+            return QUIET_TICK_NS
+        return TICK_NS * min(len(silent), SILENT_AT_ONCE) // len(silent)
 
     def _answer(self) -> bool:
         """Answer requests, subscriptions and keys. True if there was a request: then call it again.

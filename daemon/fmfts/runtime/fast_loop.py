@@ -11,7 +11,7 @@ import importlib
 import logging
 import select
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -21,6 +21,7 @@ from fmfts.bus.publisher import Publisher
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.runtime.channel import Channel
 from fmfts.sensor import ByteSource, Source
+from fmfts.sensor.patience import BEHIND, IN_TIME, RECORDED
 
 log = logging.getLogger(__name__)
 
@@ -41,10 +42,11 @@ class FastLoop:
         self._epoll = select.epoll()
         self._boards: dict[int, LentBoard] = {}  # by id of the source
         self._unserved: set[int] = set()  # descriptors where end() got back whole packets; the next wait() returns them
+        self._offered: set[int] = set()  # those of them that the last wait() returned
         self._loop = None
         send = send_function() if AVAILABLE else None
         if send is not None:
-            self._loop = _fast.Loop(self._epoll.fileno(), send, publisher.address)
+            self._loop = _fast.Loop(self._epoll.fileno(), send, publisher.address, IN_TIME, BEHIND)
 
     def add(self, source: Source, channels: Sequence[Channel]) -> None:
         """Allow C to handle this source's frames, if it is a ByteSource."""
@@ -61,9 +63,14 @@ class FastLoop:
         """Wait for descriptors with something that Python must read, and return them; none after `until_ns`."""
         if self._loop is not None:
             unserved, self._unserved = self._unserved, set()
+            self._offered = unserved
             return [*unserved.union(self._loop.wait(0 if unserved else until_ns))]
         timeout_s = max(0.0, (until_ns - time.monotonic_ns()) * 1e-9)
         return [descriptor for descriptor, _ in self._epoll.poll(timeout_s)]
+
+    def left_waiting(self, descriptors: Iterable[int | None]) -> None:
+        """wait() returned these, and nobody read them. No descriptor tells of packets in memory: remember them."""
+        self._unserved |= self._offered & {descriptor for descriptor in descriptors if descriptor is not None}
 
     def begin(self, source: Source, now_ns: int) -> None:
         """Let C handle the source's frames from now on, if that is possible."""
@@ -80,14 +87,18 @@ class FastLoop:
     def end(self, source: Source) -> None:
         """Take the source back from C, and account for the frames that C handled."""
         line = self._boards.get(id(source))
-        if line is None or line.descriptor is None or self._loop is None:
+        if line is None or self._loop is None:
+            return
+        in_time = RECORDED if any(channel.is_recorded for channel in line.channels) else IN_TIME
+        line.source.patience = BEHIND if self._loop.is_behind() and in_time is IN_TIME else in_time
+        if line.descriptor is None:
             return
         returned = self._loop.end(line.descriptor)
         assert returned is not None
-        unread, heard_ns = returned
+        unread, heard_ns, left_out = returned
         if b"\0" in unread:
             self._unserved.add(line.descriptor)
-        line.source.give_back(unread, heard_ns)
+        line.source.give_back(unread, heard_ns, left_out)
         for channel in line.channels:
             channel.end()
         line.descriptor = None

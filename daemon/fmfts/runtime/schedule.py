@@ -29,14 +29,30 @@ class Schedule:
         self._source_of: dict[int, Source] = {}
         self._descriptor_of: dict[int, int] = {}  # id of a source → what is registered for it
         self._deadline_ns = 0
+        self._turn = 0
+        self._served_in: dict[int, int] = {}  # id of a source → the turn in which it was last returned
         self.called = False
 
     def wake_for(self, descriptor: int) -> None:
         """`wait` also returns when this descriptor has something to read."""
         self._fast_loop.register(descriptor)
 
-    def wait(self, until_ns: int) -> list[Source]:
-        """Sleep until something is readable or due, at most until `until_ns`. Returns the sources to poll."""
+    def wait(self, until_ns: int) -> Source | None:
+        """Sleep until something is readable or due, at most until `until_ns`. Returns the source to poll.
+
+        Only one, that which has waited for the most turns: a frame that Python judges takes as long as twenty in C, and
+        C goes on between two turns. The others are still readable or due in the next turn.
+        """
+        ready = self._ready(until_ns)
+        if not ready:
+            return None
+        self._turn += 1
+        chosen = min(ready, key=lambda source: self._served_in.get(id(source), 0))
+        self._served_in[id(chosen)] = self._turn
+        self._fast_loop.left_waiting(source.fileno() for source in ready if source is not chosen)
+        return chosen
+
+    def _ready(self, until_ns: int) -> list[Source]:
         readable = self._fast_loop.wait(min(until_ns, self._deadline_ns))
         ready = [source for descriptor in readable if (source := self._source_of.get(descriptor)) is not None]
         self.called = len(ready) < len(readable)
@@ -47,7 +63,8 @@ class Schedule:
             deadline_ns = source.deadline_ns()
             if deadline_ns is not None and deadline_ns <= now_ns and source not in ready:
                 ready.append(source)
-        self.review()
+        if len(ready) <= 1:
+            self.review()
         return ready
 
     def review(self) -> None:

@@ -17,17 +17,21 @@ class PadStatistics:
 
     gaps: frames that are missing between two frames of one run of the source. How many were lost between two runs is
     not known, because a board that restarts counts from 0 again.
-    dropped: frames that arrived and were not used.
+    dropped: frames that arrived and were not used. overloaded: share of the last interval's frames that were left out
+    because this computer was late.
     """
 
     frames: int = 0
     gaps: int = 0
     dropped: int = 0
     rate_hz: float = 0.0
+    overloaded: float = 0.0
     _last: tuple[int, int] | None = None  # run, sequence
     _expected: int | None = None  # the sequence after one that could not be
     _first_ns: int | None = None
     _sampled_ns: int = 0  # of the last message
+    _left_out: int = 0  # frames left out, less those that the sequence numbers have shown to be missing
+    _arrived: tuple[int, int] = (0, 0)  # frames, and those left out, since the last `interval`
     _published: int = 0  # messages since the last `interval`
     _latencies_s: list[float] = field(default_factory=list)
 
@@ -37,16 +41,37 @@ class PadStatistics:
         False if the number cannot be: the frame came before, or so many frames cannot be missing. Two such frames in a
         row that go on from each other are believed.
         """
-        self.frames += 1
+        self._arrive(1)
         if self._last is not None and self._last[0] == frame.run:
             missing = (frame.sequence - self._last[1] - 1) % NUMBERS
             if missing > MOST_MISSING and frame.sequence != self._expected:
                 self.dropped += 1
                 self._expected = (frame.sequence + 1) % NUMBERS
                 return False
-            self.gaps += missing if missing <= MOST_MISSING else 0
+            self._miss(missing if missing <= MOST_MISSING else 0)
         self._last, self._expected = (frame.run, frame.sequence), None
         return True
+
+    def leave_out(self, count: int) -> None:
+        """Count frames that arrived and were left out before anybody looked at their sequence numbers."""
+        self._arrive(count)
+        self._left_out += count
+        self.refuse(count)
+
+    def refuse(self, count: int = 1) -> None:
+        """Count frames that arrived, and were left out because they were late."""
+        self.dropped += count
+        self._arrived = self._arrived[0], self._arrived[1] + count
+
+    def _arrive(self, count: int) -> None:
+        self.frames += count
+        self._arrived = self._arrived[0] + count, self._arrived[1]
+
+    def _miss(self, count: int) -> None:
+        """Count frames that the sequence numbers show to be missing, and that were not left out here."""
+        explained = min(max(count, 0), self._left_out)
+        self._left_out -= explained
+        self.gaps += max(count, 0) - explained
 
     def published(self, sampled_ns: int, published_ns: int) -> None:
         """Count a message. One without a new sample has no latency: `t_sample_ns` says how old its sample is."""
@@ -57,21 +82,25 @@ class PadStatistics:
 
     def passed(self, passed: Passed) -> None:
         """Count the frames that C handled; they are of the same run as the last one."""
-        self.frames += passed.frames
+        self._arrive(passed.frames)
         before = passed.first_sequence - 1
         if self._last is not None:
             run, before = self._last
             self._last = run, passed.sequence
-        self.gaps += max(passed.sequence - before - passed.frames, 0)
+        self._miss(passed.sequence - before - passed.frames)
         self._published += len(passed.latencies_s)
         self._latencies_s += passed.latencies_s
         self._sampled_ns = passed.t_sample_ns
 
     def interval(self, now_ns: int) -> tuple[float, float, float] | None:
-        """End the interval and set `rate_hz`. Returns latencies p50, p99, max in s; None if no sample was published."""
+        """End the interval; sets `rate_hz` and `overloaded`.
+
+        Returns latencies p50, p99, max in s; None if no sample was published.
+        """
         if self._first_ns is not None and now_ns > self._first_ns:
             self.rate_hz = self._published / ((now_ns - self._first_ns) * 1e-9)
-        self._first_ns, self._published = now_ns, 0
+        self.overloaded = self._arrived[1] / max(self._arrived[0], 1)
+        self._first_ns, self._published, self._arrived = now_ns, 0, (0, 0)
         count = len(self._latencies_s)
         if not count:
             return None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.patience import Patience
 
 
 class SourceError(Exception):
@@ -32,11 +33,18 @@ class SourceState:
     crc_errors: int = 0
     garbage_bytes: int = 0
     reconnects: int = 0
+    left_out: dict[int, int] = field(default_factory=dict)  # pad index → frames superseded or overdue before any poll
     pad_faults: dict[int, str] = field(default_factory=dict)  # pad index → why nothing of this pad can be used
     sensor_faults: dict[tuple[int, int], str] = field(default_factory=dict)  # (pad index, sensor) → what is wrong
     warnings: dict[str, str] = field(default_factory=dict)  # subject → a sentence that holds now
     board: dict[str, object] = field(default_factory=dict)  # identity: uid, firmware, reset cause, chips …
     _was_connected: bool = False
+
+    def leave_out(self, counts: Sequence[int]) -> None:
+        """Count frames that were left out, by pad index."""
+        for pad_index, count in enumerate(counts):
+            if count:
+                self.left_out[pad_index] = self.left_out.get(pad_index, 0) + count
 
     def connect(self, now_ns: int) -> None:
         if not self.connected:
@@ -78,6 +86,8 @@ class Source(Protocol):
 class ByteSource(Source, Protocol):
     """A source whose samples may be read by somebody else, as the bytes that they come in."""
 
+    patience: Patience | None  # set by the daemon: which frames `poll` leaves out as superseded; None: none
+
     @property
     def clock_line(self) -> bytearray:
         """`DeviceClock.line` of the board's clock."""
@@ -88,5 +98,6 @@ class ByteSource(Source, Protocol):
     def lend(self) -> tuple[int, bytes]:
         """The descriptor, and the beginning of a sample that was read; until `give_back`, only the caller reads."""
 
-    def give_back(self, unread: bytes, heard_ns: int) -> None:
-        """unread: what was no sample, for `poll`. heard_ns: when a sample came, 0: none did."""
+    def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
+        """unread: what was no sample, for `poll`. heard_ns: when a sample came, 0: none did. left_out: frames that the
+        caller left out, by pad index."""

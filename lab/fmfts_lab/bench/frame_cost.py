@@ -27,6 +27,7 @@ from fmfts.pipeline.fast.compiled import _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.fast_loop import send_function
 from fmfts.scene.tracking import tracking_model_for
+from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import encode
@@ -40,6 +41,7 @@ from fmfts_lab.bench.latency import pad_of
 OTHER_BYTES = 48_000_000  # more than the last cache holds
 SETTLED = 300  # so many frames at the beginning are not measured
 HOT_FRAMES, COLD_FRAMES = 1500, 300
+NEVER_NS = 1 << 62  # the frames' times are not this computer's, so that none is overdue
 PERIOD_NS = round(1e9 / rig.RATE_HZ)
 
 
@@ -101,7 +103,7 @@ class Whole:
         self._pipeline = pipeline_of(config)
         send = send_function()
         assert send is not None
-        self._loop = _fast.Loop(-1, send, publisher.address)
+        self._loop = _fast.Loop(-1, send, publisher.address, IN_TIME, BEHIND)
         self._lane: Lane | None = None
 
     def take(self, line: bytes, arrival_ns: int) -> bool:
@@ -114,7 +116,7 @@ class Whole:
             self._pipeline.end(self._lane)
         for frame in self._link.feed(line, arrival_ns):
             self._pipeline.answer(frame)
-        self._lane = self._pipeline.begin(self._clock.line, self._topic, 0)
+        self._lane = self._pipeline.begin(self._clock.line, self._topic, 0, NEVER_NS)
         if self._lane is not None:
             self._loop.begin(self.LINE, b"", (self._lane.compiled,))
 

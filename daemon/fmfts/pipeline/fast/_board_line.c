@@ -42,12 +42,18 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
         if (object && !published) {
             return false;
         }
-        if (!published || !fmfts_handle_line(&published->lane, text, bytes, arrival_ns)) {
+        fmfts_verdict verdict =
+            published ? fmfts_handle_line(&published->lane, text, bytes, arrival_ns) : FMFTS_FOR_PYTHON;
+        if (verdict == FMFTS_FOR_PYTHON) {
             break;
         }
         line->heard_ns = arrival_ns;
-        line->needs_python |= published->lane.change_bytes > 0;
         begin += bytes + 1;
+        if (verdict == FMFTS_OVERDUE) {
+            line->left_out[pad_index]++;
+            continue;
+        }
+        line->needs_python |= published->lane.change_bytes > 0;
         if (!publish(bus, published)) {
             return false;
         }
@@ -58,22 +64,48 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
     return true;
 }
 
-bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns)
+bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns,
+                fmfts_patience patience)
 {
     memcpy(bus->bytes, line->unread, line->unread_bytes);
     memcpy(bus->bytes + line->unread_bytes, more, size);
-    return pass(line, bus, line->unread_bytes + size, arrival_ns);
+    size = fmfts_keep_newest(bus->bytes, line->unread_bytes + size, patience, line->left_out);
+    return pass(line, bus, size, arrival_ns);
 }
 
-bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor)
+/* Tells the board's clock that nothing which arrived before is unread. */
+static void found_empty(const fmfts_board_line *line, int64_t at_ns)
 {
-    ssize_t count = read(descriptor, bus->bytes + line->unread_bytes, FMFTS_READ_BYTES);
-    if (count <= 0) {
+    for (int i = 0; i < FMFTS_WIRE_PADS; i++) {
+        fmfts_published_lane *published = line->lane[i] ? fmfts_lane_of(line->lane[i]) : NULL;
+        if (published) {
+            published->lane.clock->empty_ns = at_ns;
+        }
+    }
+}
+
+bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_patience patience)
+{
+    size_t size = line->unread_bytes;
+    ssize_t count, largest = 0;
+    memcpy(bus->bytes, line->unread, size);
+    do {
+        count = read(descriptor, bus->bytes + size, FMFTS_READ_BYTES);
+        largest = count > largest ? count : largest;
+        if (count > 0) {
+            size = fmfts_keep_newest(bus->bytes, size + (size_t)count, patience, line->left_out);
+        }
+        /* What does not shrink, Python reads in parts. */
+    } while (count > FMFTS_READ_BYTES / 2 && size <= FMFTS_ROOM - FMFTS_READ_BYTES);
+    if (count == 0 || (count < 0 && errno != EAGAIN)) {
         line->needs_python = true; /* Python's read() finds the same error, and handles it */
-        return true;
     }
     /* Look at the clock after the read: bytes that came between the two would otherwise get too early a time. */
     int64_t arrival_ns = fmfts_now_ns(CLOCK_MONOTONIC);
-    memcpy(bus->bytes, line->unread, line->unread_bytes);
-    return pass(line, bus, line->unread_bytes + (size_t)count, arrival_ns);
+    bool passed = pass(line, bus, size, arrival_ns);
+    /* A short read empties the line. After a long one the kernel may not have handed over the rest yet. */
+    if (passed && largest <= FMFTS_READ_BYTES / 2) {
+        found_empty(line, arrival_ns);
+    }
+    return passed;
 }

@@ -4,11 +4,11 @@
 
 #include "_lane.h" /* Python.h first: it chooses what the system's headers declare */
 
-#include "../../sensor/wire/sample.h"
+#include "../../sensor/wire/newest.h"
 
 enum {
-    FMFTS_READ_BYTES = 4096, /* the most that Linux buffers of a serial line */
-    FMFTS_ROOM = FMFTS_READ_BYTES + FMFTS_LONGEST_LINE + 1,
+    FMFTS_READ_BYTES = 4096, /* the most that Linux hands over of a serial line at once */
+    FMFTS_ROOM = 3 * FMFTS_READ_BYTES,
 };
 
 /* Publishes contacts. send: zmq_send of the libzmq that made `socket`. bytes: room for what is read. */
@@ -20,17 +20,20 @@ typedef struct {
 
 typedef struct {
     PyObject *lane[FMFTS_WIRE_PADS];
-    int64_t heard_ns;  /* 0: no frame has passed */
-    bool needs_python; /* Python must read `unread`, or learn that the kind of message changed */
+    int64_t heard_ns;                    /* 0: no frame has passed */
+    unsigned left_out[FMFTS_WIRE_PADS];  /* frames that were superseded or overdue, by pad index */
+    bool needs_python;                   /* Python must read `unread`, or learn that the kind of message changed */
     size_t unread_bytes;
-    uint8_t unread[FMFTS_ROOM]; /* the beginning of a frame, or bytes for Python */
+    uint8_t unread[FMFTS_ROOM];          /* the beginning of a frame, or bytes for Python */
 } fmfts_board_line;
 
 /* Appends `size` bytes (at most FMFTS_READ_BYTES) to the unread ones, and handles the healthy frames at their beginning.
- * False and an exception if a contact could not be sent. Do not call it for a line that needs Python. */
-bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns);
+ * False and an exception if a contact could not be sent. Do not call it for a line that needs
+ * Python. */
+bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t size, int64_t arrival_ns,
+                fmfts_patience patience);
 
-/* Like fmfts_pass, but reads the bytes from the descriptor. */
-bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor);
+/* Like fmfts_pass, with all bytes that wait at the descriptor. */
+bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_patience patience);
 
 #endif

@@ -15,25 +15,27 @@ typedef struct {
     int begun;
 } lane_object;
 
-/* Lane((parameters, memory, outcome, response, network), clock, topic, pad_index) */
+/* Lane((parameters, memory, outcome, response, network), clock, topic, pad_index, overdue_ns) */
 static int lane_init(PyObject *object, PyObject *args, PyObject *named)
 {
     lane_object *self = (lane_object *)object;
     fmfts_lane *lane = &self->published.lane;
     Py_buffer *b = self->pad;
+    long long overdue_ns;
     (void)named;
     if (b[PARAMETERS].obj) {
         PyErr_SetString(PyExc_TypeError, "a Lane can be initialised only once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*I", &b[PARAMETERS], &b[MEMORY], &b[OUTCOME], &b[RESPONSE], &b[NETWORK],
-                          &b[CLOCK], &b[TOPIC], &lane->pad_index) ||
+    if (!PyArg_ParseTuple(args, "(y*w*w*z*y*)w*y*IL", &b[PARAMETERS], &b[MEMORY], &b[OUTCOME], &b[RESPONSE], &b[NETWORK],
+                          &b[CLOCK], &b[TOPIC], &lane->pad_index, &overdue_ns) ||
         !has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") ||
         !has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") ||
         !has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") ||
         !has_size(&b[CLOCK], sizeof(fmfts_clock_line), "clock") || !view_network(&b[NETWORK], &lane->network)) {
         return -1;
     }
+    lane->overdue_ns = overdue_ns;
     lane->parameters = b[PARAMETERS].buf;
     lane->memory = b[MEMORY].buf;
     lane->outcome = b[OUTCOME].buf;

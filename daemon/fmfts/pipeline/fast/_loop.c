@@ -6,7 +6,13 @@
 #include <sys/epoll.h>
 #include <time.h>
 
-enum { EVENTS = 64 };
+enum {
+    EVENTS = 256,
+    /* After so many waits in a row in which something was ready at once, the loop is behind. The first waits after a stall
+     * of the computer are not enough, so that its backlog is not lost. */
+    BUSY_WAITS = 4,
+    REST_NS = 50000, /* a wait that took so long began with nothing ready */
+};
 
 typedef struct {
     PyObject_HEAD
@@ -14,19 +20,26 @@ typedef struct {
     fmfts_bus bus;
     fmfts_board_line **line; /* by descriptor */
     int lines;
+    fmfts_patience in_time, behind;
+    int busy_waits;  /* in a row */
     int waiting;     /* lines that need Python */
     int last_served; /* the descriptor that wait() returned last of them */
 } loop_object;
 
-/* Loop(epoll, send, socket): the epoll descriptor, and the addresses of zmq_send and of a socket whose sends never block. */
+/* Loop(epoll, send, socket, in_time, behind): the epoll descriptor; the addresses of zmq_send and of a socket whose sends
+ * never block; Patience of patience.py while the loop is in time, and while it is behind. */
 static int loop_init(PyObject *object, PyObject *args, PyObject *named)
 {
     loop_object *self = (loop_object *)object;
     unsigned long long send, socket;
+    long long in_time_us, behind_us;
     (void)named;
-    if (!PyArg_ParseTuple(args, "iKK", &self->epoll, &send, &socket)) {
+    if (!PyArg_ParseTuple(args, "iKK(IL)(IL)", &self->epoll, &send, &socket, &self->in_time.most, &in_time_us,
+                          &self->behind.most, &behind_us)) {
         return -1;
     }
+    self->in_time.longest_us = in_time_us;
+    self->behind.longest_us = behind_us;
     self->bus.send = (int (*)(void *, const void *, size_t, int))(uintptr_t)send;
     self->bus.socket = (void *)(uintptr_t)socket;
     return 0;
@@ -122,7 +135,18 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
     return Py_NewRef(Py_None);
 }
 
-/* end(descriptor) → (unread, arrival of the last handled frame or 0), or None if the line was not begun. */
+static bool is_behind(const loop_object *self)
+{
+    return self->busy_waits >= BUSY_WAITS;
+}
+
+static fmfts_patience patience(const loop_object *self)
+{
+    return is_behind(self) ? self->behind : self->in_time;
+}
+
+/* end(descriptor) → (unread, arrival of the last handled frame or 0, frames left out by pad index), or None if the line was
+ * not begun. */
 static PyObject *loop_end(PyObject *object, PyObject *args)
 {
     loop_object *self = (loop_object *)object;
@@ -134,7 +158,9 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
     if (!line) {
         return Py_NewRef(Py_None);
     }
-    PyObject *result = Py_BuildValue("(y#L)", line->unread, (Py_ssize_t)line->unread_bytes, (long long)line->heard_ns);
+    PyObject *result = Py_BuildValue("(y#L(III))", line->unread, (Py_ssize_t)line->unread_bytes,
+                                     (long long)line->heard_ns, line->left_out[0], line->left_out[1],
+                                     line->left_out[2]);
     self->waiting -= line->needs_python;
     self->line[descriptor] = NULL;
     free_line(line);
@@ -158,7 +184,7 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         return NULL;
     }
     int needed = line->needs_python;
-    if (!needed && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns)) {
+    if (!needed && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self))) {
         return NULL;
     }
     self->waiting += line->needs_python - needed;
@@ -166,14 +192,16 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
 }
 
 /* Waits once. Returns the number of events; −1 and an exception if that failed. */
-static int wait_once(const loop_object *self, int64_t until_ns, struct epoll_event *events)
+static int wait_once(loop_object *self, int64_t until_ns, struct epoll_event *events)
 {
-    int64_t left_ns = until_ns - fmfts_now_ns(CLOCK_MONOTONIC);
+    int64_t begun_ns = fmfts_now_ns(CLOCK_MONOTONIC), left_ns = until_ns - begun_ns;
     int timeout_ms = left_ns <= 0 ? 0 : left_ns > 60000000000 ? 60000 : (int)((left_ns + 999999) / 1000000);
     int count;
     Py_BEGIN_ALLOW_THREADS
     count = epoll_wait(self->epoll, events, EVENTS, timeout_ms);
     Py_END_ALLOW_THREADS
+    bool has_rested = count == 0 || fmfts_now_ns(CLOCK_MONOTONIC) - begun_ns > REST_NS;
+    self->busy_waits = has_rested ? 0 : self->busy_waits + (self->busy_waits < BUSY_WAITS);
     if (count < 0 && errno == EINTR) {
         return PyErr_CheckSignals() < 0 ? -1 : 0;
     }
@@ -193,7 +221,7 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
                 return 0;
             }
         } else if (!line->needs_python) {
-            if (!fmfts_serve(line, &self->bus, events[i].data.fd)) {
+            if (!fmfts_serve(line, &self->bus, events[i].data.fd, patience(self))) {
                 return 0;
             }
             self->waiting += line->needs_python;
@@ -212,6 +240,13 @@ static int add_waiting(loop_object *self, PyObject *wanted)
         }
     }
     return 1;
+}
+
+/* is_behind() → bool. */
+static PyObject *loop_is_behind(PyObject *object, PyObject *unused)
+{
+    (void)unused;
+    return PyBool_FromLong(is_behind((const loop_object *)object));
 }
 
 /* wait(until_ns) → descriptors that Python must read, as soon as there are any; empty after `until_ns`. */
@@ -237,6 +272,7 @@ static PyObject *loop_wait(PyObject *object, PyObject *args)
 static PyMethodDef methods[] = {
     {"begin", loop_begin, METH_VARARGS, "Let a board's frames pass; see runtime/fast_loop.py."},
     {"end", loop_end, METH_VARARGS, "Give the line back to Python; see runtime/fast_loop.py."},
+    {"is_behind", loop_is_behind, METH_NOARGS, "Whether something was ready at once for several waits in a row."},
     {"take", loop_take, METH_VARARGS, "Handle the frames in these bytes."},
     {"wait", loop_wait, METH_VARARGS, "Handle frames until Python is needed."},
     {NULL, NULL, 0, NULL},

@@ -97,7 +97,8 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     }
     const double *state = next->pose.state;
     fmfts_displace(&parameters->pose, state, &pose, &displacement);
-    if (!fmfts_touch(&parameters->contact, &next->contact, displacement.change, displacement.at_rest)) {
+    if (!fmfts_touch(&parameters->contact, &next->contact, displacement.change, displacement.at_rest,
+                     pose.elapsed_s)) {
         return FMFTS_NO_NUMBER;
     }
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);

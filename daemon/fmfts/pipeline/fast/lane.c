@@ -76,7 +76,7 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
     }
 }
 
-bool fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
+fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
 {
     fmfts_sample sample;
     fmfts_kind kind;
@@ -84,13 +84,17 @@ bool fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64
     if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample) ||
         !may_publish(lane, kind = step(lane, &sample)) ||
         !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
-        return false;
+        return FMFTS_FOR_PYTHON;
+    }
+    int64_t now_ns = fmfts_now_ns(CLOCK_MONOTONIC);
+    if (now_ns - host_ns > lane->overdue_ns) {
+        return FMFTS_OVERDUE;
     }
     *lane->memory = lane->outcome->next;
     lane->number++;
     lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->outcome->instant_us);
-    lane->t_publish_ns = fmfts_now_ns(CLOCK_MONOTONIC);
+    lane->t_publish_ns = now_ns;
     write_message(lane, kind);
     tally(lane, &sample, arrival_ns);
-    return true;
+    return FMFTS_WRITTEN;
 }

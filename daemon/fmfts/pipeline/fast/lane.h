@@ -10,6 +10,9 @@ enum {
     FMFTS_KINDS = FMFTS_NO_NUMBER,
 };
 
+/* What becomes of a packet: Python must read it; its message is written; or it is left out because it is overdue. */
+typedef enum { FMFTS_FOR_PYTHON, FMFTS_WRITTEN, FMFTS_OVERDUE } fmfts_verdict;
+
 /* A message of `size` bytes. place: offsets of its integers and numbers, see message.c. */
 typedef struct {
     uint8_t *text; /* NULL: no template */
@@ -27,6 +30,7 @@ typedef struct {
     fmfts_network network;
     fmfts_clock_line *clock;
     unsigned pad_index;
+    int64_t overdue_ns; /* a frame that is older is not published */
     fmfts_template message[FMFTS_KINDS];
     fmfts_kind kind; /* of the last message; message[kind].text holds that message */
     uint64_t number;
@@ -43,8 +47,8 @@ typedef struct {
 /* The time of CLOCK_MONOTONIC or CLOCK_REALTIME. */
 int64_t fmfts_now_ns(int clock);
 
-/* Handles one packet, without its closing zero. False, and nothing changes, if it is not a healthy frame of this pad, or if
- * the kind of message changes a second time. */
-bool fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
+/* Handles one packet, without its closing zero. It is for Python, and nothing changes, if it is not a healthy frame of this
+ * pad, or if the kind of message changes a second time. */
+fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 #endif

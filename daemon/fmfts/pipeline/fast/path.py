@@ -144,10 +144,13 @@ class FastPath:
         """The encoded message of the frame that was judged last."""
         return _fast.message(template.text, template.places, self._outcome, seq, t_sample_ns, t_publish_ns, utc_ns)
 
-    def lane(self, clock: bytearray, topic: bytes, pad_index: int) -> Lane:
-        """The lane of this pad. clock: `DeviceClock.line`. topic: of its messages on the bus."""
+    def lane(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> Lane:
+        """The lane of this pad.
+
+        clock: `DeviceClock.line`. topic: of its messages on the bus. overdue_ns: older frames are left out.
+        """
         if self._lane is None:
-            self._lane = Lane(_fast.Lane(self._pad, clock, topic, pad_index))
+            self._lane = Lane(_fast.Lane(self._pad, clock, topic, pad_index, overdue_ns))
         return self._lane
 
     def take_over(self, *memories: object) -> None:

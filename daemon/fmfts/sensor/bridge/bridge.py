@@ -12,11 +12,13 @@ import serial
 
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.frame import Frame
+from fmfts.sensor.patience import Patience
 from fmfts.sensor.source import AbsentError, SourceError, SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.newest import keep_newest
 from fmfts.sensor.wire.packets import UID_BYTES, Verb
 from fmfts.sensor.wired_pad import PadOnBoard
 
@@ -59,6 +61,8 @@ class Bridge:
         self._there: frozenset[object] = frozenset()
         self._strange_is_logged = False
         self._outbox = b""
+        self.patience: Patience | None = None
+        self._is_drained = False  # the last read emptied the line
         self._unread = b""  # bytes from give_back(): packets, or the beginning of one
 
     def fileno(self) -> int | None:
@@ -92,8 +96,9 @@ class Bridge:
         unread, self._unread = self._unread, b""
         return self._descriptor, unread
 
-    def give_back(self, unread: bytes, heard_ns: int) -> None:
+    def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
         self._unread = unread
+        self.state.leave_out(left_out)
         self._link.heard_ns = max(self._link.heard_ns, heard_ns)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
@@ -181,27 +186,44 @@ class Bridge:
         return [self._configured_port, *others.values()]
 
     def _receive(self, now_ns: int) -> Sequence[Frame]:
-        assert self._descriptor is not None
-        data = self._unread
-        try:
-            if b"\0" not in data:
-                more = os.read(self._descriptor, READ_BYTES)
-                data = data + more if more else b""
-        except BlockingIOError:
+        gone = self._drain()
+        if gone and b"\0" not in self._unread:
+            self._disconnect(gone, now_ns)
             return ()
-        except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
-            self._disconnect(f"the port is gone ({error.strerror}): plug the board in again", now_ns)
+        if not self._unread:
             return ()
-        if not data:
-            self._disconnect("the port hung up: plug the board in again", now_ns)
-            return ()
-        self._unread = b""
+        data, self._unread = self._unread, b""
         unheard = self._link.heard_ns == 0
         # Not `now_ns`: bytes may have arrived since, and would get a time before their arrival.
-        frames = self._link.feed(data, self.clock_ns())
+        arrival_ns = self.clock_ns()
+        frames = self._link.feed(data, arrival_ns)
+        if self._is_drained:
+            self._clock.found_empty(arrival_ns)
         if unheard and self._link.heard_ns and not self._is_configured_port:
             self._link.requests.ask(Verb.HELLO)
         return frames
+
+    def _drain(self) -> str:
+        """Read all that waits into `_unread`, without what is superseded. Returns why the port is gone, if it is."""
+        assert self._descriptor is not None
+        self._is_drained, size = True, READ_BYTES
+        try:
+            # A short read empties the line. After a long one the kernel may not have handed over the rest yet.
+            while size > READ_BYTES // 2 and len(self._unread) <= 2 * READ_BYTES:
+                more = os.read(self._descriptor, READ_BYTES)
+                if not more:
+                    return "the port hung up: plug the board in again"
+                size = len(more)
+                self._is_drained &= size <= READ_BYTES // 2
+                self._unread += more
+                if self.patience is not None:
+                    self._unread, left_out = keep_newest(self._unread, self.patience)
+                    self.state.leave_out(left_out)
+        except BlockingIOError:
+            pass
+        except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged
+            return f"the port is gone ({error.strerror}): plug the board in again"
+        return ""
 
     def _judge(self, now_ns: int) -> None:
         """Decide whether the port is connected, silent, has the wrong board, or is no board at all."""

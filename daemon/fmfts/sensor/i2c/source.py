@@ -14,9 +14,12 @@ import msgspec
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
+from fmfts.sensor.patience import Patience
 from fmfts.sensor.source import AbsentError, SourceState
 from fmfts.sensor.wire.clock import HostClock
+from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.newest import keep_newest
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wired_pad import PadOnI2c
 from fmfts.service.realtime import memory_is_locked, thread_priority
@@ -41,7 +44,10 @@ class I2c:
         self._pads = pads
         self._path = f"/dev/i2c-{self._config.bus}"
         self.state = SourceState(description=f"I2C bus {self._config.bus}")
-        self._link = Link(pads, self.state, HostClock())
+        self._clock = HostClock()
+        self._link = Link(pads, self.state, self._clock)
+        self.patience: Patience | None = None
+        self._unread = b""  # bytes from give_back(): packets, or the beginning of one
         self._record = CallRecord()
         self._process: subprocess.Popen[bytes] | None = None
         self._last_words = ""
@@ -59,6 +65,27 @@ class I2c:
         if self._process is None:
             return self._attempt_ns
         return min(when for when in (self._check_ns, self._link.due_ns) if when is not None)
+
+    @property
+    def clock_line(self) -> bytearray:
+        return self._clock.line
+
+    def lendable(self) -> frozenset[int]:
+        if self.fileno() is None or not (self.state.connected and self._link.is_quiet):
+            return frozenset()
+        self._unread = self._link.give_back() + self._unread
+        if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
+            return frozenset()  # a whole packet waits for `poll`, or the bytes are no packet
+        return frozenset(index for index in self._pads if self._link.accepts(index))
+
+    def lend(self) -> tuple[int, bytes]:
+        unread, self._unread = self._unread, b""
+        return self._descriptor("stdout"), unread
+
+    def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
+        self._unread = unread
+        self.state.leave_out(left_out)
+        self._link.heard_ns = max(self._link.heard_ns, heard_ns)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
         if self._process is None:
@@ -108,6 +135,7 @@ class I2c:
         self._started_ns = now_ns
         self._check_ns = now_ns + CHECK_NS
         self._killed = self._last_words = ""
+        self._unread = b""
         self._link.restart()
         self._link.requests.ask(Verb.HELLO)
 
@@ -119,12 +147,18 @@ class I2c:
         if self._killed:
             return ()
         try:
-            data = os.read(self._descriptor("stdout"), READ_BYTES)
+            more = os.read(self._descriptor("stdout"), READ_BYTES)  # as much as a pipe holds
+            if not more:
+                self._check_ns = now_ns  # the reader is ending: `_check` finds out why
+            self._unread += more
         except BlockingIOError:
+            pass
+        if not self._unread:
             return ()
-        if not data:
-            self._check_ns = now_ns  # the reader is ending: `_check` finds out why
-            return ()
+        data, self._unread = self._unread, b""
+        if self.patience is not None:
+            data, left_out = keep_newest(data, self.patience)
+            self.state.leave_out(left_out)
         # Not `now_ns`: bytes may have arrived since, and would get a time before their arrival.
         frames = self._link.feed(data, time.monotonic_ns())
         if not self.state.connected and self._link.hello is not None:

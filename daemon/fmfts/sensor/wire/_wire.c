@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "clock.h"
+#include "newest.h"
 #include "sample.h"
 
 /* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), …], end): the
@@ -36,6 +37,28 @@ static PyObject *samples(PyObject *module, PyObject *args)
     return found ? Py_BuildValue("(Nn)", found, end) : NULL;
 }
 
+/* keep_newest(data, most, longest_us) → (data without superseded samples, (how many of each pad were left out)); see newest.h. */
+static PyObject *keep_newest(PyObject *module, PyObject *args)
+{
+    const char *data;
+    Py_ssize_t size;
+    unsigned most, left_out[FMFTS_WIRE_PADS] = {0};
+    long long longest_us;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "y#IL", &data, &size, &most, &longest_us)) {
+        return NULL;
+    }
+    uint8_t *bytes = PyMem_Malloc((size_t)size + 1);
+    if (!bytes) {
+        return PyErr_NoMemory();
+    }
+    memcpy(bytes, data, (size_t)size);
+    Py_ssize_t stay = (Py_ssize_t)fmfts_keep_newest(bytes, (size_t)size, (fmfts_patience){most, longest_us}, left_out);
+    PyObject *result = Py_BuildValue("(y#(III))", bytes, stay, left_out[0], left_out[1], left_out[2]);
+    PyMem_Free(bytes);
+    return result;
+}
+
 /* host_time(line, device_us, arrival_ns) → ns on the host's clock, or None when Python must decide; see clock.h. */
 static PyObject *host_time(PyObject *module, PyObject *args)
 {
@@ -60,6 +83,7 @@ static PyObject *host_time(PyObject *module, PyObject *args)
 
 static PyMethodDef methods[] = {
     {"host_time", host_time, METH_VARARGS, "Maps a board's time to the host's; see clock.py."},
+    {"keep_newest", keep_newest, METH_VARARGS, "Leaves out superseded samples; see newest.py."},
     {"samples", samples, METH_VARARGS, "The sample packets at the beginning of bytes; see framing.py."},
     {NULL, NULL, 0, NULL},
 };

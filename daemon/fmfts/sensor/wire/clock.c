@@ -73,6 +73,12 @@ static void learn(fmfts_clock_line *line, const fmfts_packet *p)
     line->height_ns = fmin(line->height_ns, (double)p->ns - line->slope_ns_per_us * (double)p->us);
 }
 
+/* How long the packet may have waited because the host did not read. */
+static double unread_ns(const fmfts_clock_line *line, int64_t arrival_ns)
+{
+    return line->empty_ns ? (double)(arrival_ns - line->empty_ns) : 0.0;
+}
+
 /* Whether a late packet counts toward a standstill of the clock: not if it belongs to the burst of the last one. */
 static bool is_another_late(const fmfts_clock_line *line, int64_t arrival_ns)
 {
@@ -81,6 +87,10 @@ static bool is_another_late(const fmfts_clock_line *line, int64_t arrival_ns)
 
 bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns)
 {
+    if (line->is_host) {
+        *host_ns = 1000 * device_us < arrival_ns ? 1000 * device_us : arrival_ns;
+        return true;
+    }
     if (!line->bucket_end_us) {
         return false; /* no packet yet */
     }
@@ -88,10 +98,12 @@ bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_
     int64_t begun_us = line->minima ? line->minimum[0].us : line->lowest.us;
     double above_ns = above_line(line, &p), unsure = unsure_ns(line, &p);
     if ((double)(1000 * (line->newest_us - device_us)) >= line->jump_ns || !(above_ns > -unsure) ||
-        above_ns > (double)line->standstill_ns || p.us < 0 || p.us - begun_us > LONGEST_SPAN_US) {
+        p.us < 0 || p.us - begun_us > LONGEST_SPAN_US) {
         return false;
     }
-    if (above_ns > unsure) {
+    if (above_ns > unsure && above_ns - unread_ns(line, arrival_ns) <= unsure) {
+        /* The host itself may be the cause: the packet says nothing of the board's clock. */
+    } else if (above_ns > unsure) {
         bool another = is_another_late(line, arrival_ns);
         if (another && line->late_packets + 1 >= line->standstill_packets) {
             return false;

@@ -13,8 +13,10 @@ typedef struct {
     int64_t us, ns;
 } fmfts_packet;
 
-/* Laid out as DeviceClock.line: the learned line, the limits of clock.py, and the lowest packets of the last buckets. */
+/* Laid out as DeviceClock.line and HostClock.line: when the host last found no byte unread (0: it never said), whether
+ * the device's clock is the host's own; the learned line, the limits of clock.py, and the lowest packets of the last buckets. */
 typedef struct {
+    int64_t empty_ns, is_host;
     int64_t newest_us;
     fmfts_packet lowest, origin; /* lowest: of this bucket; origin: the first packet, in absolute times */
     int64_t bucket_end_us, late_packets, late_ns;

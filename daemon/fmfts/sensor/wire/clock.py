@@ -6,7 +6,8 @@ from the earliest arrivals of the last seconds. No host can measure the constant
 what it knows of it as `fixed_delay_ns`.
 
 A packet far above the line is late and changes nothing: after a stall, a host gets its backlog in one burst. If only
-late packets arrive for a while, the board's clock has stood still, and the line moves up.
+late packets arrive for a while, the board's clock has stood still, and the line moves up. Packets that may have waited
+because this host did not read do not count for that: whoever reads says when nothing was left unread.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ STANDSTILL_NS = 400_000_000  # only late packets for so long: the board's clock 
 STANDSTILL_PACKETS = 8
 LATE_APART_NS = STANDSTILL_NS // (STANDSTILL_PACKETS - 1)
 
-# fmfts_clock_line of clock.h: the learned line and the limits; the lowest packets of the last buckets follow.
+# fmfts_clock_line of clock.h: empty_ns and is_host; the learned line and the limits; the lowest packets of the last
+# buckets.
+HEAD = struct.Struct("=2q")
 LINE = struct.Struct("=8q3d5q2dq")
 MINIMA_BYTES = SLOPE_BUCKETS * struct.calcsize("=2q")
 
@@ -44,6 +47,11 @@ class HostClock:
 
     def __init__(self) -> None:
         self.restarts = 0
+        self.line = bytearray(HEAD.size + LINE.size + MINIMA_BYTES)
+        HEAD.pack_into(self.line, 0, 0, 1)
+
+    def found_empty(self, at_ns: int) -> None:
+        """See DeviceClock; here nothing follows from it."""
 
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         return min(device_us * 1000, arrival_ns)
@@ -63,8 +71,12 @@ class DeviceClock:
         self._tolerance = tolerance
         self.fixed_delay_ns = fixed_delay_ns
         self.restarts = -1
-        self.line = bytearray(LINE.size + MINIMA_BYTES)
+        self.line = bytearray(HEAD.size + LINE.size + MINIMA_BYTES)
         self.restart()
+
+    def found_empty(self, at_ns: int) -> None:
+        """Nothing that arrived before `at_ns` is unread: what is read later has waited no longer than since then."""
+        HEAD.pack_into(self.line, 0, at_ns, 0)
 
     def restart(self) -> None:
         """Forget everything: the board was reset, or the line was closed."""
@@ -120,7 +132,7 @@ class DeviceClock:
 
     def _take_line(self) -> None:
         """Read what C learned from the packets that it handled."""
-        values = LINE.unpack_from(self.line)
+        values = LINE.unpack_from(self.line, HEAD.size)
         self._newest_us, self._lowest, self._bucket_end_us = values[0], values[1:3], values[5]
         self._late_packets, self._late_ns, self._least_late_ns, self._height, self._slope = values[6:11]
         self._minima_count = values[-1]
@@ -130,18 +142,18 @@ class DeviceClock:
         learnt = self._newest_us, *self._lowest, *(self._origin or (0, 0)), self._bucket_end_us
         late, line = (self._late_packets, self._late_ns, self._least_late_ns), (self._height, self._slope)
         limits = self.fixed_delay_ns, BUCKET_US, STANDSTILL_NS, STANDSTILL_PACKETS, HEIGHT_BUCKETS, JUMP_NS
-        LINE.pack_into(self.line, 0, *learnt, *late, *line, *limits, self.tolerance * 1000, self._minima_count)
+        LINE.pack_into(self.line, HEAD.size, *learnt, *late, *line, *limits, self.tolerance * 1000, self._minima_count)
 
     @property
     def _minima(self) -> list[Point]:
         """The lowest packets of the last buckets, oldest first."""
-        values = struct.unpack_from(f"={2 * self._minima_count}q", self.line, LINE.size)
+        values = struct.unpack_from(f"={2 * self._minima_count}q", self.line, HEAD.size + LINE.size)
         return list(zip(values[::2], values[1::2], strict=True))
 
     @_minima.setter
     def _minima(self, points: list[Point]) -> None:
         self._minima_count = len(points)
-        struct.pack_into(f"={2 * len(points)}q", self.line, LINE.size, *chain.from_iterable(points))
+        struct.pack_into(f"={2 * len(points)}q", self.line, HEAD.size + LINE.size, *chain.from_iterable(points))
 
     def _to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         if self._origin is not None and not self._plausible(device_us, arrival_ns):
@@ -149,7 +161,10 @@ class DeviceClock:
         if self._origin is None:
             self._begin(device_us, arrival_ns)
         point = self._point(device_us, arrival_ns)
-        if self._above_line(point) > self._unsure_ns(point):
+        above_ns, unsure_ns = self._above_line(point), self._unsure_ns(point)
+        if above_ns > unsure_ns and above_ns - self._unread_ns(arrival_ns) <= unsure_ns:
+            pass  # the host itself may be the cause: the packet says nothing of the board's clock
+        elif above_ns > unsure_ns:
             self._late(point, arrival_ns)
         else:
             self._forget_late()
@@ -176,6 +191,11 @@ class DeviceClock:
     def _unsure_ns(self, point: Point) -> float:
         """How wrong the line may be: the slope may be off by the tolerance since the lowest packet of this bucket."""
         return JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
+
+    def _unread_ns(self, arrival_ns: int) -> float:
+        """How long the packet may have waited because the host did not read."""
+        empty_ns, _ = HEAD.unpack_from(self.line)
+        return float(arrival_ns - empty_ns) if empty_ns else 0.0
 
     def _above_line(self, point: Point) -> float:
         return point[1] - self._height - self._slope * point[0]

@@ -41,6 +41,15 @@ def _unstuff(line: bytes) -> bytes:
     return bytes(packet[1:])
 
 
+def checked_body(line: bytes) -> bytes | None:
+    """The packet in a line, without its closing zero; None if the CRC is wrong. MalformedError if it is no packet."""
+    packet = _unstuff(line)
+    if len(packet) < 3:
+        raise MalformedError("too short for a header and a CRC")
+    body = packet[:-2]
+    return body if crc_hqx(body, _CRC_INITIAL) == packet[-2] | packet[-1] << 8 else None
+
+
 # pad_index, sequence, time_us, temperature_raw, and the sensors' readings.
 PackedSample = tuple[int, int, int, int, Packed]
 
@@ -99,11 +108,8 @@ class Decoder:
 
     def _decode(self, line: bytes) -> Packet | None:
         try:
-            packet = _unstuff(line)
-            if len(packet) < 3:
-                raise MalformedError("too short for a header and a CRC")
-            body = packet[:-2]
-            if crc_hqx(body, _CRC_INITIAL) != packet[-2] | packet[-1] << 8:
+            body = checked_body(line)
+            if body is None:
                 self.crc_errors += self._joined
                 return None
             if body[0] >> 4 != VERSION:

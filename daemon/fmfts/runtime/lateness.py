@@ -1,0 +1,58 @@
+"""Which of a pad's frames are too old to be published, and what the status says of a computer that is overloaded."""
+
+from __future__ import annotations
+
+from fmfts.runtime.statistics import PadStatistics
+from fmfts.sensor import SourceState
+
+# Nobody is told of an older frame: a controller would act on what is no longer so. Newer ones are on their way.
+OVERDUE_NS = 50_000_000
+OVERLOADED = 0.01  # share of frames left out from which on the status tells of it
+
+
+class Lateness:
+    """overdue_ns: the age from which on a frame is left out. sentence: empty unless this computer is overloaded."""
+
+    def __init__(self, state: SourceState, pad_index: int, rate_hz: float, statistics: PadStatistics) -> None:
+        # At low rates a frame's newest sample may be nearly a period old when it is sent.
+        self.overdue_ns = max(OVERDUE_NS, int(1e9 / rate_hz))
+        self.sentence = ""
+        self._state = state
+        self._pad_index = pad_index
+        self._statistics = statistics
+        self._counted = 0  # of `state.left_out`
+        self._late_s = 0.0
+
+    def is_to_be_left_out(self, taken_ns: int, now_ns: int, superseded: bool = False) -> bool:
+        """Whether a frame of that time is too old, or superseded by another. If it is, it is counted."""
+        self._late_s = (now_ns - taken_ns) * 1e-9
+        left_out = superseded or now_ns - taken_ns > self.overdue_ns
+        if left_out:
+            self._statistics.refuse()
+        return left_out
+
+    def count_left_out(self) -> bool:
+        """Count the frames that were left out before anybody saw them. True if there are new ones."""
+        left_out = self._state.left_out.get(self._pad_index, 0)
+        new, self._counted = left_out - self._counted, left_out
+        if new:
+            self._statistics.leave_out(new)
+        return new > 0
+
+    def judge(self) -> str:
+        """Judge the interval that the statistics just ended.
+
+        Returns what to tell if an overload began or ended, else "".
+        """
+        before, percent = self.sentence, 100 * self._statistics.overloaded
+        is_overloaded = self._statistics.overloaded >= OVERLOADED
+        self.sentence = f"this computer is overloaded: {percent:.0f} % of the frames left out" if is_overloaded else ""
+        if bool(before) == is_overloaded:
+            return ""
+        return self.sentence or "this computer keeps up again: no frames are left out"
+
+    @property
+    def reason(self) -> str:
+        """Why frames come, and none is used."""
+        late = f"{self._late_s:.2f} s late" if self._late_s * 1e9 > self.overdue_ns else "too late"
+        return f"frames come {late}: {self.sentence or 'this computer is overloaded, or the clock of the board stands'}"

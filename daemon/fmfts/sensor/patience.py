@@ -1,0 +1,18 @@
+"""How long frames wait for a daemon that is late before newer ones of the same pad supersede them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Patience(NamedTuple):
+    """Of one pad at most `most` frames stay, and none that is older than the newest by more than `longest_us`."""
+
+    most: int
+    longest_us: int
+
+
+# Three frames at 220 Hz: what an adapter hands over at once, or a scheduler holds up, is used; a longer backlog is not.
+IN_TIME = Patience(1 << 30, 15_000)
+BEHIND = Patience(1, 15_000)
+RECORDED = Patience(1 << 30, 200_000)  # somebody wants all frames, also those that nobody judges

@@ -1,0 +1,20 @@
+/* Leaves out samples that newer ones of the same pad supersede: newest.py explains when. No allocation, no globals. */
+#ifndef FMFTS_NEWEST_H
+#define FMFTS_NEWEST_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "sample.h"
+
+/* Patience of patience.py: of one pad at most so many samples stay, and none that is older than the newest by more. */
+typedef struct {
+    unsigned most;
+    int64_t longest_us;
+} fmfts_patience;
+
+/* Removes superseded samples from the complete lines in `bytes`, and counts them by pad. Returns the new size. All other
+ * bytes stay, in their order. */
+size_t fmfts_keep_newest(uint8_t *bytes, size_t size, fmfts_patience patience, unsigned left_out[FMFTS_WIRE_PADS]);
+
+#endif

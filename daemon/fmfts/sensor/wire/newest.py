@@ -1,0 +1,53 @@
+"""Leaves out samples that newer ones of the same pad supersede, so that a host that was late is not late for long.
+
+The bytes of everything else stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from fmfts.sensor.patience import Patience
+from fmfts.sensor.wire.codec import VERSION, MalformedError, unpack
+from fmfts.sensor.wire.framing import checked_body
+from fmfts.sensor.wire.packets import Sample
+
+try:
+    from fmfts.sensor.wire import _wire
+except ImportError:  # no compiler was there when the package was built
+    _wire = None  # type: ignore[assignment]
+
+PADS = 3  # of a board, at most
+
+
+def keep_newest(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]]:
+    """`data` without the superseded samples, and how many of each pad (by pad index) were left out."""
+    if data.count(0) < 2:
+        return data, (0,) * PADS
+    return _in_python(data, patience) if _wire is None else _wire.keep_newest(data, *patience)
+
+
+def _in_python(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]]:
+    *lines, rest = data.split(b"\0")
+    kept, left_out, newest_us = Counter[int](), Counter[int](), dict[int, int]()
+    stay = []
+    for line in reversed(lines):
+        sample = _sample(line)
+        if sample is not None:
+            pad = sample.pad_index
+            age_us = newest_us.setdefault(pad, sample.time_us) - sample.time_us
+            if kept[pad] and (kept[pad] >= patience.most or age_us > patience.longest_us):
+                left_out[pad] += 1
+                continue
+            kept[pad] += 1
+        stay.append(line)
+    return b"\0".join([*reversed(stay), rest]), tuple(left_out[pad] for pad in range(PADS))
+
+
+def _sample(line: bytes) -> Sample | None:
+    try:
+        body = checked_body(line)
+        packet = unpack(body) if body is not None and body[0] >> 4 == VERSION else None
+    except MalformedError:
+        return None
+    return packet if isinstance(packet, Sample) and packet.pad_index < PADS else None

@@ -1,0 +1,192 @@
+"""A daemon that was late: it goes on with the newest frames, counts what it left out, and is not late any longer."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from fast_loop_host import Host, sample_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_fast_loop import bus  # noqa: F401  (a fixture)
+from test_fast_loop_of_a_board import Streaming, board, daemon, received, run  # noqa: F401  (fixtures)
+from test_healthy_path import both, frames_of
+from test_link import hello
+from test_pipeline import config_of
+
+from emulator.board import Board
+from examples import examples
+from fmfts.config import Config, PadConfig, SimulatedSource
+from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.runtime.daemon import SILENT_AT_ONCE, Daemon
+from fmfts.runtime.lateness import OVERDUE_NS
+from fmfts.sensor import Frame
+from fmfts.sensor.patience import BEHIND, IN_TIME, Patience
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.newest import _in_python, _wire, keep_newest
+from fmfts.sensor.wire.packets import Sample
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts_client import Subscription
+
+STALL_S = 0.5
+PERIOD_US = 4545
+
+
+def sample(pad_index: int, number: int, time_us: int) -> bytes:
+    counts, age_us = np.zeros((4, 3), np.int16), np.zeros(4, np.uint16)
+    return encode(Sample(pad_index, number, time_us, 5, 0, 15, 15, 0, counts, age_us))
+
+
+def numbers(data: bytes) -> list[tuple[int, int]]:
+    """(pad index, sequence) of the samples in these bytes."""
+    return [(one.pad_index, one.sequence) for one in Decoder().feed(data) if isinstance(one, Sample)]
+
+
+def test_newest_frames_of_a_backlog_stay_evenly_over_the_pads() -> None:
+    backlog = b"".join(sample(pad, number, number * PERIOD_US) for number in range(60) for pad in range(3))
+    for patience, kept in ((IN_TIME, range(56, 60)), (BEHIND, range(59, 60))):  # four frames are within 15 ms
+        data, left_out = keep_newest(backlog, patience)
+        assert numbers(data) == [(pad, number) for number in kept for pad in range(3)]
+        assert left_out == (60 - len(kept),) * 3
+
+
+def test_bytes_that_are_no_superseded_sample_stay_in_their_order() -> None:
+    others = [encode(hello(4)), b"\x05garbage\0", sample(0, 0, 0)[:-5] + b"\0", b"\0"]
+    old, new, beginning = sample(0, 1, 0), sample(0, 2, 100_000), sample(0, 3, 104_545)[:20]
+    data, left_out = keep_newest(others[0] + old + others[1] + old + others[2] + others[3] + new + beginning, IN_TIME)
+    assert data == b"".join(others) + new + beginning
+    assert left_out == (2, 0, 0)
+
+
+PIECES = st.one_of(
+    st.builds(sample, st.integers(0, 4), st.integers(0, 2**32 - 1), st.integers(0, 60_000)),
+    st.builds(lambda line, at: line[:at] + line[at + 1 :], st.just(sample(0, 1, 1)), st.integers(0, 50)),
+    st.binary(max_size=30),
+    st.just(encode(hello(4))),
+)
+
+
+@pytest.mark.skipif(_wire is None, reason="the wire was not compiled")
+@given(st.lists(PIECES, max_size=30), st.sampled_from([IN_TIME, BEHIND, Patience(2, 30_000)]))
+@settings(examples(200))
+def test_c_and_python_leave_out_the_same(pieces: list[bytes], patience: Patience) -> None:
+    data = b"".join(pieces)
+    assert _wire.keep_newest(data, *patience) == _in_python(data, patience)
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+def test_frames_that_came_while_the_daemon_stood_still_are_left_out_and_counted(
+    daemon: Daemon,  # noqa: F811
+    board: Board,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    (channel,) = daemon._channels.values()
+    with (
+        Subscription(("contact", "status"), "left", f"ipc://{tmp_path}") as subscription,
+        Streaming(board) as streaming,
+    ):
+        run(daemon, lambda: channel._statistics.frames > 150)
+        before = channel._statistics.dropped
+        time.sleep(STALL_S)  # the backlog waits in the pty
+        run(daemon, lambda: streaming.is_over)
+        run(daemon, lambda: channel._statistics.frames == streaming.sent)
+        heard = received(subscription)
+    healthy = [body for body in heard if body["health"] == "ok" and "seq" in body]
+    assert max(body["t_publish_ns"] - body["t_sample_ns"] for body in healthy) < OVERDUE_NS + 2e9 / 220
+    assert channel._statistics.dropped - before > 0.7 * STALL_S * 220
+    assert channel._statistics.gaps == 0
+    told = [body["reason"] for body in heard if "overloaded" in body.get("reason", "")]
+    assert re.fullmatch(r"this computer is overloaded: \d+ % of the frames left out", told[0])
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+def test_an_overdue_frame_is_left_out_without_python(bus: Any) -> None:  # noqa: F811
+    host, data, arrival_ns = settled_to_be_overdue(bus)
+    number = host.pipeline.messages
+    assert bus.loop.take(Host.LINE, data, arrival_ns)
+    assert not bus.heard()
+    unread, _, left_out = bus.loop.end(Host.LINE)
+    assert (unread, left_out) == (b"", (1, 0, 0))
+    assert host.pipeline.messages == number
+
+
+class HostInTime(Host):
+    overdue_ns = OVERDUE_NS
+
+
+def settled_to_be_overdue(bus: Any) -> tuple[Host, bytes, int]:  # noqa: F811
+    """A host that C serves from now on, and a frame's bytes with their arrival: long ago, by this computer's clock."""
+    config = config_of(4)
+    frames = frames_of(config, 0.2)
+    reads = [(encode(hello(4)), 0)] + [(encode(sample_of(f)), f.device_time_us * 1000 + 10**9) for f in frames]
+    host = HostInTime(config, simulated_baseline(config), bus, may_express=False)
+    for data, arrival_ns in reads[:-1]:
+        host.take(data, arrival_ns)
+    host._may_express = True
+    host.begin()
+    assert host.lane is not None
+    return host, *reads[-1]
+
+
+def with_gaps(frames: list[Frame]) -> Iterator[Frame]:
+    """Gaps of 23, 45 and 450 ms: what a daemon leaves that is late."""
+    for number, frame in enumerate(frames):
+        if not any(begin <= number % 220 < begin + length for begin, length in ((30, 4), (60, 9), (100, 99))):
+            yield frame
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+def test_c_goes_on_after_a_gap_and_says_what_python_says() -> None:
+    """Python would take twenty times as long, after each gap: who is late would be later with every frame left out."""
+    config = config_of(3)
+    kinds = both(config, with_gaps(frames_of(config, 8.0)))
+    assert kinds[None] < 15  # the first frames, and those that a finger has moved far before; there are 16 long gaps
+    assert sum(kinds.values()) > 700
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+def test_a_loop_is_behind_while_something_is_always_ready() -> None:
+    ours, theirs = os.pipe()
+    with select.epoll() as epoll:
+        epoll.register(ours, select.EPOLLIN)
+        loop = _fast.Loop(epoll.fileno(), 0, 0, IN_TIME, BEHIND)
+        assert not loop.is_behind()
+        os.write(theirs, b"x")
+        for _ in range(3):
+            loop.wait(0)
+        assert not loop.is_behind(), "a short stall of the computer is no overload"
+        for _ in range(20):
+            loop.wait(0)
+        assert loop.is_behind()
+        os.read(ours, 1)
+        loop.wait(time.monotonic_ns() + 2_000_000)
+        assert not loop.is_behind()
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_a_few_silent_pads_are_told_of_at_once_and_all_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the frames of the others would wait for all of them."""
+    monkeypatch.setenv("FMFTS_BUS", f"ipc://{tmp_path}")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    one = PadConfig(name="p0", source=SimulatedSource(finger="none"))
+    pads = [msgspec.structs.replace(one, name=f"p{index}") for index in range(2 * SILENT_AT_ONCE + 1)]
+    with Daemon(Config(pad=tuple(pads))) as daemon:  # noqa: F811
+        channels = list(daemon._channels.values())
+        told: list[str] = []
+        for channel in channels:
+            monkeypatch.setattr(channel.source, "poll", lambda now_ns: ())
+            monkeypatch.setattr(channel, "tick", lambda now_ns, name=channel.name: told.append(name))
+        for _ in range(3):
+            count = len(told)
+            daemon._tell_silence(time.monotonic_ns())
+            assert len(told) - count <= SILENT_AT_ONCE
+        assert {channel.name for channel in channels} == set(told)
