@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -32,6 +34,21 @@ print(next(line.split()[1] for line in open("/proc/self/status") if line.startsw
 """
 
 
+BY_DEFAULT = """
+import logging, os, resource, zmq
+from fmfts.service.realtime import take_default_priority
+logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
+zmq.Context.instance().socket(zmq.PUB)
+if {denied}:
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+    os.setuid(65534)  # root is above limits
+os.environ |= {environ}
+take_default_priority()
+print(os.sched_getparam(0).sched_priority)
+"""
+UNIT = Path(__file__).parents[2] / "systemd" / "fmfts.service"
+
+
 DENIED = """
 import os, resource
 from fmfts.service.realtime import RealtimeError, lock_memory, take_priority
@@ -52,6 +69,30 @@ def in_a_process(code: str) -> str:
 @pytest.mark.skipif(not permitted.priority(), reason=permitted.NO_PRIORITY)
 def test_loop_and_bus_come_first_and_what_they_start_does_not() -> None:
     assert in_a_process(PRIORITY) == "True True True"
+
+
+def with_default(priority: str, denied: bool) -> tuple[str, str]:
+    """(its priority, what it logged) of a process whose unit gives this one."""
+    code = BY_DEFAULT.format(denied=denied, environ={"FMFTS_REALTIME_PRIORITY": priority} if priority else {})
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    return done.stdout.strip(), done.stderr
+
+
+@pytest.mark.skipif(not permitted.priority(), reason=permitted.NO_PRIORITY)
+def test_a_service_comes_first_by_default_and_says_so() -> None:
+    (given,) = re.findall(r"^Environment=FMFTS_REALTIME_PRIORITY=(\d+)$", UNIT.read_text(), re.M)
+    priority, log = with_default(given, denied=False)
+    assert priority == given
+    assert "runs before every ordinary process" in log
+    assert with_default("", denied=False) == with_default("0", denied=False) == ("0", "")
+
+
+@pytest.mark.skipif(not permitted.another_user(), reason="needs root, to give it up")
+def test_a_service_that_may_not_come_first_says_at_start_what_follows_and_goes_on() -> None:
+    priority, log = with_default("10", denied=True)
+    assert priority == "0"
+    assert "WARNING an ordinary process: other programs that are busy will make it leave frames out" in log
+    assert "LimitRTPRIO=10" in log
 
 
 @pytest.mark.skipif(not permitted.locked_memory(), reason=permitted.NO_LOCKED_MEMORY)

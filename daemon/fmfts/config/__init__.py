@@ -38,7 +38,8 @@ class BusConfig(_Section, frozen=True):
 class ServiceConfig(_Section, frozen=True):
     """Real-time settings, which the daemon requests from the operating system."""
 
-    realtime_priority: Annotated[int, Meta(ge=0, le=99)] = 0  # of SCHED_FIFO; 0: a normal process
+    # Of SCHED_FIFO; 0: a normal process. None: what the unit gives (service/realtime.py), where the system permits it.
+    realtime_priority: Annotated[int, Meta(ge=0, le=99)] | None = None
     lock_memory: bool = False
 
 

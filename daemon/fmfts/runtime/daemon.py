@@ -41,7 +41,7 @@ from fmfts.sensor import Source
 from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
 from fmfts.service.notify import Notifier
-from fmfts.service.realtime import lock_memory, take_priority
+from fmfts.service.realtime import lock_memory, take_default_priority, take_priority
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.sources import open_sources, origin_of
 from fmfts_client.endpoints import for_daemon
@@ -138,7 +138,9 @@ class Daemon:
             self._schedule.wake_for(self._gate.fileno())
         if self._service.lock_memory:
             lock_memory()
-        if self._service.realtime_priority:
+        if self._service.realtime_priority is None:
+            take_default_priority()
+        elif self._service.realtime_priority:
             take_priority(self._service.realtime_priority)
         # The objects that exist now stay: later garbage collections need not look through them.
         gc.collect()

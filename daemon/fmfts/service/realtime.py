@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import logging
 import os
 import resource
 import threading
@@ -15,6 +16,9 @@ TASKS = Path("/proc/self/task")
 BUS_THREAD = "ZMQbg"  # libzmq's name for its threads, which send the messages and so need the priority too
 BUS_THREADS = 2  # the reaper, and one for the sockets
 NAMED_WITHIN_S = 5.0  # each thread names itself when it first runs; on a busy computer that takes a while
+DEFAULT_PRIORITY = "FMFTS_REALTIME_PRIORITY"  # set in the service's unit
+
+log = logging.getLogger(__name__)
 
 
 class RealtimeError(Exception):
@@ -47,6 +51,22 @@ def _why_not_locked(code: int) -> str:
     if code not in (errno.ENOMEM, errno.EPERM) or limit == resource.RLIM_INFINITY:
         return os.strerror(code)
     return f"only {limit // 1024} kB of memory may be locked here" if limit else "no memory may be locked here"
+
+
+def take_default_priority() -> None:
+    """Take the priority that the service's unit gives in FMFTS_REALTIME_PRIORITY, and say in the log where it may not.
+
+    Not an error: the daemon works without it, and on a busy computer leaves frames out, and says so.
+    """
+    given = os.environ.get(DEFAULT_PRIORITY, "")
+    if not given.isdecimal() or int(given) == 0:
+        return
+    try:
+        take_priority(int(given))
+    except RealtimeError as error:
+        log.warning("an ordinary process: other programs that are busy will make it leave frames out: %s", error)
+    else:
+        log.info("runs before every ordinary process: SCHED_FIFO %s", given)
 
 
 def take_priority(priority: int) -> None:
