@@ -187,7 +187,7 @@ def test_a_warm_pad_whose_temperature_is_not_told_is_no_contact(silent: range) -
     ]
     kinds = both(config, frames)
     assert kinds[Kind.TOUCHED] == kinds[Kind.OVER_RANGE] == 0
-    assert kinds[None] < 10 + (len(silent) if 0 in silent else 0)  # Python waits for the first temperature
+    assert kinds[None] < 10 + len(silent)  # Python waits for a temperature, and counts how long the last one is held
     pipeline = pipeline_of(config, simulated_baseline(config))
     messages = [pipeline.process(frame) for frame in frames][10:]
     assert {(message.health, message.contact) for message in messages} == {("ok", False)}

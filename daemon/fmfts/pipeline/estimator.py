@@ -24,9 +24,10 @@ from fmfts.pose.tracker import NOTHING_SAID
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 # A finger never lifts the magnet. If the magnet stays lifted for this long, its baseline was recorded under load.
-LIFTED_S = 0.2
-# Something that pulls at the pad lifts it too. If the magnet is back at rest for this long, the baseline was good.
-RESTED_S = 0.5
+LIFTED_S = 0.6
+# Something that pulls at the pad lifts it too. If the magnet is back at rest for this long, the baseline was good: a
+# load that is put on again passes by that place, to within 20 mN, in less time.
+RESTED_S = 0.15
 PULLED = "the magnet is {:.2f} mm above its rest: something pulls at the pad, or its baseline was recorded under load"
 # A board warms by 20 K in ten minutes. So within this time the last temperature is off by a fifth of a kelvin at most.
 HELD_S = 5.0
@@ -187,6 +188,7 @@ class Estimator:
         if memory.lifted_s >= LIFTED_S:
             return Reading("no_baseline", self.baselined.lifted_reason, track.used, track.estimate)
         if contact.lifted_m > 0.0:
+            self._touch.forget()
             return Reading("disturbed", PULLED.format(contact.lifted_m * 1e3), track.used, track.estimate)
         return Reading(
             track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n

@@ -1,0 +1,166 @@
+"""A board on a pty whose every frame is written down: when it was taken, and what touched its pad."""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+from collections import deque
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drills.chaos.pressed import GAIN_CODE, RATE_HZ, Finger, Library, Touch, counts_of
+from emulator.board import Board
+from fmfts.sensor.wire.framing import encode
+from fmfts.sensor.wire.packets import Sample, Status, StatusPad
+
+PERIOD_NS = 1_000_000_000 // RATE_HZ
+KEPT = 4 * RATE_HZ  # frames: more than a round of watermarks
+REPEATED = RATE_HZ  # frames: what is sent again is a second old
+STATUS_EVERY = RATE_HZ
+NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
+
+
+class Taken(NamedTuple):
+    """A frame: its number, when it was taken, what touched the pad, and whether a fault was in what the chips told."""
+
+    sequence: int
+    taken_ns: int
+    touch: Touch
+    faulty: bool
+
+
+class ChaosBoard(Board):
+    """`tick` sends the frames that are due. `faults`: what is wrong now, each with the time at which it ends.
+
+    written: frames that the line took whole. lost: frames that were taken and never reached it, or were damaged.
+    """
+
+    def __init__(self, link: Path, uid: bytes, library: Library, seed: int) -> None:
+        super().__init__(link, uid)
+        self.gain_code = GAIN_CODE
+        self._library, self._finger, self._dice = library, Finger(library, seed), random.Random(seed)
+        self.faults: dict[str, int] = {}
+        self.taken: deque[Taken] = deque(maxlen=KEPT)
+        self.by_mark: dict[int, Taken] = {}
+        self.made = self.written = self.lost = 0
+        self._lines: deque[bytes] = deque(maxlen=REPEATED)
+        self._born_ns = self._due_ns = time.monotonic_ns()
+        self._rest = b""
+        self._lifted_for = 0
+        self._old: Sample | None = None
+        self.is_plugged = True
+
+    # What a fault does to a frame is told in faults.py; here only what a sound board does.
+
+    def tick(self, now_ns: int) -> None:
+        if not self.is_plugged:
+            self._due_ns = now_ns
+            return
+        self.serve()
+        if now_ns - self._due_ns > 50 * PERIOD_NS:  # this drill was stopped: a board would have gone on by itself
+            self._due_ns = now_ns
+        while self._due_ns <= now_ns:
+            self._due_ns += PERIOD_NS
+            self._frame(time.monotonic_ns())
+
+    def rested_ns(self, now_ns: int) -> int:
+        """When the finger left the pad; now, while it is there."""
+        last = self.taken[-1].touch if self.taken else NOT_TOLD
+        return now_ns if last.force_n > 0.0 else now_ns - last.standing * PERIOD_NS
+
+    def has(self, fault: str, now_ns: int) -> bool:
+        return self.faults.get(fault, 0) > now_ns
+
+    def _frame(self, now_ns: int) -> None:
+        from drills.chaos.faults import CHIPS, LINES
+
+        sequence = self.sequence[0]
+        self.sequence[0] = (sequence + 1) % 2**32
+        touch, field_t = self._finger.next()
+        self.time_us = (now_ns - self._born_ns) // 1000
+        now = [name for name in self.faults if self.faults[name] > now_ns]
+        if "lifted" in now:
+            since = self._lifted_for = self._lifted_for + 1
+            touch, field_t = NOT_TOLD._replace(standing=since), self._library.lifted_t
+        else:
+            self._lifted_for = 0
+        counts = counts_of(self._library, field_t, sequence)
+        sample = self.sample(
+            sequence=sequence,
+            counts=counts,
+            temperature_raw=sequence % 512 - 256,
+        )
+        self.sequence[0] = (sequence + 1) % 2**32
+        faulty = any(name in CHIPS for name in now)
+        for name in now:
+            if name in CHIPS:
+                sample = CHIPS[name](sample, self._old or sample, self._dice)
+        if "stale" not in now and "frozen" not in now:
+            self._old = sample
+        frame = Taken(sequence, now_ns, touch, faulty)
+        self.taken.append(frame)
+        self.by_mark[sequence % 512] = frame
+        self.made += 1
+        line = encode(sample)
+        data, whole = line, True
+        for name in now:
+            if name in LINES and data:
+                data, is_whole = LINES[name](self, sample, data, self._dice)
+                whole &= is_whole
+        self._lines.append(line)
+        if sequence % STATUS_EVERY == 0:
+            data += encode(Status(self.time_us, 0, 0, (StatusPad(0, 0, 0, (0,) * 4),)))
+        if whole and self._put(data):
+            self.written += 1
+        else:
+            self.lost += 1
+
+    def _put(self, data: bytes) -> bool:
+        """False if the line took nothing of it: it was full. What it took in part is finished first."""
+        try:
+            if self._rest:
+                self._rest = self._rest[os.write(self.master, self._rest) :]
+                if self._rest:
+                    return False
+            if data:
+                self._rest = data[os.write(self.master, data) :]
+            return True
+        except OSError:
+            return False
+
+    def lines_ago(self, count: int) -> list[bytes]:
+        """So many lines of a second ago."""
+        return list(self._lines)[:count]
+
+    def unplug(self) -> None:
+        if self.is_plugged:
+            super().unplug()
+            self.is_plugged = False
+
+    def plug(self) -> None:
+        super().plug()
+        self.is_plugged, self._rest = True, b""
+
+    def reset(self, hello: bool) -> None:
+        """The firmware starts anew. hello: it comes through."""
+        self._born_ns = time.monotonic_ns()
+        self.sequence = [0]
+        self._lines.clear()
+        if hello and self.is_plugged:
+            self._put(encode(self.hello()))
+
+    def send(self, *packets: object) -> None:
+        self._put(b"".join(encode(packet) for packet in packets))  # type: ignore[arg-type]
+
+
+def everyone(mask: int, *but: int) -> int:
+    for sensor in but:
+        mask &= ~(1 << sensor)
+    return mask
+
+
+def as_counts(counts: object) -> np.ndarray:
+    return np.asarray(counts, np.int16)

@@ -1,0 +1,277 @@
+"""Everything that can go wrong, at random, in pairs, on many touched pads, with random load: is any number wrong?
+
+    PYTHONPATH=tests python -m drills.chaos.drill --frames 10000000
+
+Boards on ptys write down each frame that they take: when, and what touched the pad. Each contact names its frame by a
+watermark, and is judged by that frame and by its true age. Every fault lasts for some tenths of a second, two at a time
+on one pad; a pad that is not `ok` again one second after the last of them ended is a latch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from drills.chaos.board import ChaosBoard
+from drills.chaos.faults import CHIPS, GLOBAL, LINES, OTHERS
+from drills.chaos.judge import Judge
+from drills.chaos.pressed import Library
+from drills.control_fuzz import random_request
+from drills.strangers import SUBSCRIBED, strangers
+from emulator.priority import put_ahead
+from end_to_end.processes import PATIENCE_S, RunningDaemon
+from fmfts.baseline.origin import Origin
+from fmfts_client import UnreachableError
+
+CONFIG = """
+[[pad]]
+name = "{name}"
+[pad.source]
+type = "bridge"
+port = "{port}"
+uid = "{uid}"
+"""
+SHORTEST_S, LONGEST_S = 0.1, 1.0
+HEALTHY_NS = 1_000_000_000
+# A pad rests so long between two pairs of faults.
+REST_S = 0.5
+BETWEEN_GLOBAL_S = 3.0
+KEPT = 20
+
+
+@dataclass
+class Trouble:
+    """The faults of one pad, the last of which ends at `ends_ns`; 0: it is well, until `next_ns`."""
+
+    faults: tuple[str, ...] = ()
+    ends_ns: int = 0
+    next_ns: int = 0
+    is_latched: bool = False
+
+
+@dataclass
+class Drill:
+    folder: Path
+    pads: int
+    seed: int
+    faults: Counter[str] = field(default_factory=Counter)
+    latches: list[dict[str, Any]] = field(default_factory=list)
+    recoveries_s: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._dice = random.Random(self.seed)
+        library = Library(self.seed)
+        self._boards: dict[str, ChaosBoard] = {}
+        state, config = self.folder / "state" / "fmfts" / "baseline", ""
+        state.mkdir(parents=True)
+        for number in range(self.pads):
+            name, uid = f"p{number}", bytes([number + 1] * 12)
+            port = self.folder / f"board{number}"
+            self._boards[name] = ChaosBoard(port, uid, library, self.seed * 1000 + number)
+            (state / f"{name}.json").write_bytes(library.baseline(name, Origin("bridge", "hmc5983", uid.hex(), 0)))
+            config += CONFIG.format(name=name, port=port, uid=uid.hex())
+        self._daemon = RunningDaemon(self.folder, config, wait=False)
+        self._troubles = {name: Trouble() for name in self._boards}
+        self._meanwhile = ExitStack()
+        self._meanwhile_ends_ns = self._next_global_ns = 0
+        self._disturbed_ns = 0  # when the last fault of the whole computer ended
+
+    def run(self, frames: int, seconds: float) -> dict[str, Any]:
+        """Until so many frames were made, or so many seconds have passed."""
+        put_ahead()
+        self._wait_until_serving()
+        judge = Judge(f"{self._daemon.base}/bus", self._boards)
+        try:
+            self._turn_until(lambda: len(judge.ok_ns) == self.pads, judge, PATIENCE_S)
+            begun = time.monotonic()
+            self._next_global_ns = time.monotonic_ns() + int(BETWEEN_GLOBAL_S * 1e9)
+            while time.monotonic() - begun < seconds and sum(b.made for b in self._boards.values()) < frames:
+                self._turn(judge, with_faults=True)
+            self._end_meanwhile()
+            self._turn_until(lambda: not any(each.ends_ns for each in self._troubles.values()), judge, PATIENCE_S)
+            for board in self._boards.values():
+                board.unplug()
+            time.sleep(2.0)
+            assert self._daemon.process.poll() is None, self._daemon.log.read_text()[-2000:]
+            status = {pad["pad"]: pad for pad in self._daemon.request("status", timeout_s=PATIENCE_S)["pads"]}
+        finally:
+            judge.close()
+            self._end_meanwhile()
+            self._daemon.__exit__()
+        return self._facts(judge, status, time.monotonic() - begun)
+
+    def _wait_until_serving(self) -> None:
+        until = time.monotonic() + 3 * PATIENCE_S
+        while time.monotonic() < until:
+            self._tick()
+            try:
+                self._daemon.request("pads", timeout_s=0.05)
+                return
+            except UnreachableError:
+                assert self._daemon.process.poll() is None, self._daemon.log.read_text()
+        raise AssertionError(self._daemon.log.read_text())
+
+    def _turn_until(self, condition: Any, judge: Judge, patience_s: float) -> None:
+        until = time.monotonic() + patience_s
+        while not condition():
+            assert time.monotonic() < until, (judge.last, self._daemon.log.read_text()[-2000:])
+            self._turn(judge, with_faults=False)
+
+    def _tick(self) -> None:
+        for board in self._boards.values():
+            board.tick(time.monotonic_ns())
+        time.sleep(1e-3)
+
+    def _turn(self, judge: Judge, with_faults: bool) -> None:
+        self._tick()
+        now_ns = time.monotonic_ns()
+        for name, trouble in self._troubles.items():
+            if trouble.ends_ns and now_ns > trouble.ends_ns:
+                self._mended(name, trouble, judge, now_ns)
+            elif with_faults and not trouble.ends_ns and now_ns > trouble.next_ns:
+                self._begin(name, trouble, now_ns)
+        if self._meanwhile_ends_ns and now_ns > self._meanwhile_ends_ns:
+            self._end_meanwhile()
+        elif with_faults and not self._meanwhile_ends_ns and now_ns > self._next_global_ns:
+            self._begin_global(now_ns)
+
+    def _begin(self, name: str, trouble: Trouble, now_ns: int) -> None:
+        board, chosen = self._boards[name], self._dice.sample([*CHIPS, *LINES, *OTHERS], 2)
+        trouble.faults = tuple(chosen)
+        for fault in chosen:
+            self.faults[fault] += 1
+            ends_ns = now_ns + int(self._dice.uniform(SHORTEST_S, LONGEST_S) * 1e9)
+            board.faults[fault] = ends_ns
+            trouble.ends_ns = max(trouble.ends_ns, ends_ns)
+            match fault:
+                case "replug":
+                    board.unplug()
+                case "reset" | "reset unheard":
+                    board.reset(hello=fault == "reset")
+
+    def _mended(self, name: str, trouble: Trouble, judge: Judge, now_ns: int) -> None:
+        board = self._boards[name]
+        if not board.is_plugged:
+            board.plug()
+            trouble.ends_ns = now_ns
+            return
+        # Under a finger nobody can tell a magnet that was pulled from a baseline that was recorded under load.
+        rested_ns = board.rested_ns(now_ns) if "lifted" in trouble.faults else 0
+        since_ns = max(trouble.ends_ns, self._disturbed_ns, rested_ns)
+        if judge.ok_ns.get(name, 0) > trouble.ends_ns:
+            self.recoveries_s.append((now_ns - trouble.ends_ns) * 1e-9)
+        elif self._meanwhile_ends_ns or now_ns - since_ns < HEALTHY_NS:
+            return
+        elif now_ns - since_ns < 2 * HEALTHY_NS:
+            last = judge.last.get(name, {})
+            if not trouble.is_latched:
+                trouble.is_latched = True
+                told = {key: last.get(key) for key in ("health", "reason", "seq")}
+                self.latches.append({"pad": name, "faults": trouble.faults} | told)
+            return
+        elif now_ns - since_ns < int(PATIENCE_S * 1e9):
+            return
+        trouble.ends_ns, trouble.is_latched, trouble.next_ns = (
+            0,
+            False,
+            now_ns + int(self._dice.uniform(0.5, 1.5) * REST_S * 1e9),
+        )
+
+    def _begin_global(self, now_ns: int) -> None:
+        fault = self._dice.choice(GLOBAL)
+        self.faults[fault] += 1
+        self._meanwhile_ends_ns = now_ns + int(self._dice.uniform(SHORTEST_S, LONGEST_S) * 1e9)
+        match fault:
+            case "load":
+                for _ in range(self._dice.randrange(1, 2 * (os.cpu_count() or 1) + 1)):
+                    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+                    self._meanwhile.callback(busy.wait)
+                    self._meanwhile.callback(busy.kill)
+            case "strangers":
+                self._meanwhile.enter_context(strangers(self.folder / "bus", 300, SUBSCRIBED))
+            case "stopped":
+                self._daemon.process.send_signal(signal.SIGSTOP)
+                self._meanwhile_ends_ns = now_ns + int(self._dice.uniform(0.05, 0.4) * 1e9)
+                self._meanwhile.callback(self._daemon.process.send_signal, signal.SIGCONT)
+            case "requests":
+                self._ask_nonsense()
+            case "deaf":
+                self._meanwhile.enter_context(self._daemon.subscribe("contact", "status"))
+
+    def _ask_nonsense(self) -> None:
+        import zmq
+
+        socket = self._meanwhile.enter_context(zmq.Context.instance().socket(zmq.DEALER))
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(f"{self._daemon.base}/control")
+        for _ in range(100):
+            socket.send(random_request(self._dice, harmless=True))
+
+    def _end_meanwhile(self) -> None:
+        self._meanwhile.close()
+        now_ns = time.monotonic_ns()
+        self._disturbed_ns = now_ns
+        self._meanwhile_ends_ns, self._next_global_ns = 0, now_ns + int(BETWEEN_GLOBAL_S * 1e9)
+
+    def _facts(self, judge: Judge, status: dict[str, Any], seconds: float) -> dict[str, Any]:
+        boards = self._boards.values()
+        ages_ms = sorted(age * 1e-6 for age in judge.ages_ns) or [0.0]
+        missing = {n: status[n]["frames"] - status[n]["dropped"] - judge.published[n] for n in self._boards}
+        unaccounted = {n: max(missing[n] - judge.unheard[n], -missing[n], 0) for n in self._boards}
+        recoveries = sorted(self.recoveries_s) or [0.0]
+        return {
+            "frames": sum(board.made for board in boards),
+            "written": sum(board.written for board in boards),
+            "arrived": sum(pad["frames"] for pad in status.values()),
+            "published": sum(judge.published.values()),
+            "dropped": sum(pad["dropped"] for pad in status.values()),
+            "unaccounted": sum(unaccounted.values()),
+            "unheard_by_the_drill": sum(judge.unheard.values()),
+            "judged": judge.judged,
+            "judged_pressed": judge.judged_pressed,
+            "wrong": sum(judge.kinds.values()),
+            "wrong_kinds": dict(judge.kinds),
+            "first_wrong": [(*one[:3], {k: one[3][k] for k in ("health", "reason", "seq")}) for one in judge.wrong][:8],
+            "ok_older_than_100_ms": judge.stale,
+            "age_ms": {"p50": round(ages_ms[len(ages_ms) // 2], 1), "p99": round(ages_ms[len(ages_ms) * 99 // 100], 1)},
+            "latches": self.latches[:KEPT],
+            "latched": len(self.latches),
+            "recovery_s": {"p50": round(recoveries[len(recoveries) // 2], 3), "longest": round(recoveries[-1], 3)},
+            "health": dict(judge.health),
+            "faults": dict(self.faults),
+            "seconds": round(seconds, 1),
+        }
+
+
+MUST_BE_NONE = ("wrong", "unaccounted", "latched", "ok_older_than_100_ms")
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--pads", type=int, default=16)
+    options.add_argument("--frames", type=int, default=10_000_000, help="that the boards take, all together")
+    options.add_argument("--seconds", type=float, default=1e9, help="at most")
+    options.add_argument("--seed", type=int, default=1)
+    arguments = options.parse_args()
+    with tempfile.TemporaryDirectory(prefix="fmfts-") as folder:
+        facts = Drill(Path(folder), arguments.pads, arguments.seed).run(arguments.frames, arguments.seconds)
+    print(json.dumps(facts, indent=1))
+    return int(any(facts[name] for name in MUST_BE_NONE))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

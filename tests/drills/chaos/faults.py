@@ -1,0 +1,144 @@
+"""What can be wrong with a board's chips and with its line, frame by frame; and what can be wrong with the computer."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from msgspec.structs import replace
+
+from fmfts.sensor.wire.framing import encode
+from fmfts.sensor.wire.packets import Hello, Sample
+
+if TYPE_CHECKING:
+    from drills.chaos.board import ChaosBoard
+
+STEEL_T_COUNTS = 60  # a tenth of a gauss, uneven over the pad
+OTHER_UID = bytes(range(100, 112))
+ChipFault = Callable[[Sample, Sample, random.Random], Sample]
+LineFault = Callable[["ChaosBoard", Sample, bytes, random.Random], tuple[bytes, bool]]
+
+
+def _stale(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    """No chip gives anything new, and the board does not notice."""
+    return replace(now, counts=old.counts, fresh=0)
+
+
+def _frozen(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    """The same, and the board's clock stands."""
+    return replace(now, counts=old.counts, fresh=0, time_us=old.time_us)
+
+
+def _hot(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    return replace(now, temperature_raw=dice.choice((32767, -32767, 8000, -8000)))
+
+
+def _swapped(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    """The wires of sensors 1 and 2 are exchanged."""
+    return replace(now, counts=now.counts[[1, 0, 2, 3]])
+
+
+def _silent(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    return replace(now, valid=now.valid & ~0b0100, fresh=now.fresh & ~0b0100)
+
+
+def _saturated(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    counts = now.counts.copy()
+    counts[3, 2] = -4096
+    return replace(now, counts=counts)
+
+
+def _impossible(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    counts = now.counts.copy()
+    counts[1, 0] = dice.choice((2048, 30000, -2049, -32768))
+    return replace(now, counts=counts)
+
+
+def _stuck(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    counts = now.counts.copy()
+    counts[0] = old.counts[0]
+    return replace(now, counts=counts)
+
+
+def _step(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    """One axis is half a gauss off."""
+    counts = now.counts.copy()
+    counts[2, 0] = np.clip(int(counts[2, 0]) + 330, -2048, 2047)
+    return replace(now, counts=counts)
+
+
+def _steel(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    counts = now.counts.copy()
+    counts[:, 2] += np.array([4, -2, 1, -3], np.int16) * np.int16(STEEL_T_COUNTS // 4)
+    return replace(now, counts=counts)
+
+
+def _range(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    """The board says another range than that of its chips."""
+    return replace(now, gain_code=dice.choice((0, 5, 7)))
+
+
+def _flipped(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    spoilt = bytearray(line)
+    for _ in range(dice.randrange(1, 4)):
+        spoilt[dice.randrange(len(spoilt))] ^= 1 << dice.randrange(8)
+    return bytes(spoilt), False
+
+
+def _cut(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    return line[: dice.randrange(1, len(line))], False
+
+
+def _garbage(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    return dice.randbytes(dice.randrange(1, 60)) + b"\0" + line, True
+
+
+def _doubled(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    return line + line, True
+
+
+def _again(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    """Now and then some packets of a second ago come again."""
+    return (line + b"".join(board.lines_ago(dice.randrange(1, 12))) if dice.random() < 0.1 else line), True
+
+
+def _future(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    """Now and then a valid packet tells a time or a number that cannot be."""
+    if dice.random() > 0.05:
+        return line, True
+    other = replace(sample, time_us=min(sample.time_us + 2 ** dice.randrange(20, 48), 2**48 - 1))
+    if dice.random() < 0.5:
+        other = replace(sample, sequence=(sample.sequence + 2 ** dice.randrange(17, 32)) % 2**32)
+    return encode(other), False
+
+
+def _mute(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    return b"", False
+
+
+def _two_boards(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
+    """Another board's packets come on the same line, nearly at the same time, of a pad that nothing touches."""
+    other = replace(
+        sample,
+        sequence=(sample.sequence + 7) % 2**32,
+        time_us=sample.time_us + 900,
+        counts=board.at_rest(sample.sequence),
+    )
+    return line + encode(other), True
+
+
+CHIPS: dict[str, ChipFault] = {
+    "stale": _stale, "frozen": _frozen, "hot": _hot, "swapped": _swapped, "silent": _silent, "saturated": _saturated,
+    "impossible": _impossible, "stuck": _stuck, "step": _step, "steel": _steel, "range": _range,
+}  # fmt: skip
+LINES: dict[str, LineFault] = {
+    "flipped": _flipped, "cut": _cut, "garbage": _garbage, "doubled": _doubled, "again": _again, "future": _future,
+    "mute": _mute,
+}  # fmt: skip
+# Made by the drill itself: a board that is unplugged or reset, a magnet that something pulls.
+OTHERS = ("lifted", "replug", "reset", "reset unheard")
+# Of the whole computer: they meet all pads.
+GLOBAL = ("load", "strangers", "stopped", "requests", "deaf")
+_ = Hello

@@ -1,0 +1,119 @@
+"""Holds each published contact against the frame that it was made of, by the watermark in it, and by its true age."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter, deque
+from typing import Any
+
+import msgspec
+import zmq
+
+from drills.chaos.board import ChaosBoard, Taken
+from drills.chaos.pressed import MARKS, MIDDLE_C, SETTLED, STEP_C
+
+WRONG_DEVIATIONS = 5.0
+OLDEST_OK_NS = 100_000_000
+# How far the time that a contact claims may be from the time at which its frame was taken.
+TIME_ERROR_NS = 30_000_000
+WITHOUT_FRAME = ("stale", "disconnected")
+KEPT = 40
+
+
+class Judge:
+    """Listens to a daemon's contacts in a thread of its own. Read the counters after `close`.
+
+    wrong: (pad, what, seconds since the start, contact). stale: `ok` although its frame was older than 100 ms.
+    published: contacts of frames, by pad. unheard: contacts that this listener lost. ok_ns: when the frame of the last
+    `ok` contact of each pad was taken.
+    """
+
+    def __init__(self, endpoint: str, boards: dict[str, ChaosBoard]) -> None:
+        self._boards = boards
+        self.wrong: deque[tuple[str, str, float, dict[str, Any]]] = deque(maxlen=KEPT)
+        self.kinds: Counter[str] = Counter()
+        self.health: Counter[str] = Counter()
+        self.published: Counter[str] = Counter()
+        self.unheard: Counter[str] = Counter()
+        self.judged = self.judged_pressed = self.stale = 0
+        self.ages_ns: list[int] = []
+        self.ok_ns: dict[str, int] = {}
+        self.last: dict[str, dict[str, Any]] = {}
+        self._begun_ns = time.monotonic_ns()
+        self._decoder = msgspec.msgpack.Decoder()
+        self._endpoint = endpoint
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _listen(self) -> None:
+        socket = zmq.Context.instance().socket(zmq.SUB)
+        with socket:
+            socket.setsockopt(zmq.RCVHWM, 100_000)
+            socket.setsockopt(zmq.SUBSCRIBE, b"contact/")
+            socket.connect(self._endpoint)
+            while not self._ended.is_set():
+                if socket.poll(100):
+                    while socket.getsockopt(zmq.EVENTS) & zmq.POLLIN:
+                        self._judge(self._decoder.decode(socket.recv_multipart()[1]))
+
+    def _judge(self, contact: dict[str, Any]) -> None:
+        pad, health = contact["pad"], contact["health"]
+        board, before = self._boards[pad], self.last.get(pad)
+        if before is not None and before["boot"] == contact["boot"]:
+            self.unheard[pad] += contact["seq"] - before["seq"] - 1
+        self.last[pad] = contact
+        self.published[pad] += health not in WITHOUT_FRAME
+        self.health[health] += 1
+        if health not in ("ok", "degraded"):
+            if contact["force_n"] is not None or contact["contact"] is not None:
+                self._note("a number although it is " + health, contact)
+            return
+        frame = self._frame_of(board, contact)
+        if frame is None:
+            return  # no temperature was believed, so no watermark
+        if health == "ok":
+            age_ns = contact["t_publish_ns"] - frame.taken_ns
+            self.ages_ns.append(age_ns)
+            if age_ns > OLDEST_OK_NS:
+                self.stale += 1
+            self.ok_ns[pad] = frame.taken_ns
+            if abs(contact["t_sample_ns"] - frame.taken_ns) > TIME_ERROR_NS:
+                self._note(f"time off by {(contact['t_sample_ns'] - frame.taken_ns) * 1e-6:.0f} ms", contact)
+        if frame.touch.standing >= SETTLED:
+            self._compare(frame, contact)
+
+    def _frame_of(self, board: ChaosBoard, contact: dict[str, Any]) -> Taken | None:
+        told_c = contact["temperature_c"]
+        if told_c is None:
+            return None
+        return board.by_mark.get((round((told_c - MIDDLE_C) / STEP_C) + MARKS // 2) % MARKS)
+
+    def _compare(self, frame: Taken, contact: dict[str, Any]) -> None:
+        touch = frame.touch
+        self.judged += 1
+        self.judged_pressed += touch.force_n > 0.0
+        if contact["contact"] is not None and contact["contact"] != (touch.force_n > 0.0):
+            self._note(f"contact {contact['contact']} at {touch.force_n:.2f} N", contact)
+        elif contact["over_range"]:
+            self._note(f"over range at {touch.force_n:.2f} N", contact)
+        else:
+            told = {"force_n": (touch.force_n, "force_sd_n")}
+            if touch.force_n > 0.0:
+                told |= {"x_m": (touch.x_m, "x_sd_m"), "y_m": (touch.y_m, "y_sd_m")}
+            for name, (truth, deviation) in told.items():
+                value = contact[name]
+                if value is not None and abs(value - truth) > WRONG_DEVIATIONS * contact[deviation]:
+                    self._note(f"{name} {value:.4f} ± {contact[deviation]:.4f}, not {truth:.4f}", contact)
+
+    def _note(self, what: str, contact: dict[str, Any]) -> None:
+        if contact["health"] == "degraded":
+            what = "degraded: " + what
+        self.kinds[what.split(" ")[0] if not what.startswith(("degraded", "a number")) else what.split(" at ")[0]] += 1
+        since_s = (contact["t_publish_ns"] - self._begun_ns) * 1e-9
+        self.wrong.append((contact["pad"], what, since_s, contact))

@@ -1,0 +1,126 @@
+"""A pad that a finger presses by a script, as packets: what each frame's chips see, exactly, is known for ever.
+
+Every frame carries a watermark in its temperature, so that a contact names the frame that it was made of, whatever time
+it claims. The magnet follows that temperature, as a real one does.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fmfts.baseline import encode
+from fmfts.baseline.baseline import make_bare, make_rest
+from fmfts.baseline.origin import Origin
+from fmfts.baseline.recording import Recording
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.pad import Array, Pad
+from fmfts.simulation.mounted import MountedPad
+from fmfts_lab.bench.recorded import pressed_field
+
+RATE_HZ = 220
+CONFIG = PadConfig(name="p", source=SimulatedSource())
+PAD = CONFIG.pad()
+CHIP = PAD.chip
+GAIN_CODE = 3
+# Watermarks: temperatures of 25 °C ± 2 K in steps of 1/128 K. After 2.3 s they come again.
+MARKS = 512
+MIDDLE_C, STEP_C = 25.0, 1.0 / 128.0
+PLACES, LEVELS = 12, 20
+REACH_M, FORCES_N = 6e-3, (0.4, 1.2)
+# In frames. A force that stands for SETTLED of them is known to a filter with hysteresis.
+PAUSE, RAMP, HOLD = 110, 22, 154
+SETTLED = 14
+LIFT_M = 2e-3
+
+
+class Touch(NamedTuple):
+    """The finger in one frame. standing: for how many frames the force has been the same."""
+
+    x_m: float
+    y_m: float
+    force_n: float
+    standing: int
+
+
+def mark_c(sequence: int) -> float:
+    """The temperature that a frame of this number tells."""
+    return MIDDLE_C + (sequence % MARKS - MARKS // 2) * STEP_C
+
+
+class Library:
+    """Fields of the pad as built, T (4, 3): at rest, pulled up, and at LEVELS forces at PLACES places."""
+
+    def __init__(self, seed: int) -> None:
+        random_ = np.random.default_rng(seed)
+        built = MountedPad.exact(PAD)
+        self.places_m = random_.uniform(-REACH_M, REACH_M, (PLACES, 2))
+        self.forces_n = random_.uniform(*FORCES_N, PLACES)
+        self.rest_t = pressed_field(built, 0.0, 0.0, 0.0)
+        self.pressed_t = np.array(
+            [
+                [pressed_field(built, x, y, force * level / LEVELS) for level in range(1, LEVELS + 1)]
+                for (x, y), force in zip(self.places_m, self.forces_n, strict=True)
+            ]
+        )
+        above = PAD.rest_position_m + np.array([0.0, 0.0, LIFT_M])
+        self.lifted_t = pressed_field(MountedPad.exact(_moved(above)), 0.0, 0.0, 0.0)
+        self.noise = random_.normal(0.0, CHIP.noise_t, (4096, 4, 3))
+
+    def baseline(self, name: str, origin: Origin) -> bytes:
+        """The file of a baseline of this pad, recorded for three seconds before and after it was mounted."""
+        tolerance = CONFIG.tolerance.si()
+        noise = np.full((4, 3), np.hypot(CHIP.noise_t, CHIP.step_t[GAIN_CODE, 0] / np.sqrt(12.0)))
+        pad = _named(name)
+
+        def recorded(field_t: Array) -> Recording:
+            return Recording(field_t, noise, np.full(4, 660), GAIN_CODE, MIDDLE_C, 3.0)
+
+        bare = make_bare(pad, tolerance, recorded(np.zeros((4, 3))))
+        rest, _ = make_rest(pad, tolerance, recorded(self.rest_t), bare)
+        return encode(rest.recorded_on(origin))
+
+
+class Finger:
+    """Presses of one pad, frame by frame."""
+
+    def __init__(self, library: Library, seed: int) -> None:
+        self._library = library
+        self._dice = random.Random(seed)
+        self._at = self._dice.randrange(PAUSE)
+        self._place = self._dice.randrange(PLACES)
+        self._standing = 0
+
+    def next(self) -> tuple[Touch, Array]:
+        """The next frame's touch, and the field (4, 3) T."""
+        at = self._at
+        rising, falling = at - PAUSE, PAUSE + RAMP + HOLD + RAMP - at
+        level = min(max(min(rising, falling), 0) * LEVELS // RAMP, LEVELS)
+        self._at += 1
+        if falling <= 0:
+            self._at, self._place = 0, self._dice.randrange(PLACES)
+        self._standing = self._standing + 1 if level in (0, LEVELS) else 0
+        library, place = self._library, self._place
+        if not level:
+            return Touch(0.0, 0.0, 0.0, self._standing), library.rest_t
+        x_m, y_m = library.places_m[place].tolist()
+        force_n = float(library.forces_n[place]) * level / LEVELS
+        return Touch(x_m, y_m, force_n, self._standing), library.pressed_t[place, level - 1]
+
+
+def counts_of(library: Library, field_t: Array, sequence: int) -> Array:
+    """What the chips tell (4, 3) of a field, with noise, while the magnet has the temperature of the watermark."""
+    warm = 1.0 + CONFIG.magnet.temperature_coefficient_per_k * (mark_c(sequence) - MIDDLE_C)
+    seen = field_t * warm + library.noise[(sequence * 2654435761) % len(library.noise)]
+    return np.rint(seen / CHIP.step_t[GAIN_CODE]).astype(np.int16)
+
+
+def _moved(rest_m: Array) -> Pad:
+    return replace(PAD, rest_position_m=rest_m)
+
+
+def _named(name: str) -> Pad:
+    return replace(PAD, name=name)
