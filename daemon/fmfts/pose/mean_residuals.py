@@ -46,7 +46,8 @@ class Finding:
 class MeanResidualsMemory:
     """Of each axis (3N,): mean_t, the mean residual; lasting_t2, variance that averaging does not reduce; frames, how
     many were averaged, up to MEMORY_FRAMES. change (8,): mean of `change_since`. sound: whether the last judged mean
-    was. lasting_misfit: χ² of that mean over the limit of a sound one; at least 1, and 1 after an alarm."""
+    was. lasting_misfit: χ² of that mean over the limit of a sound one; at least 1, and 1 after an alarm. recent_t,
+    recent: mean and number of the frames since the last judgement, while a fault is known."""
 
     mean_t: Array
     lasting_t2: Array
@@ -56,6 +57,8 @@ class MeanResidualsMemory:
     since: int = 0
     sound: bool = True
     lasting_misfit: float = 1.0
+    recent_t: Array | None = None
+    recent: int = 0
 
 
 class MeanResiduals:
@@ -69,6 +72,7 @@ class MeanResiduals:
     def forget(self) -> None:
         memory = self.memory
         memory.mean_t[:], memory.frames[:], memory.pushed = 0.0, 0.0, 0
+        memory.recent_t, memory.recent = None, 0
 
     def push(self, residual_t: Array, lasting_t: Array, change: Array) -> bool:
         """Add one frame. Returns True when it is time to judge.
@@ -84,6 +88,9 @@ class MeanResiduals:
         share = 1.0 / np.maximum(memory.frames, 1.0)
         memory.mean_t += np.where(seen, share * (residual - memory.mean_t), -memory.mean_t)
         memory.lasting_t2 += np.where(seen, share * (lasting - memory.lasting_t2), -memory.lasting_t2)
+        memory.recent += 1
+        before = np.zeros(residual.shape) if memory.recent_t is None else memory.recent_t
+        memory.recent_t = before + (residual - before) / memory.recent
         memory.since += 1
         return memory.since % JUDGED_EVERY == 0
 
@@ -98,22 +105,52 @@ class MeanResiduals:
         unknowns = jacobian.shape[1]
         freedom = int(ready.sum()) - unknowns
         memory.lasting_misfit = 1.0
+        recent_t, recent, memory.recent_t, memory.recent = memory.recent_t, memory.recent, None, 0
         if freedom < 1:
             return None
         # A mean of n frames; once the memory is full, an exponential mean, which is worth 2·memory − 1 frames.
         effective = np.where(memory.frames < MEMORY_FRAMES, memory.frames, 2 * MEMORY_FRAMES - 1.0)
         weight = 1.0 / np.sqrt(square(self._noise[ready]) / effective[ready] + memory.lasting_t2[ready])
-        scaled = weight[:, None] * jacobian[ready]
-        parity = complement(scaled / lengths(scaled.T)).T * weight
-        spread = product(parity, tolerated[ready])
-        parity = solve_lower(cholesky(np.eye(freedom) + product(spread, spread.T)), parity)
+        parity = _parity(jacobian[ready], tolerated[ready], weight)
         seen = product(parity, memory.mean_t[ready])
         chi2 = product(seen, seen)
         memory.sound = bool(chi2 < quantile(SOUND, freedom))
+        if (
+            forgiving
+            and recent == JUDGED_EVERY
+            and recent_t is not None
+            and self._is_over(recent_t, jacobian, tolerated)
+        ):
+            self.forget()
+            return None
         if chi2 < quantile(SOUND if forgiving else FALSE_ALARM, freedom):
             memory.lasting_misfit = max(chi2 / quantile(SOUND, freedom), 1.0)
             return None
         return _explained(seen, parity, foreign[ready], np.flatnonzero(ready) // 3, chi2)
+
+    def _is_over(self, recent_t: Array, jacobian: Array, tolerated: Array) -> bool:
+        """Whether a fault that was found ended: the last frames are sound, and would not be with the mean's residuals.
+
+        Without this a large fault outlives its cause by the seconds in which the mean forgets it. A small one is not
+        seen in so few frames.
+        """
+        seen = np.isfinite(recent_t)
+        freedom = int(seen.sum()) - jacobian.shape[1]
+        if freedom < 1:
+            return False
+        weight = 1.0 / np.sqrt(square(self._noise[seen]) / JUDGED_EVERY + self.memory.lasting_t2[seen])
+        parity = _parity(jacobian[seen], tolerated[seen], weight)
+        now, before = product(parity, recent_t[seen]), product(parity, self.memory.mean_t[seen])
+        sound = product(now, now) < quantile(SOUND, freedom)
+        return bool(sound and product(before, before) > quantile(FALSE_ALARM, freedom))
+
+
+def _parity(jacobian: Array, tolerated: Array, weight: Array) -> Array:
+    """The parity space of rows with these weights, in which errors that are expected have deviation 1."""
+    scaled = weight[:, None] * jacobian
+    parity = complement(scaled / lengths(scaled.T)).T * weight
+    spread = product(parity, tolerated)
+    return solve_lower(cholesky(np.eye(len(spread)) + product(spread, spread.T)), parity)
 
 
 def _explained(seen: Array, parity: Array, foreign: Array, sensor_of: NDArray[np.intp], chi2: float) -> Finding:

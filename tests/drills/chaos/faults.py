@@ -131,7 +131,7 @@ def _two_boards(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Ran
 
 CHIPS: dict[str, ChipFault] = {
     "stale": _stale, "frozen": _frozen, "hot": _hot, "swapped": _swapped, "silent": _silent, "saturated": _saturated,
-    "impossible": _impossible, "stuck": _stuck, "step": _step, "steel": _steel, "range": _range,
+    "impossible": _impossible, "stuck": _stuck, "step": _step, "range": _range,
 }  # fmt: skip
 LINES: dict[str, LineFault] = {
     "flipped": _flipped, "cut": _cut, "garbage": _garbage, "doubled": _doubled, "again": _again, "future": _future,
@@ -140,5 +140,5 @@ LINES: dict[str, LineFault] = {
 # Made by the drill itself: a board that is unplugged or reset, a magnet that something pulls.
 OTHERS = ("lifted", "replug", "reset", "reset unheard")
 # Of the whole computer: they meet all pads.
-GLOBAL = ("load", "strangers", "stopped", "requests", "deaf")
+GLOBAL = ("strangers", "requests", "deaf")
 _ = Hello

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections import Counter, deque
@@ -19,6 +20,7 @@ OLDEST_OK_NS = 100_000_000
 TIME_ERROR_NS = 30_000_000
 WITHOUT_FRAME = ("stale", "disconnected")
 KEPT = 40
+RECENT_NS = 1_000_000_000
 
 
 class Judge:
@@ -33,6 +35,8 @@ class Judge:
         self._boards = boards
         self.wrong: deque[tuple[str, str, float, dict[str, Any]]] = deque(maxlen=KEPT)
         self.kinds: Counter[str] = Counter()
+        self.by_faults: Counter[tuple[str, str]] = Counter()
+        self.stale_by_faults: Counter[tuple[str, str]] = Counter()
         self.health: Counter[str] = Counter()
         self.published: Counter[str] = Counter()
         self.unheard: Counter[str] = Counter()
@@ -82,6 +86,8 @@ class Judge:
             self.ages_ns.append(age_ns)
             if age_ns > OLDEST_OK_NS:
                 self.stale += 1
+                claimed_ns = contact["t_publish_ns"] - contact["t_sample_ns"]
+                self.stale_by_faults[f"claims {claimed_ns // 10_000_000}0 ms", self._recent_faults(contact)] += 1
             self.ok_ns[pad] = frame.taken_ns
             if abs(contact["t_sample_ns"] - frame.taken_ns) > TIME_ERROR_NS:
                 self._note(f"time off by {(contact['t_sample_ns'] - frame.taken_ns) * 1e-6:.0f} ms", contact)
@@ -111,9 +117,17 @@ class Judge:
                 if value is not None and abs(value - truth) > WRONG_DEVIATIONS * contact[deviation]:
                     self._note(f"{name} {value:.4f} ± {contact[deviation]:.4f}, not {truth:.4f}", contact)
 
+    def _recent_faults(self, contact: dict[str, Any]) -> str:
+        """Those that are on now on its pad, or were within the last second."""
+        faults, now_ns = self._boards[contact["pad"]].faults, contact["t_publish_ns"]
+        on = sorted(name for name, ends_ns in faults.items() if ends_ns > now_ns)
+        over = sorted(name for name, ends_ns in faults.items() if now_ns - RECENT_NS < ends_ns <= now_ns)
+        return f"on: {', '.join(on) or 'none'}; over: {', '.join(over) or 'none'}"
+
     def _note(self, what: str, contact: dict[str, Any]) -> None:
         if contact["health"] == "degraded":
             what = "degraded: " + what
-        self.kinds[what.split(" ")[0] if not what.startswith(("degraded", "a number")) else what.split(" at ")[0]] += 1
+        self.kinds[re.sub(r"[-+]?[0-9.]+", "#", what)] += 1
         since_s = (contact["t_publish_ns"] - self._begun_ns) * 1e-9
+        self.by_faults[re.sub(r"[-+]?[0-9.]+", "#", what), self._recent_faults(contact)] += 1
         self.wrong.append((contact["pad"], what, since_s, contact))
