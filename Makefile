@@ -11,8 +11,9 @@
 # make test-firmware-long    half a minute of the emulated board's time
 # make install, uninstall    install into PREFIX=/usr/local; make deb: make a Debian package in build/
 # make install-c-client      install the client for controllers in C and C++ into PREFIX
-# make drills, soak, drill-service, aarch64    all fault drills; random faults on many pads; the service under systemd on
-#              a plain Debian; tests on aarch64
+# make drills, soak, chaos, drill-service, aarch64    all fault drills; random faults on many pads; pairs of faults, each
+#              number judged by its frame; the service under systemd on a plain Debian; tests on aarch64
+# make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
 # make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
 # make sizes   modules longer than 250 lines, and the lines of each room
@@ -35,7 +36,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock long bench cold-starts clean wheel
 .PHONY: transcript recordings model pictures chips-page
-.PHONY: fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: chaos fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
@@ -106,6 +107,11 @@ fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
 	$(MAKE) fuzz-c-client
+
+# Everything that can go wrong, at random, in pairs, on 16 touched pads: ten million frames take 50 minutes.
+CHAOS ?=
+chaos: $(VENV)/.installed-test
+	PYTHONPATH=tests $(BIN)/python -m drills.chaos.drill $(CHAOS)
 
 # A million damaged files of all kinds that fmfts reads: an hour.
 FUZZ_INPUTS ?= 1000000

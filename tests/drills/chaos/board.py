@@ -9,27 +9,24 @@ from collections import deque
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
-from drills.chaos.pressed import GAIN_CODE, RATE_HZ, Finger, Library, Touch, counts_of
+from drills.chaos.faults import CHIPS, LINES
+from drills.chaos.pressed import GAIN_CODE, MARKS, RATE_HZ, Finger, Library, Touch, counts_of
 from emulator.board import Board
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Sample, Status, StatusPad
 
 PERIOD_NS = 1_000_000_000 // RATE_HZ
-KEPT = 4 * RATE_HZ  # frames: more than a round of watermarks
+ROUNDS = 4  # of watermarks that are kept: nine seconds
 REPEATED = RATE_HZ  # frames: what is sent again is a second old
 STATUS_EVERY = RATE_HZ
 NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 
 class Taken(NamedTuple):
-    """A frame: its number, when it was taken, what touched the pad, and whether a fault was in what the chips told."""
+    """When a frame was taken, and what touched the pad."""
 
-    sequence: int
     taken_ns: int
     touch: Touch
-    faulty: bool
 
 
 class ChaosBoard(Board):
@@ -43,8 +40,8 @@ class ChaosBoard(Board):
         self.gain_code = GAIN_CODE
         self._library, self._finger, self._dice = library, Finger(library, seed), random.Random(seed)
         self.faults: dict[str, int] = {}
-        self.taken: deque[Taken] = deque(maxlen=KEPT)
-        self.by_mark: dict[int, Taken] = {}
+        self.last_touch = NOT_TOLD
+        self.by_mark: dict[int, deque[Taken]] = {mark: deque(maxlen=ROUNDS) for mark in range(MARKS)}
         self.made = self.written = self.lost = 0
         self._lines: deque[bytes] = deque(maxlen=REPEATED)
         self._born_ns = self._due_ns = time.monotonic_ns()
@@ -52,8 +49,6 @@ class ChaosBoard(Board):
         self._lifted_for = 0
         self._old: Sample | None = None
         self.is_plugged = True
-
-    # What a fault does to a frame is told in faults.py; here only what a sound board does.
 
     def tick(self, now_ns: int) -> None:
         if not self.is_plugged:
@@ -68,15 +63,10 @@ class ChaosBoard(Board):
 
     def rested_ns(self, now_ns: int) -> int:
         """When the finger left the pad; now, while it is there."""
-        last = self.taken[-1].touch if self.taken else NOT_TOLD
+        last = self.last_touch
         return now_ns if last.force_n > 0.0 else now_ns - last.standing * PERIOD_NS
 
-    def has(self, fault: str, now_ns: int) -> bool:
-        return self.faults.get(fault, 0) > now_ns
-
     def _frame(self, now_ns: int) -> None:
-        from drills.chaos.faults import CHIPS, LINES
-
         sequence = self.sequence[0]
         self.sequence[0] = (sequence + 1) % 2**32
         touch, field_t = self._finger.next()
@@ -87,22 +77,19 @@ class ChaosBoard(Board):
             touch, field_t = NOT_TOLD._replace(standing=since), self._library.lifted_t
         else:
             self._lifted_for = 0
-        counts = counts_of(self._library, field_t, sequence)
         sample = self.sample(
             sequence=sequence,
-            counts=counts,
-            temperature_raw=sequence % 512 - 256,
+            counts=counts_of(self._library, field_t, sequence),
+            temperature_raw=sequence % MARKS - MARKS // 2,
         )
         self.sequence[0] = (sequence + 1) % 2**32
-        faulty = any(name in CHIPS for name in now)
         for name in now:
             if name in CHIPS:
                 sample = CHIPS[name](sample, self._old or sample, self._dice)
         if "stale" not in now and "frozen" not in now:
             self._old = sample
-        frame = Taken(sequence, now_ns, touch, faulty)
-        self.taken.append(frame)
-        self.by_mark[sequence % 512] = frame
+        self.last_touch = touch
+        self.by_mark[sequence % MARKS].append(Taken(now_ns, touch))
         self.made += 1
         line = encode(sample)
         data, whole = line, True
@@ -113,7 +100,7 @@ class ChaosBoard(Board):
         self._lines.append(line)
         if sequence % STATUS_EVERY == 0:
             data += encode(Status(self.time_us, 0, 0, (StatusPad(0, 0, 0, (0,) * 4),)))
-        if whole and self._put(data):
+        if self._put(data) and whole:
             self.written += 1
         else:
             self.lost += 1
@@ -154,13 +141,3 @@ class ChaosBoard(Board):
 
     def send(self, *packets: object) -> None:
         self._put(b"".join(encode(packet) for packet in packets))  # type: ignore[arg-type]
-
-
-def everyone(mask: int, *but: int) -> int:
-    for sensor in but:
-        mask &= ~(1 << sensor)
-    return mask
-
-
-def as_counts(counts: object) -> np.ndarray:
-    return np.asarray(counts, np.int16)

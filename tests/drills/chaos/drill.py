@@ -250,6 +250,7 @@ class Drill:
             "wrong_kinds": dict(judge.kinds),
             "wrong_by_faults": [[count, *what] for what, count in judge.by_faults.most_common(KEPT)],
             "ok_older_than_100_ms": judge.stale,
+            "ok_with_a_false_time": judge.false_times,
             "old_by_faults": [[count, *what] for what, count in judge.stale_by_faults.most_common(KEPT)],
             "age_ms": {"p50": round(ages_ms[len(ages_ms) // 2], 1), "p99": round(ages_ms[len(ages_ms) * 99 // 100], 1)},
             "latches": self.latches[:KEPT],
@@ -261,7 +262,9 @@ class Drill:
         }
 
 
-MUST_BE_NONE = ("wrong", "unaccounted", "latched", "ok_older_than_100_ms")
+MUST_BE_NONE = ("wrong", "unaccounted", "latched")
+# Where other programs have the processors, or the drill makes load, a daemon that cannot keep up shows here.
+MUST_BE_NONE_IN_TIME = ("ok_older_than_100_ms", "ok_with_a_false_time")
 
 
 def main() -> int:
@@ -269,12 +272,14 @@ def main() -> int:
     options.add_argument("--pads", type=int, default=16)
     options.add_argument("--frames", type=int, default=10_000_000, help="that the boards take, all together")
     options.add_argument("--seconds", type=float, default=1e9, help="at most")
+    options.add_argument("--any-age", action="store_true", help="old contacts are counted, and do not fail the drill")
     options.add_argument("--seed", type=int, default=1)
     arguments = options.parse_args()
     with tempfile.TemporaryDirectory(prefix="fmfts-") as folder:
         facts = Drill(Path(folder), arguments.pads, arguments.seed).run(arguments.frames, arguments.seconds)
     print(json.dumps(facts, indent=1))
-    return int(any(facts[name] for name in MUST_BE_NONE))
+    wanted = MUST_BE_NONE if arguments.any_age else (*MUST_BE_NONE, *MUST_BE_NONE_IN_TIME)
+    return int(any(facts[name] for name in wanted))
 
 
 if __name__ == "__main__":

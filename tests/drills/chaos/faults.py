@@ -10,13 +10,11 @@ import numpy as np
 from msgspec.structs import replace
 
 from fmfts.sensor.wire.framing import encode
-from fmfts.sensor.wire.packets import Hello, Sample
+from fmfts.sensor.wire.packets import Sample
 
 if TYPE_CHECKING:
     from drills.chaos.board import ChaosBoard
 
-STEEL_T_COUNTS = 60  # a tenth of a gauss, uneven over the pad
-OTHER_UID = bytes(range(100, 112))
 ChipFault = Callable[[Sample, Sample, random.Random], Sample]
 LineFault = Callable[["ChaosBoard", Sample, bytes, random.Random], tuple[bytes, bool]]
 
@@ -69,12 +67,6 @@ def _step(now: Sample, old: Sample, dice: random.Random) -> Sample:
     return replace(now, counts=counts)
 
 
-def _steel(now: Sample, old: Sample, dice: random.Random) -> Sample:
-    counts = now.counts.copy()
-    counts[:, 2] += np.array([4, -2, 1, -3], np.int16) * np.int16(STEEL_T_COUNTS // 4)
-    return replace(now, counts=counts)
-
-
 def _range(now: Sample, old: Sample, dice: random.Random) -> Sample:
     """The board says another range than that of its chips."""
     return replace(now, gain_code=dice.choice((0, 5, 7)))
@@ -118,17 +110,6 @@ def _mute(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -
     return b"", False
 
 
-def _two_boards(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
-    """Another board's packets come on the same line, nearly at the same time, of a pad that nothing touches."""
-    other = replace(
-        sample,
-        sequence=(sample.sequence + 7) % 2**32,
-        time_us=sample.time_us + 900,
-        counts=board.at_rest(sample.sequence),
-    )
-    return line + encode(other), True
-
-
 CHIPS: dict[str, ChipFault] = {
     "stale": _stale, "frozen": _frozen, "hot": _hot, "swapped": _swapped, "silent": _silent, "saturated": _saturated,
     "impossible": _impossible, "stuck": _stuck, "step": _step, "range": _range,
@@ -140,5 +121,4 @@ LINES: dict[str, LineFault] = {
 # Made by the drill itself: a board that is unplugged or reset, a magnet that something pulls.
 OTHERS = ("lifted", "replug", "reset", "reset unheard")
 # Of the whole computer: they meet all pads.
-GLOBAL = ("strangers", "requests", "deaf")
-_ = Hello
+GLOBAL = ("load", "stopped", "strangers", "requests", "deaf")
