@@ -16,6 +16,10 @@
 # make fuzz, fuzz-files    a million inputs to each decoder; a million damaged files
 # make test-versions         each installed Python with the oldest and the newest allowed dependencies: half an hour
 # make wheel   a wheel for this architecture; fails if a compiled part is missing
+# make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64)
+# make test-dist   what is in dist/ in clean environments of each Python: the demo from there; SIZES=1: how large each extra is
+# make release     check HEAD, then `dist`, `test-dist` and a tag; CHECK=1: no tag. Uploads nothing
+# make ros     the ROS 2 package with real rclpy of two distributions (600 MB the first time)
 # make sizes   modules longer than 250 lines, and the lines of each room
 # make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
 
@@ -144,6 +148,29 @@ wheel: $(VENV)/.installed-test
 	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
 	@ls build/wheel/*.whl
+
+# What a package index takes: docs/installing.md.
+SIZES ?=
+CHECK ?=
+.PHONY: dist test-dist release ros
+dist: test-packages $(VENV)/.installed-test
+	@$(call need,$(call missing_packages,debootstrap python3-pip),exit 1)
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[dist]'
+	$(BIN)/python release/dist.py
+
+test-dist: $(VENV)/.installed-test
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
+	$(BIN)/python tests/drills/clean_environments.py $(if $(SIZES),--sizes)
+
+release:
+	$(BIN)/python release/release.py $(if $(CHECK),--check)
+
+# Shorter: ROS="--distribution jazzy -k graph".
+ROS ?=
+ros: $(VENV)/.installed-test firmware
+	@$(call need,$(call missing_packages,g++ iproute2),exit 1)
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
+	$(BIN)/python tests/ros/run.py $(ROS)
 
 # Makes the recordings that the tests replay again; the commit must explain why they change.
 recordings: $(VENV)/.installed-test firmware

@@ -70,12 +70,12 @@ def debian(cache: Path) -> Path:
     return tree
 
 
-def wheel(tree: Path, folder: Path) -> Path:
+def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
     """Built by this machine's Python with a cross compiler; the stable ABI needs arm64's headers and nothing more."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("fmfts-*.whl"):
         old.unlink()
-    for old in ROOT.glob("build/*.linux-aarch64*"):  # a module that is gone would still be packed
+    for old in Path(sources).glob("build/*.linux-aarch64*"):  # a module that is gone would still be packed
         shutil.rmtree(old)
     environment = os.environ | {
         "CC": "aarch64-linux-gnu-gcc",
@@ -83,7 +83,7 @@ def wheel(tree: Path, folder: Path) -> Path:
         "CFLAGS": f"-I{tree}/usr/include -I{tree}/usr/include/python3.11",
         "_PYTHON_HOST_PLATFORM": "linux-aarch64",
     }
-    subprocess.run([*PIP, "wheel", "--no-deps", "-w", folder, ROOT], check=True, env=environment)
+    subprocess.run([*PIP, "wheel", "--no-deps", "-w", folder, sources], check=True, env=environment)
     (built,) = folder.glob("fmfts-*-abi3-linux_aarch64.whl")
     return built
 
@@ -91,7 +91,9 @@ def wheel(tree: Path, folder: Path) -> Path:
 def install(built: Path, folder: Path) -> None:
     platforms = [word for name in PLATFORMS for word in ("--platform", f"{name}_aarch64")]
     command = [*PIP, "install", "--upgrade", "--target", folder, *platforms, "--python-version", "3.11"]
-    subprocess.run([*command, "--only-binary=:all:", "--no-deps", built, *FROM_PYPI], check=True)
+    subprocess.run(
+        [*command, "--only-binary=:all:", "--no-deps", built, ROOT / "clients/python", *FROM_PYPI], check=True
+    )
 
 
 def emulated(tree: Path, folder: Path) -> list[str | Path]:

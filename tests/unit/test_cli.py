@@ -56,6 +56,18 @@ def test_absent_package_comes_with_the_line_that_installs_it(
     assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err
 
 
+def test_package_left_out_by_whoever_installed_without_dependencies_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in [name for name in sys.modules if name.startswith(("fmfts.recording", "mcap"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "mcap", None)
+    assert main(["replay", "touch.mcap"]) == exit_codes.UNAVAILABLE
+    said = capsys.readouterr().err
+    assert "mcap" in said
+    assert f"{sys.executable} -m pip install fmfts\n" in said
+
+
 @pytest.mark.parametrize(
     "words",
     [("listen", "--seconds=-1"), ("record", "a.mcap", "--seconds=nan"), ("baseline", "--rest", "--duration-s=0")],

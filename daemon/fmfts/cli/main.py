@@ -20,7 +20,7 @@ from fmfts.cli import keys as keys_verb
 from fmfts.cli import pose as pose_verb
 from fmfts.cli import record as record_verbs
 from fmfts.cli import view as view_verb
-from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, pad_named, seconds, serving_base
+from fmfts.cli.verb import AddVerb, VerbError, configuration, ended_by, lacking, pad_named, seconds, serving_base
 from fmfts.common import exit_codes
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or /etc/fmfts/config.toml, or ./config.toml"
@@ -49,8 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else:
         configure(logging.WARNING, command=command)
     try:
-        code: int = options.handler(options)
-        return code
+        return _handled(options)
     except VerbError as failure:
         print(f"{command}: {failure}", file=sys.stderr)
         return failure.code
@@ -60,6 +59,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of the output has ended: write nothing more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.READER_GONE
+
+
+def _handled(options: argparse.Namespace) -> int:
+    try:
+        code: int = options.handler(options)
+        return code
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in ("fmfts", "fmfts_client", "fmfts_lab"):
+            raise
+        raise lacking(error) from error  # installed with --no-deps
 
 
 def _unexpected(words: Sequence[str]) -> str:

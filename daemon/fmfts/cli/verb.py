@@ -54,11 +54,10 @@ def not_written(error: OSError, path: object) -> VerbError:
     return VerbError(code_of(error), f"{path}: {why_not_written(error)}")
 
 
-def lacking(error: ImportError, extra: str) -> VerbError:
-    """The error for a missing module that an extra of the package installs; the text names the line to run."""
-    return VerbError(
-        exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install 'fmfts[{extra}]'"
-    )
+def lacking(error: ImportError, extra: str = "") -> VerbError:
+    """The error for a missing module that the package or an extra of it installs; the text names the line to run."""
+    package = f"'fmfts[{extra}]'" if extra else "fmfts"
+    return VerbError(exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install {package}")
 
 
 def configuration(options: argparse.Namespace) -> Config:

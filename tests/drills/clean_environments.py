@@ -1,0 +1,147 @@
+"""What is in dist/, installed into clean environments of every Python, and the demo from there: `make test-dist`.
+
+In an empty folder, without the repository. Also the source archive, built where no wheel fits, and the client alone.
+Prints how large an installation is, by package, for docs/installing.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from drills.versions import Project, uv  # noqa: E402
+
+DIST = ROOT / "dist"
+DEMO_S = 10
+# The summary that ends a demo: every frame arrived, at the pad's 220 Hz, and all was well.
+SEEN = re.compile(r"pad demo: (\d+) messages; .* ok ")
+LEAST_MESSAGES = 220  # a second of them: a busy computer starts the daemon late
+LARGEST_LISTED = 8
+
+
+@contextmanager
+def environment(python: str, *words: str | Path) -> Iterator[Path]:
+    """A new environment with what `uv pip install` makes of `words`; its folder is deleted afterwards."""
+    with tempfile.TemporaryDirectory(prefix="fmfts-clean-") as folder:
+        uv("venv", "--python", python, f"{folder}/venv")
+        uv("pip", "install", "--python", f"{folder}/venv", *words)
+        yield Path(folder)
+
+
+def require(condition: object, what: str) -> None:
+    if not condition:
+        raise SystemExit(f"test-dist: {what}")
+
+
+def built(pattern: str) -> Path:
+    found = sorted(DIST.glob(pattern))
+    require(len(found) == 1, f"dist/ has {len(found)} files {pattern}: run `make dist`")
+    return found[0]
+
+
+def clean_variables() -> dict[str, str]:
+    """Without anything that leads to the repository."""
+    return {
+        name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "FMFTS", "VIRTUAL_ENV"))
+    }
+
+
+def demo_runs(folder: Path) -> int:
+    """How many messages the demo showed in DEMO_S seconds; it must end with 0."""
+    command = [folder / "venv/bin/fmfts-daemon", "demo", "--seconds", str(DEMO_S)]
+    ended = subprocess.run(
+        command,
+        cwd=folder,
+        env=clean_variables(),
+        capture_output=True,
+        text=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    require(ended.returncode == 0, f"the demo ended with {ended.returncode}:\n{ended.stdout[-2000:]}{ended.stderr}")
+    seen = SEEN.search(ended.stdout)
+    require(seen is not None and int(seen[1]) >= LEAST_MESSAGES, f"the demo said:\n{ended.stdout[-2000:]}")
+    assert seen is not None
+    return int(seen[1])
+
+
+def is_compiled(folder: Path) -> bool:
+    code = "import fmfts.pose, fmfts.pipeline.fast._fast; print(fmfts.pose.SOLVER)"
+    command = [folder / "venv/bin/python", "-c", code]
+    return subprocess.run(command, cwd=folder, env=clean_variables(), capture_output=True, text=True).stdout == "c\n"
+
+
+def sizes(folder: Path) -> dict[str, float]:
+    """Megabytes of each folder of the environment's packages, the largest first."""
+    (packages,) = folder.glob("venv/lib/python3*/site-packages")
+    found: dict[str, float] = {}
+    for path in packages.iterdir():
+        name = re.sub(r"\.libs$|-[\d.]+\.dist-info$", "", path.name)
+        files = path.rglob("*") if path.is_dir() else [path]
+        found[name] = found.get(name, 0.0) + sum(each.stat().st_size for each in files if each.is_file()) / 1e6
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def print_sizes(label: str, folder: Path) -> None:
+    found = sizes(folder)
+    listed = ", ".join(f"{name} {size:.0f}" for name, size in list(found.items())[:LARGEST_LISTED])
+    print(f"{label}: {sum(found.values()):.0f} MB ({listed})", flush=True)
+
+
+def tried_with(python: str) -> None:
+    client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
+    with environment(python, client, wheel) as folder:
+        require(is_compiled(folder), f"Python {python}: the wheel's compiled parts do not load")
+        print(f"Python {python}: wheel, demo, {demo_runs(folder)} messages", flush=True)
+
+
+def tried_from_source(python: str) -> None:
+    with environment(python, built("fmfts_client-*.tar.gz"), built("fmfts-*.tar.gz")) as folder:
+        require(is_compiled(folder), f"Python {python}: the source archive gave no compiled parts")
+        print(f"Python {python}: source archive, demo, {demo_runs(folder)} messages", flush=True)
+
+
+def client_alone(python: str) -> None:
+    with environment(python, built("fmfts_client-*.whl")) as folder:
+        code = "import fmfts_client, importlib.util; print(importlib.util.find_spec('fmfts'))"
+        said = subprocess.run([folder / "venv/bin/python", "-W", "error", "-c", code], capture_output=True, text=True)
+        require(said.stdout == "None\n", f"Python {python}: the client alone: {said.stdout}{said.stderr}")
+        print_sizes(f"Python {python}: the client alone", folder)
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--python", action="append", default=[], help="only this one, such as 3.12; may be repeated")
+    options.add_argument("--sizes", action="store_true", help="how large each extra is, too")
+    chosen = options.parse_args()
+    require(shutil.which("gcc"), "gcc is needed for the source archive")
+    (client_pythons, _), (pythons, lacking) = Project(ROOT / "clients/python").pythons(), Project(ROOT).pythons()
+    wanted = [python for python in pythons if not chosen.python or python in chosen.python]
+    for python in wanted:
+        tried_with(python)
+    tried_from_source(wanted[-1])
+    client_alone(client_pythons[0])
+    if chosen.sizes:
+        client, wheel = built("fmfts_client-*.whl"), built(f"fmfts-*_{os.uname().machine}.whl")
+        for extra in ("", *Project(ROOT).described["project"]["optional-dependencies"]):
+            if extra not in ("study", "test", "versions", "dist"):
+                with environment(wanted[0], client, f"fmfts[{extra}] @ file://{wheel}" if extra else wheel) as folder:
+                    print_sizes(f"fmfts[{extra}]" if extra else "fmfts", folder)
+    for python in lacking:
+        print(f"Python {python}: not tried, for it is not on PATH, and uv cannot fetch it here")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

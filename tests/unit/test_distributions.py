@@ -1,0 +1,73 @@
+"""What a package index is told: versions that agree, the licence, dependencies; and what a release needs."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "release"))
+
+from release import NotReadyError, notes, the_version, versions  # noqa: E402
+
+# The packages that the project promises to whoever installs it.
+PROMISED = {"pyserial", "smbus2", "numpy", "scipy", "pyzmq", "msgpack", "onnxruntime"}
+PROJECTS = [ROOT, ROOT / "clients/python", ROOT / "lab"]
+
+
+def project(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    return found
+
+
+def test_all_distributions_have_one_version_and_the_daemon_wants_that_client() -> None:
+    found = versions()
+    assert "pyproject.toml: fmfts-client" in found
+    assert len(found) == 5
+    assert set(found.values()) == {the_version()}
+
+
+def test_versions_that_differ_are_named(tmp_path: Path) -> None:
+    for name in versions():
+        path = Path(name.partition(":")[0])
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text((ROOT / path).read_text())
+    changed = tmp_path / "clients/python/pyproject.toml"
+    changed.write_text(changed.read_text().replace('version = "', 'version = "9.', 1))
+    with pytest.raises(NotReadyError, match=r"clients/python/pyproject\.toml says 9\."):
+        the_version(tmp_path)
+
+
+@pytest.mark.parametrize("folder", PROJECTS, ids=lambda folder: folder.name)
+def test_licence_is_an_spdx_expression(folder: Path) -> None:
+    assert project(folder)["license"] == "MIT"
+
+
+def test_client_carries_the_licence() -> None:
+    assert (ROOT / "clients/python/LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+
+
+def test_promised_packages_come_with_the_daemon() -> None:
+    needed = {re.split(r"[<>=\[ ]", word)[0] for word in project(ROOT)["dependencies"]}
+    assert needed >= PROMISED
+
+
+def test_only_the_client_distribution_has_the_clients_files() -> None:
+    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]
+    assert packages["where"] == ["daemon"]
+    assert not (ROOT / "daemon/fmfts_client").exists()
+
+
+def test_notes_are_those_of_the_version_alone() -> None:
+    changelog = "# Changelog\n\n## 0.2.0 (2027-01-02)\n\n- New.\n\n## 0.1.0 (2026-12-01)\n\n- Old.\n"
+    assert notes("0.2.0", changelog) == "- New."
+    assert notes("0.1.0", changelog) == "- Old."
+    with pytest.raises(NotReadyError, match="rename `## Unreleased`"):
+        notes("0.3.0", changelog)
+    with pytest.raises(NotReadyError, match="says nothing"):
+        notes("0.3.0", "## 0.3.0 (2027-01-02)\n\n## 0.2.0 (2027-01-02)\n")
