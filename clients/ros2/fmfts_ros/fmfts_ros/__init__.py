@@ -1,0 +1,1 @@
+"""Publishes the contacts of fmfts-daemon in ROS 2."""

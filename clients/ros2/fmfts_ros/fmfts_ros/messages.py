@@ -1,0 +1,79 @@
+"""Makes ROS messages of a contact. What is not known is NaN, or no message; it is never zero."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from builtin_interfaces.msg import Time
+from fmfts_client import Contact
+from geometry_msgs.msg import PointStamped, TransformStamped, WrenchStamped
+
+NS_PER_S = 1_000_000_000
+NAN = math.nan
+
+
+def sample_time(contact: Contact) -> Time:
+    """When the newest sample of the contact was taken, since 1970 as ROS time counts.
+
+    `utc_ns` is the date of publishing, and both other times are of one clock.
+    """
+    taken_ns = contact.utc_ns - (contact.t_publish_ns - contact.t_sample_ns)
+    return Time(sec=taken_ns // NS_PER_S, nanosec=taken_ns % NS_PER_S)
+
+
+def has_force(contact: Contact) -> bool:
+    """Is the force a measurement? Beyond the calibrated range it is a guess, and only a lower bound is known."""
+    return contact.force_n is not None and not contact.over_range
+
+
+def wrench(contact: Contact, frame: str, height_m: float, unknown_shear: float = NAN) -> WrenchStamped:
+    """The force that the touching object exerts on the pad, in newton, and its torque about the frame's origin, in Nm.
+
+    A finger that presses pushes along −z, because z points toward it. height_m: where above the sensors the force acts.
+    unknown_shear: stands for shear, and for the torque of it, where the contact model tells none. An untouched pad has
+    neither force nor torque. The torque leaves out a twist of the finger about z, which the pad does not measure.
+    """
+    message = WrenchStamped()
+    message.header.stamp, message.header.frame_id = sample_time(contact), frame
+    if contact.contact is False and contact.force_n == 0.0:
+        return message
+    force = message.wrench.force
+    force.x = unknown_shear if contact.shear_x_n is None else contact.shear_x_n
+    force.y = unknown_shear if contact.shear_y_n is None else contact.shear_y_n
+    force.z = NAN if contact.force_n is None else -contact.force_n
+    x = NAN if contact.x_m is None else contact.x_m
+    y = NAN if contact.y_m is None else contact.y_m
+    torque = message.wrench.torque
+    torque.x = y * force.z - height_m * force.y
+    torque.y = height_m * force.x - x * force.z
+    torque.z = x * force.y - y * force.x
+    return message
+
+
+def contact_point(contact: Contact, frame: str, height_m: float) -> PointStamped | None:
+    """Where the pad is touched; None where it is not, or the place is not known. height_m: as of `wrench`."""
+    if not contact.contact or contact.x_m is None or contact.y_m is None or math.isnan(height_m):
+        return None
+    message = PointStamped()
+    message.header.stamp, message.header.frame_id = sample_time(contact), frame
+    message.point.x, message.point.y, message.point.z = contact.x_m, contact.y_m, height_m
+    return message
+
+
+def placed(frame: str, parent: str, position_m: Sequence[float], rotation_rad: Sequence[float]) -> TransformStamped:
+    """The transform of [pad.placement]. rotation_rad: a rotation vector (3,), from the pad's axes to the parent's."""
+    message = TransformStamped()
+    message.header.frame_id, message.child_frame_id = parent, frame
+    place, turn = message.transform.translation, message.transform.rotation
+    place.x, place.y, place.z = map(float, position_m)
+    turn.x, turn.y, turn.z, turn.w = quaternion(rotation_rad)
+    return message
+
+
+def quaternion(rotation_rad: Sequence[float]) -> tuple[float, float, float, float]:
+    """x, y, z, w of a rotation vector: (v/|v| sin(|v|/2), cos(|v|/2))."""
+    angle = math.sqrt(sum(part * part for part in rotation_rad))
+    share = math.sin(angle / 2) / angle if angle else 0.5
+    x, y, z = (part * share for part in rotation_rad)
+    return x, y, z, math.cos(angle / 2)

@@ -1,0 +1,71 @@
+"""One pad in ROS: its publishers, and what the daemon said of it last."""
+
+from __future__ import annotations
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from fmfts_client import ALIVE_S, Contact, Status
+from geometry_msgs.msg import PointStamped, WrenchStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from fmfts_ros.diagnosis import status_of, verdict
+from fmfts_ros.messages import contact_point, has_force, wrench
+
+# Sensor data: nothing is sent again. The history covers 0.2 s in which the other side gets no processor time.
+SENSOR_DATA = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class RosPad:
+    """Publishes each new contact of one pad. Only the thread that receives contacts may use it.
+
+    name: legal in ROS. height_m: where above the sensors the contact acts; NaN until the daemon has told it.
+    """
+
+    def __init__(self, node: Node, pad: str, name: str, frame: str, unknown_shear: float) -> None:
+        self.pad, self.name, self.frame = pad, name, frame
+        self.height_m = float("nan")
+        self.contact: Contact | None = None
+        self.status: Status | None = None
+        self._unknown_shear = unknown_shear
+        self._heard_s = time.monotonic()
+        self._sample_ns = 0
+        self._verdict = (b"", "")
+        self._wrench = node.create_publisher(WrenchStamped, f"~/{name}/wrench", SENSOR_DATA)
+        self._point = node.create_publisher(PointStamped, f"~/{name}/contact_point", SENSOR_DATA)
+
+    @property
+    def silence_s(self) -> float:
+        """Since the daemon sent something of this pad."""
+        return time.monotonic() - self._heard_s
+
+    @property
+    def is_silent(self) -> bool:
+        return self.silence_s > ALIVE_S
+
+    def take(self, contact: Contact) -> None:
+        """Publish a contact's force and place, where it has them, and unless it is old or was published before.
+
+        While its source is silent, the daemon repeats a contact with the time of the last sample.
+        """
+        self.contact, self._heard_s = contact, time.monotonic()
+        is_new = contact.t_sample_ns != self._sample_ns and contact.sample_age_s < ALIVE_S
+        self._sample_ns = contact.t_sample_ns
+        if not is_new or not has_force(contact):
+            return
+        self._wrench.publish(wrench(contact, self.frame, self.height_m, self._unknown_shear))
+        point = contact_point(contact, self.frame, self.height_m)
+        if point is not None:
+            self._point.publish(point)
+
+    def has_new_verdict(self, why_silent: str) -> bool:
+        """Has level or health changed since this was asked last? Numbers in sentences do not count."""
+        level, _ = verdict(self.contact, self.silence_s, why_silent)
+        judged = level, "" if self.contact is None or why_silent else self.contact.health
+        changed = judged != self._verdict
+        self._verdict = judged
+        return changed
+
+    def diagnosis(self, why_silent: str) -> DiagnosticStatus:
+        return status_of(f"fmfts: {self.pad}", self.contact, self.status, self.silence_s, why_silent)
