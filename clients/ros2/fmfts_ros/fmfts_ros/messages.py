@@ -61,19 +61,31 @@ def contact_point(contact: Contact, frame: str, height_m: float) -> PointStamped
     return message
 
 
-def placed(frame: str, parent: str, position_m: Sequence[float], rotation_rad: Sequence[float]) -> TransformStamped:
-    """The transform of [pad.placement]. rotation_rad: a rotation vector (3,), from the pad's axes to the parent's."""
+def placed(
+    frame: str, parent: str, position_m: Sequence[float], rotation: Sequence[Sequence[float]]
+) -> TransformStamped:
+    """The transform of [pad.placement]. rotation: a matrix (3, 3), from the pad's axes to the parent's."""
     message = TransformStamped()
     message.header.frame_id, message.child_frame_id = parent, frame
     place, turn = message.transform.translation, message.transform.rotation
     place.x, place.y, place.z = map(float, position_m)
-    turn.x, turn.y, turn.z, turn.w = quaternion(rotation_rad)
+    turn.x, turn.y, turn.z, turn.w = quaternion(rotation)
     return message
 
 
-def quaternion(rotation_rad: Sequence[float]) -> tuple[float, float, float, float]:
-    """x, y, z, w of a rotation vector: (v/|v| sin(|v|/2), cos(|v|/2))."""
-    angle = math.sqrt(sum(part * part for part in rotation_rad))
-    share = math.sin(angle / 2) / angle if angle else 0.5
-    x, y, z = (part * share for part in rotation_rad)
-    return x, y, z, math.cos(angle / 2)
+def quaternion(rotation: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
+    """x, y, z, w of a rotation matrix (3, 3).
+
+    4 qq^T has these diagonal elements; the column of the largest has no cancellation (Shepperd 1978).
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    columns = [
+        (1 + xx - yy - zz, xy + yx, xz + zx, zy - yz),
+        (xy + yx, 1 - xx + yy - zz, yz + zy, xz - zx),
+        (xz + zx, yz + zy, 1 - xx - yy + zz, yx - xy),
+        (zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz),
+    ]
+    largest = max(range(4), key=lambda index: columns[index][index])
+    length = math.sqrt(sum(part * part for part in columns[largest]))
+    x, y, z, w = (part / length for part in columns[largest])
+    return x, y, z, w

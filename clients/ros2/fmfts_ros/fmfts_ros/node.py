@@ -153,13 +153,13 @@ class FmftsNode(Node):
             self.get_logger().warning(f"where the pads lie is not known yet: {error}", throttle_duration_sec=10.0)
             return
         wanted = [pad for pad in pads if not self._only or pad["pad"] in self._only]
-        self._heights_m = {pad["pad"]: pad["magnet_rest_m"][2] for pad in wanted}
+        self._heights_m = {pad["pad"]: pad["rest_position_m"][2] for pad in wanted}
         transforms = [
             placed(
                 self._prefix + self._names.of(pad["pad"]),
                 self._parent,
-                pad["placement_position_m"],
-                pad["placement_rotation_rad"],
+                pad["placement_m"],
+                pad["placement_rotation"],
             )
             for pad in wanted
         ]
