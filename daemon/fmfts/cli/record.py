@@ -18,6 +18,11 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     record.add_argument("output", type=Path, metavar="FILE.mcap", help="a new file")
     record.add_argument("--pad", metavar="NAME", help="only this pad and its neighbours")
     record.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
+    record.add_argument(
+        "--repair",
+        action="store_true",
+        help="record nothing: give FILE.mcap, which was cut off, an index in a new file",
+    )
     record.add_argument("--json", action="store_true", help="print facts as JSON")
     replay = verb("replay", _replay, "process a recording's frames again, and compare the contacts")
     replay.add_argument("recording", type=Path, metavar="FILE.mcap")
@@ -33,9 +38,23 @@ def _record(options: argparse.Namespace) -> int:
     from fmfts.view.silence import NoSuchPadError
     from fmfts_client import EndpointError, SchemaError
 
+    if options.repair:
+        return _repair(options)
     errors = RecordingError, EndpointError, SchemaError, NoSuchPadError
     with ended_by(*errors), closing(Recorder(options.output, options.pad, serving_base(options))) as recorder:
         facts = recorder.run(options.seconds)
+    print_facts(facts, as_json=options.json)
+    return 0
+
+
+def _repair(options: argparse.Namespace) -> int:
+    from fmfts.recording.file import RecordingError
+    from fmfts.recording.repair import repair
+    from fmfts.view.facts import print_facts
+
+    path: Path = options.output
+    with ended_by(RecordingError):
+        facts = repair(path, path.with_suffix(f".repaired{path.suffix}"))
     print_facts(facts, as_json=options.json)
     return 0
 

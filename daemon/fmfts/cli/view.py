@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from fmfts.cli.foxglove import FOXGLOVE_PORT, view_in_foxglove
 from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
 from fmfts.common import exit_codes
 
@@ -19,7 +20,7 @@ PORT = 8710
 def add_to(verb: AddVerb, listeners_config: str) -> None:
     """Add the verb. verb: makes a parser from a name, a handler and a line of help."""
     parser = verb("view", _view, "show a running daemon on a page in a browser", listeners_config)
-    parser.add_argument("--port", type=int, default=PORT, help=f"of the page, default {PORT}; 0: any that is free")
+    parser.add_argument("--port", type=int, help=f"of the page, default {PORT}; 0: any that is free")
     parser.add_argument("--host", default="127.0.0.1", help="where to serve; off this machine only with --certificate")
     parser.add_argument("--certificate", type=Path, metavar="PEM", help="of TLS, with --key")
     parser.add_argument("--key", type=Path, metavar="PEM", help="the certificate's key; nobody else may read it")
@@ -31,9 +32,14 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
         "--ghost-endpoint", metavar="ENDPOINT", help="where --fixed-baseline publishes; default: private"
     )
     parser.add_argument("--beside", metavar="ENDPOINT", action="append", default=[], help="further messages to draw")
+    parser.add_argument(
+        "--foxglove", action="store_true", help=f"serve Foxglove instead, on this machine alone, port {FOXGLOVE_PORT}"
+    )
 
 
 def _view(options: argparse.Namespace) -> int:
+    if options.foxglove:
+        return view_in_foxglove(options)
     from fmfts.page.browser import open_page
     from fmfts.page.guard import Guard, RefusedAddressError
     from fmfts.page.server import serve_page
@@ -43,8 +49,9 @@ def _view(options: argparse.Namespace) -> int:
         print(f"the page: {address}", flush=True)
         open_page(address)
 
-    if not 0 <= options.port <= 65535:
-        raise VerbError(exit_codes.USAGE, f"--port {options.port}: give 0 to 65535")
+    port: int = PORT if options.port is None else options.port
+    if not 0 <= port <= 65535:
+        raise VerbError(exit_codes.USAGE, f"--port {port}: give 0 to 65535")
     with ended_by(EndpointError, RefusedAddressError):
         guard = Guard(options.host, options.certificate, options.key)
         base = serving_base(options)
@@ -53,7 +60,7 @@ def _view(options: argparse.Namespace) -> int:
             beside: list[str] = options.beside
             if options.fixed_baseline:
                 beside = [*beside, stack.enter_context(_fixed_baseline(base, options.ghost_endpoint))]
-            serve_page(guard, endpoints, folder, base, options.port, serving, beside)
+            serve_page(guard, endpoints, folder, base, port, serving, beside)
     return 0
 
 

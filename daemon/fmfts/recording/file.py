@@ -5,11 +5,9 @@ A recorder that is killed loses its last chunk at most, which is a second of mes
 
 from __future__ import annotations
 
-import errno
 import os
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, cast
@@ -17,13 +15,15 @@ from typing import IO, Any, cast
 import msgspec
 import zstandard
 from mcap.exceptions import EndOfFile, InvalidMagic
-from mcap.records import Channel, Chunk, Footer, McapRecord, Message
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC
 
 from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, FrameMessage, StateMessage, StatusMessage
-from fmfts.common.reading import damage_told, open_regular
-from fmfts.common.writing import why_not_written
+from fmfts.common.reading import open_regular
+from fmfts.recording.output import McapFile, NotWrittenError, RecordingError
+from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
+from fmfts.recording.scene import Drawn
 
 KINDS: dict[str, type[AnyMessage]] = {
     "contact": ContactMessage,
@@ -32,18 +32,20 @@ KINDS: dict[str, type[AnyMessage]] = {
     "frame": FrameMessage,
     "state": StateMessage,
 }
+__all__ = [
+    "KINDS",
+    "CopyWriter",
+    "NotWrittenError",
+    "Recorded",
+    "RecordingError",
+    "RecordingWriter",
+    "is_whole",
+    "read",
+]
+
 PROFILE = "fmfts"
-CHUNK_BYTES = 1 << 20
 HEADER_BYTES = 8
 LARGEST_CHUNK, LARGEST_RECORD, LARGEST_MESSAGE = 1 << 25, 1 << 26, 1 << 20
-
-
-class RecordingError(Exception):
-    """A recording cannot be written or read; the text names the file, why, and what to do."""
-
-
-class NotWrittenError(RecordingError):
-    """A recording cannot be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,64 +57,56 @@ class Recorded:
     message: AnyMessage
 
 
-class RecordingWriter:
+class RecordingWriter(McapFile):
     """Writes a new file. Raises NotWrittenError where it exists already, or cannot be made."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.messages = 0
-        self._channels: dict[tuple[str, str], int] = {}
-        try:
-            self._output = _Output(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
-            self._writer: Any = Writer(
-                cast(IO[bytes], self._output), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
-            )
-            self._writer.start(PROFILE)
-            self.flush()
-        except FileExistsError as error:
-            raise NotWrittenError(
-                f"{path}: {error.strerror}: a recording is never overwritten; give another name"
-            ) from error
-        except OSError as error:
-            raise NotWrittenError(f"{path}: {why_not_written(error)}") from error
+        super().__init__(path, PROFILE)
+        self._channels: dict[str, int] = {}
 
     def add(self, kind: str, pad: str, body: dict[str, Any]) -> None:
         """Write a message. body: as it arrived from the bus. Raises NotWrittenError where the disk is full."""
-        with _disk(self.path):
-            channel = self._channels.get((kind, pad))
+        message = msgspec.json.encode(without_nulls(body, KINDS[kind]))
+        self._write(f"{kind}/{pad}", f"fmfts.{kind}", KINDS[kind], message, body["utc_ns"])
+        self.messages += 1
+
+    def draw(self, drawn: Drawn, utc_ns: int) -> None:
+        """Write a message for Foxglove's 3-D panel, which a replay leaves out."""
+        body = without_nulls(msgspec.to_builtins(drawn.message), type(drawn.message))
+        self._write(drawn.topic, drawn.schema, type(drawn.message), msgspec.json.encode(body), utc_ns)
+
+    def _write(self, topic: str, name: str, kind: type[msgspec.Struct], message: bytes, utc_ns: int) -> None:
+        with self.disk():
+            channel = self._channels.get(topic)
             if channel is None:
-                schema = msgspec.json.encode(msgspec.json.schema(KINDS[kind]))
-                schema_id = self._writer.register_schema(f"fmfts.{kind}", "jsonschema", schema)
-                channel = self._writer.register_channel(f"{kind}/{pad}", "json", schema_id)
-                self._channels[kind, pad] = channel
-            now_ns = body["utc_ns"]
-            self._writer.add_message(channel, now_ns, msgspec.json.encode(body), now_ns)
-            self.messages += 1
+                schema = self.writer.register_schema(name, "jsonschema", msgspec.json.encode(plain_schema(kind)))
+                channel = self._channels[topic] = self.writer.register_channel(topic, "json", schema)
+            self.writer.add_message(channel, utc_ns, message, utc_ns)
 
-    def flush(self) -> None:
-        """End the chunk: its messages survive the end of this process. NotWrittenError: the disk is full."""
-        with _disk(self.path):
-            self._writer.flush()
 
-    def sync(self) -> None:
-        """Like flush, but the messages also survive a power cut."""
-        self.flush()
-        with _disk(self.path):
-            self._output.sync()
+class CopyWriter(McapFile):
+    """Writes records of another recording into a new file."""
 
-    def finish(self) -> None:
-        """Write the index, and end the file. A file without an index can be read too."""
-        with _disk(self.path):
-            self._writer.finish()
-            self._output.sync()
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, PROFILE)
+        self._schemas: dict[int, int] = {0: 0}  # 0: a channel without a schema
+        self._channels: dict[int, int] = {}
 
-    def discard(self) -> None:
-        """Close and delete the file."""
-        self.close()
-        self.path.unlink(missing_ok=True)
-
-    def close(self) -> None:
-        self._output.close()
+    def copy(self, record: Schema | Channel | Message) -> None:
+        """Write a record after those that it refers to. Raises NotWrittenError where the disk is full."""
+        with self.disk():
+            if isinstance(record, Schema):
+                if record.id not in self._schemas:
+                    self._schemas[record.id] = self.writer.register_schema(record.name, record.encoding, record.data)
+            elif isinstance(record, Channel):
+                if record.id not in self._channels:
+                    self._channels[record.id] = self.writer.register_channel(
+                        record.topic, record.message_encoding, self._schemas[record.schema_id], record.metadata
+                    )
+            else:
+                channel = self._channels[record.channel_id]
+                self.writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
+                self.messages += 1
 
 
 def read(path: Path) -> Iterator[Recorded]:
@@ -121,9 +115,21 @@ def read(path: Path) -> Iterator[Recorded]:
     Raises RecordingError where the file is not a recording, or damaged.
     """
     topics: dict[int, str] = {}
+    for record in records(path):
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            kind, _, pad = topics.get(record.channel_id, "").partition("/")
+            # Others are drawings, or another program's: MCAP files may be merged.
+            if kind in KINDS and len(record.data) <= LARGEST_MESSAGE:
+                yield Recorded(kind, pad, _decoded(path, kind, pad, record.data))
+
+
+def records(path: Path) -> Iterator[McapRecord]:
+    """Yields what is in the chunks of a recording, in order. Raises RecordingError, as `read`."""
     for record, end in _records(path):
         if isinstance(record, Chunk):
-            yield from _messages(path, record, end, topics)
+            yield from _unpacked(path, record, end)
 
 
 def is_whole(path: Path) -> bool:
@@ -182,19 +188,15 @@ def _text_of(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
-def _messages(path: Path, chunk: Chunk, end: int, topics: dict[int, str]) -> Iterator[Recorded]:
-    for record in _unpacked(path, chunk, end):
-        if isinstance(record, Channel):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            kind, _, pad = topics.get(record.channel_id, "").partition("/")
-            if kind not in KINDS or len(record.data) > LARGEST_MESSAGE:
-                continue  # another program's channel: MCAP files may be merged
-            with damage_told(RecordingError, f"{path}: a message of {kind}/{pad} is damaged"):
-                message = msgspec.json.decode(record.data, type=KINDS[kind])
-            if message.pad != pad:
-                raise RecordingError(f"{path}: a message of {kind}/{pad} is for pad {message.pad!r}")
-            yield Recorded(kind, pad, message)
+def _decoded(path: Path, kind: str, pad: str, data: bytes) -> AnyMessage:
+    try:
+        body = msgspec.json.decode(data, type=dict[str, Any])
+        message = msgspec.convert(with_nulls(body, KINDS[kind]), KINDS[kind])
+    except (msgspec.DecodeError, ValueError) as error:
+        raise RecordingError(f"{path}: a message of {kind}/{pad}: {error}") from error
+    if message.pad != pad:
+        raise RecordingError(f"{path}: a message of {kind}/{pad} is for pad {message.pad!r}")
+    return message
 
 
 def _unpacked(path: Path, chunk: Chunk, end: int) -> list[McapRecord]:
@@ -205,43 +207,3 @@ def _unpacked(path: Path, chunk: Chunk, end: int) -> list[McapRecord]:
         return breakup_chunk(chunk, validate_crc=True)
     except Exception as error:  # of the MCAP reader and of zstandard
         raise RecordingError(f"{path} is damaged in the chunk that ends at byte {end}: {_text_of(error)}") from error
-
-
-class _Output:
-    """A file that writes all data or raises, because the MCAP writer does not check how much was written."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self._written = 0
-
-    def write(self, data: bytes) -> int:
-        left = memoryview(data)
-        while left:
-            count = os.write(self._descriptor, left)
-            if count == 0:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            left = left[count:]
-        self._written += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        return self._written
-
-    def flush(self) -> None:
-        """Nothing to do: `write` does not buffer."""
-
-    def sync(self) -> None:
-        os.fsync(self._descriptor)
-
-    def close(self) -> None:
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-
-@contextmanager
-def _disk(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise NotWrittenError(f"{path}: {why_not_written(error)}; the messages before can be read from it") from error

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import zmq
 
 from fmfts.recording.file import RecordingError, RecordingWriter
+from fmfts.recording.scene import PadScene
 from fmfts.view.silence import require_pad, why_nothing_came
 from fmfts_client import Endpoints, Message, Subscription
 from fmfts_client.endpoints import for_client
+
+log = logging.getLogger("fmfts")
 
 FLUSH_S = 1.0
 PATIENCE_S = 5.0
@@ -48,6 +53,7 @@ class Recorder:
         for subscription in (self._bus, self._frames):
             self._poller.register(subscription.socket, zmq.POLLIN)
         self._with_state: set[str] = set()
+        self._scenes: dict[str, PadScene | None] = {}
         self._next_seq: dict[tuple[str, str], int] = {}
         self.missed = 0
         self._stop_requested = False
@@ -114,6 +120,20 @@ class Recorder:
             self.missed += seq - self._next_seq.get(key, seq)
             self._next_seq[key] = seq + 1
         self._writer.add(message.kind, message.pad, message.body)
+        if message.kind == "state":
+            self._scenes[message.pad] = self._scenes.get(message.pad) or _scene_of(message)
+        elif message.kind == "contact" and (scene := self._scenes.get(message.pad)) is not None:
+            for drawn in scene.contact(message.body):
+                self._writer.draw(drawn, message.body["utc_ns"])
+
+
+def _scene_of(message: Message) -> PadScene | None:
+    """None: the daemon is of another version, whose configuration cannot be drawn."""
+    try:
+        return PadScene.of_state(message.pad, message.body["config"])
+    except msgspec.ValidationError as error:
+        log.warning("pad '%s': no 3-D scene is recorded: %s", message.pad, error)
+        return None
 
 
 def with_neighbours(pad: str, endpoint: str | Endpoints | None) -> set[str]:

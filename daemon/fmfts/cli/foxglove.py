@@ -1,0 +1,36 @@
+"""`fmfts-daemon view --foxglove`: serves Foxglove instead of the page."""
+
+from __future__ import annotations
+
+import argparse
+
+from fmfts.cli.verb import VerbError, ended_by, lacking, serving_base
+from fmfts.common import exit_codes
+
+FOXGLOVE_PORT = 8765
+
+
+def view_in_foxglove(options: argparse.Namespace) -> int:
+    try:
+        from fmfts.page.foxglove_bridge import LOOPBACK, serve
+    except ImportError as error:
+        raise lacking(error, "foxglove") from error
+    from fmfts_client import SchemaError
+    from fmfts_client.endpoints import EndpointError, for_client
+
+    def serving(address: str) -> None:
+        print(f"Foxglove: open the connection {address}", flush=True)
+
+    if options.host != LOOPBACK or options.certificate or options.key:
+        raise VerbError(
+            exit_codes.USAGE, "--foxglove serves this machine alone: its server takes any Origin, and no key"
+        )
+    port = FOXGLOVE_PORT if options.port is None else options.port
+    try:
+        with ended_by(EndpointError, SchemaError):
+            serve(for_client(serving_base(options)), port, serving)
+    except (OSError, RuntimeError) as error:
+        raise VerbError(
+            exit_codes.UNAVAILABLE, f"port {port} cannot be served: {error}; give another --port"
+        ) from error
+    return 0

@@ -1,0 +1,97 @@
+"""JSON schemas that other programs read, of the messages in a recording.
+
+Foxglove reads only schemas of a plain form: an object, whose properties have one type each, without references. So what
+may be null is left out of a recorded message where it is null, instead of being of two types.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import msgspec
+
+Schema = dict[str, Any]
+
+
+@cache
+def plain_schema(kind: type[msgspec.Struct]) -> Schema:
+    """The schema of `kind` in that form. Lists of lists are left out: a plain schema cannot describe them."""
+    whole = msgspec.json.schema(kind)
+    plain = _plain(whole, whole.get("$defs", {}))
+    assert plain is not None
+    return plain | {"title": kind.__name__}
+
+
+def _plain(schema: Schema, definitions: dict[str, Schema]) -> Schema | None:
+    """None for what cannot be described."""
+    if "$ref" in schema:
+        return _plain(definitions[schema["$ref"].rpartition("/")[2]], definitions)
+    if "anyOf" in schema:
+        (other,) = [each for each in schema["anyOf"] if each != {"type": "null"}]
+        return _plain(other, definitions)
+    if "enum" in schema:
+        words = [word for word in schema["enum"] if word is not None]
+        return {"type": "string", "enum": words} if all(isinstance(word, str) for word in words) else None
+    if schema.get("type") == "object":
+        found = {name: _plain(each, definitions) for name, each in schema.get("properties", {}).items()}
+        optional = {name for name, each in schema.get("properties", {}).items() if _may_be_null(each)}
+        required = [name for name in schema.get("required", []) if name not in optional]
+        properties = {name: each for name, each in found.items() if each is not None}
+        return {"type": "object", "properties": properties, "required": required}
+    if schema.get("type") == "array":
+        item = schema.get("items") or schema.get("prefixItems", [{}])[0]
+        item = _plain(item, definitions) if item is not False else None
+        lengths: Schema = {name: schema[name] for name in ("minItems", "maxItems") if name in schema}
+        return None if item is None or item["type"] == "array" else {"type": "array", "items": item, **lengths}
+    kept: Schema = {name: schema[name] for name in ("type", "contentEncoding", "minimum", "maximum") if name in schema}
+    return kept if isinstance(kept.get("type"), str) else None
+
+
+def _may_be_null(schema: Schema) -> bool:
+    return {"type": "null"} in schema.get("anyOf", ()) or None in schema.get("enum", ())
+
+
+def without_nulls(body: dict[str, Any], kind: type[msgspec.Struct]) -> dict[str, Any]:
+    """A message as its plain schema wants it: without keys that are null, in it and in its structs."""
+    nested = _structs_in(kind)
+    return {
+        name: without_nulls(value, nested[name]) if name in nested and isinstance(value, dict) else value
+        for name, value in body.items()
+        if value is not None
+    }
+
+
+def with_nulls(body: dict[str, Any], kind: type[msgspec.Struct]) -> dict[str, Any]:
+    """The inverse of without_nulls; leaves a message that has its nulls as it is."""
+    nested = _structs_in(kind)
+    known = {
+        name: with_nulls(value, nested[name]) if name in nested and isinstance(value, dict) else value
+        for name, value in body.items()
+    }
+    return dict.fromkeys(_nullable(kind)) | known
+
+
+@cache
+def _nullable(kind: type[msgspec.Struct]) -> tuple[str, ...]:
+    return tuple(each.encode_name for each in _fields(kind) if _has(each.type, msgspec.inspect.NoneType))
+
+
+@cache
+def _structs_in(kind: type[msgspec.Struct]) -> dict[str, type[msgspec.Struct]]:
+    found = {}
+    for each in _fields(kind):
+        for one in getattr(each.type, "types", (each.type,)):
+            if isinstance(one, msgspec.inspect.StructType):
+                found[each.encode_name] = one.cls
+    return found
+
+
+def _fields(kind: type[msgspec.Struct]) -> tuple[msgspec.inspect.Field, ...]:
+    described = msgspec.inspect.type_info(kind)
+    assert isinstance(described, msgspec.inspect.StructType)
+    return described.fields
+
+
+def _has(one: msgspec.inspect.Type, wanted: type[msgspec.inspect.Type]) -> bool:
+    return any(isinstance(each, wanted) for each in getattr(one, "types", (one,)))

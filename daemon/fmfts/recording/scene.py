@@ -1,0 +1,185 @@
+"""Draws a pad for Foxglove's 3-D panel: its sensors, magnet and contact, as channels beside those of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from fmfts.config import PadConfig
+from fmfts.config.pad_facts import pad_facts
+from fmfts.recording.foxglove import (
+    Arrow,
+    Box,
+    Color,
+    Cylinder,
+    Deletion,
+    Entity,
+    FrameTransform,
+    Pose,
+    PoseInFrame,
+    Quaternion,
+    SceneUpdate,
+    Text,
+    Time,
+    Vector3,
+    rotation_of,
+    time_of,
+    turning,
+    vector,
+)
+
+WORLD = "fmfts"  # the frame that all placements share
+SHOWN_HZ = 30.0
+PLACED_S = 1.0  # a player that begins in the middle needs the pad's frame and its still parts soon
+# 95 % of a normal distribution: √χ² of 2 and of 3 degrees of freedom. The drawn ellipse is along the axes of the pad.
+ELLIPSE_DEVIATIONS, ELLIPSOID_DEVIATIONS = 2.4477, 2.7955
+ARROW_M_PER_N = 0.02
+CHIP_M = 0.003
+TOWARD_FINGER, ALONG_X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+SILICONE, CHIP, MAGNET = Color(r=0.6, g=0.7, b=0.8, a=0.25), Color(r=0.1, g=0.4, b=0.2), Color(r=0.5, g=0.5, b=0.55)
+TOUCH, UNCERTAIN, WARNING = Color(r=0.9, g=0.3, b=0.1), Color(r=0.9, g=0.5, b=0.1, a=0.35), Color(r=0.8, g=0.1, b=0.1)
+
+
+class Wrench(msgspec.Struct, frozen=True, kw_only=True):
+    """What the finger exerts on the pad, in newton, in the pad's frame: a press is negative along z.
+
+    Foxglove has no schema for a wrench. An unknown part is left out.
+    """
+
+    timestamp: Time
+    frame_id: str
+    force_x_n: float | None
+    force_y_n: float | None
+    force_z_n: float
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A message for the channel `topic`, of Foxglove's (or this module's) schema `schema`."""
+
+    topic: str
+    schema: str
+    message: msgspec.Struct
+
+
+class PadScene:
+    """The drawing of one pad. facts: as `pads` of the control socket tells them."""
+
+    def __init__(self, pad: str, facts: dict[str, Any]) -> None:
+        self._pad, self._facts = pad, facts
+        self._shown_ns = self._placed_ns = 0
+
+    @classmethod
+    def of_state(cls, pad: str, config: dict[str, Any]) -> PadScene:
+        """Of the configuration in a StateMessage. Raises msgspec.ValidationError: it is another version's."""
+        return cls(pad, pad_facts(msgspec.convert(config, PadConfig)))
+
+    def contact(self, body: dict[str, Any]) -> Iterator[Drawn]:
+        """What a ContactMessage looks like; nothing if the last one was drawn less than 1/SHOWN_HZ ago."""
+        now_ns = body["utc_ns"]
+        if 0 <= now_ns - self._shown_ns < 1e9 / SHOWN_HZ:
+            return
+        self._shown_ns = now_ns
+        time = time_of(now_ns)
+        if not 0 <= now_ns - self._placed_ns < PLACED_S * 1e9:
+            self._placed_ns = now_ns
+            yield Drawn(f"transform/{self._pad}", "foxglove.FrameTransform", self._transform(time))
+            yield self._update(time, [self._still(time)], [])
+        entities = [
+            each for each in (self._magnet(time, body), self._touch(time, body), self._health(time, body)) if each
+        ]
+        absent = {"magnet", "contact", "health"} - {each.id for each in entities}
+        yield self._update(time, entities, sorted(absent))
+        if (pose := body["pose"]) is not None:
+            placed = Pose(position=vector(pose["position_m"]), orientation=turning(TOWARD_FINGER, pose["axis"]))
+            message = PoseInFrame(timestamp=time, frame_id=self._pad, pose=placed)
+            yield Drawn(f"magnet/{self._pad}", "foxglove.PoseInFrame", message)
+        if body["force_n"] is not None and not body["over_range"]:
+            wrench = Wrench(
+                timestamp=time, frame_id=self._pad, force_z_n=-body["force_n"],
+                force_x_n=body["shear_x_n"], force_y_n=body["shear_y_n"],
+            )  # fmt: skip
+            yield Drawn(f"wrench/{self._pad}", "fmfts.wrench", wrench)
+
+    def _update(self, time: Time, entities: list[Entity], deleted: list[str]) -> Drawn:
+        deletions = tuple(Deletion(timestamp=time, id=each) for each in deleted)
+        return Drawn(
+            f"scene/{self._pad}",
+            "foxglove.SceneUpdate",
+            SceneUpdate(deletions=deletions, entities=tuple(entities)),
+        )
+
+    def _transform(self, time: Time) -> FrameTransform:
+        return FrameTransform(
+            timestamp=time,
+            parent_frame_id=WORLD,
+            child_frame_id=self._pad,
+            translation=vector(self._facts["placement_m"]),
+            rotation=rotation_of(self._facts["placement_rotation"]),
+        )
+
+    @property
+    def _height_m(self) -> float:
+        return float(self._facts["rest_position_m"][2])
+
+    def _still(self, time: Time) -> Entity:
+        """Sensors, and a box around them and the resting magnet: the silicone's shape is in no configuration."""
+        sensors = self._facts["sensors_m"]
+        reach_x, reach_y = (2 * max(abs(place[axis]) for place in sensors) for axis in (0, 1))
+        box = Box(
+            pose=Pose(position=Vector3(z=self._height_m / 2)),
+            size=Vector3(x=2 * reach_x, y=2 * reach_y, z=self._height_m),
+            color=SILICONE,
+        )
+        chips = [
+            Box(pose=Pose(position=vector(place)), size=Vector3(x=CHIP_M, y=CHIP_M, z=CHIP_M / 3), color=CHIP)
+            for place in sensors
+        ]
+        return Entity(timestamp=time, frame_id=self._pad, id="pad", cubes=(box, *chips))
+
+    def _magnet(self, time: Time, body: dict[str, Any]) -> Entity | None:
+        pose = body["pose"]
+        if pose is None:
+            return None
+        diameter_m, length_m = self._facts["magnet_diameter_m"], self._facts["magnet_length_m"]
+        placed = Pose(position=vector(pose["position_m"]), orientation=turning(TOWARD_FINGER, pose["axis"]))
+        magnet = Cylinder(pose=placed, size=Vector3(x=diameter_m, y=diameter_m, z=length_m), color=MAGNET)
+        size = vector([2 * ELLIPSOID_DEVIATIONS * part for part in pose["position_sd_m"]])
+        ellipsoid = Box(pose=Pose(position=placed.position), size=size, color=UNCERTAIN)
+        return Entity(timestamp=time, frame_id=self._pad, id="magnet", cylinders=(magnet,), spheres=(ellipsoid,))
+
+    def _touch(self, time: Time, body: dict[str, Any]) -> Entity | None:
+        if not body["contact"] or body["x_m"] is None or body["y_m"] is None:
+            return None
+        place = Vector3(x=body["x_m"], y=body["y_m"], z=self._height_m)
+        cylinders: tuple[Cylinder, ...] = ()
+        if body["x_sd_m"] is not None and body["y_sd_m"] is not None:
+            across = [2 * ELLIPSE_DEVIATIONS * body[key] for key in ("x_sd_m", "y_sd_m")]
+            size = Vector3(x=across[0], y=across[1], z=1e-4)
+            cylinders = (Cylinder(pose=Pose(position=place, orientation=Quaternion()), size=size, color=UNCERTAIN),)
+        arrows = () if body["force_n"] is None or body["over_range"] else (self._arrow(place, body),)
+        return Entity(timestamp=time, frame_id=self._pad, id="contact", cylinders=cylinders, arrows=arrows)
+
+    def _arrow(self, place: Vector3, body: dict[str, Any]) -> Arrow:
+        """The force; its head is where the finger touches. Shear that is not known is not drawn."""
+        force = [body["shear_x_n"] or 0.0, body["shear_y_n"] or 0.0, -body["force_n"] or -1e-9]
+        tail = [end - ARROW_M_PER_N * part for end, part in zip((place.x, place.y, place.z), force, strict=True)]
+        length_m = ARROW_M_PER_N * sum(part * part for part in force) ** 0.5
+        return Arrow(
+            pose=Pose(position=vector(tail), orientation=turning(ALONG_X, force)),
+            shaft_length=0.7 * length_m, shaft_diameter=1e-3, head_length=0.3 * length_m, head_diameter=2e-3,
+            color=TOUCH,
+        )  # fmt: skip
+
+    def _health(self, time: Time, body: dict[str, Any]) -> Entity | None:
+        if body["health"] == "ok" and not body["over_range"]:
+            return None
+        words = "pressed harder than its calibration knows" if body["health"] == "ok" else body["health"]
+        text = Text(
+            pose=Pose(position=Vector3(z=2 * self._height_m)), font_size=0.004, color=WARNING,
+            text=f"{self._pad}: {words}" + (f": {body['reason']}" if body["reason"] else ""),
+        )  # fmt: skip
+        return Entity(timestamp=time, frame_id=self._pad, id="health", texts=(text,))

@@ -1,0 +1,76 @@
+"""`view --foxglove`: a client of Foxglove's protocol sees a real daemon's contacts; only this machine can connect."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from end_to_end.processes import RunningDaemon
+
+CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n'
+WANTED = {"contact/left", "scene/left", "magnet/left", "transform/left", "wrench/left", "status/left"}
+PATIENCE_S = 20.0
+MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, time: the protocol's "message data"
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    with RunningDaemon(tmp_path, CONFIG) as daemon:
+        command = [sys.executable, "-m", "fmfts", "view", "--foxglove", "--port", "0"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=daemon.environment) as bridge:
+            try:
+                assert bridge.stdout is not None
+                yield bridge.stdout.readline().split()[-1]
+            finally:
+                bridge.kill()
+
+
+def advertised(client: ClientConnection) -> dict[str, dict[str, object]]:
+    """Channels by topic, once all that are wanted are there."""
+    found: dict[str, dict[str, object]] = {}
+    until = time.monotonic() + PATIENCE_S
+    while not found.keys() >= WANTED:
+        said = client.recv(until - time.monotonic())
+        if isinstance(said, str) and (message := json.loads(said))["op"] == "advertise":
+            found |= {channel["topic"]: channel for channel in message["channels"]}
+    return found
+
+
+def test_client_of_foxglove_gets_contacts_and_drawings(address: str) -> None:
+    with connect(address, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as client:
+        channels = advertised(client)
+        assert channels["scene/left"]["schemaName"] == "foxglove.SceneUpdate"
+        assert {channel["encoding"] for channel in channels.values()} == {"json"}
+        topics = dict(enumerate(sorted(WANTED), start=1))
+        subscriptions = [{"id": number, "channelId": channels[topic]["id"]} for number, topic in topics.items()]
+        time.sleep(0.5)  # the SDK advertises a channel a moment before it takes subscriptions to it
+        client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+        seen: dict[str, dict[str, object]] = {}
+        until = time.monotonic() + PATIENCE_S
+        while seen.keys() != WANTED:
+            said = client.recv(until - time.monotonic())
+            if isinstance(said, bytes) and said[0] == 1:
+                _, number, utc_ns = MESSAGE.unpack_from(said)
+                seen[topics[number]] = json.loads(said[MESSAGE.size :])
+                assert abs(utc_ns - time.time_ns()) < PATIENCE_S * 1e9
+    assert seen["contact/left"]["pad"] == "left"
+    assert seen["magnet/left"]["frame_id"] == "left"
+
+
+def test_only_this_machine_can_connect(address: str) -> None:
+    host, port = address.removeprefix("ws://").split(":")
+    assert host == "127.0.0.1"
+    others = [found[4][0] for found in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)]
+    for other in {other for other in others if not other.startswith("127.")}:
+        with pytest.raises(OSError, match="refused"):
+            socket.create_connection((other, int(port)), timeout=2.0).close()

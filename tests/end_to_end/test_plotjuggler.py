@@ -1,0 +1,61 @@
+"""PlotJuggler's ZMQ subscriber on a daemon's bus, as docs/foxglove.md sets it up.
+
+PlotJuggler (DataStreamZMQ) subscribes to the beginning of a topic over tcp, takes each part of a message for a message
+of its own, and skips what its parser refuses. The parser wants the whole part to be one MessagePack value.
+"""
+
+from __future__ import annotations
+
+import time
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import zmq
+
+from end_to_end.processes import ROOT, RunningDaemon
+from ports import tcp_base
+
+TOPIC = "contact/left"
+CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n'
+
+
+def series(value: Any, name: str) -> dict[str, float]:
+    """The curves that a value gives: numbers and truth values by their path."""
+    if isinstance(value, dict):
+        return {key: each for part in value for key, each in series(value[part], f"{name}/{part}").items()}
+    if isinstance(value, list):
+        parts = [series(each, f"{name}[{index}]") for index, each in enumerate(value)]
+        return {key: each for part in parts for key, each in part.items()}
+    return {name: float(value)} if isinstance(value, (int, float)) else {}
+
+
+def test_plotjuggler_gets_the_curves_of_its_layout(tmp_path: Path) -> None:
+    base = tcp_base()
+    received: dict[str, int] = {}
+    skipped = 0
+    with (
+        RunningDaemon(tmp_path, CONFIG, endpoint=base),
+        zmq.Context() as context,
+        context.socket(zmq.SUB) as subscriber,
+    ):
+        subscriber.connect(base)
+        subscriber.subscribe(TOPIC)
+        subscriber.rcvtimeo = 5000
+        until = time.monotonic() + 5.0
+        while time.monotonic() < until:
+            part = subscriber.recv()
+            try:
+                message = msgpack.unpackb(part)
+            except (ValueError, msgpack.UnpackException):
+                assert part == TOPIC.encode(), "only the topic is skipped"
+                skipped += 1
+                continue
+            for name in series(message, TOPIC):
+                received[name] = received.get(name, 0) + 1
+    assert skipped >= 220
+    layout = ET.parse(ROOT / "clients/plotjuggler/fmfts.xml")
+    curves = {curve.attrib["name"] for curve in layout.iter("curve")}
+    assert "contact/left/force_n" in curves
+    assert curves <= received.keys(), "each curve of the layout has values"
