@@ -42,10 +42,14 @@ class EmulatedBoard(FirmwareHost):
 
 
 class PressedPad:
-    """Presses the board's pad as `finger` says, in real time; before `press` nothing touches it."""
+    """Presses the board's pad as `finger` says, in real time; before `press` nothing touches it.
 
-    def __init__(self, board: FirmwareHost, pad: Pad) -> None:
+    ambient_t: uniform field (3,) besides the magnet's, in pad axes.
+    """
+
+    def __init__(self, board: FirmwareHost, pad: Pad, ambient_t: np.ndarray | float = 0.0) -> None:
         self._board = board
+        self._ambient_t = ambient_t
         self._mounted = MountedPad.exact(pad)
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
@@ -54,13 +58,13 @@ class PressedPad:
     def touch(self, x_m: float, y_m: float, force_n: float) -> None:
         sensors = len(self._mounted.pad.sensors)
         press = (np.full(sensors, value) for value in (x_m, y_m, force_n))
-        self._board.field(self._mounted.sensed(self._mounted.magnet_field(*press)))
+        self._board.field(self._mounted.sensed(self._mounted.magnet_field(*press) + self._ambient_t))
 
     def press(self, finger: Finger) -> None:
         def follow() -> None:
             begun = time.monotonic()
             while not self._over.wait(1.0 / MOVES_A_SECOND):
-                self.touch(*finger(time.monotonic() - begun))
+                self.touch(*finger(time.monotonic() - begun)[:3])
 
         self._thread = threading.Thread(target=follow, daemon=True)
         self._thread.start()

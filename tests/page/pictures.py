@@ -24,7 +24,7 @@ from end_to_end.hand_demo import Hand, served_hand
 from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemon, resting_field
 from fmfts.config.file import load
 from fmfts.simulation.finger import Touch
-from page.rig import View, chromium, opened, record_rest, until
+from page.rig import View, chromium, opened, until
 
 DOCS = ROOT / "docs"
 COLOURS = 128
@@ -56,8 +56,7 @@ def one_pad(browser: Browser, folder: Path) -> None:
         view = stack.enter_context(View(folder, daemon.environment))
         page = opened(browser, view.address)
         guided(page, board, resting_field(pad))
-        record_rest(daemon)
-        pressed = stack.enter_context(PressedPad(board, pad))
+        pressed = stack.enter_context(PressedPad(board, pad, EARTH_T[0]))
         pressed.press(slide)
         until(page, f"{HEALTH} === 'ok'")
         page.wait_for_timeout(10_000)
@@ -73,13 +72,13 @@ def one_pad(browser: Browser, folder: Path) -> None:
 def guided(page: Page, board: FirmwareHost, at_rest: object) -> None:
     """The cards, when the baseline at rest was recorded."""
     board.field(EARTH_T)
-    until(page, f"{HEALTH} === 'no_baseline'")
+    until(page, f"{HEALTH} === 'no_baseline'", 60.0)
     page.keyboard.press("g")
     for card in range(4):
         if card == 3:
             board.field(at_rest + EARTH_T)  # type: ignore[operator]
         page.click(f"#cards > li:nth-child({card + 1}) button")
-        until(page, f"document.querySelectorAll('#cards > li')[{card}].dataset.state === 'done'")
+        until(page, f"document.querySelectorAll('#cards > li')[{card}].dataset.state === 'done'", 60.0)
     keep(page.screenshot(clip={"x": 860, "y": 0, "width": 580, "height": 900}), "page-guide.png")
     page.keyboard.press("Escape")
 
