@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-HEAVY = ("scipy", "rich", "sklearn", "onnx", "matplotlib", "magpylib", "hypothesis")
+HEAVY = ("scipy", "rich", "sklearn", "onnx", "matplotlib", "magpylib", "hypothesis", "websockets")
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ import zmq
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.config.pad_facts import pad_facts
 from fmfts.page.browser import may_open
 from fmfts.page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
 from fmfts.page.files import FOLDER, Files
@@ -215,6 +217,14 @@ class TestFeed:
             len(list(msgpack.Unpacker(raw=False).__class__(__import__("io").BytesIO(viewer.batch()))))
             == 2 * KEPT_FOR_A_PAGE
         )
+
+
+def test_shape_of_a_pad_is_told_in_metres() -> None:
+    facts = pad_facts(PadConfig(name="left", source=SimulatedSource()))
+    assert facts["sensors_m"][0] == [0.008, 0.008, 0.0]
+    assert facts["rest_position_m"] == [0.0, 0.0, 0.012]
+    assert (facts["magnet_diameter_m"], facts["magnet_length_m"]) == (0.002, 0.002)
+    assert facts["placement_rotation"] == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 class TestAddress:

@@ -110,16 +110,14 @@ class Recordings:
 def pads_of(path: Path) -> list[dict[str, Any]]:
     """What the page must know of the pads of a recording, as `pads` of the control socket tells it of running ones."""
     found: dict[str, dict[str, Any]] = {}
+    named = set()
     for one in read(path):
+        named.add(one.pad)
         if isinstance(one.message, StateMessage):
             found.setdefault(one.pad, _facts(path, one.message))
-        elif found and len(found) == len(_names_before(found, one.pad)):
-            break
+        elif one.kind == "frame" and named == found.keys():
+            break  # a pad's state comes before its first frame
     return list(found.values())
-
-
-def _names_before(found: dict[str, dict[str, Any]], pad: str) -> set[str]:
-    return found.keys() | {pad}
 
 
 def _facts(path: Path, state: StateMessage) -> dict[str, Any]:
