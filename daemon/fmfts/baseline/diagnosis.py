@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 
 # The probability of refusing a pad that is within its tolerances.
 FALSE_REFUSAL = 1e-5
-# A rest pose further than this from the drawing, in tolerances, counts as a load; of good pads, one in 3000 is so far.
-LARGEST_STRAIN = 4.0
+# A rest pose further than this from the drawing (`rest_strain`) counts as a load, or a magnet cast elsewhere. Of pads
+# within their tolerances three in a million are so far; with chips turned by a third more than that, one in a thousand.
+LARGEST_STRAIN = 5.0
 # The Earth's field plus that of a robot's own steel; more means a magnet or iron close by.
 LARGEST_AMBIENT_T = 2e-4
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
@@ -59,7 +60,7 @@ def estimate_and_judge(
     worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
     facts = (
         f"the field does not fit an unloaded pad: χ² = {mounting.chi2:.0f}, where tolerances, gains and noise explain "
-        f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} tolerances from its place; "
+        f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place; "
         f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off."
     )
     raise BaselineError(f"{facts} {_cause(pad, tolerance, rest, bare, measured)}")

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 ITERATIONS = 30
 ITERATIONS_TO_COMPARE = 8  # a search that has not settled by then is that of a wrong assumption
 BROKEN_T = 5e-5  # what a broken sensor reads: anything, as the size of the Earth's field
+TELLS_LITTLE = 1e-2  # the share of a tolerance's variance below which a recording tells nothing of a distance
 SETTLED = 1e-6  # the search ends when no step is larger, in prior deviations
 
 
@@ -43,7 +44,8 @@ class Mounting:
     leftover: what the rest field left uncertain, None if rest was not recorded.
     chi2: misfit, priors included, of `measurements` values. misfit_t: (N, 3) measured − predicted. surprise: −2 ln of
     the evidence for what was assumed, without a constant that all assumptions about one recording share.
-    rest_strain: (5,) distance of the rest pose from the drawing's, in tolerances.
+    rest_strain: (5,) distance of the estimated rest pose from the drawing's, in deviations of such estimates for pads
+    that are within their tolerances: the recording tells only a part of the distance.
     ambient_t, ambient_deviation_t: (3,) from the bare recording, None without one.
     press_chi2: (K,) misfit of each press, if there were any, with 3N − 5 degrees of freedom.
     """
@@ -160,9 +162,12 @@ def estimate_mounting(
     ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
+    told = np.sqrt(np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE))
+    # A misfit above what tolerances explain makes the pose as uncertain as it is large (Birge's ratio: tracker.py).
+    birge = max(chi2 / float(believed.sum()), 1.0)
     return Mounting(
         rest=replace(state, ambient_t=np.zeros(3)),
-        rest_covariance=covariance[:6, :6],
+        rest_covariance=birge * covariance[:6, :6],
         gain=gain,
         axes=axes,
         sensor_position_m=places,
@@ -176,7 +181,7 @@ def estimate_mounting(
         chi2=chi2,
         measurements=int(believed.sum()),
         misfit_t=misfit,
-        rest_strain=scaled[:5],
+        rest_strain=scaled[:5] / told,
         ambient_t=ambient,
         ambient_deviation_t=ambient_deviation,
         surprise=chi2
