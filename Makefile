@@ -1,6 +1,7 @@
 # make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
+# make chips-for-a-day   every driver on its emulated chips for a day of their time: an hour for each chip
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run
@@ -40,7 +41,7 @@ TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi
 
 .PHONY: demo test lint unit processes clock long bench cold-starts clean wheel
 .PHONY: transcript recordings model pictures chips-page
-.PHONY: chaos fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
+.PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
 # Ends a demo on Ctrl-C without an error. Programs that sh starts with & ignore Ctrl-C; sh catches it and sends SIGTERM
@@ -57,6 +58,9 @@ else ifneq ($(HAND),)
 else
 	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)))
 endif
+
+chips-for-a-day: $(VENV)/.installed-test
+	$(BIN)/python tests/drills/chips_for_a_day.py $(CHIPS_FOR_A_DAY)
 
 chips-page: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts_lab.study.chips_page

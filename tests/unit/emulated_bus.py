@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -36,14 +37,22 @@ class Clock:
         return round(self.now_s * 1e6)
 
 
+@contextmanager
+def patched(clock: Clock) -> Iterator[None]:
+    """Drivers sleep, and samples are stamped, on this clock."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (mlx90393, mmc5983ma):
+            patch.setattr(module.time, "sleep", clock.sleep)
+        for module in (pad_module, sensor_module):
+            patch.setattr(module, "now_us", clock.now_us)
+        yield
+
+
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+def clock() -> Iterator[Clock]:
     made = Clock()
-    for module in (mlx90393, mmc5983ma):
-        monkeypatch.setattr(module.time, "sleep", made.sleep)
-    for module in (pad_module, sensor_module):
-        monkeypatch.setattr(module, "now_us", made.now_us)
-    return made
+    with patched(made):
+        yield made
 
 
 class EmulatedBus:

@@ -10,6 +10,7 @@ from fmfts_lab.bench import (
     accuracy,
     as_built,
     baselines,
+    chips,
     contact,
     convergence,
     faults,
@@ -31,7 +32,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
-        "silicone | contact | latency | overload | frame | resident",
+        "silicone | contact | chips | latency | overload | frame | resident",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -95,6 +96,9 @@ def main() -> None:
     verb.add_argument("--part", choices=contact.PARTS, help="only this part")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=contact.run)
+    verb = verbs.add_parser("chips", help="the contact's error with each kind of chip, over its bound")
+    verb.add_argument("--frames", type=int, default=1000, help="presses for each row")
+    verb.set_defaults(run=chips.run)
     verb = verbs.add_parser("latency", help="from a frame's bytes to its message, beside an echo; processor and memory")
     verb.add_argument("--pads", type=int, nargs="+", default=[1, 4, 16, 64], help="how many, one after another")
     verb.add_argument("--seconds", type=float, default=10.0, help="for each row, after a second of warming up")
