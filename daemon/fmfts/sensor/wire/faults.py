@@ -66,7 +66,8 @@ def no_measurement(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | 
 def identity(hello: Hello, chip: Chip) -> dict[str, object]:
     """Facts about the board from its hello, for `status` and `probe`."""
     ranges = chip.ranges_gauss
-    return {
+    without = {} if chip.bias_strap is not None else {"self_test": False}
+    return without | {
         "uid": hello.uid.hex(),
         "firmware": ".".join(map(str, hello.firmware_version)),
         "wire_version": VERSION,
