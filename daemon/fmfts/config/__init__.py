@@ -80,7 +80,7 @@ class AnyskinSource(_HardwareSource, frozen=True, tag="anyskin", tag_field="type
     baud: Annotated[int, Meta(ge=9600)] = 115200
     form: Literal["binary", "text"] = "binary"
     range_gauss: float = 52.0
-    chip: ChipName = "anyskin"
+    chip: ChipName = "mlx90393_streamed"
 
 
 class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):

@@ -81,7 +81,7 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     if chip.streamed is not isinstance(source, AnyskinSource) and not isinstance(
         source, SimulatedSource | ReplaySource
     ):
-        yield ("source", "chip"), 'chip = "anyskin" belongs to type = "anyskin", and no other does'
+        yield ("source", "chip"), "a streamed chip belongs to an AnySkin board, which has no other"
     if source.trigger == "simultaneous" and not chip.has_trigger:
         yield ("source", "trigger"), no_trigger(chip)
     elif source.rate_hz > most_hz:

@@ -166,7 +166,9 @@ class Anyskin:
         elif self._clock.period_ns and not self.state.connected:
             self._backoff_ns = FIRST_BACKOFF_NS
             self.state.connect(now_ns)
-            self.state.board.update(rate_hz=round(self._clock.rate_hz or 0.0, 1), magnetometers=self._pad.sensors, self_test=False)
+            self.state.board.update(
+                rate_hz=round(self._clock.rate_hz or 0.0, 1), magnetometers=self._pad.sensors, self_test=False
+            )
             note(self.state.warnings, "rate", self._other_rate())
 
     def _strange(self) -> str:

@@ -10,7 +10,7 @@ from fmfts.sensor.chips.mmc5983ma import MMC5983MA
 from fmfts.sensor.chips.qmc5883l import QMC5883L
 
 # As the configuration writes it.
-ChipName = Literal["hmc5983", "hmc5883l", "mmc5983ma", "qmc5883l", "lis3mdl", "mlx90393", "anyskin"]
+ChipName = Literal["hmc5983", "hmc5883l", "mmc5983ma", "qmc5883l", "lis3mdl", "mlx90393", "mlx90393_streamed"]
 CHIPS: dict[str, Chip] = {
     chip.name: chip for chip in (HMC5983, HMC5883L, MMC5983MA, QMC5883L, LIS3MDL, MLX90393, ANYSKIN)
 }

@@ -148,7 +148,7 @@ MLX90393 = Chip(
 # GAIN_SEL 7 and RES 0); so the same counts come back. With RES 0 a field beyond ±53 G wraps around, unseen.
 ANYSKIN = replace(
     MLX90393,
-    name="anyskin",
+    name="mlx90393_streamed",
     label="MLX90393 of an AnySkin board",
     ranges_gauss=(52.0,),
     counts_per_gauss=((100 / 0.161, 100 / 0.161, 100 / 0.294),),
