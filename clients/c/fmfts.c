@@ -167,7 +167,7 @@ static bool is_text(const struct item *item, const char *text)
 
 /* ---- the schema: docs/messages.md ---- */
 
-enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE };
+enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE, NOW };
 
 enum { ALWAYS = -1 }; /* instead of the offset of `known`: the value must not be null */
 
@@ -192,6 +192,30 @@ static const struct field pose_fields[] = {
     NULLABLE(VECTOR, fmfts_pose, ambient_sd_t),
     FIELD(NUMBER, fmfts_pose, residual_t),
     FIELD(NUMBER, fmfts_pose, chi2),
+};
+
+static const struct field now_fields[] = {
+    FIELD(INTEGER, fmfts_now, t_ns),
+    NULLABLE(NUMBER, fmfts_now, x_m),
+    NULLABLE(NUMBER, fmfts_now, x_sd_m),
+    NULLABLE(NUMBER, fmfts_now, x_rate_m_per_s),
+    NULLABLE(NUMBER, fmfts_now, x_rate_sd_m_per_s),
+    NULLABLE(NUMBER, fmfts_now, y_m),
+    NULLABLE(NUMBER, fmfts_now, y_sd_m),
+    NULLABLE(NUMBER, fmfts_now, y_rate_m_per_s),
+    NULLABLE(NUMBER, fmfts_now, y_rate_sd_m_per_s),
+    NULLABLE(NUMBER, fmfts_now, force_n),
+    NULLABLE(NUMBER, fmfts_now, force_sd_n),
+    NULLABLE(NUMBER, fmfts_now, force_rate_n_per_s),
+    NULLABLE(NUMBER, fmfts_now, force_rate_sd_n_per_s),
+    NULLABLE(NUMBER, fmfts_now, shear_x_n),
+    NULLABLE(NUMBER, fmfts_now, shear_x_sd_n),
+    NULLABLE(NUMBER, fmfts_now, shear_x_rate_n_per_s),
+    NULLABLE(NUMBER, fmfts_now, shear_x_rate_sd_n_per_s),
+    NULLABLE(NUMBER, fmfts_now, shear_y_n),
+    NULLABLE(NUMBER, fmfts_now, shear_y_sd_n),
+    NULLABLE(NUMBER, fmfts_now, shear_y_rate_n_per_s),
+    NULLABLE(NUMBER, fmfts_now, shear_y_rate_sd_n_per_s),
 };
 
 /* In the order in which the daemon sends them: then finding a key takes one comparison. */
@@ -220,6 +244,7 @@ static const struct field contact_fields[] = {
     NULLABLE(NUMBER, fmfts_contact, force_min_n),
     NULLABLE(NUMBER, fmfts_contact, displacement_m),
     NULLABLE(NUMBER, fmfts_contact, displacement_sd_m),
+    {"now", NOW, offsetof(struct fmfts_contact, now.known), offsetof(struct fmfts_contact, now)}, /* old daemons: none */
     {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose)},
     FIELD(INTEGER, fmfts_contact, sensors_ok),
     FIELD(WORD, fmfts_contact, solver),
@@ -229,6 +254,7 @@ static const struct field contact_fields[] = {
 
 enum {
     POSE_COUNT = sizeof pose_fields / sizeof *pose_fields,
+    NOW_COUNT = sizeof now_fields / sizeof *now_fields,
     CONTACT_COUNT = sizeof contact_fields / sizeof *contact_fields
 };
 
@@ -320,6 +346,8 @@ static void set_unknown(enum kind kind, char *value)
         ((double *)(void *)value)[i] = NAN;
     for (int i = 0; kind == POSE && i < POSE_COUNT; i++)
         set_unknown(pose_fields[i].kind, value + pose_fields[i].value);
+    for (int i = 0; kind == NOW && i < NOW_COUNT; i++)
+        set_unknown(now_fields[i].kind, value + now_fields[i].value);
 }
 
 static bool read_map(struct reader *reader, const struct item *map, const struct field *fields, int count, void *into,
@@ -331,6 +359,17 @@ static bool read_pose(struct reader *reader, const struct item *item, struct fmf
     bool read = read_map(reader, item, pose_fields, POSE_COUNT, pose, why);
     pose->known = read;
     return read;
+}
+
+/* The daemon may not know a place; force and its rate it does. */
+static bool read_now(struct reader *reader, const struct item *item, struct fmfts_now *now, char why[FMFTS_TEXT_SIZE])
+{
+    now->known = read_map(reader, item, now_fields, NOW_COUNT, now, why);
+    if (!now->known)
+        return false;
+    bool told = now->force_n.known && now->force_sd_n.known && now->force_rate_n_per_s.known &&
+                now->force_rate_sd_n_per_s.known;
+    return told || fail(why, "now.force_n is not a finite number");
 }
 
 static bool read_value(struct reader *reader, const struct item *item, enum kind kind, void *value,
@@ -355,6 +394,8 @@ static bool read_value(struct reader *reader, const struct item *item, enum kind
         return read_vector(reader, item, value);
     case POSE:
         return read_pose(reader, item, value, why);
+    case NOW:
+        return read_now(reader, item, value, why);
     }
     return false;
 }
@@ -363,7 +404,7 @@ static bool read_field(struct reader *reader, const struct field *field, char *i
 {
     static const char *const wanted[] = {
         "an integer of 64 bits", "a finite number",       "true or false", "true, false or null", "text", "text",
-        "text of 64 bytes",      "three finite numbers", "a map"};
+        "text of 64 bytes",      "three finite numbers", "a map", "a map"};
     struct item item;
     if (!read_item(reader, &item))
         return fail(why, "cut off, or no msgpack, at %s", field->name);
@@ -411,7 +452,7 @@ static bool read_map(struct reader *reader, const struct item *map, const struct
         expected = index + 1;
     }
     for (int i = 0; i < count; i++)
-        if (!(seen >> i & 1))
+        if (!(seen >> i & 1) && fields[i].kind != NOW)
             return fail(why, "%s is missing", fields[i].name);
     return true;
 }
@@ -458,6 +499,7 @@ enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_conta
         return version;
     struct fmfts_contact read;
     memset(&read, 0, sizeof read);
+    set_unknown(NOW, (char *)&read.now);
     if (!read_map(&reader, &map, contact_fields, CONTACT_COUNT, &read, why))
         return FMFTS_REFUSED;
     read.clock_ahead_s.known = true;
@@ -921,6 +963,41 @@ bool fmfts_measured(const struct fmfts_contact *contact)
 double fmfts_sample_age_s(const struct fmfts_contact *contact)
 {
     return age_s(contact, contact->t_sample_ns);
+}
+
+enum { FARTHEST_MS = 20 }; /* farther ahead a fast press has turned round */
+
+static void grow(struct fmfts_number *number, const struct fmfts_number *rate, double ahead_s)
+{
+    number->known = number->known && rate->known;
+    number->value = number->known ? number->value + rate->value * ahead_s : NAN;
+}
+
+static void carry(struct fmfts_number *value, struct fmfts_number *deviation, const struct fmfts_number *rate,
+                  const struct fmfts_number *rate_deviation, double ahead_s)
+{
+    grow(value, rate, ahead_s);
+    grow(deviation, rate_deviation, ahead_s < 0 ? -ahead_s : ahead_s);
+}
+
+bool fmfts_at(const struct fmfts_contact *contact, int64_t t_ns, struct fmfts_now *now)
+{
+    double ahead_s = 1e-9 * ((double)t_ns - (double)contact->now.t_ns) - contact->clock_ahead_s.value;
+    *now = contact->now;
+    if (!now->known || !contact->clock_ahead_s.known || !(ahead_s >= -1e-3 * FARTHEST_MS && ahead_s <= 1e-3 * FARTHEST_MS)) {
+        memset(now, 0, sizeof *now);
+        set_unknown(NOW, (char *)now);
+        return false;
+    }
+    carry(&now->x_m, &now->x_sd_m, &now->x_rate_m_per_s, &now->x_rate_sd_m_per_s, ahead_s);
+    carry(&now->y_m, &now->y_sd_m, &now->y_rate_m_per_s, &now->y_rate_sd_m_per_s, ahead_s);
+    carry(&now->force_n, &now->force_sd_n, &now->force_rate_n_per_s, &now->force_rate_sd_n_per_s, ahead_s);
+    carry(&now->shear_x_n, &now->shear_x_sd_n, &now->shear_x_rate_n_per_s, &now->shear_x_rate_sd_n_per_s, ahead_s);
+    carry(&now->shear_y_n, &now->shear_y_sd_n, &now->shear_y_rate_n_per_s, &now->shear_y_rate_sd_n_per_s, ahead_s);
+    if (now->force_n.value < 0)
+        now->force_n.value = 0;
+    now->t_ns += (int64_t)(1e9 * ahead_s);
+    return true;
 }
 
 /* ---- why nothing arrives: as clients/python/fmfts_client/diagnosis.py finds it ---- */

@@ -74,6 +74,18 @@ struct fmfts_pose {
     double chi2;
 };
 
+/* The contact when its message was published, how it goes on (per second), and the deviations. Use it only if `known` is true,
+ * and a place only if that is known; fmfts_at() carries it on. */
+struct fmfts_now {
+    bool known;
+    int64_t t_ns; /* CLOCK_MONOTONIC of the daemon's machine */
+    struct fmfts_number x_m, x_sd_m, x_rate_m_per_s, x_rate_sd_m_per_s;
+    struct fmfts_number y_m, y_sd_m, y_rate_m_per_s, y_rate_sd_m_per_s;
+    struct fmfts_number force_n, force_sd_n, force_rate_n_per_s, force_rate_sd_n_per_s;
+    struct fmfts_number shear_x_n, shear_x_sd_n, shear_x_rate_n_per_s, shear_x_rate_sd_n_per_s;
+    struct fmfts_number shear_y_n, shear_y_sd_n, shear_y_rate_n_per_s, shear_y_rate_sd_n_per_s;
+};
+
 struct fmfts_contact {
     char pad[FMFTS_WORD_SIZE];
     char boot[FMFTS_WORD_SIZE]; /* changes when the daemon restarts; then `seq` begins again */
@@ -97,6 +109,7 @@ struct fmfts_contact {
     char solver[FMFTS_WORD_SIZE];
     char model[FMFTS_WORD_SIZE];
     struct fmfts_word baseline;
+    struct fmfts_now now; /* not known from a daemon that does not send it */
     /* The client fills this in: by how much this machine's CLOCK_MONOTONIC is ahead of the daemon's. 0 over ipc (same
      * machine); over tcp learned from arrivals, and not known until messages have come for FMFTS_ALIVE_MS. */
     struct fmfts_number clock_ahead_s;
@@ -141,6 +154,11 @@ bool fmfts_measured(const struct fmfts_contact *contact);
 /* Seconds since the sensors were sampled; infinite while the clock of the daemon's machine is not known. For a daemon
  * on another machine the shortest delay of the network is not included. */
 double fmfts_sample_age_s(const struct fmfts_contact *contact);
+
+/* The contact carried on to `t_ns` of this machine's CLOCK_MONOTONIC: value + rate · time, deviations that grow, force not below 0.
+ * False, and `now` is not known, if the contact's `now` is not, while the clock of the daemon's machine is not known, and
+ * farther than 20 ms from it. Place is not known without a touch. */
+bool fmfts_at(const struct fmfts_contact *contact, int64_t t_ns, struct fmfts_now *now);
 
 /* Why nothing arrives, as a sentence with what to do: no daemon is there, it has no such pad (and which it has), it
  * speaks another schema version, or it refuses the key. True, and "" in `why`, if contacts of the pad do arrive.

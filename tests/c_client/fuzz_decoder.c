@@ -30,6 +30,11 @@ static void require_whole(const struct fmfts_contact *contact)
         &contact->displacement_m, &contact->displacement_sd_m};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         require_number(numbers[i]);
+    const struct fmfts_now *now = &contact->now;
+    const struct fmfts_number *of_now = &now->x_m;
+    for (size_t i = 0; i < 20; i++)
+        require_number(&of_now[i]);
+    require(now->known == now->force_n.known, "now is known with its force, or not at all");
     const struct fmfts_pose *pose = &contact->pose;
     for (int i = 0; i < 3; i++) {
         double sum = pose->position_m[i] * 0 + pose->axis[i] * 0 + pose->position_sd_m[i] * 0;

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from hypothesis import strategies as st
 
-from fmfts.bus.messages import ContactMessage, PoseMessage
+from fmfts.bus.messages import ContactMessage, NowMessage, PoseMessage
 
 # The daemon's encoder adds them all up to see that they are finite.
 LARGEST = 1e300
@@ -39,7 +39,9 @@ def built(kind: type[Any], **fixed: st.SearchStrategy[Any]) -> st.SearchStrategy
 
 
 poses = built(PoseMessage)
-contacts = built(ContactMessage, v=st.just(1), reason=st.text(characters, max_size=400), pose=poses | st.none())
+nows = built(NowMessage)
+reasons = st.text(characters, max_size=400)
+contacts = built(ContactMessage, v=st.just(1), reason=reasons, pose=poses | st.none(), now=nows | st.none())
 
 # Any value of msgpack.
 anything = st.recursive(

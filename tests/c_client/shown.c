@@ -66,6 +66,38 @@ static void show_pose(const struct fmfts_pose *pose)
     printf("\"residual_t\": %.17g, \"chi2\": %.17g}, ", pose->residual_t, pose->chi2);
 }
 
+static void show_now(const char *name, const struct fmfts_now *now)
+{
+    if (!now->known) {
+        if (!isnan(now->x_m.value) || !isnan(now->force_n.value) || now->force_n.known)
+            abort();
+        printf("\"%s\": null, ", name);
+        return;
+    }
+    printf("\"%s\": {", name);
+    optional("x_m", &now->x_m);
+    optional("x_sd_m", &now->x_sd_m);
+    optional("x_rate_m_per_s", &now->x_rate_m_per_s);
+    optional("x_rate_sd_m_per_s", &now->x_rate_sd_m_per_s);
+    optional("y_m", &now->y_m);
+    optional("y_sd_m", &now->y_sd_m);
+    optional("y_rate_m_per_s", &now->y_rate_m_per_s);
+    optional("y_rate_sd_m_per_s", &now->y_rate_sd_m_per_s);
+    optional("force_n", &now->force_n);
+    optional("force_sd_n", &now->force_sd_n);
+    optional("force_rate_n_per_s", &now->force_rate_n_per_s);
+    optional("force_rate_sd_n_per_s", &now->force_rate_sd_n_per_s);
+    optional("shear_x_n", &now->shear_x_n);
+    optional("shear_x_sd_n", &now->shear_x_sd_n);
+    optional("shear_x_rate_n_per_s", &now->shear_x_rate_n_per_s);
+    optional("shear_x_rate_sd_n_per_s", &now->shear_x_rate_sd_n_per_s);
+    optional("shear_y_n", &now->shear_y_n);
+    optional("shear_y_sd_n", &now->shear_y_sd_n);
+    optional("shear_y_rate_n_per_s", &now->shear_y_rate_n_per_s);
+    optional("shear_y_rate_sd_n_per_s", &now->shear_y_rate_sd_n_per_s);
+    printf("\"t_ns\": %" PRId64 "}, ", now->t_ns);
+}
+
 void show_contact(const struct fmfts_contact *contact)
 {
     static const char *const touches[] = {"null", "false", "true"};
@@ -93,6 +125,7 @@ void show_contact(const struct fmfts_contact *contact)
     optional("force_min_n", &contact->force_min_n);
     optional("displacement_m", &contact->displacement_m);
     optional("displacement_sd_m", &contact->displacement_sd_m);
+    show_now("now", &contact->now);
     show_pose(&contact->pose);
     integer("sensors_ok", contact->sensors_ok);
     show_text("solver", contact->solver);

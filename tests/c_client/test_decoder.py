@@ -118,12 +118,20 @@ def agree(c_client: Talker, payload: bytes) -> None:
             assert read(answer) == wanted
 
 
-@pytest.mark.parametrize("name", [name for name in FIELDS if name != "v"])
+@pytest.mark.parametrize("name", [name for name in FIELDS if name not in ("v", "now")])
 def test_key_that_is_absent_is_named_and_not_taken_for_null(c_client: Talker, name: str) -> None:
     message = msgpack.unpackb(encode(contact_message()))
     del message[name]
     answer = c_client.decode(msgpack.packb(message))
     assert (answer["result"], answer["why"]) == (REFUSED, f"{name} is missing")
+
+
+def test_a_daemon_that_does_not_send_now_is_read(c_client: Talker) -> None:
+    message = msgpack.unpackb(encode(contact_message()))
+    del message["now"]
+    answer = c_client.decode(msgpack.packb(message))
+    assert answer["now"] is None
+    assert answer["force_n"] == 1.5
 
 
 def test_other_version_is_told_apart_whatever_else_is_in_the_message(c_client: Talker) -> None:

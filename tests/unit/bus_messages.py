@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from fmfts.bus.messages import ContactMessage, EventMessage, FrameMessage, PoseMessage, StatusMessage
+from fmfts.bus.messages import ContactMessage, EventMessage, FrameMessage, NowMessage, PoseMessage, StatusMessage
 
 BOOT = "b00t"
 
@@ -54,6 +54,7 @@ def contact_message(**changes: Any) -> ContactMessage:
         "force_min_n": None,
         "displacement_m": None,
         "displacement_sd_m": None,
+        "now": now_message(1_000_000_000),
         "pose": pose_message(),
         "sensors_ok": 0b1111,
         "solver": "numpy",
@@ -61,6 +62,26 @@ def contact_message(**changes: Any) -> ContactMessage:
         "baseline": "2025-01-01T00:00:00Z-abcd",
     }
     return ContactMessage(**(values | changes))
+
+
+def now_message(t_ns: int, **changes: Any) -> NowMessage:
+    """A touch of 1.5 N that grows by 2 N/s and moves along x by 10 mm/s."""
+    values: dict[str, Any] = dict.fromkeys(NowMessage.__struct_fields__) | {
+        "t_ns": t_ns,
+        "x_m": 0.005,
+        "x_sd_m": 0.0002,
+        "x_rate_m_per_s": 0.01,
+        "x_rate_sd_m_per_s": 0.02,
+        "y_m": 0.003,
+        "y_sd_m": 0.0002,
+        "y_rate_m_per_s": 0.0,
+        "y_rate_sd_m_per_s": 0.02,
+        "force_n": 1.51,
+        "force_sd_n": 0.05,
+        "force_rate_n_per_s": 2.0,
+        "force_rate_sd_n_per_s": 5.0,
+    }
+    return NowMessage(**(values | changes))
 
 
 def status_message(**changes: Any) -> StatusMessage:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import msgpack
 import msgspec
 import numpy as np
 import pytest
-from bus_messages import contact_message, event_message, frame_message, pose_message, status_message
+from bus_messages import contact_message, event_message, frame_message, now_message, pose_message, status_message
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,19 +22,22 @@ from fmfts.bus.messages import (
     EventMessage,
     FrameMessage,
     NotFiniteError,
+    NowMessage,
     PoseMessage,
     StateMessage,
     StatusMessage,
     encode,
     encode_facts,
 )
-from fmfts_client import Contact, Event, MessageError, Pose, SchemaError, Status
+from fmfts_client import Contact, Event, MessageError, Now, Pose, SchemaError, Status
 from fmfts_client.fields import NOT_SENT
 
 REPOSITORY = Path(__file__).parents[2]
 NOT_NUMBERS = (math.nan, math.inf, -math.inf)
 FLOAT_FIELDS = [name for name, hint in ContactMessage.__annotations__.items() if hint.startswith("float")]
 POSE_FIELDS = [name for name, hint in PoseMessage.__annotations__.items() if hint.startswith(("float", "Vector"))]
+
+NOW_FIELDS = [name for name, hint in NowMessage.__annotations__.items() if hint.startswith("float")]
 
 
 def sent(message: Any) -> dict[str, Any]:
@@ -58,6 +62,7 @@ def documented_keys() -> dict[str, set[str]]:
     [
         ("contact", ContactMessage),
         ("pose", PoseMessage),
+        ("now", NowMessage),
         ("event", EventMessage),
         ("status", StatusMessage),
         ("frame", FrameMessage),
@@ -66,13 +71,19 @@ def documented_keys() -> dict[str, set[str]]:
 )
 def test_documentation_names_exactly_the_fields_that_are_sent(section: str, struct: type[msgspec.Struct]) -> None:
     documented = documented_keys()
-    common = set() if struct is PoseMessage else documented["Every message"]
+    common = set() if struct in (PoseMessage, NowMessage) else documented["Every message"]
     assert documented[section] | common == set(struct.__struct_fields__)
 
 
 @pytest.mark.parametrize(
     ("struct", "read"),
-    [(ContactMessage, Contact), (PoseMessage, Pose), (EventMessage, Event), (StatusMessage, Status)],
+    [
+        (ContactMessage, Contact),
+        (PoseMessage, Pose),
+        (NowMessage, Now),
+        (EventMessage, Event),
+        (StatusMessage, Status),
+    ],
 )
 def test_client_reads_exactly_the_fields_that_are_sent(struct: type[msgspec.Struct], read: Any) -> None:
     assert {field.name for field in fields(read) if field.metadata != NOT_SENT} == set(struct.__struct_fields__)
@@ -83,8 +94,11 @@ def test_client_reads_back_what_was_sent() -> None:
     contact = Contact.from_message(sent(message))
     assert contact.pose is not None
     for name in ContactMessage.__struct_fields__:
-        if name != "pose":
+        if name not in ("pose", "now"):
             assert getattr(contact, name) == getattr(message, name), name
+    assert contact.now is not None
+    for name in NowMessage.__struct_fields__:
+        assert getattr(contact.now, name) == getattr(message.now, name), name
     for name in PoseMessage.__struct_fields__:
         assert getattr(contact.pose, name) == getattr(message.pose, name), name
     assert Status.from_message(sent(status_message())).board == {"firmware": "0.1.0"}
@@ -102,6 +116,57 @@ def test_unknown_is_null_and_never_left_out() -> None:
 def test_contact_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
     with pytest.raises(NotFiniteError, match=rf"pad 'demo': ContactMessage.{field} "):
         encode(contact_message(**{field: number}))
+
+
+def test_client_reads_a_daemon_that_does_not_send_now() -> None:
+    message = sent(contact_message())
+    del message["now"]
+    contact = Contact.from_message(message)
+    assert contact.now is None
+    assert contact.at() is None
+    assert contact.valid
+
+
+def test_now_is_carried_on_to_the_readers_instant() -> None:
+    message = contact_message()
+    contact = Contact.from_message(sent(message))
+    assert message.now is not None
+    later, earlier = contact.at(message.now.t_ns + 5_000_000), contact.at(message.now.t_ns - 5_000_000)
+    assert later is not None
+    assert earlier is not None
+    assert later.force_n == pytest.approx(1.51 + 2.0 * 5e-3)
+    assert later.force_sd_n == earlier.force_sd_n == pytest.approx(0.05 + 5.0 * 5e-3)
+    assert later.x_m == pytest.approx(0.005 + 0.01 * 5e-3)
+    assert later.t_ns - earlier.t_ns == 10_000_000
+    assert later.shear_x_n is None
+    assert contact.at(message.now.t_ns + 30_000_000) is None
+
+
+def test_a_force_that_is_carried_on_never_pulls() -> None:
+    now_ns = time.monotonic_ns()
+    falling = now_message(now_ns, force_n=0.1, force_rate_n_per_s=-50.0)
+    contact = Contact.from_message(sent(contact_message(now=falling)))
+    carried = contact.at(now_ns + 10_000_000)
+    assert carried is not None
+    assert carried.force_n == 0.0
+
+
+def test_another_machines_instant_is_translated() -> None:
+    """The reader's clock is 3 s ahead of the daemon's."""
+    message = contact_message()
+    assert message.now is not None
+    contact = Contact.from_message(sent(message), clock_ahead_s=3.0)
+    carried = contact.at(message.now.t_ns + 3_005_000_000)
+    assert carried is not None
+    assert carried.force_n == pytest.approx(1.51 + 2.0 * 5e-3, abs=1e-6)
+    assert Contact.from_message(sent(message), clock_ahead_s=None).at(message.now.t_ns) is None
+
+
+@pytest.mark.parametrize("number", NOT_NUMBERS)
+@pytest.mark.parametrize("field", NOW_FIELDS)
+def test_now_with_a_number_that_is_none_is_not_encoded(field: str, number: float) -> None:
+    with pytest.raises(NotFiniteError, match=rf"now\.{field}"):
+        encode(contact_message(now=now_message(1, **{field: number})))
 
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
@@ -134,7 +199,7 @@ def test_frame_message_keeps_counts() -> None:
     assert sent(frame_message(7))["counts"][1] == [4, 5, -4096]
 
 
-@pytest.mark.parametrize("field", ContactMessage.__struct_fields__)
+@pytest.mark.parametrize("field", [name for name in ContactMessage.__struct_fields__ if name != "now"])
 def test_client_refuses_a_contact_without_a_field(field: str) -> None:
     message = sent(contact_message())
     del message[field]

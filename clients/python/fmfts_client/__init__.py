@@ -6,6 +6,7 @@ from fmfts_client.control import ControlError, RefusedError, UnreachableError, r
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.fields import SCHEMA_VERSION, MessageError, SchemaError
 from fmfts_client.keys import KEY_VARIABLE, BadKeyError
+from fmfts_client.now import Now
 from fmfts_client.subscription import Message, Subscription
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Event",
     "Message",
     "MessageError",
+    "Now",
     "Pose",
     "RefusedError",
     "SchemaError",

@@ -7,7 +7,8 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Optional
 
-from fmfts_client.fields import NOT_SENT, check_version, parse
+from fmfts_client.fields import MAY_BE_MISSING, NOT_SENT, check_version, parse
+from fmfts_client.now import Now
 
 Vector = tuple[float, float, float]
 
@@ -62,6 +63,8 @@ class Contact:
     solver: str
     model: str
     baseline: Optional[str]
+    # The contact when this was published; None where it is not known, and from a daemon that does not send it.
+    now: Optional[Now] = field(default=None, metadata=MAY_BE_MISSING)
     # By how much this machine's monotonic clock is ahead of that of the times above; None: not known.
     clock_ahead_s: Optional[float] = field(default=0.0, metadata=NOT_SENT)
 
@@ -85,6 +88,16 @@ class Contact:
         known = self.health == "ok" and self.contact is not None and self.force_n is not None
         placed = not self.contact or (self.x_m is not None and self.y_m is not None)
         return known and placed and not self.over_range
+
+    def at(self, t_ns: Optional[int] = None) -> Optional[Now]:
+        """The contact carried on to `t_ns` of this machine's monotonic clock; None: to this instant.
+
+        None if `now` is, while the other machine's clock is not known, and farther than 20 ms from `now.t_ns`.
+        """
+        if self.now is None or self.clock_ahead_s is None:
+            return None
+        t_ns = time.monotonic_ns() if t_ns is None else t_ns
+        return self.now.carried((t_ns - self.now.t_ns) * 1e-9 - self.clock_ahead_s)
 
     @property
     def sample_age_s(self) -> float:

@@ -11,6 +11,8 @@ from typing import Any, Callable, TypeVar, Union, cast, get_args, get_origin, ge
 SCHEMA_VERSION = 1
 # Marks a dataclass field that is not in the message: the client adds it.
 NOT_SENT = {"sent": False}
+# Marks a dataclass field that daemons of before do not send: it then keeps its default.
+MAY_BE_MISSING = {"may_be_missing": True}
 
 T = TypeVar("T")
 Check = Callable[[Any], Any]
@@ -41,8 +43,10 @@ def parse(kind: type[T], message: object, **not_sent: object) -> T:
     if not isinstance(message, Mapping):
         raise MessageError(f"{kind.__name__}: not a map but {_shown(message)}")
     values: dict[str, Any] = dict(not_sent)
-    for name, check in _checks(cast(Hashable, kind)):
+    for name, check, may_be_missing in _checks(cast(Hashable, kind)):
         if name not in message:
+            if may_be_missing:
+                continue
             raise MessageError(f"{kind.__name__}: {name} is missing")
         try:
             values[name] = check(message[name])
@@ -52,9 +56,13 @@ def parse(kind: type[T], message: object, **not_sent: object) -> T:
 
 
 @cache
-def _checks(kind: Any) -> tuple[tuple[str, Check], ...]:
+def _checks(kind: Any) -> tuple[tuple[str, Check, bool], ...]:
     hints = get_type_hints(kind)
-    return tuple((field.name, _check_for(hints[field.name])) for field in fields(kind) if field.metadata != NOT_SENT)
+    return tuple(
+        (field.name, _check_for(hints[field.name]), field.metadata == MAY_BE_MISSING)
+        for field in fields(kind)
+        if field.metadata != NOT_SENT
+    )
 
 
 def _check_for(hint: Any) -> Check:

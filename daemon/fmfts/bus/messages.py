@@ -47,6 +47,32 @@ class PoseMessage(msgspec.Struct, frozen=True, kw_only=True):
     chi2: float
 
 
+class NowMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """The contact at the time of publishing, and how it goes on, in a ContactMessage."""
+
+    t_ns: int
+    x_m: float | None
+    x_sd_m: float | None
+    x_rate_m_per_s: float | None
+    x_rate_sd_m_per_s: float | None
+    y_m: float | None
+    y_sd_m: float | None
+    y_rate_m_per_s: float | None
+    y_rate_sd_m_per_s: float | None
+    force_n: float
+    force_sd_n: float
+    force_rate_n_per_s: float
+    force_rate_sd_n_per_s: float
+    shear_x_n: float | None
+    shear_x_sd_n: float | None
+    shear_x_rate_n_per_s: float | None
+    shear_x_rate_sd_n_per_s: float | None
+    shear_y_n: float | None
+    shear_y_sd_n: float | None
+    shear_y_rate_n_per_s: float | None
+    shear_y_rate_sd_n_per_s: float | None
+
+
 class ContactMessage(_Message, frozen=True, kw_only=True):
     """`contact/<pad>`: one per frame, and at least ten a second while the source is silent."""
 
@@ -72,6 +98,7 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     force_min_n: float | None
     displacement_m: float | None = None
     displacement_sd_m: float | None = None
+    now: NowMessage | None = None
     pose: PoseMessage | None
     sensors_ok: int
     solver: Solver
@@ -83,7 +110,7 @@ NO_ESTIMATE: dict[str, None] = dict.fromkeys(
     (
         *("contact", "x_m", "x_sd_m", "y_m", "y_sd_m", "force_n", "force_sd_n"),
         *("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n", "force_min_n"),
-        *("displacement_m", "displacement_sd_m", "pose"),
+        *("displacement_m", "displacement_sd_m", "now", "pose"),
     )
 )
 
@@ -218,6 +245,7 @@ def _getter(kind: type[msgspec.Struct], item: str) -> Callable[[Any], tuple[Any,
 _contact_numbers = _getter(ContactMessage, "float")
 _pose_numbers = _getter(PoseMessage, "float")
 _pose_vectors = _getter(PoseMessage, "Vector")
+_now_numbers = _getter(NowMessage, "float")
 
 
 def _numbers_are_finite(message: AnyMessage) -> bool:
@@ -225,6 +253,8 @@ def _numbers_are_finite(message: AnyMessage) -> bool:
     if not isinstance(message, ContactMessage):
         return not not_finite_field(message)
     total = sum(filter(None, _contact_numbers(message)))
+    if (now := message.now) is not None:
+        total += sum(filter(None, _now_numbers(now)))
     if (pose := message.pose) is not None:
         total += sum(_pose_numbers(pose))
         for vector in filter(None, _pose_vectors(pose)):

@@ -7,6 +7,7 @@ enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE };
 typedef struct {
     double contact[CONTACT];
     double variance[CONTACT];
+    double *by_pose;
 } found;
 
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
@@ -52,6 +53,7 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
         found->contact[i] = contact[i];
         found->variance[i] = 0.0;
         for (int k = 0; k < POSE; k++) {
+            found->by_pose[POSE * i + k] = row[k];
             for (int l = 0; l < POSE; l++) {
                 found->variance[i] += row[k] * question->covariance[POSE * k + l] * row[l];
             }
@@ -159,7 +161,7 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate)
 {
-    found found;
+    found found = {.by_pose = estimate->by_pose};
     fmfts_response table;
     double variance[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n[0];
     answer_of(network, question, &found);

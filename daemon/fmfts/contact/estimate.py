@@ -38,6 +38,12 @@ class ContactEstimate:
     refused: bool = False
 
     @property
+    def values(self) -> Array:
+        """(3,) or (5,): x, y (m), force, and shear x, y (N)."""
+        pressed = np.array([self.x_m, self.y_m, self.force_n])
+        return pressed if self.shear_n is None else np.concatenate([pressed, self.shear_n])
+
+    @property
     def x_sd_m(self) -> float:
         return float(np.sqrt(self.covariance[0, 0]))
 

@@ -201,6 +201,11 @@ class ContactModel:
             self.has_shear and self._outside(contact),
         )
 
+    def slope(self) -> Array:
+        """Derivative (m, 6) of the last answer of estimate() by position (m) and axis; per m, and in m and N."""
+        slope: Array = self.inference.jacobian.astype(np.float64) * self._unit[:, None] * POSE_UNIT
+        return slope
+
     def detection_limit_n(self, covariance: Array, chi2: float) -> float:
         """The largest force (N) that the touch test may miss: where the pad is least sensitive, usually at a corner.
 

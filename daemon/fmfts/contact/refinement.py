@@ -20,12 +20,8 @@ class Refiner:
 
     def __init__(self, response: Response) -> None:
         self.response = response
-        size_x, size_y, monomials, _ = response.coefficient.shape
-        sizes = np.array([size_x - 2, size_y - 2, monomials, response.loads])
-        table = np.concatenate([sizes, response.first_mm, response.spacing_mm, [response.scale_n]])
-        exponent = np.ascontiguousarray(response.exponent, dtype=np.int32)
-        self.packed = table.tobytes() + np.ascontiguousarray(response.coefficient).tobytes() + exponent.tobytes()
-        self.compiled = _refine is not None and monomials <= MOST_MONOMIALS
+        self.packed = packed(response)
+        self.compiled = _refine is not None and response.coefficient.shape[2] <= MOST_MONOMIALS
 
     def refined(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array]:
         """The most likely press (2 + L,) in mm and N, and its covariance. press (2 + L,): where to start.
@@ -45,3 +41,12 @@ class Refiner:
         whole = np.broadcast_to(covariance, (1, CHANGE, CHANGE))
         found, spread, _ = most_likely(self.response, change[None], whole, press[None], steps)
         return found[0], spread[0]
+
+
+def packed(response: Response) -> bytes:
+    """As refine.h reads it."""
+    size_x, size_y, monomials, _ = response.coefficient.shape
+    sizes = np.array([size_x - 2, size_y - 2, monomials, response.loads])
+    table = np.concatenate([sizes, response.first_mm, response.spacing_mm, [response.scale_n]])
+    exponent = np.ascontiguousarray(response.exponent, dtype=np.int32)
+    return table.tobytes() + np.ascontiguousarray(response.coefficient).tobytes() + exponent.tobytes()

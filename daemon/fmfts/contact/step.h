@@ -57,9 +57,13 @@ typedef struct {
 typedef struct {
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
+    double by_pose[FMFTS_CONTACT * FMFTS_POSE]; /* the network's Jacobian, in the model's units */
     double force_min_n, central_force_sd_n, doubt;
     bool over_range;
 } fmfts_estimate;
+
+/* touch.c: χ² of a change of pose [5] with its covariance [5][5]. False if that is not one. */
+bool fmfts_chi2_from_rest(const double *change, const double *covariance, double *chi2);
 
 /* touch.c: updates memory->touched from the change of pose [5] and its covariance [5][5]. elapsed_s: since the frame
  * before. False if that is no covariance. */

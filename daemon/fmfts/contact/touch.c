@@ -5,7 +5,7 @@
 #include "step.h"
 
 /* χ² of the change. False if the covariance is not positive definite. */
-static bool chi2_of(const double *change, const double *covariance, double *chi2)
+bool fmfts_chi2_from_rest(const double *change, const double *covariance, double *chi2)
 {
     fmfts_matrix a, work;
     double solved[5];
@@ -43,7 +43,7 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     if (elapsed_s > parameters->longest_gap_s[0]) { /* who touched may be gone: TouchDetector.forget */
         memory->touched[0] = memory->quiet_frames[0] = 0.0;
     }
-    if (!chi2_of(change, covariance, &chi2)) {
+    if (!fmfts_chi2_from_rest(change, covariance, &chi2)) {
         return false;
     }
     follow(parameters, memory, chi2);

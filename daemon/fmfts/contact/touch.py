@@ -43,7 +43,7 @@ class TouchDetector:
 
         displacement (5,): from rest, position in m and axis in rad; covariance (5, 5): includes that of rest.
         """
-        chi2 = _chi2(displacement, covariance)
+        chi2 = chi2_from_rest(displacement, covariance)
         if chi2 is None:
             return None
         memory = self.memory
@@ -69,7 +69,7 @@ class TouchDetector:
         self.memory.touched, self.memory.quiet_frames = False, 0
 
 
-def _chi2(displacement: Array | None, covariance: Array | None) -> float | None:
+def chi2_from_rest(displacement: Array | None, covariance: Array | None) -> float | None:
     """dᵀΣ⁻¹d; None unless Σ is positive definite and all is finite."""
     if displacement is None or covariance is None:
         return None

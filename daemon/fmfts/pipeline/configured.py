@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fmfts.config import PadConfig
+from fmfts.config import BridgeSource, PadConfig
 from fmfts.contact import ContactModel, NoContactModel, OtherPadError
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import scene_model_of
+from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE, frame_bytes
+
+# From a frame's last byte to its message, at the median, with a pad that is the only one (docs/results/latency.md).
+HOST_S = 0.3e-3
 
 
 def load_contact_model(config: PadConfig, path: str | None = None) -> ContactModel:
@@ -44,7 +48,16 @@ def contact_model_of(config: PadConfig) -> ContactModel | NoContactModel:
 def pipeline_of(config: PadConfig, model: ContactModel | NoContactModel, boot: str) -> PadPipeline:
     """A pipeline, still without a baseline. boot: written into each of its messages."""
     tracking = scene_model_of(config).tracking
-    return PadPipeline(config.pad(), model, boot, float(config.source.rate_hz), tracking)
+    rate_hz = float(config.source.rate_hz)
+    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_s_of(config))
+
+
+def lead_s_of(config: PadConfig) -> float:
+    """From when a board makes a frame to when its message is published: the frame's time on the line, and HOST_S."""
+    source = config.source
+    if not isinstance(source, BridgeSource):
+        return HOST_S
+    return HOST_S + LINE_BITS_PER_BYTE * frame_bytes(len(config.geometry.sensors_mm)) / source.baud
 
 
 def feel_neighbours(

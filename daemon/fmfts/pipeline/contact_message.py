@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from math import sqrt
 from typing import Any
 
 import msgspec
@@ -12,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.baseline import Baseline, Mounting
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, PoseMessage, Vector, decode_contact
-from fmfts.contact import ContactEstimate, doubt
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage, Vector, decode_contact
+from fmfts.contact import ContactEstimate
+from fmfts.contact.now import ContactNow
+from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
 from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
@@ -29,6 +29,7 @@ class Reading:
     """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value.
 
     distance_m: how far the magnet is from rest, and the deviation of that; of a pad without a contact model only.
+    now: the contact at the time of publishing.
     """
 
     health: Health
@@ -39,6 +40,7 @@ class Reading:
     touching: bool | None = None
     detection_limit_n: float = 0.0
     distance_m: tuple[float, float] | None = None
+    now: ContactNow | None = None
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):
@@ -63,22 +65,26 @@ class MessageWriter:
         self._model = model
         self.number = 0
         self.sampled_ns = 0
+        self._tells_now = False  # whether the packed messages have `now`
         self._templates: tuple[Template, ...] = ()  # one for each Kind
-        self._templates_of: tuple[bool, str] | None = None  # (temperature unknown, baseline id) of the templates
+        self._templates_of: tuple[bool, str, bool] | None = None  # (temperature unknown, baseline id, tells now)
         self._last_kind: Kind | None = None  # kind of the last message; None unless it was a packed one
 
     def packed(
         self, path: FastPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
     ) -> PackedMessage:
         """The message of the frame that `path` judged last."""
-        if self._templates_of != (frame.temperature_c is None, baseline.id):
+        if self._templates_of != (frame.temperature_c is None, baseline.id, path.tells_now):
+            self._tells_now = path.tells_now
             self._templates = tuple(self._template(kind, frame, mounting, baseline) for kind in Kind)
-            self._templates_of = frame.temperature_c is None, baseline.id
+            self._templates_of = frame.temperature_c is None, baseline.id, path.tells_now
         self._last_kind = judged.kind
         self.sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
         self.number += 1
         publish_ns = time.monotonic_ns()
-        payload = path.message(self._templates[judged.kind], self.number, self.sampled_ns, publish_ns, time.time_ns())
+        now_ns = frame.host_time_ns + int((judged.now_us - frame.device_time_us) * 1000.0)
+        template, times = self._templates[judged.kind], (self.sampled_ns, publish_ns, time.time_ns(), now_ns)
+        payload = path.message(template, self.number, *times)
         return PackedMessage(payload, judged.kind, self.sampled_ns, publish_ns)
 
     def begin(self, lane: Lane, sequence: int) -> bool:
@@ -100,9 +106,14 @@ class MessageWriter:
         estimate = PoseEstimate(
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
         )
-        reading = Reading("ok", "", np.ones((len(frame.valid), 3), np.bool_), estimate, contact, kind != Kind.QUIET)
+        now = None
+        if self._tells_now and not over_range:
+            none = np.zeros(3)
+            now = ContactNow(0.0, none, none, none, none, kind != Kind.QUIET)
+        used = np.ones((len(frame.valid), 3), np.bool_)
+        reading = Reading("ok", "", used, estimate, contact, kind != Kind.QUIET, now=now)
         number, sampled_ns = self.number, self.sampled_ns
-        message = self.message(reading, 0, frame.temperature_c, mounting, baseline)
+        message = self.message(reading, 0, frame.temperature_c, mounting, baseline, frame)
         self.number, self.sampled_ns = number, sampled_ns
         return Template.of(message)
 
@@ -113,8 +124,12 @@ class MessageWriter:
         temperature_c: float | None,
         mounting: Mounting | None,
         baseline: Baseline | None,
+        frame: Frame | None = None,
     ) -> ContactMessage:
-        """The message of a reading. sampled_ns: host time of the sample; None, without a frame, repeats the last."""
+        """The message of a reading. sampled_ns: host time of the sample; None, without a frame, repeats the last.
+
+        frame: that the reading was made of.
+        """
         self.sampled_ns = self.sampled_ns if sampled_ns is None else sampled_ns
         self._last_kind = None
         self.number += 1
@@ -130,6 +145,8 @@ class MessageWriter:
             }
         if reading.estimate is not None and mounting is not None:
             estimates["pose"] = _pose_message(reading.estimate, mounting)
+        if reading.now is not None and frame is not None:
+            estimates["now"] = now_message(reading.now, frame)
         return ContactMessage(
             pad=self._pad,
             boot=self._boot,
@@ -175,22 +192,18 @@ def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
     return {"shear_x_n": x_n, "shear_x_sd_n": x_sd_n, "shear_y_n": y_n, "shear_y_sd_n": y_sd_n}
 
 
-def quiet_force_sd_n(force_sd_n: float, detection_limit_n: float) -> float:
-    """Deviation (N) of the force while no touch is felt: the force may be anything up to the detection limit.
-
-    Counted as a uniform distribution. detection_limit_n: where on the pad a touch is felt least.
-    """
-    return float(root_of_squares(force_sd_n, detection_limit_n / sqrt(3.0)))
-
-
-def touched_force_sd_n(force_n: float, force_sd_n: float, detection_limit_n: float) -> float:
-    """Deviation (N) of a felt force. The less it exceeds its noise, the more the detection limit counts."""
-    return quiet_force_sd_n(force_sd_n, doubt(force_n, square(force_sd_n)) * detection_limit_n)
-
-
-def felt_force_sd_n(quiet_sd_n: float, detection_limit_n: float) -> float:
-    """The inverse of `quiet_force_sd_n`: the deviation (N) without the detection limit."""
-    return sqrt(max(square(quiet_sd_n) - square(detection_limit_n) / 3.0, 0.0))
+def now_message(now: ContactNow, frame: Frame) -> NowMessage:
+    """In the host's time, as the frame maps the board's."""
+    names = ("x", "y", "force", "shear_x", "shear_y")
+    numbers: dict[str, float | None] = dict.fromkeys(NowMessage.__struct_fields__[1:])
+    columns = (now.values, now.deviations, now.rates, now.rate_deviations)
+    for name, values in zip(names, zip(*(column.tolist() for column in columns), strict=True), strict=False):
+        unit = "m" if name in ("x", "y") else "n"
+        if now.touching or name == "force":
+            forms = (f"{name}_{unit}", f"{name}_sd_{unit}", f"{name}_rate_{unit}_per_s", f"{name}_rate_sd_{unit}_per_s")
+            numbers |= dict(zip(forms, values, strict=True))
+    t_ns = frame.host_time_ns + int((now.time_us - frame.device_time_us) * 1000.0)
+    return NowMessage(t_ns=t_ns, **numbers)  # type: ignore[arg-type]
 
 
 def _pose_message(estimate: PoseEstimate, mounting: Mounting) -> PoseMessage:

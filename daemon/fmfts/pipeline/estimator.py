@@ -15,6 +15,7 @@ from fmfts.contact.touch import TouchMemory
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import Reading
 from fmfts.pipeline.fast import FastPath
+from fmfts.pipeline.now import NowEstimator, NowMemory, Taken
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import distance
@@ -37,6 +38,7 @@ HELD_S = 5.0
 class EstimatorMemory:
     """last_us: the board's time of the last frame, None before the first. lifted_s: how long the magnet has been above
     its rest. rested_s: how long it has been at rest since. unread_s: how long an earlier frame's temperature is held.
+    now: None of a pad whose response is not known, and of recordings that are older than `now`.
     """
 
     tracker: TrackerMemory
@@ -47,14 +49,21 @@ class EstimatorMemory:
     lifted_s: float = 0.0
     rested_s: float = 0.0
     unread_s: float = 0.0
+    now: NowMemory | None = None
 
 
 class Estimator:
     """Field → pose → contact of a pad that has a baseline."""
 
     def __init__(
-        self, baselined: BaselinedPad, model: ContactModel | NoContactModel, rate_hz: float, stopped_us: float
+        self,
+        baselined: BaselinedPad,
+        model: ContactModel | NoContactModel,
+        rate_hz: float,
+        stopped_us: float,
+        lead_s: float = 0.0,
     ) -> None:
+        """lead_s: from when the board makes a frame to when its message is published."""
         self.baselined = baselined
         self.baseline = baselined.baseline
         self.mounting = baselined.mounting
@@ -65,6 +74,9 @@ class Estimator:
         self._smoother = Smoother(model.smoothing_s)
         ambient_motion = None if self._ambient_motion is None else self._ambient_motion.memory
         self.memory = EstimatorMemory(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion)
+        self._now = NowEstimator.of(baselined, model, rate_hz, lead_s)
+        if self._now is not None:
+            self.memory.now = self._now.memory
         self.detection_limit_n = 0.0
         self._path: FastPath | None = None
         if isinstance(model, NoContactModel):
@@ -84,6 +96,7 @@ class Estimator:
                 baselined.repeats_allowed,
                 stopped_us,
                 self.detection_limit_n,
+                None if self._now is None else self._now.parameters,
             )
 
     def hand_over(self, alignment: Alignment) -> FastPath | None:
@@ -97,7 +110,7 @@ class Estimator:
             return None
         if self._ambient_motion is not None and self._ambient_motion.is_moving:
             return None
-        if not self._tracker.can_be_handed_over:
+        if not self._tracker.can_be_handed_over or not (self._now is None or self._now.runs):
             return None
         if alignment.memory.without_news:
             return None
@@ -118,6 +131,8 @@ class Estimator:
         self._touch.memory, self._smoother.memory = memory.touch, memory.smoother
         if self._ambient_motion is not None and memory.ambient_motion is not None:
             self._ambient_motion.memory = memory.ambient_motion
+        if self._now is not None and memory.now is not None:
+            self._now.memory = memory.now
 
     def _follow_lift(self, lifted: bool, resting: bool, elapsed_s: float) -> None:
         """Count for how long the magnet is above its rest, and then, for how long it has been back at rest.
@@ -140,6 +155,17 @@ class Estimator:
     def forget_touch(self) -> None:
         """Treat the pad as untouched until the next onset."""
         self._touch.forget()
+        self._forget_now()
+
+    def tell_no_now(self) -> None:
+        """From now on, no message tells the contact at the time of publishing."""
+        self._now = self.memory.now = None
+        if self._path is not None:
+            self._path.tell_no_now()
+
+    def _forget_now(self) -> None:
+        if self._now is not None:
+            self._now.forget()
 
     def read(
         self,
@@ -147,11 +173,31 @@ class Estimator:
         temperature_c: float | None,
         neighbours: Sequence[NeighbourEstimate] = (),
         missing: Mapping[int, str] = NOTHING_SAID,
+        taken: Taken | None = None,
     ) -> Reading:
         """Judge one aligned frame. neighbours: the felt magnets of other pads at the time of this frame.
 
-        missing: what is wrong with sensors that cannot be used, for the reason.
+        missing: what is wrong with sensors that cannot be used, for the reason. taken: the frame's own samples, for
+        what holds at the time of publishing.
         """
+        reading = self._read(aligned, temperature_c, neighbours, missing)
+        estimate, contact, touching = reading.estimate, reading.contact, reading.touching
+        healthy = reading.health == "ok" and not neighbours
+        if self._now is None:
+            return reading
+        if not healthy or taken is None or estimate is None or contact is None or touching is None:
+            self._now.forget()
+            return reading
+        now = self._now.update(taken, aligned.time_us, estimate, contact, touching, self.detection_limit_n)
+        return replace(reading, now=now)
+
+    def _read(
+        self,
+        aligned: Aligned,
+        temperature_c: float | None,
+        neighbours: Sequence[NeighbourEstimate],
+        missing: Mapping[int, str],
+    ) -> Reading:
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us

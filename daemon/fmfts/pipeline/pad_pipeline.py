@@ -15,6 +15,7 @@ from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Passed
+from fmfts.pipeline.now import Taken
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
@@ -43,11 +44,18 @@ class PadPipeline:
     """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too."""
 
     def __init__(
-        self, pad: Pad, model: ContactModel | NoContactModel, boot: str, rate_hz: float, tracking: TrackingModel
+        self,
+        pad: Pad,
+        model: ContactModel | NoContactModel,
+        boot: str,
+        rate_hz: float,
+        tracking: TrackingModel,
+        lead_s: float = 0.0,
     ) -> None:
+        """lead_s: from when the board makes a frame to when its message is published."""
         self.pad = pad
         self._model = model
-        self._rate_hz = rate_hz
+        self._rate_hz, self._lead_s = rate_hz, lead_s
         self._tracking = tracking
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: Estimator | None = None
@@ -98,7 +106,7 @@ class PadPipeline:
         """
         self.hand_back()
         baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
-        self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us)
+        self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us, self._lead_s)
         self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
 
@@ -122,7 +130,7 @@ class PadPipeline:
         """Like process(), but returns the encoded message if the fast path handled the frame."""
         self._sequence = frame.sequence
         if self._compiled is not None and self._estimator is not None:
-            judged = self._compiled.judge(frame.packed, frame.device_time_us, frame.temperature_c)
+            judged = self._compiled.judge(frame.packed, frame.sequence, frame.device_time_us, frame.temperature_c)
             if judged is not None:
                 estimator = self._estimator
                 return self._writer.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
@@ -159,12 +167,14 @@ class PadPipeline:
             reading = Reading("no_baseline", self._why_none, frame.usable)
         else:
             seen = [view.at(sampled_ns) for view in self._neighbours]
-            reading = self._estimator.read(aligned, frame.temperature_c, seen, self._missing)
+            newest = self._alignment.memory
+            taken = Taken(newest.field_t[0], newest.time_us[0], frame.fresh, frame.sequence, frame.device_time_us)
+            reading = self._estimator.read(aligned, frame.temperature_c, seen, self._missing, taken)
             if reading.estimate is not None and (reading.contact is not None or reading.distance_m is not None):
                 self._sighting.saw(reading.estimate, sampled_ns)
             if reading.health == "ok" and not self._among_others:
                 self._compiled = self._estimator.hand_over(self._alignment)
-        return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline)
+        return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline, frame)
 
     @property
     def memory(self) -> PipelineMemory:
@@ -184,6 +194,8 @@ class PadPipeline:
 
         ValueError, and nothing changes, if the memory does not fit this pipeline.
         """
+        if self._estimator is not None and memory.estimator is not None and memory.estimator.now is None:
+            self._estimator.tell_no_now()  # a recording from before there was `now`: say what was said then
         require_alike(memory, self.memory)
         self._alignment.memory = memory.alignment
         if self._estimator is not None and memory.estimator is not None:

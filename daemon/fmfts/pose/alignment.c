@@ -109,23 +109,27 @@ static void interpolate(const fmfts_pose_parameters *parameters, const fmfts_pos
     field->variance_t2[axis] = bend * bend + noise_square;
 }
 
-/* Adds the variance of what the baseline leaves unknown: Mounting.lasting_variance_t2. */
-static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int sensor, fmfts_field *field)
+double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,
+                              const double change[3])
 {
     const double *uniform = memory->state + AMBIENT_VALUE;
+    const double *direction = parameters->direction + 3 * axis, *deviation = parameters->sensitivity_deviation + 3 * axis;
+    double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
+    double by_place = parameters->place_deviation[axis / 3] * (change[axis % 3] - ambient), variance = 0.0;
+    for (int k = 0; k < 3; k++) {
+        variance += deviation[k] * change[k] * (deviation[k] * change[k]);
+    }
+    return variance + (by_place * by_place + parameters->systematic_t[0] * parameters->systematic_t[0]);
+}
+
+static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int sensor, fmfts_field *field)
+{
     double change[3];
     for (int k = 0; k < 3; k++) {
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
-        const double *direction = parameters->direction + 3 * axis, *deviation = parameters->sensitivity_deviation + 3 * axis;
-        double ambient = direction[0] * uniform[0] + direction[1] * uniform[1] + direction[2] * uniform[2];
-        double by_place = parameters->place_deviation[sensor] * (change[axis - 3 * sensor] - ambient), variance = 0.0;
-        for (int k = 0; k < 3; k++) {
-            variance += deviation[k] * change[k] * (deviation[k] * change[k]);
-        }
-        variance += by_place * by_place + parameters->systematic_t[0] * parameters->systematic_t[0];
-        field->variance_t2[axis] += variance;
+        field->variance_t2[axis] += fmfts_lasting_variance(parameters, memory, axis, change);
     }
 }
 

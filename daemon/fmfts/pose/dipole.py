@@ -49,7 +49,7 @@ def dipole_field(
     Eq. 2: B = B_T·(3(m̂·r)r/r⁵ − m̂/r³) with r from the magnet to the sensor; B_T is `Magnet.strength_t_m3`.
     """
     r = place_m - position_m
-    radial = _radial(product(r, axis), (r * r).sum(axis=1), octupole_m2)
+    radial = radial_of(product(r, axis), (r * r).sum(axis=1), octupole_m2)
     field: Array = strength_t_m3 * (radial.alpha[:, None] * axis + radial.beta[:, None] * r)
     return field
 
@@ -63,7 +63,7 @@ def dipole_derivatives(
     """
     r = place_m - position_m
     alpha, beta, alpha_u, beta_u, alpha_2q, beta_2q = (
-        strength_t_m3 * value[:, None, None] for value in _radial(product(r, axis), (r * r).sum(axis=1), octupole_m2)
+        strength_t_m3 * value[:, None, None] for value in radial_of(product(r, axis), (r * r).sum(axis=1), octupole_m2)
     )
     along, across = np.broadcast_to(axis[:, None], (len(r), 3, 1)), r[:, :, None]
     by_u = alpha_u * along + beta_u * across
@@ -74,7 +74,7 @@ def dipole_derivatives(
     return field, by_position, by_axis
 
 
-def _radial(u: Array, q: Array, octupole_m2: float) -> Radial:
+def radial_of(u: Array, q: Array, octupole_m2: float) -> Radial:
     inverse = 1.0 / q
     third = inverse * np.sqrt(inverse)
     fifth = third * inverse

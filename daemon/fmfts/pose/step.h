@@ -102,6 +102,7 @@ FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)
 typedef struct {
     const uint8_t *readings;
     double time_us;
+    double sequence;
     double temperature_c; /* NaN: unknown */
     unsigned gain_code, valid, fresh;
 } fmfts_frame;
@@ -133,6 +134,11 @@ typedef struct {
 /* alignment.c: the frame's field, baseline subtracted, at one instant. */
 bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame,
                  fmfts_field *field);
+
+/* alignment.c: the variance of what the baseline leaves unknown of an axis, at a change [3] of its sensor's field from rest:
+ * Mounting.lasting_deviation_t, squared. */
+double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,
+                              const double change[3]);
 
 /* tracker.c: solves for the magnet's state, from the field and the state before, into `memory`. */
 bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,

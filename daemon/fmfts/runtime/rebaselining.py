@@ -9,7 +9,8 @@ import numpy as np
 from fmfts.baseline import Baseline, DriftFollower, Mounting, Quiet
 from fmfts.bus.messages import ContactMessage
 from fmfts.pad import DriftLimits
-from fmfts.pipeline.contact_message import PackedMessage, felt_force_sd_n
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.deviations import felt_force_sd_n
 from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import follow

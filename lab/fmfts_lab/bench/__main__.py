@@ -18,6 +18,7 @@ from fmfts_lab.bench import (
     latency,
     moment,
     neighbours,
+    now,
     overload,
     resident,
     silicone,
@@ -32,7 +33,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
-        "silicone | contact | chips | latency | overload | frame | resident",
+        "silicone | contact | chips | latency | overload | frame | resident | now",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -118,6 +119,12 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=3600.0)
     verb.add_argument("--every", type=float, default=60.0, metavar="SECONDS", help="a row")
     verb.set_defaults(run=resident.run)
+    verb = verbs.add_parser("now", help="errors when a contact is published and when it is read: today's beside `now`")
+    verb.add_argument("--pads", type=int, default=6, help="how many built pads")
+    verb.add_argument("--seconds", type=float, default=2.0, help="of each motion on each pad")
+    verb.add_argument("--drilled", type=int, default=1, help="on how many pads sensors begin to fail; 0: none")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=now.run)
     options = parser.parse_args()
     if SOLVER != "c":
         parser.error("the compiled kernel is not there, and the NumPy reference is not what these figures are about")

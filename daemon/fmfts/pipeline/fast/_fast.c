@@ -14,39 +14,40 @@ static void release(Py_buffer *buffers, int count)
 
 enum { PARAMETERS, MEMORY, OUTCOME, RESPONSE, NETWORK, READINGS, FRAME_BUFFERS };
 
-/* judge(parameters, memory, outcome, response, network, (gain_code, valid, fresh, readings), time_us, temperature_c) →
- * (instant in µs, kind of contact), or None if the frame is not healthy; `memory` is then unchanged. network: a vector as
- * in network.h. response: a buffer as in refine.h if the model refines, else None. */
+/* judge(parameters, memory, outcome, response, network, (gain_code, valid, fresh, readings), sequence, time_us,
+ * temperature_c) → (instant in µs, time of `now` in µs, kind of contact), or None if the frame is not healthy; `memory` is then unchanged. network: a vector as
+ * in network.h. response: a buffer as in refine.h, or None. */
 static PyObject *judge(PyObject *module, PyObject *args)
 {
     Py_buffer b[FRAME_BUFFERS] = {{0}};
     fmfts_frame frame;
     fmfts_network network;
-    unsigned long long time_us;
+    unsigned long long sequence, time_us;
     PyObject *result = NULL;
     (void)module;
-    if (PyArg_ParseTuple(args, "y*w*w*z*y*(IIIy*)Kd", &b[0], &b[1], &b[2], &b[3], &b[4], &frame.gain_code, &frame.valid,
-                         &frame.fresh, &b[5], &time_us, &frame.temperature_c) &&
+    if (PyArg_ParseTuple(args, "y*w*w*z*y*(IIIy*)KKd", &b[0], &b[1], &b[2], &b[3], &b[4], &frame.gain_code, &frame.valid,
+                         &frame.fresh, &b[5], &sequence, &time_us, &frame.temperature_c) &&
         has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") &&
         has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") &&
         has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") && view_network(&b[NETWORK], &network)) {
         fmfts_outcome *outcome = b[OUTCOME].buf;
         frame.readings = b[READINGS].buf;
         frame.time_us = (double)time_us;
+        frame.sequence = (double)sequence;
         fmfts_kind kind = fmfts_frame_step(b[PARAMETERS].buf, b[MEMORY].buf, &frame, (size_t)b[READINGS].len, &network,
                                            b[RESPONSE].buf, (size_t)b[RESPONSE].len, outcome);
         if (kind == FMFTS_NO_NUMBER) {
             result = Py_NewRef(Py_None);
         } else {
             *(fmfts_memory *)b[MEMORY].buf = outcome->next;
-            result = Py_BuildValue("(Li)", (long long)outcome->instant_us, (int)kind);
+            result = Py_BuildValue("(Ldi)", (long long)outcome->instant_us, outcome->now_us, (int)kind);
         }
     }
     release(b, FRAME_BUFFERS);
     return result;
 }
 
-/* message(template, places, outcome, seq, t_sample_ns, t_publish_ns, utc_ns) → bytes. places: int32 offsets in the
+/* message(template, places, outcome, seq, t_sample_ns, t_publish_ns, utc_ns, now_ns) → bytes. places: int32 offsets in the
  * template of the integers, then of every number; −1: the template does not have that number. */
 static PyObject *message(PyObject *module, PyObject *args)
 {
@@ -54,7 +55,8 @@ static PyObject *message(PyObject *module, PyObject *args)
     unsigned long long integer[INTEGERS];
     PyObject *result = NULL;
     (void)module;
-    if (!PyArg_ParseTuple(args, "y*y*y*KKKK", &b[0], &b[1], &b[2], &integer[0], &integer[1], &integer[2], &integer[3])) {
+    if (!PyArg_ParseTuple(args, "y*y*y*KKKKK", &b[0], &b[1], &b[2], &integer[0], &integer[1], &integer[2],
+                          &integer[3], &integer[4])) {
         return NULL;
     }
     if (has_size(&b[1], (INTEGERS + FMFTS_NUMBER_COUNT) * sizeof(int32_t), "places") &&

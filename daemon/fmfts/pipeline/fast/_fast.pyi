@@ -12,12 +12,21 @@ def judge(
     response: Buffer | None,
     network: Buffer,
     packed: tuple[int, int, int, bytes],
+    sequence: int,
     time_us: int,
     temperature_c: float,
     /,
-) -> tuple[int, int] | None: ...
+) -> tuple[int, float, int] | None: ...
 def message(
-    template: bytes, places: bytes, outcome: Buffer, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, /
+    template: bytes,
+    places: bytes,
+    outcome: Buffer,
+    seq: int,
+    t_sample_ns: int,
+    t_publish_ns: int,
+    utc_ns: int,
+    now_ns: int,
+    /,
 ) -> bytes: ...
 
 Template = tuple[bytes, bytes]

@@ -51,18 +51,23 @@ static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
     return sqrt(force_sd_n * force_sd_n + uniform_sd_n * uniform_sd_n);
 }
 
+double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching)
+{
+    double limit_n = parameters->detection_limit_n[0];
+    return touching ? quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n)
+                    : quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
+}
+
 static fmfts_kind put_contact(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching,
                                fmfts_numbers *n)
 {
-    double detection_limit_n = parameters->detection_limit_n[0];
     n->x_m[0] = estimate->place[0];
     n->x_sd_m[0] = estimate->deviation[0];
     n->y_m[0] = estimate->place[1];
     n->y_sd_m[0] = estimate->deviation[1];
     n->force_n[0] = fmax(estimate->place[2], 0.0);
     n->force_min_n[0] = estimate->force_min_n;
-    n->force_sd_n[0] = touching ? quiet_force_sd_n(estimate->deviation[2], estimate->doubt * detection_limit_n)
-                                : quiet_force_sd_n(estimate->central_force_sd_n, detection_limit_n);
+    n->force_sd_n[0] = fmfts_force_sd_n(parameters, estimate, touching);
     return !touching ? FMFTS_QUIET : estimate->over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }
 
@@ -103,7 +108,10 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     }
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
     if (!fmfts_keep_inside(&parameters->contact, &question) ||
-        !fmfts_estimate_contact(&parameters->contact, &question, network, response, response_bytes, &estimate)) {
+        !fmfts_estimate_contact(&parameters->contact, &question, network,
+                                parameters->contact.refine_steps[0] > 0.0 ? response : NULL, response_bytes, &estimate) ||
+        (parameters->now.tells_now[0] != 0.0 &&
+         !fmfts_tell_now(parameters, next, frame, &pose, &estimate, network, response, response_bytes, outcome))) {
         return FMFTS_NO_NUMBER;
     }
     outcome->instant_us = field.instant_us;

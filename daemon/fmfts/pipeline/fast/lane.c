@@ -30,6 +30,7 @@ static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
     const fmfts_frame frame = {
         .readings = sample->readings,
         .time_us = (double)sample->time_us,
+        .sequence = (double)sample->sequence,
         .temperature_c = temperature_c(lane, sample),
         .gain_code = sample->gain_code,
         .valid = sample->valid,
@@ -67,7 +68,7 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
     const fmfts_template *message = &lane->message[kind];
     const unsigned long long integer[FMFTS_MESSAGE_INTEGERS] = {
         lane->number, (unsigned long long)lane->t_sample_ns, (unsigned long long)lane->t_publish_ns,
-        (unsigned long long)fmfts_now_ns(CLOCK_REALTIME)};
+        (unsigned long long)fmfts_now_ns(CLOCK_REALTIME), (unsigned long long)lane->t_now_ns};
     fmfts_write_numbers(message->text, message->size, message->place, integer, &lane->outcome->numbers);
     if (kind != lane->kind) {
         lane->kind = kind;
@@ -93,6 +94,7 @@ fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t si
     *lane->memory = lane->outcome->next;
     lane->number++;
     lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->outcome->instant_us);
+    lane->t_now_ns = host_ns + (int64_t)((lane->outcome->now_us - (double)sample.time_us) * 1000.0);
     lane->t_publish_ns = now_ns;
     write_message(lane, kind);
     tally(lane, &sample, arrival_ns);

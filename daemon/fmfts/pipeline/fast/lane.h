@@ -25,7 +25,7 @@ typedef struct {
     const fmfts_parameters *parameters;
     fmfts_memory *memory;
     fmfts_outcome *outcome;
-    const void *response; /* refine.h; NULL if the model does not refine */
+    const void *response; /* refine.h; NULL if it is not known */
     size_t response_bytes;
     fmfts_network network;
     fmfts_clock_line *clock;
@@ -40,7 +40,7 @@ typedef struct {
     /* The frames handled since the lane was begun: their number, the first one's sequence, and the last one's values. */
     size_t passed;
     uint32_t first_sequence, sequence;
-    int64_t arrival_ns, t_sample_ns, t_publish_ns;
+    int64_t arrival_ns, t_sample_ns, t_publish_ns, t_now_ns;
     double latency_s[FMFTS_TALLIED];
 } fmfts_lane;
 

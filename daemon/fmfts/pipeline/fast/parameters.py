@@ -113,7 +113,7 @@ def put_contact(
     parameters.put("longest_gap_s", touch.longest_gap_s)
     parameters.put("drawn_rest_m", drawing.rest_position_m)
     parameters.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
-    parameters.put("refine_steps", STEPS)
+    parameters.put("refine_steps", STEPS if model.refines else 0)
     parameters.put("least_variance", TINY[0, 0])
     parameters.put("model_rest", model.rest_pose)
     parameters.put("lowest", model.lowest)

@@ -16,6 +16,7 @@ from fmfts.contact import ContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
+from fmfts.pipeline.fast.now_parameters import NowParameters, put_now
 from fmfts.pipeline.fast.parameters import put_contact, put_message, put_sensors, put_tracking
 from fmfts.pipeline.fast.template import Template
 from fmfts.pose.tracking_model import TrackingModel
@@ -36,9 +37,10 @@ KINDS = tuple(Kind)
 
 
 class Judged(NamedTuple):
-    """instant_us: the board's time of the estimate."""
+    """instant_us, now_us: the board's time of the estimate, and of `now`."""
 
     instant_us: int
+    now_us: float
     kind: Kind
 
 
@@ -95,9 +97,9 @@ class FastPath:
     Python judges the next frame.
     """
 
-    def __init__(self, parameters: DoubleTable, model: ContactModel) -> None:
+    def __init__(self, parameters: DoubleTable, model: ContactModel, response: bytes | None) -> None:
         assert isinstance(model.inference, CompiledInference)
-        response = None if model.refiner is None else model.refiner.packed
+        self._parameters = parameters
         self._memory = DoubleTable(_fast.MEMORY)
         self._outcome = np.zeros(_fast.OUTCOME_BYTES // 8).data
         self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
@@ -116,6 +118,7 @@ class FastPath:
         repeats_allowed: Array,
         stopped_us: float,
         detection_limit_n: float,
+        now: NowParameters | None = None,
     ) -> Self | None:
         """A fast path; None if C cannot serve this pad.
 
@@ -130,19 +133,24 @@ class FastPath:
             put_tracking(parameters, mounting, tracking, rest_temperature_c)
             put_contact(parameters, mounting, drawing, change_error, touch, model, detection_limit_n)
             put_message(parameters, mounting, drawing.magnet.remanence_t)
+            put_now(parameters, now)
         except ValueError:
             return None
-        return cls(parameters, model)
+        response = None if now is None else now.response
+        return cls(parameters, model, response if model.refiner is None else model.refiner.packed)
 
-    def judge(self, packed: Packed, device_time_us: int, temperature_c: float | None) -> Judged | None:
+    def judge(self, packed: Packed, sequence: int, device_time_us: int, temperature_c: float | None) -> Judged | None:
         """Judge one frame. None, and the memory is unchanged, if the frame is not healthy in every respect."""
         temperature_c = np.nan if temperature_c is None else temperature_c
-        judged = _fast.judge(*self._pad, packed, device_time_us, temperature_c)
-        return None if judged is None else Judged(judged[0], KINDS[judged[1]])
+        judged = _fast.judge(*self._pad, packed, sequence, device_time_us, temperature_c)
+        return None if judged is None else Judged(judged[0], judged[1], KINDS[judged[2]])
 
-    def message(self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int) -> bytes:
-        """The encoded message of the frame that was judged last."""
-        return _fast.message(template.text, template.places, self._outcome, seq, t_sample_ns, t_publish_ns, utc_ns)
+    def message(
+        self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, now_ns: int
+    ) -> bytes:
+        """The encoded message of the frame that was judged last. now_ns: the host's time of `now`."""
+        times = t_sample_ns, t_publish_ns, utc_ns, now_ns
+        return _fast.message(template.text, template.places, self._outcome, seq, *times)
 
     def lane(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> Lane:
         """The lane of this pad.
@@ -152,6 +160,14 @@ class FastPath:
         if self._lane is None:
             self._lane = Lane(_fast.Lane(self._pad, clock, topic, pad_index, overdue_ns))
         return self._lane
+
+    @property
+    def tells_now(self) -> bool:
+        """Whether messages tell the contact at the time of publishing."""
+        return bool(self._parameters.number("tells_now"))
+
+    def tell_no_now(self) -> None:
+        self._parameters.put("tells_now", 0.0)
 
     def take_over(self, *memories: object) -> None:
         """Copy the memory of earlier frames to C. It must not hold anything that only Python can judge."""

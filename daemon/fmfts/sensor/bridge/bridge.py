@@ -19,7 +19,7 @@ from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.newest import keep_newest
-from fmfts.sensor.wire.packets import UID_BYTES, Verb
+from fmfts.sensor.wire.packets import UID_BYTES, Verb, frame_bytes
 from fmfts.sensor.wired_pad import PadOnBoard
 
 log = logging.getLogger(__name__)
@@ -31,7 +31,6 @@ LOOK_NS = 50_000_000  # how often to look, without opening a port, whether a dev
 SILENCE_NS = 1_500_000_000  # a board sends its status every second, whatever else it does
 REOPEN_NS = 5_000_000_000  # reopen the port after this silence: some adapters recover only then
 IDENTIFY_NS = 1_500_000_000  # within this time the board on a port must send its hello
-FRAME_BYTES = (21, 8)  # of a sample packet on the line: fixed, and for each sensor
 
 
 class Bridge:
@@ -169,8 +168,7 @@ class Bridge:
         self._opened_ns = now_ns
         self._outbox = b""
         sensors = max(pad.sensors for pad in self._pads.values())
-        frame_bytes = FRAME_BYTES[0] + FRAME_BYTES[1] * sensors
-        self._clock.fixed_delay_ns = serial_port.transfer_ns(self._port, self._baud, frame_bytes)
+        self._clock.fixed_delay_ns = serial_port.transfer_ns(self._port, self._baud, frame_bytes(sensors))
         self._link.restart()
         note(self.state.warnings, "latency timer", serial_port.latency_warning(self._port))
         if self._is_configured_port:

@@ -12,9 +12,9 @@ from pathlib import Path
 import serial
 
 from fmfts.sensor.lock import in_use, not_permitted
+from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE
 
 SYS_CLASS_TTY = Path("/sys/class/tty")
-BITS_PER_BYTE = 10  # start, eight data bits, stop
 
 
 def open_raw(port: str, baud: int) -> serial.Serial:
@@ -84,7 +84,7 @@ def transfer_ns(port: str, baud: int, size: int) -> int:
     driver = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "driver"
     if not driver.exists() or driver.resolve().name == "cdc_acm":
         return 0
-    return round(size * BITS_PER_BYTE * 1e9 / baud)
+    return round(size * LINE_BITS_PER_BYTE * 1e9 / baud)
 
 
 def latency_warning(port: str) -> str | None:

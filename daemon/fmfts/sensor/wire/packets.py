@@ -14,6 +14,13 @@ ALL_PADS = 255
 NO_MUX = 0  # in place of a mux's address: then a sensor's channel is its own address
 TEMPERATURE_UNKNOWN = -32768
 UID_BYTES = 12
+LINE_BITS_PER_BYTE = 10  # on a serial line: start, eight data bits, stop
+FRAME_BYTES = (21, 8)  # of a sample packet on the line: fixed, and for each sensor
+
+
+def frame_bytes(sensors: int) -> int:
+    """Of a sample packet on the line."""
+    return FRAME_BYTES[0] + FRAME_BYTES[1] * sensors
 
 
 class PacketType(IntEnum):

@@ -1,0 +1,41 @@
+/* How a finger may accelerate the magnet: drive.py. */
+#include <math.h>
+#include <string.h>
+
+#include "now.h"
+
+enum { MOVED = FMFTS_MOVED, CONTACT = FMFTS_CONTACT };
+
+bool fmfts_drive(const fmfts_now_parameters *parameters, const void *response, size_t response_bytes,
+                 const fmfts_estimate *estimate, double *drive)
+{
+    fmfts_response table;
+    double change[MOVED], slope[MOVED][FMFTS_MAX_PRESS], turned[MOVED][CONTACT];
+    if (!estimate) {
+        memcpy(drive, parameters->untouched_drive, sizeof parameters->untouched_drive);
+        return true;
+    }
+    if (!response || !fmfts_view_response(response, response_bytes, &table) || table.loads != CONTACT - 2) {
+        return false;
+    }
+    const double press[CONTACT] = {estimate->place[0] * 1e3, estimate->place[1] * 1e3, fmax(estimate->place[2], 0.0)};
+    fmfts_respond(&table, press, change, slope);
+    for (int i = 0; i < MOVED; i++) {
+        for (int c = 0; c < CONTACT; c++) {
+            turned[i][c] = 0.0;
+            for (int k = 0; k < MOVED; k++) {
+                turned[i][c] += parameters->to_pose[MOVED * i + k] * slope[k][c];
+            }
+        }
+    }
+    for (int i = 0; i < MOVED; i++) {
+        for (int j = 0; j < MOVED; j++) {
+            double sum = 0.0;
+            for (int c = 0; c < CONTACT; c++) {
+                sum += turned[i][c] * parameters->drive_power[c] * turned[j][c];
+            }
+            drive[MOVED * i + j] = sum;
+        }
+    }
+    return true;
+}

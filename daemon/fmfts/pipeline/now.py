@@ -1,0 +1,206 @@
+"""`now` of a message: the contact at the time of publishing. pose/motion.py → contact/now.py; fast/now.c does the same.
+
+The time comes from the frame's number and the board's clock alone, never from arrivals, so that a replay says the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product
+from fmfts.common.chi2 import quantile
+from fmfts.contact import ContactEstimate, ContactModel, NoContactModel, doubt
+from fmfts.contact.drive import Drive, to_pose
+from fmfts.contact.now import ContactNow, carried, shrunk
+from fmfts.contact.refinement import MOST_MONOMIALS, packed
+from fmfts.contact.response import Response
+from fmfts.contact.touch import DEGREES_OF_FREEDOM, RELEASE_PROBABILITY, chi2_from_rest
+from fmfts.pad import Array
+from fmfts.pipeline.baselined_pad import BaselinedPad
+from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
+from fmfts.pipeline.fast.now_parameters import NowParameters
+from fmfts.pose import AMBIENT, LOG_MOMENT, PoseEstimate, State, change_from, displacement, tangent_basis
+from fmfts.pose.change import shortest_rotation
+from fmfts.pose.motion import (
+    AMBIENT_CHANGE,
+    FALSE_INNOVATION,
+    MOVING,
+    POSE,
+    RATE,
+    MotionFilter,
+    MotionMemory,
+    Samples,
+)
+
+# Before so many frames the filter has not settled.
+SETTLED_FRAMES = 3
+# Beyond it (a board that stalls, a chip that stopped) the newest sample says nothing of the time of publishing.
+LONGEST_LEAD_S = 0.02
+# A frame is made just after its newest conversion, at best: the latest of the recent frames tells when. What it tells
+# is let go by this share of a period each frame, so that a board with another rate than it should have is followed.
+LET_GO = 0.0025
+JUMP_PERIODS = 2.5
+
+
+class Taken(NamedTuple):
+    """The newest sample of each chip, as measured: field_t (N, 3), time_us (N,), fresh (N,); and the frame's number and
+    time: `Frame.sequence`, `Frame.device_time_us`."""
+
+    field_t: Array
+    time_us: NDArray[np.int64]
+    fresh: NDArray[np.bool_]
+    sequence: int
+    device_time_us: int
+
+
+@dataclass(slots=True)
+class NowMemory:
+    """made_us: when frame 0 would have been made, on the board's clock, as far as recent frames tell."""
+
+    motion: MotionMemory
+    made_us: float = 0.0
+
+
+class NowEstimator:
+    """The contact at the time of publishing, of one pad with a baseline.
+
+    lead_s: from when the board makes a frame to when its message is published.
+    """
+
+    def __init__(
+        self, baselined: BaselinedPad, model: ContactModel, response: Response, rate_hz: float, lead_s: float
+    ) -> None:
+        self._baselined, self._model = baselined, model
+        mounting, walk = baselined.mounting, baselined.tracking.walk_per_s[AMBIENT]
+        turn = shortest_rotation(mounting.rest.axis, baselined.drawing.rest_axis)
+        to_the_pose = to_pose(product(turn, tangent_basis(mounting.rest.axis))[:2])
+        self._drive = Drive(response, to_the_pose)
+        self._rest_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
+        surprise_chi2 = quantile(FALSE_INNOVATION, mounting.noise_t.size)
+        self._filter = MotionFilter(baselined.pad, mounting.rest, mounting.noise_t, walk, surprise_chi2)
+        self._memory = NowMemory(self._filter.memory)
+        self.parameters = NowParameters(
+            response=packed(response),
+            to_pose=to_the_pose,
+            untouched_drive=self._drive.untouched,
+            surprise_chi2=surprise_chi2,
+            period_us=1e6 / rate_hz,
+            lead_us=1e6 * lead_s,
+            let_go=LET_GO,
+            jump_periods=JUMP_PERIODS,
+            settled_frames=SETTLED_FRAMES,
+            longest_lead_s=LONGEST_LEAD_S,
+        )
+
+    @classmethod
+    def of(
+        cls, baselined: BaselinedPad, model: ContactModel | NoContactModel, rate_hz: float, lead_s: float
+    ) -> Self | None:
+        """None if the pad's response, or its rest, is not known."""
+        if isinstance(model, NoContactModel) or model.response is None or not baselined.at_rest:
+            return None
+        response = model.response if model.has_shear else model.response.without_shear()
+        if response.coefficient.shape[2] > MOST_MONOMIALS:
+            return None
+        return cls(baselined, model, response, rate_hz, lead_s)
+
+    @property
+    def memory(self) -> NowMemory:
+        return self._memory
+
+    @memory.setter
+    def memory(self, memory: NowMemory) -> None:
+        self._memory, self._filter.memory = memory, memory.motion
+
+    @property
+    def runs(self) -> bool:
+        """Whether the next frame may continue in C."""
+        return self.memory.motion.motion_us > 0.0 and self.memory.motion.followed >= SETTLED_FRAMES
+
+    def forget(self) -> None:
+        self._filter.forget()
+
+    def update(
+        self,
+        taken: Taken,
+        aligned_us: int,
+        estimate: PoseEstimate,
+        contact: ContactEstimate,
+        touching: bool,
+        detection_limit_n: float,
+    ) -> ContactNow | None:
+        """Follow a healthy frame. None where the contact at the time of publishing is not known.
+
+        estimate, contact: the solver's, at `aligned_us`.
+        """
+        publish_us, mounting = self._publish_us(taken), self._baselined.mounting
+        ambient_t = self._baselined.pad.sensors.to_sensor(np.tile(estimate.state.ambient_t, (len(taken.fresh), 1)))
+        memory, drive = self._filter.memory, self._drive.at(contact if touching else None)
+        if memory.motion_us == 0.0:
+            change = change_from(mounting.rest, estimate)
+            self._filter.begin(aligned_us, change, estimate.state, estimate.covariance, drive)
+        field_t = mounting.magnet_field(taken.field_t)
+        samples = Samples(field_t, mounting.lasting_deviation_t(field_t, ambient_t), taken.time_us, taken.fresh)
+        follows = self._filter.follow(samples, estimate.state.log_moment, drive)
+        lead_s = (publish_us - memory.motion_us) * 1e-6
+        beyond = touching and (contact.over_range or contact.refused)
+        if not follows or beyond or memory.followed < SETTLED_FRAMES or not 0.0 <= lead_s <= LONGEST_LEAD_S:
+            return None
+        return self._ahead(estimate, touching, detection_limit_n, publish_us, lead_s)
+
+    def _publish_us(self, taken: Taken) -> float:
+        """When the frame's message is published, on the board's clock."""
+        period_us = self.parameters.period_us
+        first_us = taken.device_time_us - taken.sequence * period_us
+        made_us = max(self.memory.made_us - LET_GO * period_us, first_us)
+        if made_us - first_us > JUMP_PERIODS * period_us:  # the board was reset
+            made_us = first_us
+        self.memory.made_us = made_us
+        return made_us + taken.sequence * period_us + self.parameters.lead_us
+
+    def _ahead(
+        self, estimate: PoseEstimate, touching: bool, detection_limit_n: float, publish_us: float, lead_s: float
+    ) -> ContactNow | None:
+        baselined, memory = self._baselined, self._filter.memory
+        moving = self._at_newest(estimate)
+        moving = baselined.with_calibration_uncertainty(moving)
+        chi2 = chi2_from_rest(*displacement(moving, baselined.mounting.rest))
+        position_m, axis, covariance = baselined.in_nominal_frame(moving)
+        contact = self._model.estimate(position_m, axis, covariance)
+        if touching and (contact.over_range or contact.refused):  # of the filter's pose
+            return None
+        turn = shortest_rotation(baselined.mounting.rest.axis, baselined.drawing.rest_axis)
+        by_pose = np.zeros((6, 5))
+        by_pose[:3, :3] = np.eye(3)
+        by_pose[3:, 3:] = product(turn, tangent_basis(moving.axis))
+        slope = product(self._model.slope(), by_pose)
+        variance = np.diagonal(product(slope, memory.motion_covariance[RATE, RATE], slope.T))
+        rates, rate_sd = shrunk(product(slope, memory.motion_state[RATE]), variance, float(memory.modes[MOVING]))
+        values, deviations = contact.values, np.sqrt(np.diagonal(contact.covariance))
+        deviations[2] = (
+            touched_force_sd_n(contact.force_n, contact.force_sd_n, detection_limit_n)
+            if touching
+            else quiet_force_sd_n(contact.central_force_sd_n, detection_limit_n)
+        )
+        # No finger lifts the magnet. Near rest, noise and what the baseline leaves unknown look like corner presses.
+        is_certain = doubt(contact.force_n, square(contact.force_sd_n)) < 1.0
+        pressed = bool(memory.motion_state[2] < 0.0) and chi2 is not None and chi2 > self._rest_chi2 and is_certain
+        return carried(publish_us, lead_s, values, deviations, rates, rate_sd, pressed, touching)
+
+    def _at_newest(self, estimate: PoseEstimate) -> PoseEstimate:
+        """The filter's pose in the form of the solver's. What the moment leaves uncertain is taken over from that."""
+        memory, solved = self._filter.memory, estimate.covariance
+        position_m, axis, _ = self._filter.pose(memory.motion_state[POSE])
+        by_moment = solved[:5, LOG_MOMENT]
+        covariance = np.zeros(solved.shape)
+        covariance[:5, :5] = memory.motion_covariance[POSE, POSE]
+        if solved[LOG_MOMENT, LOG_MOMENT] > 0.0:
+            covariance[:5, :5] += np.outer(by_moment, by_moment) / solved[LOG_MOMENT, LOG_MOMENT]
+        covariance[AMBIENT, AMBIENT] = memory.motion_covariance[AMBIENT_CHANGE, AMBIENT_CHANGE]
+        state = State(position_m, axis, estimate.state.log_moment, memory.motion_state[AMBIENT_CHANGE])
+        return replace(estimate, state=state, covariance=covariance)

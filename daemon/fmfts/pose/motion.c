@@ -1,0 +1,254 @@
+/* The filter of motion.py. Of covariances only the upper triangle is kept up to date. */
+#include "motion.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "model.h"
+
+enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE };
+enum { REST, STILL, MOVING, MODES };
+enum { SEEN = 8 };
+static const int STATE[SEEN] = {0, 1, 2, 3, 4, 10, 11, 12}; /* what a sample depends on */
+
+/* chi2: sum of ν²/s. widths: product of s/r. */
+typedef struct {
+    double x[N], p[N][N], chi2, widths;
+} mode;
+
+void fmfts_pose_after(const fmfts_pose_parameters *parameters, const double *change, double position[3], double axis[3],
+                      double turn[2][3])
+{
+    const double *rest = parameters->rest + AXIS_VALUE, m = change[3], n = change[4];
+    double basis[2][3], upright = sqrt(1.0 - (m * m + n * n));
+    tangent_basis(rest, basis);
+    for (int i = 0; i < 3; i++) {
+        position[i] = parameters->rest[i] + change[i];
+        axis[i] = upright * rest[i] + (m * basis[0][i] + n * basis[1][i]);
+        turn[0][i] = basis[0][i] - rest[i] * m / upright;
+        turn[1][i] = basis[1][i] - rest[i] * n / upright;
+    }
+}
+
+/* P ← F P Fᵀ for pose += reach·rate, rate *= keeps. */
+static void transport(mode *own, double reach_s, double keeps)
+{
+    double(*p)[N] = own->p;
+    for (int i = 0; i < RATE; i++) {
+        own->x[i] += reach_s * own->x[RATE + i];
+        own->x[RATE + i] *= keeps;
+        for (int k = i; k < RATE; k++) {
+            p[i][k] += reach_s * (p[i][RATE + k] + p[k][RATE + i] + reach_s * p[RATE + i][RATE + k]);
+        }
+    }
+    for (int i = 0; i < RATE; i++) {
+        for (int k = 0; k < RATE; k++) {
+            p[i][RATE + k] = keeps * (p[i][RATE + k] + reach_s * (i <= k ? p[RATE + i][RATE + k] : p[RATE + k][RATE + i]));
+        }
+        for (int k = AMBIENT; k < N; k++) {
+            p[i][k] += reach_s * p[RATE + i][k];
+        }
+    }
+    for (int i = RATE; i < AMBIENT; i++) {
+        for (int k = i; k < N; k++) {
+            p[i][k] *= k < AMBIENT ? keeps * keeps : keeps;
+        }
+    }
+}
+
+static void predict(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own, double passed_s,
+                    const double *drive, mode modes[MODES])
+{
+    double calm = fmfts_exp(-passed_s / own->calm_s[0]), square_s2 = passed_s * passed_s;
+    double(*p)[N] = modes[MOVING].p;
+    transport(&modes[STILL], own->calm_s[0] * (1.0 - calm), calm);
+    transport(&modes[MOVING], passed_s, 1.0);
+    for (int i = 0; i < RATE; i++) {
+        for (int k = 0; k < RATE; k++) {
+            double power = drive[RATE * i + k];
+            p[i][RATE + k] += square_s2 / 2.0 * power;
+            if (k >= i) {
+                p[i][k] += square_s2 * passed_s / 3.0 * power;
+                p[RATE + i][RATE + k] += passed_s * power;
+            }
+        }
+    }
+    for (int m = 0; m < MODES; m++) {
+        for (int i = 0; i < 3; i++) {
+            modes[m].p[AMBIENT + i][AMBIENT + i] += parameters->walk_per_s[AMBIENT_COLUMN + i] * passed_s;
+        }
+    }
+}
+
+/* Takes one scalar: motion.py's _measure. slope: by STATE. ahead: what the axis would read. At rest only the ambient field is
+ * unknown: the first states are zero. */
+static void measure(mode *own, int first, double value, double ahead, const double *slope, double r)
+{
+    double spread[N], s = r;
+    for (int i = 0; i < N; i++) {
+        spread[i] = 0.0;
+    }
+    for (int k = first ? RATE : 0; k < SEEN; k++) {
+        int column = STATE[k];
+        for (int i = first; i <= column; i++) {
+            spread[i] += own->p[i][column] * slope[k];
+        }
+        for (int i = column + 1; i < N; i++) {
+            spread[i] += own->p[column][i] * slope[k];
+        }
+    }
+    for (int k = first ? RATE : 0; k < SEEN; k++) {
+        s += slope[k] * spread[STATE[k]];
+    }
+    double innovation = value - ahead, inverse = 1.0 / s;
+    for (int i = first; i < N; i++) {
+        double gain = spread[i] * inverse;
+        own->x[i] += gain * innovation;
+        for (int k = i; k < N; k++) {
+            own->p[i][k] -= gain * spread[k];
+        }
+    }
+    own->chi2 += innovation * innovation * inverse;
+    own->widths *= s / r;
+}
+
+/* Takes a chip's sample in one mode. */
+static void take(const fmfts_pose_parameters *parameters, int sensor, double strength, const double *value, const double *r,
+                 int first, mode *own)
+{
+    fmfts_source source = {.strength = strength, .octupole = parameters->octupole_m2[0]};
+    fmfts_sight sight;
+    double position[3], axis[3], at[SEEN];
+    fmfts_pose_after(parameters, own->x, position, axis, source.basis);
+    source.position = position;
+    source.axis = axis;
+    look(&source, parameters->place_m + 3 * sensor, &sight);
+    for (int k = 0; k < SEEN; k++) {
+        at[k] = own->x[STATE[k]];
+    }
+    for (int k = 0; k < 3; k++) {
+        const double *direction = parameters->direction + 9 * sensor + 3 * k;
+        double slope[SEEN + 1], ahead = sense(&source, &sight, direction, slope) + dot3(at + RATE, direction);
+        memcpy(slope + RATE, direction, 3 * sizeof(double));
+        for (int i = 0; i < SEEN; i++) {
+            ahead += slope[i] * (own->x[STATE[i]] - at[i]);
+        }
+        measure(own, first, value[k], ahead, slope, r[k]);
+    }
+}
+
+/* The field of a sensor's newest sample, baseline subtracted, and the variance of its errors. */
+static void read_sample(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
+                        const fmfts_pose_memory *pose, int sensor, double value[3], double r[3])
+{
+    double change[3];
+    for (int k = 0; k < 3; k++) {
+        int axis = 3 * sensor + k;
+        value[k] = pose->field_t[axis] / parameters->gain[axis] - parameters->offset_t[axis];
+        change[k] = value[k] - parameters->rest_field_t[axis];
+    }
+    for (int k = 0; k < 3; k++) {
+        int axis = 3 * sensor + k;
+        double noise = parameters->noise_t[axis];
+        r[k] = noise * noise + own->lasting_share[0] * own->lasting_share[0] *
+                                   fmfts_lasting_variance(parameters, pose, axis, change);
+    }
+}
+
+static bool is_upright(const fmfts_motion_parameters *own, const double *x)
+{
+    return x[3] * x[3] + x[4] * x[4] < own->largest_tilt[0] * own->largest_tilt[0];
+}
+
+static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mode modes[MODES],
+                  fmfts_motion_memory *memory)
+{
+    double likelihood[MODES], best = -INFINITY, share[MODES], sum = 0.0, before = 0.0;
+    double leaves = 1.0 - fmfts_exp(-own->switches_per_s[0] * elapsed_s), stays = 1.0 - (MODES - 1) * leaves;
+    for (int m = 0; m < MODES; m++) {
+        likelihood[m] = -0.5 * (modes[m].chi2 + fmfts_log(modes[m].widths));
+        best = fmax(best, likelihood[m]);
+        before += memory->modes[m];
+    }
+    for (int m = 0; m < MODES; m++) {
+        share[m] = (leaves * (before - memory->modes[m]) + stays * memory->modes[m]) * fmfts_exp(likelihood[m] - best);
+        sum += share[m];
+    }
+    for (int m = 0; m < MODES; m++) {
+        memory->modes[m] = share[m] / sum;
+    }
+    for (int i = 0; i < N; i++) {
+        memory->motion_state[i] = 0.0;
+        for (int m = 0; m < MODES; m++) {
+            memory->motion_state[i] += memory->modes[m] * modes[m].x[i];
+        }
+    }
+    memset(memory->motion_covariance, 0, sizeof memory->motion_covariance);
+    for (int m = 0; m < MODES; m++) {
+        double off[N];
+        for (int i = 0; i < N; i++) {
+            off[i] = modes[m].x[i] - memory->motion_state[i];
+        }
+        for (int i = 0; i < N; i++) {
+            for (int k = i; k < N; k++) {
+                memory->motion_covariance[N * i + k] += memory->modes[m] * (modes[m].p[i][k] + off[i] * off[k]);
+            }
+        }
+    }
+    for (int i = 1; i < N; i++) {
+        for (int k = 0; k < i; k++) {
+            memory->motion_covariance[N * i + k] = memory->motion_covariance[N * k + i];
+        }
+    }
+}
+
+bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
+                  const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory)
+{
+    mode modes[MODES];
+    double begun_us = memory->motion_us[0], chi2 = INFINITY;
+    double strength = parameters->strength_t_m3[0] * fmfts_exp(pose->state[LOG_VALUE]);
+    if (!(begun_us > 0.0)) {
+        return false;
+    }
+    fresh &= (1u << (int)parameters->sensors[0]) - 1;
+    if (!fresh) {
+        return true;
+    }
+    for (int m = 0; m < MODES; m++) {
+        memcpy(modes[m].x, memory->motion_state, sizeof modes[m].x);
+        memcpy(modes[m].p, memory->motion_covariance, sizeof modes[m].p);
+        modes[m].chi2 = 0.0;
+        modes[m].widths = 1.0;
+    }
+    memset(modes[REST].x, 0, AMBIENT * sizeof(double));
+    memset(modes[REST].p, 0, AMBIENT * N * sizeof(double));
+    double newest_us = 0.0;
+    for (unsigned left = fresh; left;) {
+        int sensor = -1;
+        double value[3], r[3];
+        for (int i = 0; i < (int)parameters->sensors[0]; i++) {
+            sensor = (left >> i & 1) && (sensor < 0 || pose->time_us[i] < pose->time_us[sensor]) ? i : sensor;
+        }
+        left &= ~(1u << sensor);
+        newest_us = pose->time_us[sensor];
+        double passed_s = (newest_us - memory->motion_us[0]) * 1e-6;
+        if (passed_s > 0.0) {
+            predict(parameters, own, passed_s, drive, modes);
+            memory->motion_us[0] = newest_us;
+        }
+        read_sample(parameters, own, pose, sensor, value, r);
+        for (int m = 0; m < MODES; m++) {
+            if (!is_upright(own, modes[m].x)) {
+                return false;
+            }
+            take(parameters, sensor, strength, value, r, m == REST ? AMBIENT : 0, &modes[m]);
+        }
+    }
+    merge(own, fmax(newest_us - begun_us, 0.0) * 1e-6, modes, memory);
+    memory->followed[0] += 1.0;
+    for (int m = 0; m < MODES; m++) {
+        chi2 = fmin(chi2, modes[m].chi2);
+    }
+    return chi2 < own->surprise_chi2[0] && is_upright(own, memory->motion_state);
+}

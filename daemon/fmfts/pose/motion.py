@@ -1,0 +1,236 @@
+"""The magnet's pose and its rate at the newest sample, from each chip's samples at their own times.
+
+`Tracker` solves for the pose at the newest instant that all chips have passed, some 4 ms ago; a tap moves on in that
+time. This filter predicts to each sample instead: an extended Kalman filter of three modes. The pad is at REST (as the
+baseline recorded it), STILL (it may be pressed; rates die out), or MOVING (its acceleration is white noise, along the
+directions in which presses move the magnet). After each frame the modes are merged into one state, so that the memory
+is one state, its covariance and three probabilities (GPB1: Ackerson and Fu, IEEE Trans. Automatic Control 15 (1970) 10;
+Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation" (2001), chapter 11).
+
+State x (13): change of the pose from rest (position in m, axis in the rest axis's tangent plane), its rates, and the
+change of the ambient field since the baseline. Between samples, dt apart, with the drive W (5, 5) of MOVING:
+
+    pose += g·rate, rate *= e
+    MOVING: e = 1, g = dt;  STILL: e = exp(−dt/CALM_S), g = CALM_S·(1 − e);  REST: pose and rate are 0
+    P += W·[dt³/3, dt²/2; dt²/2, dt]  (white acceleration: Bar-Shalom et al., chapter 6)
+
+Each axis of a sample is one scalar measurement z = field + ambient along the axis, with h its derivative by x:
+
+    s = hPhᵀ + r,  ν = z − ẑ,  x += Phᵀν/s,  P −= Phᵀ(Phᵀ)ᵀ/s,  mode's log likelihood −= (ν²/s + ln(s/r))/2
+
+`motion.c` does the same; the order of its sums differs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import exp, log, square
+from fmfts.arithmetic.matrix import product
+from fmfts.pad import Pad
+from fmfts.pose.dipole import radial_of
+from fmfts.pose.state import LOG_MOMENT, State, tangent_basis
+
+Array = NDArray[np.float64]
+
+STATES, POSE, RATE, AMBIENT_CHANGE = 13, slice(0, 5), slice(5, 10), slice(10, 13)
+MODES = 3
+REST, STILL, MOVING = range(MODES)
+# How fast the rates die out while the pad is still.
+CALM_S = 0.03
+# How often a mode gives way to each other one.
+SWITCHES_PER_S = 30.0
+# Share of the deviation that lasts (gains, places) that counts in each sample. In full it would slow the filter, which
+# would take noise for larger than it is; without it, gains that are off would look like motion.
+LASTING_SHARE = 0.5
+# The filter begins with the solver's pose, which shares samples with the next frame: so much of its covariance.
+FIRST_COVARIANCE = 4.0
+# The variance of the first rates is that of the drive in this time.
+FIRST_RATE_S = 0.02
+# No press tilts a magnet so far (sine): a filter that says so has lost it.
+LARGEST_TILT = 0.7
+# Probability that a healthy frame's innovations are so unlikely. A sensor that begins to fail is seen here first.
+FALSE_INNOVATION = 1e-6
+
+
+class Samples(NamedTuple):
+    """The newest sample of each of N chips. field_t (N, 3): the magnet's field in sensor axes, NaN without one;
+    deviation_t (N, 3): what lasts of its errors. time_us (N,): board's clock. fresh (N,): not in an earlier frame."""
+
+    field_t: Array
+    deviation_t: Array
+    time_us: NDArray[np.int64]
+    fresh: NDArray[np.bool_]
+
+
+@dataclass(slots=True)
+class MotionMemory:
+    """motion_us: time of the newest sample on the board's clock, 0 while the filter does not run.
+
+    motion_state (13,), motion_covariance (13, 13): the merged state. modes (3,): probabilities. followed: frames
+    since the filter began.
+    """
+
+    motion_us: float
+    motion_state: Array
+    motion_covariance: Array
+    modes: Array
+    followed: float
+
+
+class MotionFilter:
+    """Follows one magnet from sample to sample.
+
+    pad: as mounted. noise_t (N, 3): of one sample. ambient_walk_t2_per_s (3,): variance of the ambient field's change,
+    0 where it is constant. surprise_chi2: frames with larger innovations are not those of a healthy pad.
+    """
+
+    def __init__(
+        self, pad: Pad, rest: State, noise_t: Array, ambient_walk_t2_per_s: Array, surprise_chi2: float
+    ) -> None:
+        self._pad, self._rest = pad, rest
+        self._basis = tangent_basis(rest.axis)
+        self._directions = pad.sensors.axes.transpose(0, 2, 1)
+        self._noise_t2 = square(noise_t)
+        self._walk = ambient_walk_t2_per_s
+        self._surprise_chi2 = surprise_chi2
+        self.memory = MotionMemory(0.0, np.zeros(STATES), np.zeros((STATES, STATES)), np.full(MODES, 1.0 / MODES), 0.0)
+
+    def forget(self) -> None:
+        """Stop, until the next begin()."""
+        self.memory.motion_us = 0.0
+
+    def begin(self, time_us: int, change: Array, state: State, covariance: Array, drive: Array) -> None:
+        """Begin with the solver's pose at `time_us`. change (5,): from rest. covariance (14, 14): of `state`."""
+        memory = self.memory
+        known = [*range(LOG_MOMENT), *range(LOG_MOMENT + 1, LOG_MOMENT + 4)]
+        places = [*range(5), *range(AMBIENT_CHANGE.start, AMBIENT_CHANGE.stop)]
+        memory.motion_us, memory.followed = float(time_us), 0.0
+        memory.motion_state = np.concatenate([change, np.zeros(5), state.ambient_t])
+        memory.motion_covariance = np.zeros((STATES, STATES))
+        memory.motion_covariance[np.ix_(places, places)] = FIRST_COVARIANCE * covariance[np.ix_(known, known)]
+        memory.motion_covariance[RATE, RATE] = FIRST_RATE_S * drive
+        memory.modes = np.full(MODES, 1.0 / MODES)
+
+    def follow(self, samples: Samples, log_moment: float, drive: Array) -> bool:
+        """Take the fresh samples of a frame. False if they contradict what was predicted: the filter has stopped then.
+
+        drive (5, 5): W of MOVING, in the units of the state's pose. log_moment: as in `State`.
+        """
+        memory = self.memory
+        order = sorted(np.flatnonzero(samples.fresh).tolist(), key=lambda sensor: int(samples.time_us[sensor]))
+        if not order:
+            return True
+        elapsed_s = max(float(samples.time_us[order[-1]]) - memory.motion_us, 0.0) * 1e-6
+        x = np.stack([memory.motion_state] * MODES)
+        p = np.stack([memory.motion_covariance] * MODES)
+        x[REST, :10], p[REST, :10], p[REST, :, :10] = 0.0, 0.0, 0.0
+        chi2, widths = np.zeros(MODES), np.ones(MODES)
+        strength = self._pad.magnet.strength_t_m3 * exp(log_moment)
+        for sensor in order:
+            passed_s = (float(samples.time_us[sensor]) - memory.motion_us) * 1e-6
+            if passed_s > 0.0:
+                self._predict(x, p, passed_s, drive)
+                memory.motion_us = float(samples.time_us[sensor])
+            if not self._upright(x):
+                self.forget()
+                return False
+            r = self._noise_t2[sensor] + square(LASTING_SHARE * samples.deviation_t[sensor])
+            predicted, slope = self._predicted(x, sensor, strength)
+            at = x.copy()
+            for axis in range(3):
+                value, model = float(samples.field_t[sensor, axis]), (predicted[:, axis], slope[:, axis])
+                _measure(x, p, at, value, *model, float(r[axis]), chi2, widths)
+        likelihood = np.array([-0.5 * (misfit + log(width)) for misfit, width in zip(chi2, widths, strict=True)])
+        self._merge(x, p, likelihood, elapsed_s)
+        memory.followed += 1.0
+        if not (chi2.min() < self._surprise_chi2 and self._upright(memory.motion_state[None])):
+            self.forget()
+            return False
+        return True
+
+    def _predict(self, x: Array, p: Array, passed_s: float, drive: Array) -> None:
+        calm = exp(-passed_s / CALM_S)
+        for mode, keeps, reach_s in ((STILL, calm, CALM_S * (1.0 - calm)), (MOVING, 1.0, passed_s)):
+            x[mode, POSE] += reach_s * x[mode, RATE]
+            x[mode, RATE] *= keeps
+            own = p[mode]
+            own[POSE] += reach_s * own[RATE]
+            own[:, POSE] += reach_s * own[:, RATE]
+            own[RATE] *= keeps
+            own[:, RATE] *= keeps
+        own = p[MOVING]
+        square_s2 = passed_s * passed_s
+        own[POSE, POSE] += square_s2 * passed_s / 3.0 * drive
+        own[POSE, RATE] += square_s2 / 2.0 * drive
+        own[RATE, POSE] += square_s2 / 2.0 * drive
+        own[RATE, RATE] += passed_s * drive
+        for mode in range(MODES):
+            p[mode][[10, 11, 12], [10, 11, 12]] += self._walk * passed_s
+
+    def _predicted(self, x: Array, sensor: int, strength: float) -> tuple[Array, Array]:
+        """What the sensor's axes would read in each mode (3, 3), and the derivative by pose and ambient (3, 3, 8)."""
+        directions, magnet = self._directions[sensor], self._pad.magnet
+        position_m, axis, turn = self.pose(x[:, POSE])
+        r = self._pad.sensors.position_m[sensor] - position_m
+        radial = radial_of((r * axis).sum(axis=1), (r * r).sum(axis=1), magnet.modelled_octupole_m2)
+        alpha, beta, alpha_u, beta_u, alpha_2q, beta_2q = (strength * value[:, None] for value in radial)
+        along, across = product(axis, directions.T), product(r, directions.T)
+        by_u, by_2q = alpha_u * along + beta_u * across, alpha_2q * along + beta_2q * across
+        slope = np.empty((MODES, 3, 8))
+        by_r = by_2q[:, :, None] * r[:, None] + beta[:, :, None] * directions
+        slope[:, :, :3] = -(by_u[:, :, None] * axis[:, None] + by_r)
+        turned = by_u[:, :, None] * r[:, None] + alpha[:, :, None] * directions
+        slope[:, :, 3:5] = product(turned, turn)
+        slope[:, :, 5:] = directions
+        return alpha * along + beta * across + product(x[:, AMBIENT_CHANGE], directions.T), slope
+
+    def pose(self, change: Array) -> tuple[Array, Array, Array]:
+        """Position (…, 3) m, axis (…, 3) after a change (…, 5) from rest, and the derivative (…, 3, 2) of the axis."""
+        rest, tilt = self._rest.axis, change[..., 3:]
+        upright = np.sqrt(1.0 - (tilt * tilt).sum(axis=-1))[..., None]
+        axis = upright * rest + (tilt[..., :1] * self._basis[:, 0] + tilt[..., 1:] * self._basis[:, 1])
+        turn = self._basis - rest[:, None] * (tilt / upright)[..., None, :]
+        return self._rest.position_m + change[..., :3], axis, turn
+
+    @staticmethod
+    def _upright(states: Array) -> bool:
+        return bool((square(states[:, 3:5]).sum(axis=1) < square(LARGEST_TILT)).all())
+
+    def _merge(self, x: Array, p: Array, likelihood: Array, elapsed_s: float) -> None:
+        memory = self.memory
+        leaves = 1.0 - exp(-SWITCHES_PER_S * elapsed_s)
+        stays = 1.0 - (MODES - 1) * leaves
+        before = leaves * (memory.modes.sum() - memory.modes) + stays * memory.modes
+        modes = before * np.array([exp(one) for one in likelihood - likelihood.max()])
+        memory.modes = modes / modes.sum()
+        memory.motion_state = product(memory.modes, x)
+        off = x - memory.motion_state
+        memory.motion_covariance = (memory.modes[:, None, None] * (p + off[:, :, None] * off[:, None, :])).sum(axis=0)
+
+
+def _measure(
+    x: Array, p: Array, at: Array, value: float, predicted: Array, slope: Array, r: float, chi2: Array, widths: Array
+) -> None:
+    """Take one scalar in all modes. at (3, 13): where `predicted` (3,) and `slope` (3, 8) were computed.
+
+    chi2 (3,): sum of ν²/s. widths (3,): product of s/r.
+    """
+    seen = [*range(5), 10, 11, 12]
+    moved = (x - at)[:, seen]
+    spread = np.zeros((MODES, STATES))
+    ahead, s = predicted.copy(), np.full(MODES, r)
+    for index, state in enumerate(seen):
+        spread += p[:, :, state] * slope[:, index, None]
+        ahead += slope[:, index] * moved[:, index]
+    for index, state in enumerate(seen):
+        s += slope[:, index] * spread[:, state]
+    innovation = value - ahead
+    x += spread * (innovation / s)[:, None]
+    p -= spread[:, :, None] * (spread / s[:, None])[:, None, :]
+    chi2 += innovation * innovation / s
+    widths *= s / r

@@ -1,0 +1,230 @@
+"""How wrong a contact is when it is published, and when a controller reads it: today's fields beside `now`.
+
+Six built pads with real baselines, robots that turn, chips that run free, and motions drawn by a seed. A controller
+reads a thousand times a second what was published last.
+"""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.bus.messages import ContactMessage
+from fmfts.contact import ContactModel
+from fmfts.pad import Array
+from fmfts.pipeline.configured import HOST_S, load_contact_model
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.scene.tracking import tracking_model_for
+from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE, frame_bytes
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts_lab.bench import now_faults
+from fmfts_lab.bench.drills import RATE_HZ, pad_config
+from fmfts_lab.bench.motions import DRAWN, Draw, Motion
+from fmfts_lab.bench.tapped import ManyFrames
+
+BAUD = 460800
+# From when a frame is made to when its message is published: on the line, and in the daemon.
+TRANSPORT_S = LINE_BITS_PER_BYTE * frame_bytes(4) / BAUD + HOST_S
+BEFORE_S = 0.5  # before the first motion
+READ_EVERY_S = 1e-3
+WRONG_DEVIATIONS = 5.0
+VALUES = ("x_m", "y_m", "force_n")
+DEVIATIONS = ("x_sd_m", "y_sd_m", "force_sd_n")
+RATES = ("x_rate_m_per_s", "y_rate_m_per_s", "force_rate_n_per_s")
+
+
+@dataclass(slots=True)
+class Run:
+    """One pad under one motion: K messages. published_s (K,). sampled_s (K,): of today's fields. now_s (K,): of `now`.
+
+    today, now, now_sd, rate (K, 3): x, y (m), force (N), and per second; NaN where they are null.
+    """
+
+    motion: Motion
+    published_s: Array
+    sampled_s: Array
+    now_s: Array
+    today: Array
+    now: Array
+    now_sd: Array
+    rate: Array
+
+    @classmethod
+    def of(cls, motion: Motion, messages: Sequence[ContactMessage]) -> Run:
+        published = np.arange(len(messages)) / RATE_HZ + TRANSPORT_S - BEFORE_S
+        sampled = np.array([message.t_sample_ns for message in messages]) * 1e-9 - BEFORE_S
+        of_now = [message.now for message in messages]
+        times = [np.nan if now is None else now.t_ns * 1e-9 - BEFORE_S for now in of_now]
+        return cls(
+            *(motion, published, sampled, np.array(times)),
+            today=_columns(messages, VALUES),
+            now=_columns(of_now, VALUES),
+            now_sd=_columns(of_now, DEVIATIONS),
+            rate=_columns(of_now, RATES),
+        )
+
+    def truth(self, times_s: Array) -> Array:
+        """(K, 3) the true x, y (m) and force (N)."""
+        return np.array([self.motion.finger(moment)[:3] for moment in times_s.tolist()])
+
+    def counts(self, times_s: Array) -> NDArray[np.bool_]:
+        """Whether errors at these times count."""
+        inside = np.zeros(len(times_s), dtype=np.bool_)
+        for begin, end in self.motion.windows:
+            inside |= (times_s >= begin) & (times_s <= end)
+        return inside
+
+
+def _columns(messages: Sequence[object], names: Sequence[str]) -> Array:
+    rows = [[getattr(message, name, None) for name in names] for message in messages]
+    return np.array([[np.nan if value is None else value for value in row] for row in rows])
+
+
+@dataclass(slots=True)
+class Errors:
+    """Of one motion, over all pads. Force in N, place in mm; each list holds arrays."""
+
+    own: list[Array] = field(default_factory=list)
+    today: list[Array] = field(default_factory=list)
+    now: list[Array] = field(default_factory=list)
+    read_today: list[Array] = field(default_factory=list)
+    read_held: list[Array] = field(default_factory=list)
+    read_carried: list[Array] = field(default_factory=list)
+    place_today: list[Array] = field(default_factory=list)
+    place_now: list[Array] = field(default_factory=list)
+    deviations: list[Array] = field(default_factory=list)
+    overshoot: list[float] = field(default_factory=list)
+    ratios: list[float] = field(default_factory=list)
+    frames: int = 0
+    withheld: int = 0
+    negative: int = 0
+
+    def add(self, run: Run) -> None:
+        at_publishing, counted = run.truth(run.published_s), run.counts(run.published_s)
+        known = counted & np.isfinite(run.now_s)
+        self.frames += int(counted.sum())
+        self.withheld += int((counted & ~known).sum())
+        self.negative += int((run.now[known, 2] < 0.0).sum())
+        self.own.append((run.today - run.truth(run.sampled_s))[run.counts(run.sampled_s), 2])
+        today, now = (run.today - at_publishing)[counted], (run.now - at_publishing)[known]
+        self.today.append(today[:, 2])
+        # Where `now` is null a controller has today's fields only.
+        instead = np.where(np.isfinite(run.now[:, 2]), run.now[:, 2], run.today[:, 2])
+        self.now.append((instead - at_publishing[:, 2])[counted])
+        self.ratios.append(rms([self.now[-1]]) / rms([today[:, 2]]))
+        self.place_today.append(1e3 * np.hypot(today[:, 0], today[:, 1]))
+        self.place_now.append(1e3 * np.hypot(now[:, 0], now[:, 1]))
+        off = np.abs(run.now - run.truth(np.nan_to_num(run.now_s))) / run.now_sd
+        self.deviations.append(np.nanmax(np.where(np.isfinite(off), off, 0.0), axis=1)[known])
+        self._read(run)
+        for begin, end in run.motion.windows:
+            own = (run.published_s >= begin) & (run.published_s <= end) & known
+            if own.any():
+                peak = run.truth(np.arange(begin, end, 1e-3))[:, 2].max()
+                self.overshoot.append(float((run.now[own, 2] - peak).max()))
+
+    def _read(self, run: Run) -> None:
+        moments = np.arange(0.0, run.published_s[-1], READ_EVERY_S)
+        moments = moments[run.counts(moments)]
+        last = np.searchsorted(run.published_s, moments, side="right") - 1
+        truth = run.truth(moments)[:, 2]
+        today, now = run.today[last, 2], run.now[last, 2]
+        ahead = np.maximum(now + run.rate[last, 2] * (moments - run.now_s[last]), 0.0)
+        self.read_today.append(today - truth)
+        self.read_held.append(np.where(np.isfinite(now), now, today) - truth)
+        self.read_carried.append(np.where(np.isfinite(ahead), ahead, today) - truth)
+
+    def facts(self) -> dict[str, Any]:
+        places = {"place_today_mm": rms(self.place_today), "place_now_mm": rms(self.place_now)}
+        off = np.concatenate(self.deviations)
+        return {
+            "own_n": rms(self.own),
+            "today_n": rms(self.today),
+            "now_n": rms(self.now),
+            "ratio": rms(self.now) / rms(self.today),
+            "ratio_least": min(self.ratios),
+            "ratio_most": max(self.ratios),
+            "read_today_n": rms(self.read_today),
+            "read_held_n": rms(self.read_held),
+            "read_carried_n": rms(self.read_carried),
+            **places,
+            "overshoot_p95_n": float(np.percentile(self.overshoot, 95)) if self.overshoot else None,
+            "wrong": int((off > WRONG_DEVIATIONS).sum()),
+            "wrong_share": float(np.mean(off > WRONG_DEVIATIONS)),
+            "rms_deviations": rms(self.deviations),
+            "negative": self.negative,
+            "withheld_share": self.withheld / self.frames,
+            "frames": self.frames,
+        }
+
+
+def rms(parts: Sequence[Array]) -> float:
+    """Of all numbers that are finite; NaN without any."""
+    values = np.concatenate(parts)
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")
+
+
+def measure(seed: int, pads: int, seconds: float, draws: Sequence[Draw] = DRAWN) -> dict[str, Errors]:
+    """Every motion on every pad. The same seed draws the same pads and motions."""
+    random, errors = np.random.default_rng([seed, 19]), dict[str, Errors]()
+    for pad in range(pads):
+        config = pad_config("drifting", 1000 * seed + pad)
+        model, baseline = load_contact_model(config), simulated_baseline(config)
+        mounting = None
+        for draw in draws:
+            motion = draw(random, seconds)
+            pipeline = _pipeline(config, model)
+            mounting = pipeline.use(baseline, mounting)
+            errors.setdefault(motion.name, Errors()).add(Run.of(motion, _messages(config, pipeline, motion, seconds)))
+    return errors
+
+
+def _pipeline(config: Any, model: ContactModel) -> PadPipeline:
+    tracking = tracking_model_for(config.scene, config.magnet).tracking
+    return PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking, lead_s=TRANSPORT_S)
+
+
+def _messages(config: Any, pipeline: PadPipeline, motion: Motion, seconds: float) -> list[ContactMessage]:
+    source = ManyFrames(config)
+    source.finger = lambda time_s: motion.finger(time_s - BEFORE_S)
+    answers = (
+        pipeline.answer(frame) for frames in source.batches(round((BEFORE_S + seconds) * RATE_HZ)) for frame in frames
+    )
+    return [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+
+
+HEADER = """\
+                  ----- force, rms N -----   over today's    - read at 1 kHz, N -   place, mm    over- >5sd errors null
+motion             own   today   now  ratio  least–most  today  held  carried  today   now   shoot    %  in sd    %"""
+
+
+def run(options: Namespace) -> None:
+    facts = {name: errors.facts() for name, errors in measure(options.seed, options.pads, options.seconds).items()}
+    print(f"{options.pads} built pads, seed {options.seed}; published {TRANSPORT_S * 1e3:.2f} ms after a frame is made")
+    print(HEADER)
+    for name, fact in facts.items():
+        print(_line(name, fact))
+    told = now_faults.drilled(range(1, 1 + options.drilled))
+    if told:
+        print(f"a sensor begins to fail, {options.drilled} pads\n{now_faults.HEADER}")
+    for one in told:
+        print(one.line)
+    if options.out is not None:
+        options.out.write_text(json.dumps(facts, indent=1) + "\n")
+
+
+def _line(name: str, fact: dict[str, Any]) -> str:
+    force = f"{fact['own_n']:6.4f} {fact['today_n']:6.4f} {fact['now_n']:6.4f}"
+    ratio = f"{fact['ratio']:5.2f}   {fact['ratio_least']:.2f}–{fact['ratio_most']:.2f}"
+    read = f"{fact['read_today_n']:6.4f} {fact['read_held_n']:6.4f} {fact['read_carried_n']:6.4f}"
+    place = f"{fact['place_today_mm']:6.3f} {fact['place_now_mm']:6.3f}"
+    rest = f"{fact['overshoot_p95_n']:6.3f} {100 * fact['wrong_share']:5.2f} {fact['rms_deviations']:5.2f}"
+    return f"{name:16}  {force}  {ratio}  {read} {place} {rest} {100 * fact['withheld_share']:6.2f}"

@@ -1,0 +1,58 @@
+"""`now` while a sensor begins to fail: is it published where it is wrong? The drills are those of `bench faults`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from fmfts.pipeline.configured import load_contact_model
+from fmfts_lab.bench.drills import FINGERS, Fault, pad_config, sensor_faults
+from fmfts_lab.bench.faults import AMBIENTS, Healthy
+
+FRAMES = 60  # after the fault began; later the daemon has named it
+WRONG_N, WRONG_DEVIATIONS = 0.15, 5.0
+HEADER = "fault               drills  frames  null %  wrong  largest error, N"
+
+
+@dataclass(slots=True)
+class Told:
+    """wrong: frames off by more than WRONG_N and WRONG_DEVIATIONS. largest_n: of all errors of force."""
+
+    kind: str
+    drills: int = 0
+    frames: int = 0
+    null: int = 0
+    wrong: int = 0
+    largest_n: float = 0.0
+
+    @property
+    def line(self) -> str:
+        null = 100 * self.null / self.frames
+        return f"{self.kind:18} {self.drills:7d} {self.frames:7d} {null:7.1f} {self.wrong:6d} {self.largest_n:9.3f}"
+
+
+def drilled(seeds: Iterable[int]) -> list[Told]:
+    """Every fault of every sensor and axis, in both scenes, on a pressed pad and on one at rest."""
+    told: dict[str, Told] = {}
+    for seed in seeds:
+        model = load_contact_model(pad_config("constant", seed))
+        for ambient in AMBIENTS:
+            for touch in FINGERS:
+                healthy = Healthy(ambient, touch, seed, model)
+                for fault in sensor_faults(range(4), range(3)):
+                    _drill(healthy, fault, told.setdefault(fault.kind, Told(fault.kind)))
+    return list(told.values())
+
+
+def _drill(healthy: Healthy, fault: Fault, told: Told) -> None:
+    pipeline, frames = healthy.pipeline(), healthy.frames_with(fault)
+    told.drills += 1
+    for frame in frames[healthy.begin : healthy.begin + FRAMES]:
+        now = pipeline.process(frame).now
+        told.frames += 1
+        if now is None:
+            told.null += 1
+            continue
+        error_n = abs(now.force_n - healthy.finger(now.t_ns * 1e-9).force_n)
+        told.largest_n = max(told.largest_n, error_n)
+        told.wrong += error_n > WRONG_N and error_n > WRONG_DEVIATIONS * now.force_sd_n
