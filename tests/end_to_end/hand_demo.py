@@ -81,6 +81,12 @@ class Hand:
             self.captions.send_multipart((b"caption/", msgpack.packb({"text": act_at(time_s).text})))
         return [self.world.touch(number, time_s)[2] for number in range(len(NAMES))]
 
+    def grips(self, time_s: float) -> bool:
+        """Do all five pads press, and have for a while?"""
+        return all(
+            self.world.touch(number, time_s - ago)[2] > 0.5 for number in range(len(NAMES)) for ago in (0.0, 2.0)
+        )
+
     def close(self) -> None:
         for board in self._boards:
             if board is not None:

@@ -27,11 +27,18 @@ from fmfts.simulation.finger import Touch
 from page.rig import View, chromium, opened, until
 
 DOCS = ROOT / "docs"
-COLOURS = 128
-MOVING_S, MOVING_HZ = 6.0, 8
+COLOURS = 160
+MOVING_S, MOVING_HZ = 6.0, 6
 TRIES = 5
 HEALTH = "document.querySelector('#health').dataset.health"
 FORCE = "document.querySelector('#force').dataset.kind"
+
+
+ALL_TOUCHED = """(() => {
+    const pads = [...fmfts.pads.values()];
+    return pads.length === 5 && pads.every((pad) => !pad.silent() && pad.contact.contact && pad.contact.force_n > 0.5
+        && pad.contact.health === "ok" && pad.ghost);
+})()"""
 
 
 def keep(shot: bytes, name: str) -> None:
@@ -61,7 +68,7 @@ def one_pad(browser: Browser, folder: Path) -> None:
         pressed.press(slide)
         until(page, f"{HEALTH} === 'ok'")
         page.wait_for_timeout(10_000)
-        until(page, f"{FORCE} === 'touch' && parseFloat(document.querySelector('#force').textContent) > 1.2")
+        until(page, f"{FORCE} === 'touch' && parseFloat(document.querySelector('#force').textContent) > 1.0")
         keep(page.screenshot(), "page.png")
         moving(page)
         board.tell("fault 0 2 unplugged")
@@ -93,9 +100,12 @@ def moving(page: Page) -> None:
     pictures, began = [], time.monotonic()
     for number in range(int(MOVING_S * MOVING_HZ)):
         page.wait_for_timeout(max(0.0, (began + number / MOVING_HZ - time.monotonic()) * 1e3))
-        shot = page.screenshot(clip={"x": 0, "y": 100, "width": 1030, "height": 490})
-        pictures.append(Image.open(io.BytesIO(shot)).convert("RGB").resize((687, 327), Image.Resampling.LANCZOS))
-    palette = pictures[len(pictures) // 2].quantize(COLOURS, dither=Image.Dither.NONE)
+        shot = page.screenshot(clip={"x": 0, "y": 56, "width": 1050, "height": 530})
+        pictures.append(Image.open(io.BytesIO(shot)).convert("RGB").resize((700, 353), Image.Resampling.LANCZOS))
+    every = Image.new("RGB", (700, 353 * len(pictures)))
+    for number, picture in enumerate(pictures):
+        every.paste(picture, (0, 353 * number))
+    palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
     few = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     path = DOCS / "page-touch.png"
     few[0].save(path, save_all=True, append_images=few[1:], duration=round(1000 / MOVING_HZ), loop=0, optimize=True)
@@ -107,11 +117,7 @@ def hand(browser: Browser, folder: Path) -> None:
         served: Hand = served_hand(folder, stack)
         page = opened(browser, served.address)
         began = time.monotonic()
-        while (now := time.monotonic() - began) < 15.0:
-            served.move(now)
-            page.wait_for_timeout(20)
-        page.keyboard.press("3")
-        while time.monotonic() - began < 16.5:
+        while not (served.grips(time.monotonic() - began) and page.evaluate(ALL_TOUCHED)):
             served.move(time.monotonic() - began)
             page.wait_for_timeout(20)
         keep(page.screenshot(), "page-hand.png")
@@ -119,8 +125,9 @@ def hand(browser: Browser, folder: Path) -> None:
 
 
 def main() -> None:
+    takes = [take for take in (one_pad, hand) if len(sys.argv) < 2 or take.__name__ in sys.argv]
     with tempfile.TemporaryDirectory(prefix="fmfts-pictures-") as name, chromium() as browser:
-        for take in (one_pad, hand):
+        for take in takes:
             folder = Path(name) / take.__name__
             folder.mkdir()
             take(browser, folder)

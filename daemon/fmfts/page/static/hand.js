@@ -1,6 +1,6 @@
 // All pads at once: where [pad.placement] says they sit, else in a grid. A button lies over each, for mouse and keys.
 
-import { sentence } from "./numbers.js";
+import { forceText, known, sentence, shown, touchOf } from "./numbers.js";
 import { begin, colour, halfSide, label } from "./paint.js";
 import { drawPad } from "./top.js";
 
@@ -46,11 +46,11 @@ export class Hand {
     const key = `${this.named} ${width} ${height}`;
     if (key === this.fitted) return;
     this.fitted = key;
-    const reach = ({ turn, pad }) => (Math.abs(Math.cos(turn)) + Math.abs(Math.sin(turn)) + 0.1) * halfSide(pad.shape);
+    const reach = (place) => this.reach(place) + 0.1 * halfSide(place.pad.shape);
     const xs = this.places.flatMap((place) => [place.x - reach(place), place.x + reach(place)]);
     const ys = this.places.flatMap((place) => [place.y - reach(place), place.y + reach(place)]);
     const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-    this.scale = Math.min(width / (x1 - x0), (height - 18) / (y1 - y0));
+    this.scale = Math.min(width / (x1 - x0), (height - 40) / (y1 - y0));
     this.middle = [(x0 + x1) / 2, (y0 + y1) / 2];
     for (const place of this.places) {
       const half = halfSide(place.pad.shape) * this.scale, [x, y] = this.at(place, width, height);
@@ -78,9 +78,21 @@ export class Hand {
         ctx.strokeRect(-half - 3, -half - 3, 2 * half + 6, 2 * half + 6);
       }
       ctx.restore();
-      const bad = contact && contact.health !== "ok";
-      if (half > 16) label(ctx, pad.name, x, y + half + 9, { px: Math.min(12.5, half / 2.2), weight: pad.name === chosen ? 700 : 500, fill: bad ? colour.bad : colour.ink });
+      if (half > 16) this.label(ctx, place, x, y + this.reach(place) * this.scale, contact, pad.name === chosen);
     }
+  }
+
+  // Half the height of a turned pad, in m.
+  reach({ turn, pad }) {
+    return (Math.abs(Math.cos(turn)) + Math.abs(Math.sin(turn))) * halfSide(pad.shape);
+  }
+
+  // The pad's name, its force, and what a fixed baseline would say.
+  label(ctx, { pad }, x, y, contact, chosen) {
+    const px = 12, bad = contact && contact.health !== "ok";
+    const force = touchOf(contact) === "touch" || touchOf(contact) === "over" ? forceText(contact).split(" ± ")[0] : "";
+    label(ctx, `${pad.name}${force ? `  ${force}` : ""}`, x, y + 6, { px, weight: chosen || force ? 700 : 500, fill: bad ? colour.bad : colour.ink });
+    if (pad.ghost && contact) label(ctx, `fixed: ${known(pad.ghost.force_n) ? `${shown(pad.ghost.force_n, 2)} N` : "–"}`, x, y + 21, { px: 11.5, weight: 600, fill: colour.ghost });
   }
 
   // Text alternatives; called once a second.

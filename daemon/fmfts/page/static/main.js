@@ -164,7 +164,7 @@ function drawPadNow(pad) {
   drawTop(element("top"), pad, contact);
   drawSection(element("section"), pad, contact);
   const lens = drawLens(element("lens"), pad, contact);
-  setText(element("lens-scale"), `where it moved from its place in the drawing; circle ± ${(lens * 1e3).toLocaleString("en")} mm`);
+  setText(element("lens-scale"), `moved from its rest as drawn; circle ± ${(lens * 1e3).toLocaleString("en")} mm`);
   showReadings(pad, contact, replays.shown ? null : ageMs);
 }
 

@@ -33,7 +33,7 @@ export function drawPad(ctx, pad, contact, scale, full) {
   drawSensors(ctx, pad, contact, scale, full);
   if (!contact || UNSEEN.includes(contact.health)) drawVeil(ctx, outline, contact, half, full);
   if (contact?.pose) drawMagnet(ctx, pad, contact.pose, scale, full);
-  if (full) drawTrail(ctx, pad, scale);
+  if (full && contact) drawTrail(ctx, pad, scale);
   if (contact) drawContact(ctx, contact, scale, half, full);
   if (pad.ghost && contact) drawGhost(ctx, pad.ghost, scale, half, full);
 }

@@ -90,12 +90,12 @@ export class Traces {
     this.marked = marked;
     this.events = pad.events;
     const long = this.seconds > 10, from = now - this.seconds;
-    const rows = (long ? pad.coarse : pad.fine).between(from, now);
+    const rows = withGaps((long ? pad.coarse : pad.fine).between(from, now), long ? 2 : 0.3);
     const times = rows.map((row) => row.t);
     for (const { trace, plot } of this.plots) {
       const own = trace.rows === "ages" ? thinned(pad.ages.between(from, now)) : rows;
       const x = trace.rows === "ages" ? own.map((row) => row.t) : times;
-      plot.setData([x, ...trace.lines.map(([name, value]) => (name === "ghost" ? ghostLine(pad, x, long) : own.map(value)))]);
+      plot.setData([x, ...trace.lines.map(([name, value]) => (name === "ghost" ? ghostLine(pad, x, long) : own.map((row) => (row.gap ? null : value(row)))))]);
     }
   }
 
@@ -154,6 +154,12 @@ function rangeOf([low, high], least, most) {
   if (!known(least) || !known(most)) return [low, high];
   const room = 0.08 * (Math.max(most, high) - Math.min(least, low));
   return [least < low ? least - room : low, most > high ? most + room : high];
+}
+
+// Where nothing arrived for longer than `seconds`, no line may lead across.
+function withGaps(rows, seconds) {
+  if (!rows.some((row, number) => number && row.t - rows[number - 1].t > seconds)) return rows;
+  return rows.flatMap((row, number) => (number && row.t - rows[number - 1].t > seconds ? [{ t: rows[number - 1].t + 1e-3, gap: true }, row] : [row]));
 }
 
 // One of each few, where there are more than a plot has pixels.
