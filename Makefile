@@ -151,6 +151,8 @@ wheel: $(VENV)/.installed-test
 	@for part in arithmetic/_arithmetic pose/_kernel pipeline/fast/_fast sensor/wire/_wire contact/_refine contact/_network; do \
 	  $(BIN)/python -m zipfile -l build/wheel/*.whl | grep "fmfts/$$part.*so" >/dev/null || \
 	    { echo "the wheel has no fmfts/$$part: is there a C compiler?" >&2; rm -rf build/wheel; exit 1; }; done
+	@$(BIN)/python -m zipfile -l build/wheel/fmfts-*.whl | grep "fmfts/page/static/vendor/uPlot.esm.js" >/dev/null || \
+	    { echo "the wheel has no page" >&2; exit 1; }
 	@ls build/wheel/*.whl
 
 # What a package index takes: docs/installing.md.
