@@ -1,9 +1,7 @@
 #include "conversion.h"
 
-#include "hmc5983.h"
-
 enum {
-    PERIOD_TOLERANCE_US = HMC5983_PERIOD_US / 20, // ±5 %, more than the ±3 % of the chips
+    PERIOD_TOLERANCE = 20, // 1/20: ±5 %, more than the ±3 % of the chips
     // Both give the smallest error of time on the emulated chips, with four and with eight sensors on a bus. Polling
     // starts 1/POLL_EARLY of a period before the predicted end: later starts lose track of chips, earlier ones load the
     // bus.
@@ -13,8 +11,10 @@ enum {
     END_TOLERANCE = 8,
 };
 
-void conversion_restart(struct conversion *conversion, uint64_t now_us)
+void conversion_restart(struct conversion *conversion, uint16_t nominal_us, uint64_t now_us)
 {
+    if (conversion->nominal_us != nominal_us)
+        conversion->nominal_us = conversion->period_us = nominal_us;
     conversion->ended_us = conversion->not_ready_us = conversion->ready_us = now_us;
 }
 
@@ -36,10 +36,11 @@ void conversion_seen(struct conversion *conversion, uint64_t seen_us)
     conversion->ended_us = clamp(predicted_us, earliest_us, seen_us);
     conversion->ready_us = seen_us;
     if (periods == 1) {
+        uint64_t tolerance_us = conversion->nominal_us / PERIOD_TOLERANCE;
         int64_t correction_us = (int64_t)(conversion->ended_us - predicted_us) / PERIOD_GAIN;
         conversion->period_us = (uint16_t)clamp(period_us + (uint64_t)correction_us,
-                                                HMC5983_PERIOD_US - PERIOD_TOLERANCE_US,
-                                                HMC5983_PERIOD_US + PERIOD_TOLERANCE_US);
+                                                conversion->nominal_us - tolerance_us,
+                                                conversion->nominal_us + tolerance_us);
     }
 }
 

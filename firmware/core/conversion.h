@@ -8,10 +8,12 @@ struct conversion {
     uint64_t ended_us;     // end of the last conversion, estimated
     uint64_t not_ready_us; // when a poll last found READY clear
     uint64_t ready_us;     // when a poll last found READY set
+    uint16_t nominal_us;   // its period by the data sheet
     uint16_t period_us;    // conversion period of this chip, learned
 };
 
-void conversion_restart(struct conversion *conversion, uint64_t now_us);
+// The chip was set up: it converts every `nominal_us`, more or less. What was learned of the same chip is kept.
+void conversion_restart(struct conversion *conversion, uint16_t nominal_us, uint64_t now_us);
 
 // A poll at `seen_us` found READY set and new data.
 void conversion_seen(struct conversion *conversion, uint64_t seen_us);

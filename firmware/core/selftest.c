@@ -21,7 +21,7 @@ void selftest_start(struct selftest *selftest, struct sampler *sampler, uint8_t 
     pad->borrowed = true;
     simultaneous_forget(pad);
     for (int i = 0; i < pad->wiring.sensor_count; i++)
-        selftest->state[i] = pad->sensors[i].state;
+        selftest->state[i] = sensor_chip(&pad->sensors[i])->has_trigger ? pad->sensors[i].state : SENSOR_SELFTEST_FAILED;
 }
 
 static struct sampler_pad *pad_of(const struct selftest *selftest)

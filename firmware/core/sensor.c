@@ -7,8 +7,9 @@ enum {
     BACKOFF_FIRST_US = 50000,
     BACKOFF_DOUBLINGS = 4,
     STRIKE_PAUSE_US = 1000,
-    STALE_US = 4 * HMC5983_PERIOD_US,
 };
+
+static const uint64_t STALE_PERIODS = 4;
 
 void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us)
 {
@@ -16,10 +17,14 @@ void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us
         .state = SENSOR_NOT_STARTED,
         .temperature_raw = WIRE_TEMPERATURE_UNKNOWN,
         .temperature_next = true,
-        .conversion.period_us = HMC5983_PERIOD_US,
         .due_us = now_us,
         .chore_us = first_chore_us,
     };
+}
+
+const struct chip *sensor_chip(const struct sensor *sensor)
+{
+    return chip_kinds[sensor->kind];
 }
 
 void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us)
@@ -41,6 +46,8 @@ void sensor_strike(struct sensor *sensor, uint64_t now_us)
     sensor->due_us = now_us + STRIKE_PAUSE_US;
     if (++sensor->strikes >= STRIKES_MAX)
         sensor_fail(sensor, SENSOR_NO_ANSWER, now_us);
+    else if (sensor->phase == PHASE_IDENTIFY) // nobody acknowledged this kind's address: another kind may be there
+        sensor->kind = (uint8_t)((sensor->kind + 1) % CHIP_KINDS);
 }
 
 void sensor_reconfigure(struct sensor *sensor, uint64_t now_us)
@@ -77,5 +84,5 @@ bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t
 {
     if (sensor->state != SENSOR_OK || !sensor->has_sample)
         return false;
-    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->conversion.ended_us + STALE_US;
+    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->conversion.ended_us + STALE_PERIODS * sensor_chip(sensor)->period_us;
 }

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "bus.h"
+#include "chips/chip.h"
 #include "conversion.h"
 #include "hmc5983.h"
 #include "wire.h"
@@ -17,6 +18,7 @@ struct sensor {
     uint8_t state; // enum sensor_state
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
+    uint8_t kind;           // of `chip_kinds`: which it is, or which is tried next
     uint8_t strikes;        // transfers without an answer, in a row
     uint8_t failures;       // calls of sensor_fail since the last good sample; set the back-off
     uint8_t missed;         // triggers without a conversion, in a row
@@ -72,6 +74,7 @@ void sensor_overtake(struct sensor *sensor, uint64_t triggered_us);
 // Asks whether the awaited conversion has ended; does not read the sample.
 enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link);
 
+const struct chip *sensor_chip(const struct sensor *sensor);
 bool sensor_is_running(const struct sensor *sensor);
 bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t now_us);
 

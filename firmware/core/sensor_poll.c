@@ -97,7 +97,7 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
 static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t status = 0;
-    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    enum bus_result result = sensor_chip(sensor)->read_status(link->bus, &status);
     if (!(status & HMC5983_READY))
         sensor->ready_survives = 0;
     else if (sensor->ready_survives < READY_SURVIVES)
@@ -108,7 +108,7 @@ static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_li
 enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t status = 0;
-    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    enum bus_result result = sensor_chip(sensor)->read_status(link->bus, &status);
     if (result != BUS_OK)
         return result;
     sensor->confirmed = status & HMC5983_READY;
@@ -127,7 +127,7 @@ static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor
     uint64_t changes_us = sensor->overtaken_us + HMC5983_SINGLE_FASTEST_US;
     int16_t counts[3];
     bool in_time = clock_now(link->clock) + BURST_US < changes_us;
-    enum bus_result result = in_time ? hmc5983_read(link->bus, counts) : BUS_OK;
+    enum bus_result result = in_time ? sensor_chip(sensor)->read_counts(link->bus, counts) : BUS_OK;
     if (result != BUS_OK)
         return result;
     if (in_time && clock_now(link->clock) < changes_us) {
@@ -145,7 +145,7 @@ enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *lin
     int16_t counts[3];
     if (sensor->overtaken)
         return read_overtaken(sensor, link);
-    enum bus_result result = hmc5983_read_status(link->bus, &status);
+    enum bus_result result = sensor_chip(sensor)->read_status(link->bus, &status);
     uint64_t seen_us = clock_now(link->clock);
     if (result != BUS_OK)
         return result;
@@ -156,7 +156,7 @@ enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *lin
         not_ready(sensor, link, seen_us);
     if (!ready && !(status & HMC5983_LOCKED))
         return BUS_OK;
-    result = hmc5983_read(link->bus, counts); // also undoes LOCK, when only LOCK is set
+    result = sensor_chip(sensor)->read_counts(link->bus, counts); // also undoes LOCK, when only LOCK is set
     if (result != BUS_OK || !ready)
         return result;
     if (link->trigger == TRIGGER_FREE) {

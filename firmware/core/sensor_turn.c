@@ -1,20 +1,21 @@
 #include "sensor_poll.h"
 
-static struct hmc5983_config config_of(const struct sensor_link *link)
+// A gain code that the chip has not is another chip's: the host will set one when it knows the board.
+static struct chip_setup setup_of(const struct sensor *sensor, const struct sensor_link *link)
 {
-    return (struct hmc5983_config){
-        .gain_code = link->gain_code,
-        .bias = HMC5983_BIAS_NONE,
-        .mode = link->trigger == TRIGGER_FREE ? HMC5983_CONTINUOUS : HMC5983_IDLE,
+    uint8_t last = (uint8_t)(sensor_chip(sensor)->gain_codes - 1);
+    return (struct chip_setup){
+        .gain_code = link->gain_code < last ? link->gain_code : last,
+        .streams = link->trigger == TRIGGER_FREE,
     };
 }
 
 static enum bus_result identify(struct sensor *sensor, const struct sensor_link *link)
 {
-    enum bus_result result = hmc5983_identify(link->bus, sensor->identification);
+    enum bus_result result = sensor_chip(sensor)->identify(link->bus, sensor->identification);
     if (result != BUS_OK)
         return result;
-    if (hmc5983_is_identification(sensor->identification))
+    if (sensor_chip(sensor)->is_identification(sensor->identification))
         sensor->phase = PHASE_CONFIGURE;
     else
         sensor_fail(sensor, SENSOR_WRONG_IDENTIFICATION, clock_now(link->clock));
@@ -24,17 +25,18 @@ static enum bus_result identify(struct sensor *sensor, const struct sensor_link 
 // Also reads all six output registers: their sample is old, and reading them undoes a LOCK.
 static enum bus_result configure(struct sensor *sensor, const struct sensor_link *link)
 {
-    const struct hmc5983_config config = config_of(link);
+    const struct chip *chip = sensor_chip(sensor);
+    const struct chip_setup setup = setup_of(sensor, link);
     bool held = false;
-    enum bus_result result = hmc5983_configure(link->bus, &config);
+    enum bus_result result = chip->set_up(link->bus, &setup);
     if (result == BUS_OK)
-        result = hmc5983_verify(link->bus, &config, &held);
+        result = chip->check(link->bus, &setup, &held);
     if (result == BUS_OK)
-        result = hmc5983_read(link->bus, sensor->counts);
+        result = chip->read_counts(link->bus, sensor->counts);
     if (result != BUS_OK)
         return result;
     uint64_t now_us = clock_now(link->clock);
-    if (!held) {
+    if (!held || !(setup.streams || chip->has_trigger)) {
         sensor_fail(sensor, SENSOR_CONFIG_NOT_HELD, now_us);
         return BUS_OK;
     }
@@ -42,9 +44,9 @@ static enum bus_result configure(struct sensor *sensor, const struct sensor_link
     sensor->has_sample = sensor->fresh = sensor->awaiting = sensor->overtaken = false;
     sensor->discard_next = true;
     sensor->unchanged = 0;
-    conversion_restart(&sensor->conversion, now_us);
+    conversion_restart(&sensor->conversion, chip->period_us, now_us);
     // The first measurement comes after two periods (data sheet, mode register) and still has the old gain.
-    sensor->settled_us = now_us + HMC5983_PERIOD_US * 5 / 2;
+    sensor->settled_us = now_us + chip->period_us * 5U / 2U;
     sensor_schedule(sensor, link, now_us);
     return BUS_OK;
 }
@@ -53,11 +55,12 @@ static enum bus_result do_chore(struct sensor *sensor, const struct sensor_link 
 {
     bool held = true;
     enum bus_result result;
-    if (sensor->temperature_next) {
-        result = hmc5983_read_temperature(link->bus, &sensor->temperature_raw);
+    const struct chip *chip = sensor_chip(sensor);
+    if (sensor->temperature_next && chip->read_thermometer) {
+        result = chip->read_thermometer(link->bus, &sensor->temperature_raw);
     } else {
-        const struct hmc5983_config config = config_of(link);
-        result = hmc5983_verify(link->bus, &config, &held);
+        const struct chip_setup setup = setup_of(sensor, link);
+        result = chip->check(link->bus, &setup, &held);
     }
     if (result != BUS_OK)
         return result;

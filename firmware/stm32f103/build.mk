@@ -6,7 +6,7 @@ STM32FLASH ?= stm32flash
 
 STM32 = $(CORE) $(wildcard stm32f103/*.c)
 STM32_SCRIPT = stm32f103/stm32f103c8.ld
-STM32_HEADERS = $(wildcard core/*.h stm32f103/*.h stm32f103/freestanding/*.h)
+STM32_HEADERS = $(wildcard core/*.h core/chips/*.h stm32f103/*.h stm32f103/freestanding/*.h)
 STM32_FLAGS = -mcpu=cortex-m3 -mthumb -Os -g $(WARNINGS) -ffreestanding -ffunction-sections -fdata-sections \
 	-isystem stm32f103/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
 # Without the flag, GCC compiles the loop in memcpy to a call of memcpy.

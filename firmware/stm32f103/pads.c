@@ -2,7 +2,7 @@
 
 #include <stddef.h>
 
-#include "../core/hmc5983.h"
+#include "../core/chips/chip.h"
 #include "../core/tca9548a.h"
 #include "../core/wire.h"
 
@@ -46,11 +46,13 @@ static bool sensor_answers(const struct bus *bus, uint8_t mux_address, uint8_t c
     if (!select(bus, mux_address, channels))
         return false;
     for (int attempt = 0; attempt < ATTEMPTS; attempt++) {
-        enum bus_result result = bus->write(bus->context, HMC5983_ADDRESS, NULL, 0);
-        if (result == BUS_OK)
-            return true;
-        if (result != BUS_NO_ANSWER)
-            bus->recover(bus->context);
+        for (int kind = 0; kind < CHIP_KINDS; kind++) {
+            enum bus_result result = bus->write(bus->context, chip_kinds[kind]->address, NULL, 0);
+            if (result == BUS_OK)
+                return true;
+            if (result != BUS_NO_ANSWER)
+                bus->recover(bus->context);
+        }
     }
     return false;
 }

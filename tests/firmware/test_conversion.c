@@ -19,9 +19,9 @@ static uint64_t delay_us(uint32_t limit)
 static double follow(struct conversion *conversion, uint64_t period_us, uint32_t busy_us)
 {
     uint64_t now_us = 1000000, ended_us = now_us + 1000, sum_us = 0, last_us = 0;
-    *conversion = (struct conversion){.period_us = HMC5983_PERIOD_US};
+    *conversion = (struct conversion){0};
     random_state = 1;
-    conversion_restart(conversion, now_us);
+    conversion_restart(conversion, HMC5983_PERIOD_US, now_us);
     for (int i = 0; i < CONVERSIONS; i++) {
         uint64_t poll_us = conversion_next_poll_us(conversion);
         now_us = (poll_us > now_us ? poll_us : now_us) + delay_us(busy_us);

@@ -19,7 +19,7 @@ from fmfts.bus.messages import ContactMessage, Health, PoseMessage
 from fmfts.config import BridgeSource
 from fmfts.pipeline.fast.compiled import NUMBERS
 from fmfts.pipeline.fast.template import INTEGERS
-from fmfts.sensor.chips import CHIPS, HMC5983, ChipName
+from fmfts.sensor.chips import CHIPS, HMC5983, QMC5883L, ChipName
 from fmfts.sensor.chips.rates import BRIDGE_SIMULTANEOUS_HZ
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
 from fmfts.sensor.wire import codec, packets
@@ -193,6 +193,23 @@ def test_firmware_describes_the_chip_as_the_daemon_does() -> None:
     assert [(int(each),) * 3 for each in counts] == list(chip.counts_per_gauss)
     identity = re.findall(r"identification\[\d\] == '(.)'", source)
     assert "".join(identity).encode() == chip.identity
+
+
+def test_firmware_describes_the_qmc5883l_as_the_daemon_does() -> None:
+    board, source = constants(CORE / "chips/qmc5883l.c"), (CORE / "chips/qmc5883l.c").read_text()
+    assert board["ADDRESS"] == QMC5883L.address
+    assert board["LAST_COUNT"] == QMC5883L.largest_count + 1
+    assert "SATURATED = INT16_MIN" in source
+    assert QMC5883L.saturated_count == -(2**15)
+    assert f".gain_codes = {len(QMC5883L.counts_per_gauss)}," in source
+    assert f".rate_hz = {QMC5883L.free_rate_hz}," in source
+    assert board["PERIOD_US"] == 1_000_000 // QMC5883L.free_rate_hz
+
+
+def test_every_chip_that_boards_read_has_a_file_in_the_firmware() -> None:
+    kinds = re.findall(r"&chip_(\w+)", (CORE / "chips/chips.c").read_text())
+    of_the_same_registers = {"hmc5883l"}
+    assert {name for name, chip in CHIPS.items() if chip.on_boards} == {*kinds, *of_the_same_registers}
 
 
 def test_configuration_names_every_chip_that_there_is() -> None:

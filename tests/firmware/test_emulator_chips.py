@@ -1,0 +1,107 @@
+"""The firmware's ELF with other chips on its buses: it finds by itself what each of them is."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from emulated_stream import EVERYONE, EmulatedStream
+
+from emulator.magnetometers import Qmc5883l
+from fmfts.sensor.chips import QMC5883L
+from fmfts.sensor.wire.packets import Result, Sample, SensorState, Verb
+
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
+FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(4)]
+SECONDS = 2.0
+
+
+def with_chips(replaced: dict[int, Qmc5883l | None]) -> tuple[EmulatedStream, list[Qmc5883l]]:
+    """A board whose first mux has QMC5883L on these channels (None: made here)."""
+    stream = EmulatedStream()
+    mux = next(iter(stream.board.muxes.values()))
+    chips = []
+    for channel in replaced:
+        chip = Qmc5883l(
+            lambda: stream.board.machine.now_s,
+            FIELDS_GAUSS[channel],
+            clock_error=(channel - 1.5) * 0.015,
+            phase_s=0.0007 * channel,
+            noise_gauss=0.002,
+            seed=channel,
+        )
+        mux.channels[channel] = chip
+        chips.append(chip)
+    return stream, chips
+
+
+def asked(stream: EmulatedStream, verb: Verb, argument: int) -> None:
+    assert stream.request(verb, argument).result == Result.DONE
+
+
+def test_four_qmc5883l_are_found_set_up_and_sampled_once_each() -> None:
+    stream, chips = with_chips(dict.fromkeys(range(4)))
+    stream.run(0.3)
+    asked(stream, Verb.RANGE, 1)
+    asked(stream, Verb.RATE, 200)
+    stream.run(0.5)
+    before = [chip.conversions for chip in chips]
+    samples = stream.samples(SECONDS)
+    made = np.array([chip.conversions for chip in chips]) - before
+    assert len(samples) / SECONDS >= 199
+    assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
+    assert all(sample.valid == EVERYONE for sample in samples)
+    taken = [sum(sample.fresh >> sensor & 1 for sample in samples) for sensor in range(4)]
+    # Frames are no faster than the chips: of a faster one the newest sample is sent, as of the HMC5983.
+    assert np.all(np.abs(made - taken) <= np.maximum(3, 0.04 * made)), (made, taken)
+    assert {sample.gain_code for sample in samples} == {1}
+    field_t = np.mean([sample.counts for sample in samples], axis=0) * QMC5883L.step_t[1]
+    assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=5e-8)  # 0.2 µT of noise in 400 samples
+    assert samples[-1].temperature_raw == -32768
+    assert [QMC5883L.is_identity(sensor.identification) for sensor in stream.hello.pads[0].sensors] == [True] * 4
+    assert set(stream.status.pads[0].states) == {SensorState.OK}
+
+
+def test_saturated_axis_of_a_qmc5883l_is_marked_on_the_board() -> None:
+    stream, chips = with_chips(dict.fromkeys(range(4)))
+    stream.run(0.3)
+    asked(stream, Verb.RANGE, 1)
+    chips[2].field_gauss = [0.1, 12.0, 0.2]
+    stream.run(0.3)
+    sample = stream.samples(0.1)[-1]
+    assert np.argwhere(sample.counts == QMC5883L.saturated_count).tolist() == [[2, 1]]
+    chips[2].field_gauss = [0.1, -12.0, 0.2]
+    stream.run(0.1)
+    sample = stream.samples(0.1)[-1]
+    assert np.argwhere(sample.counts == QMC5883L.saturated_count).tolist() == [[2, 1]]
+
+
+def test_a_qmc5883l_that_was_power_cycled_is_set_up_again() -> None:
+    stream, chips = with_chips(dict.fromkeys(range(4)))
+    stream.run(0.5)
+    chips[1].power_on()
+    samples = stream.samples(1.0)
+    shown = [sample for sample in samples[-20:] if isinstance(sample, Sample)]
+    assert all(sample.valid == EVERYONE for sample in shown)
+    assert chips[1].registers[0x09] == 0x1D  # 200 Hz, ±8 G, continuous, by data sheet section 9.2.3
+
+
+def test_a_board_that_has_both_kinds_tells_which_is_where() -> None:
+    """Only the host can say that they do not belong together."""
+    stream, _ = with_chips({1: None, 3: None})
+    stream.run(1.0)
+    kinds = [QMC5883L.is_identity(sensor.identification) for sensor in stream.hello.pads[0].sensors]
+    assert kinds == [False, True, False, True]
+    assert stream.samples(0.1)[-1].valid == EVERYONE
+
+
+def test_a_qmc5883l_has_no_selftest_and_no_trigger() -> None:
+    stream, _ = with_chips(dict.fromkeys(range(4)))
+    stream.run(0.5)
+    asked(stream, Verb.TRIGGER, 1)
+    stream.run(0.5)
+    assert set(stream.status.pads[0].states) == {SensorState.CONFIGURATION_LOST}
+    asked(stream, Verb.TRIGGER, 0)
+    stream.run(1.5)
+    assert stream.samples(0.1)[-1].valid == EVERYONE
