@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmfts.config import BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
+from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
 from fmfts.config.conversion import convert
 from fmfts.config.file import ConfigError, load
@@ -52,7 +52,7 @@ def test_examples_in_the_shipped_file_are_right_when_uncommented(tmp_path: Path)
     (tmp_path / "touch.mcap").touch()
     config, _ = load(write(tmp_path, text))
     sources = [type(pad.source) for pad in config.pad]
-    assert sources == [SimulatedSource, BridgeSource, I2cSource, ReplaySource]
+    assert sources == [SimulatedSource, BridgeSource, I2cSource, AnyskinSource, ReplaySource]
     assert config.bus.endpoint == "ipc:///run/fmfts"
 
 
