@@ -198,7 +198,7 @@ base-packages:
 	@$(call need,$(BASE_PACKAGES),exit 1)
 
 test-packages:
-	@$(call need,$(TEST_PACKAGES),echo "without it the tests of the I2C path, of the C client and of the page are skipped" >&2)
+	@$(call need,$(TEST_PACKAGES),echo "without it the tests that need it are skipped" >&2)
 
 # Installs missing Debian packages (1) as root; as another user prints the line to run, then does (2).
 define need
