@@ -288,3 +288,33 @@ def test_frames_between_two_runs_of_a_board_are_no_gap(before: int, reopened: bo
         else:
             line.feed(hello(4))
     assert (statistics.frames, statistics.gaps) == (before + 57, 3)
+
+
+def test_two_boards_on_one_line_are_named_and_none_is_believed_until_one_has_left() -> None:
+    line = Line()
+    line.feed(hello(4))
+    assert len(line.feed(sample(sequence=0, time_us=4545))) == 1
+    other = hello(4, uid=bytes(range(50, 62)))
+    line.feed(other)
+    assert line.feed(sample(sequence=1, time_us=9090), sample(sequence=90, time_us=9991)) == []
+    assert all(uid.hex() in line.state.pad_faults[0] for uid in (UID, other.uid))
+    assert not line.link.accepts(0)
+    for number in range(2, 14):  # it asks every second, and one board answers
+        asked = line.asked(later_ns=400_000_000)
+        if asked:
+            line.feed(Reply(asked[0].request_id, asked[0].verb, 0), hello(4))
+        frames = line.feed(sample(sequence=number, time_us=(number + 1) * 4545 + number * 400_000))
+    assert line.state.pad_faults == {}
+    assert frames
+
+
+def test_packets_of_another_board_make_it_ask_who_is_there() -> None:
+    """Its hello was lost. Its clock is another, so its times do not go on."""
+    line = Line()
+    line.feed(hello(4))
+    for number in range(300):
+        line.feed(sample(sequence=number, time_us=(number + 1) * 4545))
+    assert line.asked() == []
+    assert line.feed(sample(sequence=7, time_us=77_000_000)) == []
+    (request,) = line.asked()
+    assert request.verb == Verb.HELLO

@@ -77,11 +77,9 @@ class ChaosBoard(Board):
             touch, field_t = NOT_TOLD._replace(standing=since), self._library.lifted_t
         else:
             self._lifted_for = 0
-        sample = self.sample(
-            sequence=sequence,
-            counts=counts_of(self._library, field_t, sequence),
-            temperature_raw=sequence % MARKS - MARKS // 2,
-        )
+        mark = self.made % MARKS  # not the number of the frame, which begins anew with each reset
+        counts = counts_of(self._library, field_t, mark)
+        sample = self.sample(sequence=sequence, counts=counts, temperature_raw=mark - MARKS // 2)
         self.sequence[0] = (sequence + 1) % 2**32
         for name in now:
             if name in CHIPS:
@@ -89,7 +87,7 @@ class ChaosBoard(Board):
         if "stale" not in now and "frozen" not in now:
             self._old = sample
         self.last_touch = touch
-        self.by_mark[sequence % MARKS].append(Taken(now_ns, touch))
+        self.by_mark[mark].append(Taken(now_ns, touch))
         self.made += 1
         line = encode(sample)
         data, whole = line, True

@@ -44,6 +44,7 @@ class Judge:
         self.judged = self.judged_pressed = self.stale = self.false_times = 0
         self.ages_ns: list[int] = []
         self.ok_ns: dict[str, int] = {}
+        self.judged_until: dict[str, tuple[int, str]] = {}
         self.last: dict[str, dict[str, Any]] = {}
         self._begun_ns = time.monotonic_ns()
         self._decoder = msgspec.msgpack.Decoder()
@@ -74,11 +75,13 @@ class Judge:
         self.last[pad] = contact
         self.published[pad] += health not in WITHOUT_FRAME
         self.health[health] += 1
+        frame = None if health in WITHOUT_FRAME else self._frame_of(board, contact)
+        if frame is not None:
+            self.judged_until[pad] = frame.taken_ns, health
         if health not in ("ok", "degraded"):
             if contact["force_n"] is not None or contact["contact"] is not None:
                 self._note("a number although it is " + health, contact)
             return
-        frame = self._frame_of(board, contact)
         if frame is None:
             return  # no temperature was believed, so no watermark
         if health == "ok":

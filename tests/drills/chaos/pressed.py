@@ -46,9 +46,9 @@ class Touch(NamedTuple):
     standing: int
 
 
-def mark_c(sequence: int) -> float:
-    """The temperature that a frame of this number tells."""
-    return MIDDLE_C + (sequence % MARKS - MARKS // 2) * STEP_C
+def mark_c(mark: int) -> float:
+    """The temperature that a frame with this watermark tells."""
+    return MIDDLE_C + (mark - MARKS // 2) * STEP_C
 
 
 class Library:
@@ -68,6 +68,7 @@ class Library:
         )
         above = PAD.rest_position_m + np.array([0.0, 0.0, LIFT_M])
         self.lifted_t = pressed_field(MountedPad.exact(_moved(above)), 0.0, 0.0, 0.0)
+        self.dice = random.Random(seed)
         self.noise = random_.normal(0.0, CHIP.noise_t, (4096, 4, 3))
 
     def baseline(self, name: str, origin: Origin) -> bytes:
@@ -111,10 +112,10 @@ class Finger:
         return Touch(x_m, y_m, force_n, self._standing), library.pressed_t[place, level - 1]
 
 
-def counts_of(library: Library, field_t: Array, sequence: int) -> Array:
+def counts_of(library: Library, field_t: Array, mark: int) -> Array:
     """What the chips tell (4, 3) of a field, with noise, while the magnet has the temperature of the watermark."""
-    warm = 1.0 + CONFIG.magnet.temperature_coefficient_per_k * (mark_c(sequence) - MIDDLE_C)
-    seen = field_t * warm + library.noise[(sequence * 2654435761) % len(library.noise)]
+    warm = 1.0 + CONFIG.magnet.temperature_coefficient_per_k * (mark_c(mark) - MIDDLE_C)
+    seen = field_t * warm + library.noise[library.dice.randrange(len(library.noise))]
     return np.rint(seen / CHIP.step_t[GAIN_CODE]).astype(np.int16)
 
 

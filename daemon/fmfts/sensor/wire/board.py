@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire import faults
-from fmfts.sensor.wire.packets import Hello, Status, StatusPad, Verb
+from fmfts.sensor.wire.packets import Hello, Selftest, Status, StatusPad, Verb
 from fmfts.sensor.wired_pad import Settings, WiredPad
 
 # The field of the hello that each request changes.
@@ -40,6 +40,12 @@ class Board:
     def contradiction(self, pad_index: int, sensors: int) -> str | None:
         """Why a packet about this pad, with `sensors` sensors, contradicts the hello; None if it does not."""
         return None if self.hello is None else faults.contradiction(self.hello, pad_index, sensors)
+
+    def contradiction_of(self, selftest: Selftest) -> str | None:
+        """The same of a self-test's result, and of its gain code."""
+        if selftest.gain_code >= len(self.chip.counts_per_gauss):
+            return f"there is no gain code {selftest.gain_code}"
+        return self.contradiction(selftest.pad_index, len(selftest.sensors))
 
     def describe(self) -> None:
         """Write into the state what the last hello says. Call it only for the right board."""

@@ -13,6 +13,7 @@ from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.board import SETTING, Board
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
 from fmfts.sensor.wire.framing import Decoder, PackedSample
+from fmfts.sensor.wire.line_guard import ASK_NS, LineGuard
 from fmfts.sensor.wire.packets import (
     TEMPERATURE_UNKNOWN,
     Hello,
@@ -29,7 +30,6 @@ from fmfts.sensor.wire.packets import (
 from fmfts.sensor.wire.requests import REPEAT_NS, Requests
 from fmfts.sensor.wire.selftests import Selftests
 from fmfts.sensor.wire.strange import StrangeBytes
-from fmfts.sensor.wire.time_gate import TimeGate
 from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
@@ -58,9 +58,8 @@ class Link:
         self.strange = StrangeBytes()
         self._misfits = 0
         self._selftests = Selftests()
-        self._times = TimeGate()
-        # The chip of each pad by (pad index, bytes of readings): pads that agree with the last hello.
-        self._accepted: dict[tuple[int, int], Chip] = {}
+        self._guard = LineGuard(self.requests)
+        self._accepted: dict[tuple[int, int], Chip] = {}  # by (pad index, bytes of readings): they agree with the hello
 
     @property
     def hello(self) -> Hello | None:
@@ -68,7 +67,6 @@ class Link:
 
     @property
     def is_right_board(self) -> bool:
-        """False while a uid is configured and no hello has confirmed it."""
         return self._board.is_right
 
     @property
@@ -93,13 +91,13 @@ class Link:
     def restart(self) -> None:
         """The line was newly opened: forget everything about the old one."""
         self._board.forget()
-        self._hello_due_ns = None
         self._accepted.clear()
-        self.heard_ns = self._misfits = 0
+        self.heard_ns, self._misfits, self._hello_due_ns = 0, 0, None
         self._decoder = Decoder()
         self.strange.forget()
         self._clock.restart()
         self.requests.clear()
+        self._guard = LineGuard(self.requests)
 
     def lost(self, reason: str) -> None:
         """The line is gone: drop the requests and fail the self-tests."""
@@ -108,6 +106,7 @@ class Link:
 
     def outgoing(self, now_ns: int) -> bytes:
         """Bytes to send now."""
+        self._review_line(now_ns)
         self._selftests.give_up(now_ns)
         if self._hello_due_ns is not None and now_ns >= self._hello_due_ns:
             self._hello_due_ns = None
@@ -175,11 +174,9 @@ class Link:
         return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
 
     def _host_time_ns(self, time_us: int, now_ns: int) -> int | None:
-        """When a packet's sample was taken, on this host; None if its time cannot be."""
-        if isinstance(self._clock, DeviceClock) and not self._times.admits(self._clock, time_us, now_ns):
-            self._leave_out(
-                "sample", f"no clock of a board goes on to {time_us * 1e-6:.3f} s here: it came twice, or late"
-            )
+        """When a packet's sample was taken, on this host; None if it cannot be believed."""
+        if (why := self._guard.why_not(self._clock, time_us, now_ns)) is not None:
+            self._leave_out("sample", why)
             return None
         restarts = self._clock.restarts
         host_time_ns = self._clock.to_host_ns(time_us, now_ns)
@@ -235,7 +232,9 @@ class Link:
     def _take(self, packet: Packet, now_ns: int) -> None:
         match packet:
             case Hello():
+                self._guard.hello(packet.uid, now_ns)
                 self._take_hello(packet)
+                self._review_line(now_ns)
             case Status():
                 self._take_status(packet)
             case Reply():
@@ -250,7 +249,6 @@ class Link:
 
     def _take_hello(self, hello: Hello) -> None:
         self._board.hello, self._hello_due_ns = hello, None
-        self._times.hello()
         self._accepted.clear()
         if not self.is_right_board:
             return
@@ -259,6 +257,16 @@ class Link:
         self._board.describe()
         for verb, argument in self._board.wishes():
             self.requests.ask(verb, argument=argument)
+
+    def _review_line(self, now_ns: int) -> None:
+        """While several boards answer, take no samples, and ask again who is there."""
+        was_crowded, crowd = self._guard.crowd is not None, self._guard.review(now_ns)
+        if crowd is not None:
+            self._accepted.clear()
+            self._hello_due_ns = self._hello_due_ns or now_ns + ASK_NS
+            self._state.pad_faults.update(dict.fromkeys(self._pads, crowd))
+        elif was_crowded:
+            self._board.describe()
 
     def _take_status(self, status: Status) -> None:
         self._board.count(status)
@@ -269,12 +277,9 @@ class Link:
     def _take_selftest(self, selftest: Selftest) -> None:
         if self.hello is None or not self._selftests.awaits(selftest.pad_index):
             return  # the result of another program's request, or too late
-        why = self._board.contradiction(selftest.pad_index, len(selftest.sensors))
-        chip = self._board.chip
-        if selftest.gain_code >= len(chip.counts_per_gauss):
-            why = f"there is no gain code {selftest.gain_code}"
+        why = self._board.contradiction_of(selftest)
         if why is None:
-            self._selftests.finish(selftest, self.hello.pads[selftest.pad_index], chip)
+            self._selftests.finish(selftest, self.hello.pads[selftest.pad_index], self._board.chip)
         else:
             self._leave_out("self-test", why)
             self._selftests.fail(selftest.pad_index, f"the board's result cannot be: {why}")

@@ -1,0 +1,47 @@
+"""Says which samples of a line can be believed: those of one board alone, whose times go on from each other."""
+
+from __future__ import annotations
+
+from fmfts.sensor.wire.clock import DeviceClock, HostClock
+from fmfts.sensor.wire.packets import Verb
+from fmfts.sensor.wire.requests import Requests
+from fmfts.sensor.wire.time_gate import TimeGate
+
+# A board that did not answer for so long has left the line. It is asked every second while there are two.
+LEFT_NS = 3_000_000_000
+ASK_NS = 1_000_000_000
+
+
+class LineGuard:
+    """requests: those to the board. crowd: what is wrong while several boards send on the line; None: there is one."""
+
+    def __init__(self, requests: Requests) -> None:
+        self.crowd: str | None = None
+        self._requests = requests
+        self._times = TimeGate()
+        self._heard_ns: dict[bytes, int] = {}  # when each uid said hello
+        self._asked_ns = 0
+
+    def hello(self, uid: bytes, now_ns: int) -> None:
+        self._times.hello()
+        self._heard_ns[uid] = now_ns
+
+    def review(self, now_ns: int) -> str | None:
+        """`crowd`, found anew."""
+        self._heard_ns = {uid: heard_ns for uid, heard_ns in self._heard_ns.items() if now_ns - heard_ns < LEFT_NS}
+        self.crowd = None
+        if len(self._heard_ns) > 1:
+            boards = " and ".join(uid.hex() for uid in sorted(self._heard_ns))
+            self.crowd = f"boards {boards} send on one line, and samples do not say whose they are: part them"
+        return self.crowd
+
+    def why_not(self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int) -> str | None:
+        """Why a sample with this time cannot be believed; None: it can."""
+        if self.crowd is not None:
+            return "several boards send on this line"
+        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns):
+            if arrival_ns - self._asked_ns > ASK_NS:
+                self._asked_ns = arrival_ns
+                self._requests.ask(Verb.HELLO)  # it may be another board's
+            return f"no clock of a board goes on to {time_us * 1e-6:.3f} s here: it came twice, or late"
+        return None
