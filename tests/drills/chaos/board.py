@@ -16,7 +16,7 @@ from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Sample, Status, StatusPad
 
 PERIOD_NS = 1_000_000_000 // RATE_HZ
-ROUNDS = 4  # of watermarks that are kept: nine seconds
+ROUNDS = 2  # of watermarks that are kept: 18 seconds
 REPEATED = RATE_HZ  # frames: what is sent again is a second old
 STATUS_EVERY = RATE_HZ
 NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)

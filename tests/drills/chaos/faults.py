@@ -67,9 +67,11 @@ def _step(now: Sample, old: Sample, dice: random.Random) -> Sample:
     return replace(now, counts=counts)
 
 
-def _range(now: Sample, old: Sample, dice: random.Random) -> Sample:
-    """The board says another range than that of its chips."""
-    return replace(now, gain_code=dice.choice((0, 5, 7)))
+def _browned_out(now: Sample, old: Sample, dice: random.Random) -> Sample:
+    """The supply of one sensor failed for a moment: its gain is that of power-on, 1090 instead of 660 counts a gauss."""
+    counts = now.counts.copy()
+    counts[1] = np.clip(np.rint(counts[1] * (1090 / 660)), -2048, 2047).astype(np.int16)
+    return replace(now, counts=counts)
 
 
 def _flipped(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -> tuple[bytes, bool]:
@@ -112,7 +114,7 @@ def _mute(board: ChaosBoard, sample: Sample, line: bytes, dice: random.Random) -
 
 CHIPS: dict[str, ChipFault] = {
     "stale": _stale, "frozen": _frozen, "hot": _hot, "swapped": _swapped, "silent": _silent, "saturated": _saturated,
-    "impossible": _impossible, "stuck": _stuck, "step": _step, "range": _range,
+    "impossible": _impossible, "stuck": _stuck, "step": _step, "browned out": _browned_out,
 }  # fmt: skip
 LINES: dict[str, LineFault] = {
     "flipped": _flipped, "cut": _cut, "garbage": _garbage, "doubled": _doubled, "again": _again, "future": _future,

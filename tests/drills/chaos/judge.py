@@ -102,7 +102,7 @@ class Judge:
         if told_c is None:
             return None
         frames = list(board.by_mark[(round((told_c - MIDDLE_C) / STEP_C) + MARKS // 2) % MARKS])
-        # Of those of several rounds, the nearest to the time that it claims: a round takes 2.3 s.
+        # Of those of several rounds, the nearest to the time that it claims: a round takes 9 s.
         return min(frames, key=lambda frame: abs(frame.taken_ns - contact["t_sample_ns"]), default=None)
 
     def _compare(self, frame: Taken, contact: dict[str, Any]) -> None:

@@ -26,8 +26,8 @@ CONFIG = PadConfig(name="p", source=SimulatedSource())
 PAD = CONFIG.pad()
 CHIP = PAD.chip
 GAIN_CODE = 3
-# Watermarks: temperatures of 25 °C ± 2 K in steps of 1/128 K. After 2.3 s they come again.
-MARKS = 512
+# Watermarks: temperatures of 25 °C ± 8 K in steps of 1/128 K. After 9 s they come again.
+MARKS = 2048
 MIDDLE_C, STEP_C = 25.0, 1.0 / 128.0
 PLACES, LEVELS = 12, 20
 REACH_M, FORCES_N = 6e-3, (0.4, 1.2)
