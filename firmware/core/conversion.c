@@ -37,7 +37,7 @@ void conversion_seen(struct conversion *conversion, uint64_t seen_us)
     conversion->ready_us = seen_us;
     if (periods == 1) {
         uint64_t tolerance_us = conversion->nominal_us / PERIOD_TOLERANCE;
-        int64_t correction_us = (int64_t)(conversion->ended_us - predicted_us) / PERIOD_GAIN;
+        int32_t correction_us = (int32_t)(conversion->ended_us - predicted_us) / PERIOD_GAIN;
         conversion->period_us = (uint16_t)clamp(period_us + (uint64_t)correction_us,
                                                 conversion->nominal_us - tolerance_us,
                                                 conversion->nominal_us + tolerance_us);

@@ -7,12 +7,12 @@ STM32FLASH ?= stm32flash
 STM32 = $(CORE) $(wildcard stm32f103/*.c)
 STM32_SCRIPT = stm32f103/stm32f103c8.ld
 STM32_HEADERS = $(wildcard core/*.h core/chips/*.h stm32f103/*.h stm32f103/freestanding/*.h)
-STM32_FLAGS = -mcpu=cortex-m3 -mthumb -Os -g $(WARNINGS) -ffreestanding -ffunction-sections -fdata-sections \
+STM32_FLAGS = -mcpu=cortex-m3 -mthumb -g $(WARNINGS) -ffreestanding -ffunction-sections -fdata-sections \
 	-isystem stm32f103/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
 # Without the flag, GCC compiles the loop in memcpy to a call of memcpy.
 STM32_GCC = $(ARM_CC) -fno-tree-loop-distribute-patterns
-# With its own threshold clang inlines so much that the image does not fit.
-STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld -mllvm -inline-threshold=10
+# With -Os clang inlines and unrolls so much that the image does not fit.
+STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld
 
 stm32: $(BUILD)/fmfts.elf $(BUILD)/fmfts.bin
 	@sh stm32f103/size.sh $(ARM_CC) $<
@@ -22,11 +22,11 @@ stm32-clang: $(BUILD)/fmfts-clang.elf
 
 $(BUILD)/fmfts.elf: $(STM32) $(STM32_HEADERS) $(STM32_SCRIPT) stm32f103/build.mk
 	@mkdir -p $(BUILD)
-	$(STM32_GCC) $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts.map -o $@.$$$$ && mv $@.$$$$ $@
+	$(STM32_GCC) -Os $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts.map -o $@.$$$$ && mv $@.$$$$ $@
 
 $(BUILD)/fmfts-clang.elf: $(STM32) $(STM32_HEADERS) $(STM32_SCRIPT) stm32f103/build.mk
 	@mkdir -p $(BUILD)
-	$(STM32_CLANG) $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts-clang.map -o $@.$$$$ && mv $@.$$$$ $@
+	$(STM32_CLANG) -Oz $(STM32_FLAGS) $(filter %.c,$^) -Wl,-Map=$(BUILD)/fmfts-clang.map -o $@.$$$$ && mv $@.$$$$ $@
 
 $(BUILD)/fmfts.bin: $(BUILD)/fmfts.elf
 	$(ARM_CC:gcc=objcopy) -O binary $< $@.$$$$ && mv $@.$$$$ $@

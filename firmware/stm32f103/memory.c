@@ -1,5 +1,6 @@
 // The memory functions that compilers call on their own, with their names in C and in the ARM run-time ABI. This
 // program has no C library.
+#include <stdint.h>
 #include <string.h>
 
 void *memcpy(void *restrict to, const void *restrict from, size_t count)
@@ -67,3 +68,27 @@ ALIAS(__aeabi_memcpy, (void *restrict to, const void *restrict from, size_t coun
 ALIAS(__aeabi_memmove, (void *to, const void *from, size_t count));
 ALIAS(__aeabi_memset, (void *to, size_t count, int byte));
 ALIAS(__aeabi_memclr, (void *to, size_t count));
+
+// Clang calls these for shifts of 64 bits. Written by halves: a shift of 64 bits here would call itself.
+union halves {
+    uint64_t whole;
+    uint32_t half[2]; // the lower one first
+};
+
+uint64_t __aeabi_llsl(uint64_t value, int count)
+{
+    union halves v = {value};
+    if (count >= 32)
+        return (union halves){.half = {0, v.half[0] << (count - 32)}}.whole;
+    uint32_t carried = count ? v.half[0] >> (32 - count) : 0;
+    return (union halves){.half = {v.half[0] << count, v.half[1] << count | carried}}.whole;
+}
+
+uint64_t __aeabi_llsr(uint64_t value, int count)
+{
+    union halves v = {value};
+    if (count >= 32)
+        return (union halves){.half = {v.half[1] >> (count - 32), 0}}.whole;
+    uint32_t carried = count ? v.half[1] << (32 - count) : 0;
+    return (union halves){.half = {v.half[0] >> count | carried, v.half[1] >> count}}.whole;
+}
