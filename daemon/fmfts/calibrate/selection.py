@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.fitting import fit_response
 from fmfts.calibrate.likelihood import invert
@@ -13,6 +14,7 @@ from fmfts.calibrate.network import error_in_bounds, features, train_network, un
 from fmfts.calibrate.regressors import GaussianProcess, RadialBasis
 from fmfts.calibrate.samples import Samples, presses_within
 from fmfts.calibrate.tracked import FrameSolver, Tracked
+from fmfts.common.sweep import Workers
 from fmfts.contact.response import Response
 from fmfts.pad import Array
 
@@ -50,28 +52,48 @@ def compare(
     sizes: tuple[int, ...] = HIDDEN,
     presses: int = PRESSES,
     sheared: bool = False,
+    workers: Workers | None = None,
 ) -> list[Candidate]:
     """Compare networks of each size, trained on `presses` presses, and other regressors, on the same folds.
 
-    sheared: with five outputs; otherwise presses with shear are left out.
+    sheared: with five outputs; otherwise presses with shear are left out. workers: where each fold is computed; None:
+    here.
     """
     if not sheared:
         rows = (press[:, 3:] == 0.0).all(axis=1)
         press, tracked = press[rows, :3], tracked.some(rows)
     fold = np.random.default_rng(0).permutation(len(press)) % FOLDS
     scores: dict[tuple[str, int | None], list[tuple[int, float]]] = {}
-    for left_out in range(FOLDS):
-        kept, out = fold != left_out, fold == left_out
-        response = fit_response(
-            press[kept], tracked.pose[kept, :5] - solver.rest_pose[:5], tracked.deviation[kept], roughness
-        )
-        judged = _noisy(response, solver, press[out], tracked, out)
-        for name, hidden, parameters, found in _answers(response, solver, judged, sizes, presses):
-            scores.setdefault((name, hidden), []).append((parameters, _score(found, judged)))
+    pieces = [(solver, press, tracked, roughness, fold == left_out, sizes, presses) for left_out in range(FOLDS)]
+    for scored in (workers or Workers()).map(_fold, pieces):
+        for name, hidden, parameters, score in scored:
+            scores.setdefault((name, hidden), []).append((parameters, score))
     return [
         Candidate(name, hidden, values[0][0], np.array([score for _, score in values]))
         for (name, hidden), values in scores.items()
     ]
+
+
+def _fold(
+    solver: FrameSolver,
+    press: Array,
+    tracked: Tracked,
+    roughness: float,
+    out: Array,
+    sizes: tuple[int, ...],
+    presses: int,
+) -> list[tuple[str, int | None, int, float]]:
+    """Name, layer size, parameters and score of each candidate for the presses `out`, fitted to the others."""
+    with threadpool_limits(1):  # the same bits in any process
+        kept = np.logical_not(out)
+        response = fit_response(
+            press[kept], tracked.pose[kept, :5] - solver.rest_pose[:5], tracked.deviation[kept], roughness
+        )
+        judged = _noisy(response, solver, press[out], tracked, out)
+        return [
+            (name, hidden, parameters, _score(found, judged))
+            for name, hidden, parameters, found in _answers(response, solver, judged, sizes, presses)
+        ]
 
 
 def smallest_within_noise(candidates: list[Candidate]) -> Candidate:

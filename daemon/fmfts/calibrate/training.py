@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from fmfts.calibrate.network import ContactNetwork, train_network
 from fmfts.calibrate.samples import Samples, presses_in_bins, presses_within
 from fmfts.calibrate.selection import Candidate, compare, smallest_within_noise
 from fmfts.calibrate.tracked import FrameSolver, Scene
+from fmfts.common.sweep import Workers
 from fmfts.contact.contract import (
     CONTRACT_VERSION,
     INPUT_ORDER,
@@ -42,13 +43,15 @@ SMALL_SHEAR = 0.1  # share of the normal force; its effect is still proportional
 @dataclass(frozen=True, slots=True)
 class Options:
     """scene: sets the unknowns of the pad's tracker. hidden: size of the layers; None: by k-fold selection. presses:
-    number of training presses. shear: also estimate tangential force, near the centre."""
+    number of training presses. shear: also estimate tangential force, near the centre. workers: where folds are
+    computed."""
 
     scene: Scene = "drifting"
     noise_t: float = NOISE_T
     hidden: int | None = None
     presses: int = PRESSES
     shear: bool = False
+    workers: Workers = field(default_factory=Workers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +100,9 @@ def _calibrated(
     hidden, candidates = options.hidden, list[Candidate]()
     if hidden is None:
         say("comparing networks on left-out presses")
-        candidates = compare(solver, calibration.press, tracked, known.roughness, sheared=options.shear)
+        candidates = compare(
+            solver, calibration.press, tracked, known.roughness, sheared=options.shear, workers=options.workers
+        )
         chosen = smallest_within_noise(candidates)
         hidden = chosen.hidden
         assert hidden is not None

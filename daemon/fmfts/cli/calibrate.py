@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 
 from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking, not_written
+from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
+from fmfts.common.sweep import ClusterError
 
 
 def add_to(verb: AddVerb) -> None:
@@ -26,6 +28,7 @@ def add_to(verb: AddVerb) -> None:
     calibrate.add_argument(
         "--hidden", type=int, metavar="N", help="size of the model's layers (default: found by selection)"
     )
+    add_workers(calibrate, "for the folds by which --hidden is found")
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
     evaluate.add_argument(
@@ -67,6 +70,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         hidden=options.hidden,
         presses=options.presses,
         shear=options.shear,
+        workers=workers_of(options),
     )
     try:
         report = make_model(
@@ -81,6 +85,8 @@ def _calibrate(options: argparse.Namespace) -> int:
         )
     except DataError as error:
         raise VerbError(exit_codes.DATA, str(error)) from error
+    except ClusterError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, str(error)) from error
     except OSError as error:
         raise not_written(error, options.output) from error
     if options.json:

@@ -41,6 +41,7 @@ OF_ERROR = {
     # somebody does not answer
     "AbsentError": UNAVAILABLE,
     "BusError": UNAVAILABLE,
+    "ClusterError": UNAVAILABLE,
     "ControlError": UNAVAILABLE,
     "EndpointError": UNAVAILABLE,
     "NothingCameError": UNAVAILABLE,

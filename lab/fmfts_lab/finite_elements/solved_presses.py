@@ -13,10 +13,14 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
+from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from fmfts.common.sweep import Workers
 from fmfts.pad import Array
 from fmfts.simulation.slab import ELEMENT_M, Press, Slab
 from fmfts.simulation.solved_table import COLUMNS
@@ -111,33 +115,66 @@ SETS = {
 
 
 def solve_into(
-    path: Path, presses: Sequence[Press], slab: Slab, element_m: float, show: Callable[[float], None]
+    path: Path,
+    presses: Sequence[Press],
+    slab: Slab,
+    element_m: float,
+    show: Callable[[float], None],
+    workers: Workers | None = None,
 ) -> None:
     """Append to the CSV at `path` the rows of `presses` that it lacks. `show` is called with the share that is done.
 
+    workers: where each place is solved, with all its forces; None: here. A place is written when it is done, and at the
+    end the file is in the order of `presses`, the same with any number of workers.
     Slab and element size are kept beside it as .json. ValueError if they differ, or if that file is missing.
     """
     _require_same(path, json.dumps({"slab": asdict(slab), "element_m": element_m}, indent=1) + "\n")
     _drop_incomplete_line(path)
-    solved = PressedSlab(slab, element_m)
-    known = {tuple(row[:5]) for row in csv.reader(path.read_text().splitlines())} if path.exists() else set()
+    rows = {tuple(row[:5]): row for row in csv.reader(path.read_text().splitlines())} if path.exists() else {}
+    missing = [press for press in presses if tuple(press_columns(press)) not in rows]
+    places = [list(group) for _, group in groupby(missing, key=lambda press: (press.x_m, press.y_m))]
     with path.open("a", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        if not known:
+        if not rows:
             writer.writerow(COLUMNS)
-        before = Press(np.nan, np.nan, 0.0)
-        for done, press in enumerate(presses):
-            show(done / len(presses))
-            key = press_columns(press)
-            if tuple(key) in known:
-                continue
-            if (press.x_m, press.y_m) != (before.x_m, before.y_m):
-                solved.rest()
-                before = Press(press.x_m, press.y_m, 0.0)
+
+        def keep(_: int, solved: list[list[str]]) -> None:
+            writer.writerows(solved)
+            file.flush()
+            rows.update({tuple(row[:5]): row for row in solved})
+            show(sum(tuple(press_columns(press)) in rows for press in presses) / len(presses))
+
+        (workers or Workers()).map(solve_place, [(slab, element_m, place) for place in places], keep)
+    _write_in_order(path, presses, rows)
+
+
+def solve_place(slab: Slab, element_m: float, presses: Sequence[Press]) -> list[list[str]]:
+    """Rows of presses at one place, each solved from the one before it."""
+    with threadpool_limits(1):  # the same bits whatever runs beside it
+        solved = _slab_of(slab, element_m)
+        solved.rest()
+        rows, before = [], Press(presses[0].x_m, presses[0].y_m, 0.0)
+        for press in presses:
             displacement_m, axis = _stepped(solved, before, press)
             before = press
-            writer.writerow([*key, *pose_columns(displacement_m, axis)])
-            file.flush()
+            rows.append([*press_columns(press), *pose_columns(displacement_m, axis)])
+    return rows
+
+
+@lru_cache(maxsize=1)
+def _slab_of(slab: Slab, element_m: float) -> PressedSlab:
+    """The mesh, made once in a process."""
+    return PressedSlab(slab, element_m)
+
+
+def _write_in_order(path: Path, presses: Sequence[Press], rows: dict[tuple[str, ...], list[str]]) -> None:
+    """Rows that are not of `presses` come first, as they were."""
+    own = [tuple(press_columns(press)) for press in presses]
+    others = [row for key, row in rows.items() if key not in set(own) and key != COLUMNS[:5]]
+    beside = path.with_suffix(".csv.new")
+    with beside.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *others, *(rows[key] for key in own)])
+    beside.replace(path)
 
 
 def _require_same(path: Path, made_of: str) -> None:

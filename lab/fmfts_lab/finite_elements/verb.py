@@ -7,8 +7,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, lacking, not_written
+from fmfts.cli.verb import AddVerb, VerbError, configured_pad, ended_by, lacking, not_written
+from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
+from fmfts.common.sweep import ClusterError
 
 if TYPE_CHECKING:
     from fmfts.config import PadConfig
@@ -34,6 +36,7 @@ def add_to(verb: AddVerb) -> None:
         ("element-mm", 1.0, "edge of the finite elements (1)"),
     ):
         model.add_argument(f"--{name}", type=float, default=default, metavar=name[-3:].strip("-").upper(), help=text)
+    add_workers(model, "with --solved")
     model.add_argument(
         "--solved", type=Path, metavar="FILE.csv", help="for large forces: solve each press, kept here (ten minutes)"
     )
@@ -101,5 +104,7 @@ def _mechanics(options: argparse.Namespace, slab: Slab) -> Mechanics:
         from fmfts.simulation.solved_table import normal_mechanics, read_solved
         from fmfts_lab.finite_elements.solved_presses import normal_grid, solve_into
 
-        solve_into(options.solved, normal_grid(slab.reach_m), slab, options.element_mm * 1e-3, show)
+        workers = workers_of(options)
+        with ended_by(ClusterError):
+            solve_into(options.solved, normal_grid(slab.reach_m), slab, options.element_mm * 1e-3, show, workers)
         return normal_mechanics(read_solved(options.solved))
