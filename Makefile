@@ -20,6 +20,7 @@
 # make dist    wheels for x86-64 and aarch64, and source archives, in dist/, as a package index takes them (root: aarch64)
 # make test-dist   what is in dist/ in clean environments of each Python: the demo from there; SIZES=1: how large each extra is
 # make release     check HEAD, then `dist`, `test-dist` and a tag; CHECK=1: no tag. Uploads nothing
+# make lerobot the LeRobot package with the real LeRobot (6 GB the first time)
 # make ros     the ROS 2 package with real rclpy of two distributions (600 MB the first time)
 # make sizes   modules longer than 250 lines, and the lines of each room
 # make bench   time and accuracy of a solve, and latency of a frame; make cold-starts: convergence, half an hour
@@ -177,6 +178,12 @@ ros: $(VENV)/.installed-test firmware
 	@$(call need,$(call missing_packages,g++ iproute2),exit 1)
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
 	$(BIN)/python tests/ros/run.py $(ROS)
+
+# LeRobot with torch (6 GB), on Python 3.12: a data set of a minute, read back.
+.PHONY: lerobot
+lerobot: $(VENV)/.installed-test
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e clients/python -e '.[versions]'
+	$(BIN)/python tests/drills/lerobot_drill.py
 
 # Makes the recordings that the tests replay again; the commit must explain why they change.
 recordings: $(VENV)/.installed-test firmware

@@ -10,6 +10,7 @@ import pytest
 
 from fmfts.cli.main import main
 from fmfts.common.exit_codes import DATA, USAGE
+from fmfts.common.sweep import Workers
 from fmfts.config.file import ConfigError, load
 from fmfts.sensor.source import SourceError
 from fmfts.simulation.pad_file import read_pad_file, write_pad_file
@@ -37,6 +38,9 @@ def test_light_loads_move_the_magnet_as_reciprocity_says(load_n: tuple[float, fl
     expected = np.array(load_n) @ influence().of_patch(5e-3, -3e-3)
     np.testing.assert_allclose(displacement_m, expected[:3], atol=2e-3 * np.linalg.norm(displacement_m))
     np.testing.assert_allclose(axis[:2], expected[3:], atol=2e-3 * np.linalg.norm(axis[:2]))
+
+
+COARSE_M = 4e-3  # what is compared are processes, and not meshes
 
 
 def test_reciprocity_is_within_two_and_a_half_percent_up_to_three_tenths_of_a_newton() -> None:
@@ -140,3 +144,16 @@ def test_mesh_that_no_memory_holds_is_refused(tmp_path: Path, capsys: pytest.Cap
     fine = ["pad-model", "--config", "config.toml", "-o", str(tmp_path / "p.npz"), "--element-mm", "0.2"]
     assert main(fine) == DATA
     assert "memory than a computer has" in capsys.readouterr().err
+
+
+def test_two_processes_solve_the_same_file_as_one_and_go_on_where_one_stopped(tmp_path: Path) -> None:
+    presses = [Press(x * 1e-3, 0.0, force_n) for x in (0, 4, 8) for force_n in (0.3, 0.6)]
+    files = [tmp_path / name for name in ("one.csv", "two.csv", "interrupted.csv")]
+    shares: list[float] = []
+    solve_into(files[0], presses, Slab(), COARSE_M, shares.append)
+    solve_into(files[1], presses, Slab(), COARSE_M, shares.append, Workers(2))
+    assert files[0].read_bytes() == files[1].read_bytes()
+    solve_into(files[2], presses[4:], Slab(), COARSE_M, lambda share: None)  # another place was done first
+    solve_into(files[2], presses, Slab(), COARSE_M, shares.append, Workers(2))
+    assert files[2].read_bytes() == files[0].read_bytes()
+    assert shares[-1] == 1.0

@@ -32,13 +32,14 @@ def wrench(contact: Contact, frame: str, height_m: float, unknown_shear: float =
 
     A finger that presses pushes along −z, because z points toward it. height_m: where above the sensors the force acts.
     unknown_shear: stands for shear, and for the torque of it, where the contact model tells none. An untouched pad has
-    neither force nor torque. The torque leaves out a twist of the finger about z, which the pad does not measure.
+    neither shear nor torque. The torque leaves out a twist of the finger about z, which the pad does not measure.
     """
     message = WrenchStamped()
     message.header.stamp, message.header.frame_id = sample_time(contact), frame
-    if contact.contact is False and contact.force_n == 0.0:
-        return message
     force = message.wrench.force
+    if contact.contact is False and contact.force_n is not None:
+        force.z = -contact.force_n  # noise, below what would be felt
+        return message
     force.x = unknown_shear if contact.shear_x_n is None else contact.shear_x_n
     force.y = unknown_shear if contact.shear_y_n is None else contact.shear_y_n
     force.z = NAN if contact.force_n is None else -contact.force_n

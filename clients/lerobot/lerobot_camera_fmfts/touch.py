@@ -1,0 +1,100 @@
+"""Reads pads as floats with stable names, for data sets that hold no gaps and no NaN."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+from fmfts_client import Client, Contact
+
+USABLE = {"ok": 0.0, "degraded": 1.0}  # health as a feature; every other health raises
+WAIT_S = 0.3  # three messages of a daemon whose pad is silent
+
+# Name after the pad's: where the contact has it. "health", "contact" and "over_range" are 0 or 1.
+FEATURES = ("health", "contact", "over_range", "force_n", "force_sd_n", "x_m", "x_sd_m", "y_m", "y_sd_m")
+
+
+class TouchLostError(RuntimeError):
+    """A pad gives nothing that may be recorded; the text names the pad and says why."""
+
+
+class Pads:
+    """Several pads of one daemon. pad_size_m: edge of the square pads, for the deviation of an unknown place.
+
+    A data set has a number everywhere, so another feature tells what is not known: where `contact` is 0, the place
+    is 0 with the deviation of anywhere on the pad; where `over_range` is 1, `force_n` is the lower bound.
+    """
+
+    def __init__(self, names: Sequence[str], endpoint: str | None = None, pad_size_m: float = 0.04) -> None:
+        self.names = tuple(names)
+        self._endpoint = endpoint
+        self._anywhere_sd_m = pad_size_m / math.sqrt(12.0)  # of a uniform distribution
+        self._clients: dict[str, Client] = {}
+
+    @property
+    def features(self) -> dict[str, type]:
+        """Names and types, as `Robot.observation_features` has them."""
+        return {f"{name}.{feature}": float for name in self.names for feature in FEATURES}
+
+    @property
+    def is_connected(self) -> bool:
+        return bool(self._clients)
+
+    def connect(self) -> None:
+        """Raises TouchLostError if a pad sends nothing."""
+        self._clients = {name: Client(name, self._endpoint) for name in self.names}
+        try:
+            self.read()
+        except TouchLostError:
+            self.disconnect()
+            raise
+
+    def disconnect(self) -> None:
+        for client in self._clients.values():
+            client.close()
+        self._clients = {}
+
+    def contact(self, name: str, wait_s: float = WAIT_S) -> Contact:
+        """A usable contact of this pad, not given out before. Raises TouchLostError if none comes in `wait_s`."""
+        client = self._clients.get(name)
+        if client is None:
+            raise TouchLostError(f"pad {name}: not connected")
+        until = time.monotonic() + wait_s
+        last: Contact | None = None
+        while (contact := client.latest(timeout_s=max(0.0, until - time.monotonic()))) is not None:
+            if client.fresh and contact.health in USABLE and contact.contact is not None:
+                return contact
+            last = contact
+        if last is not None:
+            raise TouchLostError(f"pad {name}: {last.health}: {last.reason or 'its last sample is old'}")
+        why = client.why() or "its contacts come late"
+        raise TouchLostError(f"pad {name}: nothing new for {wait_s:g} s: {why}")
+
+    def read(self) -> dict[str, float]:
+        """One observation of all pads. Raises TouchLostError; a value is never repeated."""
+        return {
+            f"{name}.{feature}": value
+            for name in self.names
+            for feature, value in zip(FEATURES, self._values(self.contact(name)), strict=True)
+        }
+
+    def _values(self, contact: Contact) -> tuple[float, ...]:
+        force_n = contact.force_min_n if contact.over_range else contact.force_n
+        if force_n is None:
+            raise TouchLostError(f"pad {contact.pad}: its force is not known: {contact.reason or 'no contact model'}")
+        placed = contact.x_m is not None and contact.y_m is not None
+        if contact.contact and not placed and not contact.over_range:
+            raise TouchLostError(f"pad {contact.pad}: it is touched, and the place is not known: {contact.reason}")
+        anywhere_m = self._anywhere_sd_m
+        return (
+            USABLE[contact.health],
+            float(bool(contact.contact)),
+            float(contact.over_range),
+            force_n,
+            contact.force_sd_n or 0.0,
+            contact.x_m if placed else 0.0,
+            anywhere_m if contact.x_sd_m is None else contact.x_sd_m,
+            contact.y_m if placed else 0.0,
+            anywhere_m if contact.y_sd_m is None else contact.y_sd_m,
+        )
