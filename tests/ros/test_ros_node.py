@@ -15,6 +15,7 @@ from typing import Any, Self
 
 import pytest
 
+from emulator.priority import put_ahead
 from end_to_end.firmware_in_the_loop import PressedPad
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
 from fmfts.pad import Pad
@@ -61,6 +62,7 @@ class RosProcess:
             [place / "bin/python", *words],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True, env=environment,
         )  # fmt: skip
+        put_ahead(self.process.pid)
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 
@@ -149,6 +151,7 @@ def test_listener_hears_nearly_every_contact_with_the_time_of_its_sample(
 ) -> None:
     seconds = 10.0
     with RunningDaemon(tmp_path, TWO_PADS) as daemon, node(place, daemon.base, tmp_path) as ros:
+        put_ahead(daemon.process.pid)
         listener.wait_for(lambda said: said.get("topic") == "/fmfts/left_finger/wrench")
         with daemon.subscribe() as messages:
             begun_s, used_s = time.monotonic(), processor_time_s(ros.process.pid)
@@ -213,6 +216,7 @@ def test_unplugged_board_is_an_error_within_a_second_and_no_wrench_comes(
     with FirmwareHost(tmp_path) as board, PressedPad(board, pad) as pressed:
         config = BRIDGE_CONFIG.format(port=board.port)
         with RunningDaemon(tmp_path, config) as daemon, node(place, daemon.base, tmp_path):
+            put_ahead(daemon.process.pid)
             listener.wait_for(level_of("left", ERROR))  # no baseline yet
             assert not listener.on("/fmfts/left/wrench")
             listener.tell("call /fmfts/left/baseline_rest")
