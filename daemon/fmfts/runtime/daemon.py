@@ -41,7 +41,7 @@ from fmfts.sensor import Source
 from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
 from fmfts.service.notify import Notifier
-from fmfts.service.realtime import lock_memory, take_default_priority, take_priority
+from fmfts.service.realtime import default_priority, lock_memory, take_default_priority, take_priority
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.sources import open_sources, origin_of
 from fmfts_client.endpoints import for_daemon
@@ -82,8 +82,11 @@ class Daemon:
         self._gate = None if keys is None else Gate(keys)
         self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad])
         self._control = ControlServer(endpoints.control, key)
+        priority = config.service.realtime_priority
         self._door = Door(
-            [*self._publisher.paths, *self._control.paths], open_files.raise_limit(), config.service.realtime_priority
+            [*self._publisher.paths, *self._control.paths],
+            open_files.raise_limit(),
+            default_priority() if priority is None else priority,
         )
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="baseline")
         self._channels: dict[tuple[int, int], Channel] = {}

@@ -58,15 +58,21 @@ def take_default_priority() -> None:
 
     Not an error: the daemon works without it, and on a busy computer leaves frames out, and says so.
     """
-    given = os.environ.get(DEFAULT_PRIORITY, "")
-    if not given.isdecimal() or int(given) == 0:
+    given = default_priority()
+    if given == 0:
         return
     try:
-        take_priority(int(given))
+        take_priority(given)
     except RealtimeError as error:
         log.warning("an ordinary process: other programs that are busy will make it leave frames out: %s", error)
     else:
-        log.info("runs before every ordinary process: SCHED_FIFO %s", given)
+        log.info("runs before every ordinary process: SCHED_FIFO %d", given)
+
+
+def default_priority() -> int:
+    """The priority that the service's unit gives; 0: none."""
+    given = os.environ.get(DEFAULT_PRIORITY, "")
+    return int(given) if given.isdecimal() else 0
 
 
 def take_priority(priority: int) -> None:
