@@ -110,6 +110,18 @@ class Magnet:
 
 
 @dataclass(frozen=True, slots=True)
+class Silicone:
+    """How a pad's silicone differs from a spring, as shares of the magnet's way.
+
+    creep_per_decade: for each tenfold of time under a load. hysteresis: half the difference between loading and
+    unloading, besides creep.
+    """
+
+    creep_per_decade: float = 0.0
+    hysteresis: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Pad:
     """One pad with the nominal places of its drawing. The baseline estimates the places of the mounted pad."""
 
@@ -119,6 +131,7 @@ class Pad:
     rest_position_m: Array
     rest_axis: Array
     chip: Chip = DEFAULT_CHIP  # each of the sensors is one
+    silicone: Silicone = Silicone()
 
     @property
     def dimensions(self) -> Dimensions:

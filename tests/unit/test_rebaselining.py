@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from fmfts.config import PadConfig, RebaselineConfig, SceneConfig, SimulatedSource
+from fmfts.config import Imperfection, PadConfig, RebaselineConfig, SceneConfig, SimulatedSource
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -45,9 +45,11 @@ def life(
     share: Ageing = lambda time_s: 1.0,
     on: bool = True,
     turning_deg_per_s: float = 0.0,
+    creeps: bool = False,
 ) -> Run:
-    """share: of the magnet's moment that is left."""
-    source_config = SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=turning_deg_per_s)
+    """share: of the magnet's moment that is left. creeps: the silicone is no spring."""
+    imperfections: tuple[Imperfection, ...] = ("silicone",) if creeps else ()
+    source_config = SimulatedSource(rate_hz=RATE_HZ, turning_deg_per_s=turning_deg_per_s, imperfections=imperfections)
     config = PadConfig(name="left", source=source_config, scene=SceneConfig(), tolerance=AS_DRAWN, rebaseline=LIMITS)
     drawing = config.pad()
     tracking = tracking_model_for(config.scene, config.magnet).tracking

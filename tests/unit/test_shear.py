@@ -105,7 +105,8 @@ def test_shipped_models_deviations_count_the_shear_that_friction_may_exert() -> 
     assert facts["finger 0.3, model 0"]["wrong"] > 0.1
     counted = facts["finger 0.3, model 0.3"]
     assert counted["wrong"] < 0.005
-    assert (np.array(counted["in_sd"]) > 0.7).all()
+    # The deviations count another shape of the finger, too, which this finger does not have.
+    assert (np.array(counted["in_sd"]) > 0.55).all()
     assert (np.array(counted["in_sd"]) < 1.1).all()
     assert (np.abs(np.array(facts["finger 0, model 0"]["in_sd"]) - 1.0) < 0.1).all()
 

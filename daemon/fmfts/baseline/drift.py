@@ -59,7 +59,7 @@ class DriftFollower:
 
     @property
     def size_m(self) -> float:
-        return _size(self.moved)
+        return size_of(self.moved)
 
     def disturbed(self) -> None:
         """The pad is touched, or may be: start a new window."""
@@ -82,25 +82,26 @@ class DriftFollower:
 
     def _learnt(self, changes: Array, bound_n: float, elapsed_s: float) -> bool:
         half = len(changes) // 2
-        travelled = _size(changes[half:].mean(axis=0) - changes[:half].mean(axis=0))
-        noise = _size(changes.std(axis=0)) * np.sqrt(2.0 / half)
+        travelled = size_of(changes[half:].mean(axis=0) - changes[:half].mean(axis=0))
+        noise = size_of(changes.std(axis=0)) * np.sqrt(2.0 / half)
         allowed = self._limits.rate_m_per_s * elapsed_s
         steep = travelled > max(STEEPEST_RATES * allowed, STEEPEST_DEVIATIONS * noise)
         if steep or not bound_n < self._limits.force_below_n:
             return False
         step = _shortened(changes.mean(axis=0) - self.moved, allowed)
         moved = _shortened(self.moved + step, self._limits.limit_m)
-        reaches_limit = self.size_m < AT_LIMIT * self._limits.limit_m <= _size(moved)
-        if _size(moved - self.moved) < LEAST_STEP_M and not reaches_limit:
+        reaches_limit = self.size_m < AT_LIMIT * self._limits.limit_m <= size_of(moved)
+        if size_of(moved - self.moved) < LEAST_STEP_M and not reaches_limit:
             return False
         self.moved = moved
         return True
 
 
-def _size(change: Array) -> float:
+def size_of(change: Array) -> float:
+    """The length (m) of a change of pose (5,), its tilt as a movement."""
     return length(change * SCALE)
 
 
 def _shortened(change: Array, limit_m: float) -> Array:
-    size = _size(change)
+    size = size_of(change)
     return change if size <= limit_m else change * (limit_m / size)

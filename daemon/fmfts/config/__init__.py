@@ -16,7 +16,7 @@ from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.collect import CollectConfig
 from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
-from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Silicone, Tolerance, rotation_from_vector
 from fmfts.sensor.chips import CHIPS, ChipName
 from fmfts.sensor.wire.packets import MAX_PADS
 
@@ -70,17 +70,17 @@ class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_on
         return self.addresses or ((chip.address,) * sensors if self.channels else chip.addresses[:sensors])
 
 
-Imperfection = Literal[
-    "silicone", "casting", "soft_iron", "offset_drift", "disturbed", "flicker", "steps", "nonlinear", "bit_errors"
-]
-
-
 class AnyskinSource(_HardwareSource, frozen=True, tag="anyskin", tag_field="type", kw_only=True):
     port: str
     baud: Annotated[int, Meta(ge=9600)] = 115200
     form: Literal["binary", "text"] = "binary"
     range_gauss: float = 52.0
     chip: ChipName = "mlx90393_streamed"
+
+
+Imperfection = Literal[
+    "silicone", "casting", "soft_iron", "offset_drift", "disturbed", "flicker", "steps", "nonlinear", "bit_errors"
+]
 
 
 class SimulatedSource(_HardwareSource, frozen=True, tag="simulated", tag_field="type", kw_only=True):
@@ -142,6 +142,16 @@ class ToleranceConfig(_Section, frozen=True):
         )
 
 
+class SiliconeConfig(_Section, frozen=True):
+    """How the pad's silicone differs from a spring, as shares of the magnet's way."""
+
+    creep_per_decade: Fraction = 0.02
+    hysteresis: Fraction = 0.01
+
+    def si(self) -> Silicone:
+        return Silicone(self.creep_per_decade, self.hysteresis)
+
+
 class SceneConfig(_Section, frozen=True):
     ambient: Literal["constant", "drifting"] = "drifting"
     remanence: Literal["measured", "drifting"] = "measured"
@@ -191,6 +201,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
     magnet: MagnetConfig = field(default_factory=MagnetConfig)
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
+    silicone: SiliconeConfig = field(default_factory=SiliconeConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     placement: PlacementConfig = field(default_factory=PlacementConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
@@ -212,6 +223,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
             rest_position_m=rest,
             rest_axis=axis / length(axis),
             chip=CHIPS[self.source.chip],
+            silicone=self.silicone.si(),
         )
 
 

@@ -145,6 +145,7 @@ static void spread_of(const fmfts_contact_parameters *parameters, const double *
     const double *own = parameters->own_deviation + CONTACT * bin;
     for (int i = 0; i < CONTACT; i++) {
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
+        variance[i] += i < 2 ? parameters->magnet_off_m[i] * parameters->magnet_off_m[i] : 0.0;
     }
     double certain = 1.0 - doubt(parameters, contact[2], found[2]);
     double trained = found[2] + parameters->trained_force_n[bin] * parameters->trained_force_n[bin];

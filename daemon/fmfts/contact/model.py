@@ -21,6 +21,7 @@ from fmfts.contact.contract import (
     parse_response,
 )
 from fmfts.contact.estimate import ContactEstimate, astray_share, doubt
+from fmfts.contact.finger_shape import shape_deviation_of
 from fmfts.contact.inference import Inference
 from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
@@ -49,6 +50,7 @@ SHEAR_UNKNOWN = (
     "shearing finger does to it is not known, and its deviations do not count it: calibrate with --sheared, or use a "
     "finger that cannot shear and set friction = 0"
 )
+CENTRED = np.zeros(2)
 # Places along each side of the pad at which the detection limit is computed.
 UNFELT_PLACES = 15
 # An unknown place is still on the pad: the deviation of a uniform distribution over its width.
@@ -59,7 +61,8 @@ class ContactModel:
     """A verified model. `hash`: see `hash_of` in seal.py.
 
     refiner: moves each answer to the most likely press, if not None. friction: of the finger; the shear that it may
-    exert widens the deviations of a model of three outputs. smoothing_s: time constant of the `Smoother` of each pad.
+    exert widens the deviations of a model of three outputs, and so does its shape. 0: it is the probe that calibrated
+    the pad. smoothing_s: time constant of the `Smoother` of each pad.
     response: of the pad that the model was trained for, None if the file holds none.
     """
 
@@ -73,7 +76,9 @@ class ContactModel:
         refiner: Refiner | None,
         friction: float,
         smoothing_s: float,
+        of_shape: Array | float = 0.0,
     ) -> None:
+        """of_shape: deviation (forces, radii, outputs) through the finger's shape, in SI."""
         self.inference = inference
         self.facts = facts
         self.hash = digest
@@ -90,12 +95,12 @@ class ContactModel:
         own, fit = facts.own_error, facts.response_error
         of_network = np.stack(own.tables, axis=-1) * self._unit
         of_response = 0.0 if fit is None else np.stack(fit.tables, axis=-1) * self._unit
-        of_friction = np.broadcast_to(self._friction_deviation(friction), of_network.shape)
+        of_finger = root_of_squares(np.broadcast_to(self._friction_deviation(friction), of_network.shape), of_shape)
         # Refining removes the network's own error: the error of the response remains.
         trained = of_response if refiner else root_of_squares(of_network, of_response)
-        self.own_deviation = root_of_squares(trained, of_friction)
+        self.own_deviation = root_of_squares(trained, of_finger)
         self.trained_force_n = np.broadcast_to(trained, of_network.shape)[..., 2]
-        self.slipping_n = of_friction[-1, :, 2]  # error of the largest force through shear, by radius
+        self.slipping_n = of_finger[-1, :, 2]  # error of the largest force through shear and shape, by radius
         self.force_bins_n, self.radius_bins_m = np.array(own.force_n[:-1]), np.array(own.radius_mm[:-1]) * 1e-3
         self.edges_m = np.array([facts.envelope.x_mm, facts.envelope.y_mm]) * 1e-3
         self.spread_m = np.diff(self.edges_m, axis=1)[:, 0] * EVEN_SPREAD
@@ -158,16 +163,23 @@ class ContactModel:
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
             facts = msgspec.structs.replace(facts, friction_error=_shipped_friction_error(facts.geometry_hash))
         refiner = Refiner(response) if refine and response is not None else None
-        model = cls(inference, facts, hash_of(content), refiner, friction, smoothing_s)
+        of_shape = shape_deviation_of(facts, response) if friction > 0.0 and response is not None else 0.0
+        of_shape = of_shape * CONTACT_UNIT[: len(facts.outputs)]
+        model = cls(inference, facts, hash_of(content), refiner, friction, smoothing_s, of_shape)
         model.response = response
         contact, jacobian = model._infer(model.rest_pose)  # also warms up the session
         if not (np.isfinite(contact).all() and np.isfinite(jacobian).all()):
             raise ValueError("it does not answer with numbers for the rest pose")
         return model
 
-    def estimate(self, position_m: Array, axis: Array, covariance: Array) -> ContactEstimate:
+    def estimate(
+        self, position_m: Array, axis: Array, covariance: Array, magnet_off_m: Array = CENTRED
+    ) -> ContactEstimate:
         """Place and force of one pose in the nominal frame: position_m (3,), axis (3,), covariance (6, 6) of both.
-        ValueError if one of them is not finite."""
+
+        magnet_off_m (2,): how far from its drawn place the magnet is. It counts as a deviation of the place: a press
+        on a wide pad is told from the magnet, one on a narrow pad from its rim. ValueError if a number is not finite.
+        """
         pose = np.concatenate([position_m, axis]) * POSE_UNIT
         pose_covariance = covariance * POSE_UNIT * POSE_UNIT[:, None]
         if not (np.isfinite(pose).all() and np.isfinite(pose_covariance).all()):
@@ -181,7 +193,7 @@ class ContactModel:
             pose = self.rest_pose + share * (pose - self.rest_pose)
             # A displacement's deviation grows with it. A lower bound must not fall because the press became harder.
             pose_covariance = pose_covariance * square(share)
-        contact, spread, central_variance = self._contact(pose, pose_covariance)
+        contact, spread, central_variance = self._contact(pose, pose_covariance, magnet_off_m)
         limit_n = self.facts.envelope.force_max_n
         force_sd = float(np.sqrt(spread[2, 2]))
         over_range = share < 1.0 or self._too_hard(contact, spread)
@@ -247,7 +259,7 @@ class ContactModel:
         moved = np.abs(displacement) > 1e-9
         return float(min(np.min(room[moved] / displacement[moved], initial=1.0), 1.0))
 
-    def _contact(self, pose: Array, pose_covariance: Array) -> tuple[Array, Array, float]:
+    def _contact(self, pose: Array, pose_covariance: Array, magnet_off_m: Array) -> tuple[Array, Array, float]:
         """Contact (m,), covariance (m, m), and the variance that the same force has in the middle of the pad; in SI.
 
         The covariance is that of the pose, carried over by the Jacobian, plus the model's own error.
@@ -262,6 +274,7 @@ class ContactModel:
         radius_bin = np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))
         carried = carried * self._unit * self._unit[:, None]
         spread = carried + np.diag(square(self.own_deviation[force_bin, radius_bin]))
+        spread[[0, 1], [0, 1]] += square(magnet_off_m)
         central_variance = float(carried[2, 2] + square(self.own_deviation[force_bin, 0, 2]))
         certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), square(self.spread_m)
         # A light touch in the middle may look like a harder one at the rim: no Jacobian shows that.

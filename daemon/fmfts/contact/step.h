@@ -30,6 +30,7 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
     X(lifted_deviations, 1)                                                                                            \
     X(force_max_n, 1)                                                                                                  \
     X(edges_m, 4)               /* the calibrated range of x and y */                                                  \
+    X(magnet_off_m, 2)          /* from the drawing's place */                                                         \
     X(spread_m, 2)                                                                                                     \
     X(force_bins, 1)                                                                                                   \
     X(force_bin_n, FMFTS_BINS)  /* upper ends of all bins but the last */                                              \

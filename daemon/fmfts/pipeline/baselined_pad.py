@@ -49,6 +49,7 @@ class BaselinedPad:
         self.pad = pad if self.at_rest else replace(pad, magnet=replace(pad.magnet, as_cylinder=False))
         self.temperature_c = recorded.temperature_c if self.at_rest else None
         self.tracking = tracking if self.at_rest else PAPER
+        self.magnet_off_m = (mounting.rest.position_m - drawing.rest_position_m)[:2]
         self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.step_t[recorded.gain_code])
         self.change_error = mounting.change_error(self.tracking.estimated)
         self._change_error_rows = self.change_error.reshape(8, -1)
@@ -67,10 +68,10 @@ class BaselinedPad:
         is_constant = self.at_rest and self.tracking.parts[AMBIENT.start] == Part.FIXED
         return AmbientMotionDetector(self.pad, self.mounting.rest) if is_constant else None
 
-    def with_calibration_uncertainty(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Add to the covariance what the baseline leaves unknown of the pad."""
+    def with_calibration_uncertainty(self, estimate: PoseEstimate, of_silicone: Array) -> PoseEstimate:
+        """Add to the covariance what the baseline leaves unknown of the pad, and what silicone does (5, 5)."""
         error = product(change_since(self.mounting.rest, estimate.state), self._change_error_rows).reshape(5, -1)
-        return widened(estimate, self.mounting.rest, product(error, error.T))
+        return widened(estimate, self.mounting.rest, product(error, error.T) + of_silicone)
 
     def in_nominal_frame(self, estimate: PoseEstimate) -> tuple[Array, Array, Array]:
         """This pad's change of pose, applied to the drawing's rest: position (3,) m, axis (3,), covariance (6, 6)."""

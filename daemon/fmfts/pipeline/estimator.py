@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,8 +18,9 @@ from fmfts.pipeline.fast import FastPath
 from fmfts.pipeline.now import NowEstimator, NowMemory, Taken
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
-from fmfts.pose.change import distance
+from fmfts.pose.change import change_from, distance
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
+from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
 from fmfts.pose.track import Track, TrackerMemory
 from fmfts.pose.tracker import NOTHING_SAID
 
@@ -50,6 +51,7 @@ class EstimatorMemory:
     rested_s: float = 0.0
     unread_s: float = 0.0
     now: NowMemory | None = None
+    silicone: SiliconeMemory = field(default_factory=SiliconeMemory)  # recordings of old versions lack it
 
 
 class Estimator:
@@ -71,9 +73,13 @@ class Estimator:
         self._tracker = baselined.tracker()
         self._ambient_motion = baselined.ambient_motion()
         self._touch = TouchDetector(rate_hz)
+        self._silicone = SiliconeFollower(baselined.drawing.silicone, self._touch.longest_gap_s)
         self._smoother = Smoother(model.smoothing_s)
         ambient_motion = None if self._ambient_motion is None else self._ambient_motion.memory
-        self.memory = EstimatorMemory(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion)
+        self.memory = EstimatorMemory(
+            *(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion),
+            silicone=self._silicone.memory,
+        )
         self._now = NowEstimator.of(baselined, model, rate_hz, lead_s)
         if self._now is not None:
             self.memory.now = self._now.memory
@@ -92,6 +98,7 @@ class Estimator:
                 baselined.temperature_c,
                 model,
                 self._touch,
+                self._silicone,
                 baselined.change_error,
                 baselined.repeats_allowed,
                 stopped_us,
@@ -129,6 +136,7 @@ class Estimator:
         self.memory = memory
         self._tracker.recall(memory.tracker)
         self._touch.memory, self._smoother.memory = memory.touch, memory.smoother
+        self._silicone.memory = memory.silicone
         if self._ambient_motion is not None and memory.ambient_motion is not None:
             self._ambient_motion.memory = memory.ambient_motion
         if self._now is not None and memory.now is not None:
@@ -201,6 +209,7 @@ class Estimator:
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
+        self._silicone.passed(elapsed_s)
         not_stuck = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
@@ -221,7 +230,8 @@ class Estimator:
         self._follow_thermometer(temperature_c, elapsed_s)
         if elapsed_s > self._touch.longest_gap_s:
             self._touch.forget()
-        estimate = self.baselined.with_calibration_uncertainty(track.estimate)
+        of_silicone = self._silicone.update(change_from(self.mounting.rest, track.estimate))
+        estimate = self.baselined.with_calibration_uncertainty(track.estimate, of_silicone)
         change, covariance = displacement(estimate, self.mounting.rest)
         touching = self._touch.update(change, covariance)
         if memory.unread_s > HELD_S:
@@ -229,7 +239,8 @@ class Estimator:
         if isinstance(self._model, NoContactModel):
             return _without_model(self._model, track, touching, distance(change, covariance))
         # The contact model was trained on the pad as drawn.
-        contact = self._model.estimate(*self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s))
+        pose = self._smoother.update(*self.baselined.in_nominal_frame(estimate), elapsed_s)
+        contact = self._model.estimate(*pose, self.baselined.magnet_off_m)
         self._follow_lift(contact.lifted_m > 0.0, touching is False, elapsed_s)
         if memory.lifted_s >= LIFTED_S:
             return Reading("no_baseline", self.baselined.lifted_reason, track.used, track.estimate)

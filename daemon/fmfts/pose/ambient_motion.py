@@ -70,7 +70,9 @@ class AmbientMotionDetector:
     def judge(self, track: Track, field_t: Array, deviation_t: Array) -> Track:
         """Returns `track`, or `disturbed` while the field moves. field_t, deviation_t (N, 3): as for the tracker."""
         self.memory.frames_seen += 1
-        if track.health == "ok":
+        if track.stronger:  # an ambient field as large would explain steel on a finger, too
+            self._forget()
+        elif track.health == "ok":
             self.memory.well_frames += 1
             if self.memory.well_frames >= WELL_FRAMES:
                 self._forget()

@@ -73,12 +73,14 @@ static void measure(const fmfts_pose_parameters *parameters, const double *state
     }
 }
 
-void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose,
+void fmfts_displace(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_pose *pose,
                     fmfts_displacement *d)
 {
+    const double *state = memory->state;
     double added[5][5], turned[25], to_rest[5][5], back[5][5];
     measure(parameters, state, d);
     leftover_covariance(parameters, d->change, state + AMBIENT_VALUE, added);
+    fmfts_creep(parameters, memory, d->change, pose->elapsed_s, added);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
             to_rest[i][j] = back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];

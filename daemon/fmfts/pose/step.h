@@ -21,6 +21,7 @@ enum {
     FMFTS_STEP = FMFTS_COLUMNS(1),
     FMFTS_LEFTOVERS = 25,                           /* causes of errors of a change of pose: baseline/unknowns.py */
     FMFTS_FIELD_ERRORS = 9 + 12 * FMFTS_SENSORS + 1, /* unknowns that a baseline may leave, and the cylinder: the same */
+    FMFTS_DECADES = 4, /* of time, in which silicone creeps: silicone.py */
     FMFTS_CHANGE = 8, /* pose 5 and ambient field 3, since the baseline */
 };
 
@@ -58,6 +59,7 @@ enum {
     X(max_iterations, 1)                                                                                               \
     X(reach_m, 1)               /* gate.py */                                                                          \
     X(log_moment_reach, 1)                                                                                             \
+    X(strongest, 1)                                                                                                    \
     X(vague_m, 1)                                                                                                      \
     X(gate_chi2, 1)                                                                                                    \
     X(freedom, 1)                                                                                                      \
@@ -71,6 +73,9 @@ enum {
     X(by_field, 3 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                   \
     X(leftovers, 1)                                                                                                    \
     X(change_error, 5 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                                \
+    X(silicone_share, 1)        /* silicone.py */                                                                      \
+    X(creep_share, 1)                                                                                                  \
+    X(creep_time_s, FMFTS_DECADES)                                                                                     \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)
 
@@ -93,6 +98,8 @@ enum {
     X(sound, 1)                                                                                                        \
     X(was_sound, 1)             /* at any judgement since Python handed the memory over */                             \
     X(lasting_misfit, 1)                                                                                               \
+    X(crept, 5 * FMFTS_DECADES)                                                                                        \
+    X(pressed, 5)                                                                                                      \
     X(passed, 1)                /* frames since Python handed the memory over */
 
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
@@ -147,9 +154,13 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
 /* mean_residuals.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. */
 bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
 
-/* change.c: the change of pose, and its covariance. */
-void fmfts_displace(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose,
+/* change.c: the change of pose, and its covariance. Follows in `memory` what loads leave behind. */
+void fmfts_displace(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_pose *pose,
                     fmfts_displacement *d);
+
+/* silicone.c: adds to `covariance` what silicone leaves uncertain of the change of pose. */
+void fmfts_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const double change[5], double elapsed_s,
+                 double covariance[5][5]);
 
 /* change.c: in_nominal_frame. pose [6]: position (× unit_per_m) and axis; covariance [6][6]. */
 void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, const fmfts_displacement *d,

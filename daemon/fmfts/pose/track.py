@@ -18,13 +18,15 @@ Array = NDArray[np.float64]
 class Track:
     """The verdict on one frame. estimate: None unless health is ok or degraded.
 
-    used (N, 3): the axes that the estimate was solved from. reason: empty if ok.
+    used (N, 3): the axes that the estimate was solved from. reason: empty if ok. stronger: the frame fits a magnet that
+    is stronger than at its baseline, which no magnet is.
     """
 
     estimate: PoseEstimate | None
     used: NDArray[np.bool_]
     health: TrackHealth
     reason: str
+    stronger: bool = False
 
 
 @dataclass(slots=True)

@@ -44,14 +44,14 @@ static void write_measurements(const fmfts_pose_parameters *parameters, const fm
 
 static bool fits(const fmfts_pose_parameters *parameters, const fmfts_summary *found, const double *state, const double *covariance)
 {
-    double square = 0.0, trace = 0.0;
+    double square = 0.0, trace = 0.0, stronger = state[LOG_VALUE] - parameters->rest[LOG_VALUE];
     for (int i = 0; i < 3; i++) {
         square += (state[i] - parameters->rest[i]) * (state[i] - parameters->rest[i]);
         trace += covariance[(FMFTS_STEP + 1) * i];
     }
     return found->status == FMFTS_CONVERGED && sqrt(square) < parameters->reach_m[0] &&
            trace < parameters->vague_m[0] * parameters->vague_m[0] &&
-           fabs(state[LOG_VALUE] - parameters->rest[LOG_VALUE]) < parameters->log_moment_reach[0] &&
+           stronger > -parameters->log_moment_reach[0] && stronger < parameters->strongest[0] &&
            found->chi2 < parameters->gate_chi2[0];
 }
 
@@ -88,6 +88,7 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     pose->elapsed_s = elapsed;
     pose->chi2 = found.chi2;
     pose->residual_t = found.residual_t;
+    pose->elapsed_s = elapsed;
     memcpy(memory->state, state, sizeof state);
     memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
     memory->misfit[0] += (found.chi2 / parameters->freedom[0] - memory->misfit[0]) / parameters->misfit_frames[0];

@@ -9,12 +9,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.elementary import exp, square
 from fmfts.arithmetic.matrix import product
 from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.foreign_field import with_foreign_field
-from fmfts.pose.gate import FALSE_ALARM, fits, is_plausible, probability
+from fmfts.pose.gate import FALSE_ALARM, LOG_MOMENT_REACH, STRONGER, fits, is_plausible, probability
 from fmfts.pose.neighbour import NeighbourEstimate, joined, without_neighbours
 from fmfts.pose.problem import Part, Prior, Status
 from fmfts.pose.residual_monitor import FEWEST_SENSORS, ResidualMonitor, TrackHealth, without
@@ -25,6 +25,10 @@ from fmfts.pose.tracking_model import TrackingModel
 
 Array = NDArray[np.float64]
 
+STEEL_ABOVE = (
+    "the magnet looks {stronger:.0%} stronger than its baseline says: steel touches the pad or is near it, or it is "
+    "another magnet: then record `fmfts-daemon baseline --rest --replaced`"
+)
 NOTHING_SAID: Mapping[int, str] = MappingProxyType({})
 # Solve to a thousandth of a deviation: before rest is recorded, deviations include the mounting's tolerances (0.4 mm).
 STOP_TRACKING = 1e-6
@@ -50,6 +54,7 @@ class Tracker:
         """errors: those of healthy sensors; without them, the tracker does not look for small faults that last."""
         self._pad = pad
         self._monitor = None if errors is None else ResidualMonitor(pad, rest, model.parts, errors)
+        self._strongest = LOG_MOMENT_REACH if errors is None else STRONGER
         self._nearest: PoseEstimate | None = None  # the best plausible estimate of this frame
         self._rest = rest
         self._model = model
@@ -131,12 +136,18 @@ class Tracker:
             return Track(None, used, "lost", f"{self._why_not(whole)}: fewer than three sensors are left")
         prior = self._predicted(temperature_c)
         estimate = self._solve(field_t, deviation_t, prior)
-        if not fits(estimate, self._rest):
+        if not self._fits(estimate):
             return self._explain(field_t, deviation_t, prior, estimate)
         published = self._accept(estimate)
         if whole.all():
             return Track(published, used, "ok", "")
         return Track(published, used, "degraded", f"{self._why_not(whole)}: left out")
+
+    def _fits(self, estimate: PoseEstimate) -> bool:
+        return fits(estimate, self._rest, self._strongest)
+
+    def _is_plausible(self, estimate: PoseEstimate) -> bool:
+        return is_plausible(estimate, self._rest, self._strongest)
 
     def _why_not(self, whole: NDArray[np.bool_]) -> str:
         """What is wrong with the sensors that are not `whole` (N,)."""
@@ -188,7 +199,7 @@ class Tracker:
     def _solve(self, field_t: Array, deviation_t: Array, prior: Prior, gradient: bool = False) -> PoseEstimate:
         """Solve from the last pose. If that does not fit, also from rest, in each frame that searches."""
         estimate = self._solve_from(prior.mean, field_t, deviation_t, prior, gradient)
-        if fits(estimate, self._rest) or self.memory.disturbed_frames % SEARCH_EVERY:
+        if self._fits(estimate) or self.memory.disturbed_frames % SEARCH_EVERY:
             return estimate
         start = replace(prior.mean, position_m=self._rest.position_m, axis=self._rest.axis)
         again = self._solve_from(start, field_t, deviation_t, prior, gradient)
@@ -217,12 +228,20 @@ class Tracker:
     def _explain(self, field_t: Array, deviation_t: Array, prior: Prior, whole: PoseEstimate) -> Track:
         """The verdict on a frame that does not fit: `degraded` if one sensor is to blame, or `disturbed`, or `lost`."""
         used = np.isfinite(field_t)
-        self._nearest = whole if is_plausible(whole, self._rest) else None
+        if not self._is_plausible(whole) and fits(whole, self._rest):
+            self.memory.disturbed_frames += 1
+            stronger = exp(whole.state.log_moment - self._rest.log_moment) - 1.0
+            return Track(None, used, "disturbed", STEEL_ABOVE.format(stronger=stronger), stronger=True)
+        self._nearest = whole if self._is_plausible(whole) else None
         if self.memory.disturbed_frames % SEARCH_EVERY == 0:
             fitting = self._fitting_without(field_t, deviation_t, prior)
             with_gradient = self._solve(field_t, deviation_t, prior, gradient=True)
-            foreign = probability(with_gradient, self._rest)
-            fitting = {sensor: one for sensor, one in fitting.items() if probability(one, self._rest) > foreign}
+            foreign = probability(with_gradient, self._rest, self._strongest)
+            fitting = {
+                sensor: one
+                for sensor, one in fitting.items()
+                if probability(one, self._rest, self._strongest) > foreign
+            }
             if len(fitting) == 1:
                 ((sensor, estimate),) = fitting.items()
                 if self._monitor is not None and not self._monitor.confirms(sensor):
@@ -230,7 +249,8 @@ class Tracker:
                 used[sensor] = False
                 reason = f"sensor {sensor + 1} contradicts the others (χ² {whole.chi2:.0f} with it): left out"
                 return Track(self._accept(estimate), used, "degraded", reason)
-            self.memory.verdict = self._judge(whole, list(fitting), foreign > FALSE_ALARM)
+            complete = np.asarray(used.all(axis=1), dtype=np.bool_)
+            self.memory.verdict = self._judge(whole, list(fitting), foreign > FALSE_ALARM, complete)
         self.memory.disturbed_frames += 1
         health, reason = self.memory.verdict
         return Track(None, used, health, reason)
@@ -243,15 +263,21 @@ class Tracker:
                 others = field_t.copy()
                 others[sensor] = np.nan
                 estimate = self._solve(others, deviation_t, prior)
-                if fits(estimate, self._rest):
+                if self._fits(estimate):
                     fitting[sensor] = estimate
         return fitting
 
-    def _judge(self, whole: PoseEstimate, fitting: list[int], foreign: bool) -> tuple[TrackHealth, str]:
-        """Health and reason of a frame that no pose explains. foreign: a foreign field would explain it."""
+    def _judge(
+        self, whole: PoseEstimate, fitting: list[int], foreign: bool, complete: NDArray[np.bool_]
+    ) -> tuple[TrackHealth, str]:
+        """Health and reason of a frame that no pose explains. foreign: a foreign field would explain it. complete (N,):
+        the sensors that were used. Two faulty sensors of four look like a foreign field, and one of three does."""
         if fitting:
             named = " or ".join(str(sensor + 1) for sensor in fitting)
             return "lost", f"sensor {named} may be at fault: it is not clear which"
-        if not (foreign or is_plausible(whole, self._rest)):
+        if not (foreign or self._is_plausible(whole)):
             return "lost", "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?"
-        return "disturbed", "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
+        alone = "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
+        if complete.all():
+            return "disturbed", f"{alone}; or two sensors are wrong (run selftest)"
+        return "disturbed", f"{self._why_not(complete)}, and {alone}; or another sensor is wrong (run selftest)"

@@ -6,7 +6,9 @@ import logging
 
 import numpy as np
 
+from fmfts.arithmetic.matrix import product
 from fmfts.baseline import Baseline, DriftFollower, Mounting, Quiet
+from fmfts.baseline.drift import size_of
 from fmfts.bus.messages import ContactMessage
 from fmfts.pad import DriftLimits
 from fmfts.pipeline.contact_message import PackedMessage
@@ -14,9 +16,13 @@ from fmfts.pipeline.deviations import felt_force_sd_n
 from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import follow
+from fmfts.pose.silicone import SiliconeFollower
+from fmfts.pose.state import tangent_basis
 
 log = logging.getLogger(__name__)
 
+# Between the frames that are unpacked, and many more.
+LONGEST_GAP_S = 1.0
 # Every frame must be quiet, but only one in so many is unpacked for the mean; that is more than enough.
 LOOKED_AT = 11
 
@@ -30,6 +36,11 @@ class Rebaselining:
         self._mounting = mounting
         self._follower = DriftFollower(mounting.rest, limits)
         self._frames = 0
+        self._silicone = SiliconeFollower(pipeline.pad.silicone, LONGEST_GAP_S)
+        self._basis = tangent_basis(mounting.rest.axis)
+        self._seen_s: float | None = None
+        # What silicone may still recover by must not be larger than one step.
+        self._largest_recovery_m = limits.rate_m_per_s * limits.quiet_s
 
     @property
     def size_m(self) -> float:
@@ -40,10 +51,9 @@ class Rebaselining:
         self._frames += 1
         if isinstance(answer, PackedMessage) and answer.kind is Kind.QUIET and self._frames % LOOKED_AT:
             return False
-        reading = _quiet(
-            answer.message if isinstance(answer, PackedMessage) else answer, self._pipeline.detection_limit_n
-        )
-        if reading is None:
+        message = answer.message if isinstance(answer, PackedMessage) else answer
+        reading = _quiet(message, self._pipeline.detection_limit_n)
+        if self._is_recovering(message) or reading is None:
             self._follower.disturbed()
             return False
         if not self._follower.saw(reading):
@@ -53,6 +63,18 @@ class Rebaselining:
         x, y, z = moved[:3] * 1e6
         log.info("pad '%s': its rest drifted, (%+.1f, %+.1f, %+.1f) µm by now", self._pipeline.pad.name, x, y, z)
         return True
+
+    def _is_recovering(self, message: ContactMessage) -> bool:
+        """Whether earlier loads may have left more behind than a step of the rest pose."""
+        if message.pose is None:
+            return True
+        now_s, rest = message.t_sample_ns * 1e-9, self._mounting.rest
+        self._silicone.passed(max(now_s - (now_s if self._seen_s is None else self._seen_s), 0.0))
+        self._seen_s = now_s
+        axis = product(self._basis.T, np.array(message.pose.axis))
+        change = np.append(np.array(message.pose.position_m) - rest.position_m, axis) - self._follower.moved
+        self._silicone.update(change)
+        return size_of(np.sqrt(np.diagonal(self._silicone.left_behind()))) > self._largest_recovery_m
 
 
 def _quiet(message: ContactMessage, detection_limit_n: float) -> Quiet | None:

@@ -16,10 +16,11 @@ from fmfts.sensor.chips import Chip
 # Each sample is the half difference of a set and a reset pulse, which cancels a bridge's offset and its drift (900425,
 # "H-Bridge for Set/Reset Strap Drive"). What two pulses leave: assumed, a fifteenth of a count for each kelvin.
 OFFSET_T_PER_K = 1e-8
-# A field beyond "disturbing field", 20 G, may leave chips magnetised until the next full pulse: assumed, 10 mG.
-DISTURBED_T, DISTURBED_AT_S = 1e-6, 4.0
-# 1/f noise of a bridge equals its white noise at 10 Hz (900248, "Noise characteristics"): one random process a decade.
-CORNER_HZ = 10.0
+# A field beyond the "disturbing field" of 20 G may leave a chip magnetised whose pulses are too weak: assumed, 10 mG.
+DISTURBED_T, DISTURBED_AT_S = 1e-6, 10.0
+# 1/f noise of a bare bridge equals its white noise at 10 Hz (900248, "Noise characteristics"). Set and reset pulses
+# remove most of it (I. Mateos et al., arXiv 1604.08460): 1 Hz is assumed. One random process a decade.
+CORNER_HZ = 1.0
 DECADES_S = np.array([0.016, 0.16, 1.6, 16.0, 160.0])
 # Steps between two values, as of a magnetic domain that jumps: one count of the ±2.5 G range, every 10 s.
 STEP_T, STEP_EVERY_S = 1.5e-7, 10.0

@@ -54,7 +54,7 @@ class Imperfections:
     ) -> None:
         count = len(built.pad.sensors)
         self._shape = shape
-        self._silicone = Silicone(count) if "silicone" in kinds else None
+        self.silicone = Silicone(count) if "silicone" in kinds else None
         self._soft_iron = np.eye(3) + random.normal(0.0, SOFT_IRON, (3, 3)) * ("soft_iron" in kinds)
         self._chips = ImperfectChips(kinds, count, built.pad.chip, rate_hz, random)
 
@@ -76,8 +76,8 @@ class Imperfections:
         """Position (K, N, 3) and axis (K, N, 3) of the magnet at each sensor's times (K, N)."""
         press = built.centred(*columns(touches))
         response = self._shape.response(built.mechanics, press).reshape(*time_s.shape, 5)
-        if self._silicone is not None:
-            response = self._silicone.moved(time_s, response)
+        if self.silicone is not None:
+            response = self.silicone.moved(time_s, response)
         position_m, axis = built.moved(response.reshape(-1, 5))
         return position_m.reshape(*time_s.shape, 3), axis.reshape(*time_s.shape, 3)
 

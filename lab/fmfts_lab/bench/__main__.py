@@ -10,12 +10,14 @@ from fmfts_lab.bench import (
     accuracy,
     as_built,
     baselines,
+    causes,
     chips,
     contact,
     convergence,
     faults,
     frame_cost,
     latency,
+    long_squeeze,
     moment,
     neighbours,
     now,
@@ -33,7 +35,7 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
-        "silicone | contact | chips | latency | overload | frame | resident | now",
+        "silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | now",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -85,6 +87,16 @@ def main() -> None:
     verb.add_argument("--turn", action="store_true", help="after --turn, not after bare and rest alone")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=silicone.run)
+    verb = verbs.add_parser("long-squeeze", help="creeping silicone: false contacts after 4 N, force of a hold")
+    verb.add_argument("--pads", type=int, default=1)
+    verb.add_argument("--seconds", type=float, default=600.0, help="how long 4 N press")
+    verb.add_argument("--creep", type=float, nargs="+", default=[1.0, 2.0], help="as much as is configured")
+    verb.set_defaults(run=long_squeeze.run)
+    verb = verbs.add_parser("causes", help="what a running pad says of defects, alone and in pairs")
+    verb.add_argument("--together", type=int, nargs="+", default=[1, 2], help="how many defects at once")
+    verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS)
+    verb.add_argument("--verbose", action="store_true", help="also the cases that are named right")
+    verb.set_defaults(run=causes.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
     verb.set_defaults(run=neighbours.run)

@@ -21,10 +21,11 @@ from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.sensor.frame import WireFrame
+from fmfts.sensor.frame import Frame, WireFrame
 from fmfts.simulation.finger import Finger, Touch, no_finger
 from fmfts.simulation.finger_shape import SHAPES
 from fmfts.simulation.imperfections import Imperfections
+from fmfts.simulation.silicone import CREEP_PER_DECADE, Silicone
 from fmfts_lab.bench.built_world import Presses
 from fmfts_lab.bench.drills import RATE_HZ, Ambient
 from fmfts_lab.bench.tapped import ManyFrames, without_baseline
@@ -32,7 +33,6 @@ from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
 
 Shape = Literal["round", "ball", "edge", "flat", "angled", "thimble"]
 RELEASED_S = 0.2  # see as_built.RELEASE_S
-FIRST_BATCH = 1100
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +92,11 @@ class RealPad(ManyFrames):
         if self._imperfections is None:
             shape, random = SHAPES["round"], np.random.default_rng(0)
             self._imperfections = Imperfections((), shape, self.built, RATE_HZ, random)
+
+    def creep_times(self, factor: float) -> None:
+        """Let the silicone creep so many times as much."""
+        assert self._imperfections is not None
+        self._imperfections.silicone = Silicone(len(self.built.pad.sensors), factor * CREEP_PER_DECADE)
 
     def recorded(self, seconds: float) -> list[WireFrame]:
         """The next frames, in one go."""
@@ -215,14 +220,14 @@ def trial(
     row.saw(messages, RealTruth(source, config, finger), finger)
 
 
-def frames_of(source: RealPad, config: PadConfig, seconds: float) -> Iterable[WireFrame]:
-    """Frames of a run. Where the pad warms, polled one by one."""
-    if isinstance(config.source, SimulatedSource) and config.source.warming_k_per_minute:
-        return [frame for step in range(round(seconds * RATE_HZ)) for frame in source.poll(round(step * 1e9 / RATE_HZ))]  # type: ignore[misc]
-    return source.recorded(seconds)
+def frames_of(source: RealPad, config: PadConfig, seconds: float) -> Sequence[Frame | WireFrame]:
+    """The next frames. Where the pad warms, polled one by one."""
+    if not (isinstance(config.source, SimulatedSource) and config.source.warming_k_per_minute):
+        return source.recorded(seconds)
+    return [frame for _ in range(round(seconds * RATE_HZ)) for frame in source.poll(source.deadline_ns())]
 
 
-def messages_of(pipeline: PadPipeline, frames: Iterable[WireFrame]) -> list[ContactMessage]:
+def messages_of(pipeline: PadPipeline, frames: Iterable[Frame | WireFrame]) -> list[ContactMessage]:
     answers = (pipeline.answer(frame) for frame in frames)
     return [one.message if isinstance(one, PackedMessage) else one for one in answers]
 

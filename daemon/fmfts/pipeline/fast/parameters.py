@@ -24,6 +24,7 @@ from fmfts.pad import Pad
 from fmfts.pose import alignment, gate, mean_residuals, tracker
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.problem import MAX_ITERATIONS, Part
+from fmfts.pose.silicone import TIMES_S, SiliconeFollower
 from fmfts.pose.state import SIZE
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.chips import Chip
@@ -80,6 +81,7 @@ def put_tracking(
     parameters.put("max_iterations", MAX_ITERATIONS)
     parameters.put("reach_m", gate.REACH_M)
     parameters.put("log_moment_reach", gate.LOG_MOMENT_REACH)
+    parameters.put("strongest", gate.STRONGER)
     parameters.put("vague_m", gate.VAGUE_M)
     parameters.put("gate_chi2", quantile(gate.FALSE_ALARM, values - free))
     parameters.put("freedom", values - free)
@@ -93,6 +95,12 @@ def put_tracking(
         parameters.put("field_errors", errors.by_field.shape[-1])
         parameters.put("by_pose", errors.by_pose)
         parameters.put("by_field", errors.by_field)
+
+
+def put_silicone(parameters: DoubleTable, silicone: SiliconeFollower) -> None:
+    parameters.put("silicone_share", silicone.share)
+    parameters.put("creep_share", silicone.creep_share)
+    parameters.put("creep_time_s", TIMES_S)
 
 
 def put_contact(
@@ -127,6 +135,7 @@ def put_contact(
     parameters.put("force_max_n", model.facts.envelope.force_max_n)
     parameters.put("detection_limit_n", detection_limit_n)
     parameters.put("edges_m", model.edges_m)
+    parameters.put("magnet_off_m", (mounting.rest.position_m - drawing.rest_position_m)[:2])
     parameters.put("spread_m", model.spread_m)
     parameters.put("force_bins", model.own_deviation.shape[0])
     parameters.put("force_bin_n", model.force_bins_n)
