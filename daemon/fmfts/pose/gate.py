@@ -36,9 +36,9 @@ def is_plausible(estimate: PoseEstimate, rest: State, strongest: float = LOG_MOM
     )
 
 
-def probability(estimate: PoseEstimate, rest: State, strongest: float = LOG_MOMENT_REACH) -> float:
+def probability(estimate: PoseEstimate, rest: State) -> float:
     """The probability that a healthy frame has a larger χ² than this one; zero without a plausible pose."""
-    if not is_plausible(estimate, rest, strongest):
+    if not is_plausible(estimate, rest):
         return 0.0
     return survival(estimate.chi2, estimate.degrees_of_freedom)
 

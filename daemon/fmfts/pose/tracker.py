@@ -146,9 +146,6 @@ class Tracker:
     def _fits(self, estimate: PoseEstimate) -> bool:
         return fits(estimate, self._rest, self._strongest)
 
-    def _is_plausible(self, estimate: PoseEstimate) -> bool:
-        return is_plausible(estimate, self._rest, self._strongest)
-
     def _why_not(self, whole: NDArray[np.bool_]) -> str:
         """What is wrong with the sensors that are not `whole` (N,)."""
         blamed = None if self._monitor is None else self._monitor.blamed
@@ -228,20 +225,16 @@ class Tracker:
     def _explain(self, field_t: Array, deviation_t: Array, prior: Prior, whole: PoseEstimate) -> Track:
         """The verdict on a frame that does not fit: `degraded` if one sensor is to blame, or `disturbed`, or `lost`."""
         used = np.isfinite(field_t)
-        if not self._is_plausible(whole) and fits(whole, self._rest):
+        if fits(whole, self._rest):
             self.memory.disturbed_frames += 1
             stronger = exp(whole.state.log_moment - self._rest.log_moment) - 1.0
             return Track(None, used, "disturbed", STEEL_ABOVE.format(stronger=stronger), stronger=True)
-        self._nearest = whole if self._is_plausible(whole) else None
+        self._nearest = whole if is_plausible(whole, self._rest) else None
         if self.memory.disturbed_frames % SEARCH_EVERY == 0:
             fitting = self._fitting_without(field_t, deviation_t, prior)
             with_gradient = self._solve(field_t, deviation_t, prior, gradient=True)
-            foreign = probability(with_gradient, self._rest, self._strongest)
-            fitting = {
-                sensor: one
-                for sensor, one in fitting.items()
-                if probability(one, self._rest, self._strongest) > foreign
-            }
+            foreign = probability(with_gradient, self._rest)
+            fitting = {sensor: one for sensor, one in fitting.items() if probability(one, self._rest) > foreign}
             if len(fitting) == 1:
                 ((sensor, estimate),) = fitting.items()
                 if self._monitor is not None and not self._monitor.confirms(sensor):
@@ -275,7 +268,7 @@ class Tracker:
         if fitting:
             named = " or ".join(str(sensor + 1) for sensor in fitting)
             return "lost", f"sensor {named} may be at fault: it is not clear which"
-        if not (foreign or self._is_plausible(whole)):
+        if not (foreign or is_plausible(whole, self._rest)):
             return "lost", "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?"
         alone = "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
         if complete.all():
