@@ -68,7 +68,7 @@ def _step(now: Sample, old: Sample, dice: random.Random) -> Sample:
 
 
 def _browned_out(now: Sample, old: Sample, dice: random.Random) -> Sample:
-    """The supply of one sensor failed for a moment: it has its gain of power-on, 1090 instead of 660 counts a gauss."""
+    """The supply of one sensor failed for a moment: its gain is that of power-on, 1090 counts a gauss, not 660."""
     counts = now.counts.copy()
     counts[1] = np.clip(np.rint(counts[1] * (1090 / 660)), -2048, 2047).astype(np.int16)
     return replace(now, counts=counts)

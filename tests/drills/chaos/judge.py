@@ -40,6 +40,7 @@ class Judge:
         self.stale_by_faults: Counter[tuple[str, str]] = Counter()
         self.health: Counter[str] = Counter()
         self.published: Counter[str] = Counter()
+        self._steady: Counter[str] = Counter()  # frames of each pad since the finger stands
         self.unheard: Counter[str] = Counter()
         self.judged = self.judged_pressed = self.stale = self.false_times = 0
         self.ages_ns: list[int] = []
@@ -83,6 +84,7 @@ class Judge:
                 self._note("a number although it is " + health, contact)
             return
         if frame is None:
+            self._steady[pad] = 0
             return  # no temperature was believed, so no watermark
         if health == "ok":
             age_ns = contact["t_publish_ns"] - frame.taken_ns
@@ -94,7 +96,9 @@ class Judge:
             self.ok_ns[pad] = frame.taken_ns
             if abs(contact["t_sample_ns"] - frame.taken_ns) > TIME_ERROR_NS:
                 self.false_times += 1
-        if frame.touch.standing >= SETTLED:
+        # Under load frames are left out, and a release is known by a number of them.
+        self._steady[pad] = self._steady[pad] + 1 if frame.touch.standing >= SETTLED else 0
+        if self._steady[pad] > SETTLED:
             self._compare(frame, contact)
 
     def _frame_of(self, board: ChaosBoard, contact: dict[str, Any]) -> Taken | None:
