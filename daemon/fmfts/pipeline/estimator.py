@@ -80,7 +80,7 @@ class Estimator:
             *(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion),
             silicone=self._silicone.memory,
         )
-        self._now = NowEstimator.of(baselined, model, rate_hz, lead_s)
+        self._now = NowEstimator.of(baselined, model, self._silicone, rate_hz, lead_s)
         if self._now is not None:
             self.memory.now = self._now.memory
         self.detection_limit_n = 0.0

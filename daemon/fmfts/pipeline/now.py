@@ -36,6 +36,7 @@ from fmfts.pose.motion import (
     MotionMemory,
     Samples,
 )
+from fmfts.pose.silicone import SiliconeFollower
 
 # Before so many frames the filter has not settled.
 SETTLED_FRAMES = 3
@@ -73,9 +74,15 @@ class NowEstimator:
     """
 
     def __init__(
-        self, baselined: BaselinedPad, model: ContactModel, response: Response, rate_hz: float, lead_s: float
+        self,
+        baselined: BaselinedPad,
+        model: ContactModel,
+        silicone: SiliconeFollower,
+        response: Response,
+        rate_hz: float,
+        lead_s: float,
     ) -> None:
-        self._baselined, self._model = baselined, model
+        self._baselined, self._model, self._silicone = baselined, model, silicone
         mounting, walk = baselined.mounting, baselined.tracking.walk_per_s[AMBIENT]
         turn = shortest_rotation(mounting.rest.axis, baselined.drawing.rest_axis)
         to_the_pose = to_pose(product(turn, tangent_basis(mounting.rest.axis))[:2])
@@ -99,15 +106,20 @@ class NowEstimator:
 
     @classmethod
     def of(
-        cls, baselined: BaselinedPad, model: ContactModel | NoContactModel, rate_hz: float, lead_s: float
+        cls,
+        baselined: BaselinedPad,
+        model: ContactModel | NoContactModel,
+        silicone: SiliconeFollower,
+        rate_hz: float,
+        lead_s: float,
     ) -> Self | None:
-        """None if the pad's response, or its rest, is not known."""
+        """silicone: follows this pad's loads. None if the pad's response, or its rest, is not known."""
         if isinstance(model, NoContactModel) or model.response is None or not baselined.at_rest:
             return None
         response = model.response if model.has_shear else model.response.without_shear()
         if response.coefficient.shape[2] > MOST_MONOMIALS:
             return None
-        return cls(baselined, model, response, rate_hz, lead_s)
+        return cls(baselined, model, silicone, response, rate_hz, lead_s)
 
     @property
     def memory(self) -> NowMemory:
@@ -168,10 +180,11 @@ class NowEstimator:
     ) -> ContactNow | None:
         baselined, memory = self._baselined, self._filter.memory
         moving = self._at_newest(estimate)
-        moving = baselined.with_calibration_uncertainty(moving)
+        of_silicone = self._silicone.covariance(change_from(baselined.mounting.rest, moving))
+        moving = baselined.with_calibration_uncertainty(moving, of_silicone)
         chi2 = chi2_from_rest(*displacement(moving, baselined.mounting.rest))
         position_m, axis, covariance = baselined.in_nominal_frame(moving)
-        contact = self._model.estimate(position_m, axis, covariance)
+        contact = self._model.estimate(position_m, axis, covariance, baselined.magnet_off_m)
         if touching and (contact.over_range or contact.refused):  # of the filter's pose
             return None
         turn = shortest_rotation(baselined.mounting.rest.axis, baselined.drawing.rest_axis)

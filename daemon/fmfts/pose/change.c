@@ -56,31 +56,39 @@ static void carry(int rows, const double transform[][5], const double a[5][5], d
     }
 }
 
+void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, double change[5])
+{
+    double rest[2][3];
+    tangent_basis(parameters->rest + AXIS_VALUE, rest);
+    for (int i = 0; i < 3; i++) {
+        change[i] = state[i] - parameters->rest[i];
+    }
+    for (int i = 0; i < 2; i++) {
+        change[3 + i] = dot3(rest[i], state + AXIS_VALUE);
+    }
+}
+
 /* Computes d->change, and d->turn from the estimate's tangents to those at rest. */
 static void measure(const fmfts_pose_parameters *parameters, const double *state, fmfts_displacement *d)
 {
     double rest[2][3];
     tangent_basis(parameters->rest + AXIS_VALUE, rest);
     tangent_basis(state + AXIS_VALUE, d->basis);
-    for (int i = 0; i < 3; i++) {
-        d->change[i] = state[i] - parameters->rest[i];
-    }
+    fmfts_change(parameters, state, d->change);
     for (int i = 0; i < 2; i++) {
-        d->change[3 + i] = dot3(rest[i], state + AXIS_VALUE);
         for (int j = 0; j < 2; j++) {
             d->turn[i][j] = dot3(rest[i], d->basis[j]);
         }
     }
 }
 
-void fmfts_displace(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_pose *pose,
-                    fmfts_displacement *d)
+void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
+                    const fmfts_pose *pose, fmfts_displacement *d)
 {
-    const double *state = memory->state;
     double added[5][5], turned[25], to_rest[5][5], back[5][5];
     measure(parameters, state, d);
     leftover_covariance(parameters, d->change, state + AMBIENT_VALUE, added);
-    fmfts_creep(parameters, memory, d->change, pose->elapsed_s, added);
+    fmfts_creep(parameters, memory, d->change, added);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
             to_rest[i][j] = back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];

@@ -39,7 +39,7 @@ class SiliconeFollower:
 
     def __init__(self, silicone: Silicone, longest_gap_s: float) -> None:
         """longest_gap_s: between two frames; after a longer one nobody knows what pressed meanwhile."""
-        self._longest_gap_s = longest_gap_s
+        self.longest_gap_s = longest_gap_s
         self.share = float(root_of_squares(silicone.hysteresis, silicone.creep_per_decade))
         self.creep_share = DECADE_DEVIATION * silicone.creep_per_decade
         self.memory = SiliconeMemory()
@@ -57,9 +57,13 @@ class SiliconeFollower:
         memory = self.memory
         elapsed_s, memory.unseen_s = memory.unseen_s, 0.0
         was_larger = product(memory.pressed, memory.pressed) > product(change, change)
-        held = memory.pressed if elapsed_s > self._longest_gap_s and was_larger else change
+        held = memory.pressed if elapsed_s > self.longest_gap_s and was_larger else change
         memory.crept += (elapsed_s / (elapsed_s + TIMES_S))[:, None] * (held - memory.crept)
         memory.pressed = change
+        return self.covariance(change)
+
+    def covariance(self, change: Array) -> Array:
+        """(5, 5) of a change of pose (5,) at the time of the last update."""
         return np.asarray(square(self.share) * np.outer(change, change) + self.left_behind(), dtype=np.float64)
 
     def left_behind(self) -> Array:

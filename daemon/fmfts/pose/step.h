@@ -75,6 +75,7 @@ enum {
     X(change_error, 5 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                                \
     X(silicone_share, 1)        /* silicone.py */                                                                      \
     X(creep_share, 1)                                                                                                  \
+    X(unseen_gap_s, 1)                                                                                                 \
     X(creep_time_s, FMFTS_DECADES)                                                                                     \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)
@@ -154,12 +155,18 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
 /* mean_residuals.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. */
 bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
 
-/* change.c: the change of pose, and its covariance. Follows in `memory` what loads leave behind. */
-void fmfts_displace(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_pose *pose,
-                    fmfts_displacement *d);
+/* change.c: the change [5] of pose since rest. */
+void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, double change[5]);
+
+/* change.c: the same, and its covariance. memory: of the loads that the silicone has borne. */
+void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
+                    const fmfts_pose *pose, fmfts_displacement *d);
+
+/* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. */
+void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed_s);
 
 /* silicone.c: adds to `covariance` what silicone leaves uncertain of the change of pose. */
-void fmfts_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const double change[5], double elapsed_s,
+void fmfts_creep(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double change[5],
                  double covariance[5][5]);
 
 /* change.c: in_nominal_frame. pose [6]: position (× unit_per_m) and axis; covariance [6][6]. */

@@ -85,7 +85,6 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     if (!fits(parameters, &found, state, pose->covariance)) {
         return false;
     }
-    pose->elapsed_s = elapsed;
     pose->chi2 = found.chi2;
     pose->residual_t = found.residual_t;
     pose->elapsed_s = elapsed;

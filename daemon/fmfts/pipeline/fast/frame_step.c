@@ -101,7 +101,8 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
         return FMFTS_NO_NUMBER;
     }
     const double *state = next->pose.state;
-    fmfts_displace(&parameters->pose, &next->pose, &pose, &displacement);
+    fmfts_follow_creep(&parameters->pose, &next->pose, pose.elapsed_s);
+    fmfts_displace(&parameters->pose, &next->pose, state, &pose, &displacement);
     if (!fmfts_touch(&parameters->contact, &next->contact, displacement.change, displacement.at_rest,
                      pose.elapsed_s)) {
         return FMFTS_NO_NUMBER;

@@ -108,7 +108,7 @@ bool fmfts_tell_now(const fmfts_parameters *parameters, fmfts_memory *next, cons
     }
     memcpy(state, next->pose.state, sizeof state);
     at_newest(&parameters->pose, &next->motion, solved, state, &pose);
-    fmfts_displace(&parameters->pose, state, &pose, &displacement);
+    fmfts_displace(&parameters->pose, &next->pose, state, &pose, &displacement);
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
     if (!fmfts_chi2_from_rest(displacement.change, displacement.at_rest, &chi2) ||
         !fmfts_keep_inside(&parameters->contact, &question) ||

@@ -100,6 +100,7 @@ def put_tracking(
 def put_silicone(parameters: DoubleTable, silicone: SiliconeFollower) -> None:
     parameters.put("silicone_share", silicone.share)
     parameters.put("creep_share", silicone.creep_share)
+    parameters.put("unseen_gap_s", silicone.longest_gap_s)
     parameters.put("creep_time_s", TIMES_S)
 
 
