@@ -111,7 +111,7 @@ class DeviceClock:
     @property
     def newest_us(self) -> int:
         """The newest time of the board that it learned from."""
-        newest_us: int = LINE.unpack_from(self.line)[0]
+        newest_us: int = LINE.unpack_from(self.line, HEAD.size)[0]
         return newest_us
 
     def is_plausible(self, device_us: int, arrival_ns: int) -> bool:

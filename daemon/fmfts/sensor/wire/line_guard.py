@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wire.requests import Requests
-from fmfts.sensor.wire.time_gate import TimeGate
+from fmfts.sensor.wire.time_gate import FIRST_FRAMES, TimeGate
 
 # A board that did not answer for so long has left the line. It is asked every second while there are two.
 LEFT_NS = 3_000_000_000
@@ -35,11 +35,13 @@ class LineGuard:
             self.crowd = f"boards {boards} send on one line, and samples do not say whose they are: part them"
         return self.crowd
 
-    def why_not(self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int) -> str | None:
-        """Why a sample with this time cannot be believed; None: it can."""
+    def why_not(
+        self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int, sequence: int = FIRST_FRAMES
+    ) -> str | None:
+        """Why a sample with this time and number cannot be believed; None: it can."""
         if self.crowd is not None:
             return "several boards send on this line"
-        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns):
+        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns, sequence):
             if arrival_ns - self._asked_ns > ASK_NS:
                 self._asked_ns = arrival_ns
                 self._requests.ask(Verb.HELLO)  # it may be another board's

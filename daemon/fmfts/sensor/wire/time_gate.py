@@ -14,6 +14,8 @@ CONVINCING = 3
 # Packets of the last seconds that come again go on from each other too. Nothing repeats a line for longer than this.
 RECENT_US = 10_000_000
 REPEATED_NS = 100_000_000
+# But a board that was reset begins with frame 0; some of the first may be lost.
+FIRST_FRAMES = 8
 # How far the steps of time and arrival may differ besides JUMP_NS: an RC oscillator's tolerance, twice.
 STEP_SHARE = 0.04
 
@@ -25,29 +27,32 @@ class TimeGate:
         self._strange: tuple[int, int] | None = None  # time in µs and arrival in ns of the last one
         self._count = 0
         self._since_ns = 0
+        self._is_first = False
         self._hello = False
 
     def hello(self) -> None:
         """The board said who it is, as it does after a reset: the next packet tells its new time."""
         self._hello = True
 
-    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
-        """Whether `clock` may learn from a packet with this time."""
-        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(clock.newest_us, device_us, arrival_ns):
+    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int, sequence: int = FIRST_FRAMES) -> bool:
+        """Whether `clock` may learn from a packet with this time. sequence: the number of its frame, if it has one."""
+        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(
+            clock.newest_us, device_us, arrival_ns, sequence
+        ):
             self._strange, self._count, self._hello = None, 0, False
             return True
         return False
 
-    def _is_believed(self, newest_us: int, device_us: int, arrival_ns: int) -> bool:
+    def _is_believed(self, newest_us: int, device_us: int, arrival_ns: int, sequence: int) -> bool:
         """A strange time: whether it is a clock's that began anew."""
         if self._goes_on(device_us, arrival_ns):
             self._count += 1
         else:
-            self._count, self._since_ns = 1, arrival_ns
+            self._count, self._since_ns, self._is_first = 1, arrival_ns, sequence < FIRST_FRAMES
         self._strange = device_us, arrival_ns
         if self._hello:
             return True
-        is_recent = 0 < newest_us - device_us <= RECENT_US
+        is_recent = 0 < newest_us - device_us <= RECENT_US and not self._is_first
         return self._count >= CONVINCING and (not is_recent or arrival_ns - self._since_ns >= REPEATED_NS)
 
     def _goes_on(self, device_us: int, arrival_ns: int) -> bool:
