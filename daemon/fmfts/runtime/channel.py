@@ -127,8 +127,10 @@ class Channel:
             self._last_frame_ns = time.monotonic_ns()
         if ended is not None:
             passed, last = ended
-            if passed.change is not None:
-                self._tell(decode_contact(passed.change))
+            for change in passed.changes:
+                message = decode_contact(change)
+                self._tell(message)
+                self._last = message
             self._last, self._kind = last, last.kind
             self._statistics.passed(passed)
             self._last_frame_ns = self._last_used_ns = passed.arrival_ns

@@ -41,7 +41,13 @@ from fmfts.sensor import Source
 from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
 from fmfts.service.notify import Notifier
-from fmfts.service.realtime import default_priority, lock_memory, take_default_priority, take_priority
+from fmfts.service.realtime import (
+    ask_for_short_slices,
+    default_priority,
+    lock_memory,
+    take_default_priority,
+    take_priority,
+)
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.sources import open_sources, origin_of
 from fmfts_client.endpoints import for_daemon
@@ -141,6 +147,7 @@ class Daemon:
             self._schedule.wake_for(self._gate.fileno())
         if self._service.lock_memory:
             lock_memory()
+        ask_for_short_slices()
         if self._service.realtime_priority is None:
             take_default_priority()
         elif self._service.realtime_priority:

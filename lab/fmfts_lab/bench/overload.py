@@ -85,10 +85,12 @@ def of_daemon(load: Load, recorded: list[list[bytes]], seconds: float) -> tuple[
             process = start_daemon(Path(name), list(ports), service)
             return process.pid
 
-        heard, written, cpu = measured(load, recorded, seconds, Path(name), start)
-        assert process is not None
-        process.send_signal(signal.SIGTERM)
-        process.wait(20)
+        try:
+            heard, written, cpu = measured(load, recorded, seconds, Path(name), start)
+        finally:
+            assert process is not None
+            process.send_signal(signal.SIGTERM)
+            process.wait(20)
     return judge(heard, written), cpu
 
 
@@ -102,9 +104,11 @@ def of_echo(load: Load, recorded: list[list[bytes]], seconds: float) -> float:
             pipe, process = spawn(rig.echo, f"ipc://{name}/bus", list(ports), ECHO_BYTES)
             return int(process.pid)
 
-        heard, written, _ = measured(load, recorded, seconds, Path(name), start)
-        pipe.send("stop")
-        process.join()
+        try:
+            heard, written, _ = measured(load, recorded, seconds, Path(name), start)
+        finally:
+            pipe.send("stop")
+            process.join()
     return judge_echo(heard, written)
 
 

@@ -24,8 +24,8 @@ Heard = tuple[bytes, int, bytes]  # topic, arrival, payload
 class Verdict:
     """About the load's time, ages in ns: frames written and published, by pad (pads,); ages at publishing and arrival.
 
-    stale_ok: messages `ok` that speak of a frame older than STALE_NS when published. false_times: messages `ok` whose
-    t_sample_ns is false. calm_after_s: from the end of the load; None: not within the run.
+    stale_ok: messages `ok` that speak of a frame older than STALE_NS when published. false_times: messages `ok` since
+    the load began whose t_sample_ns is false. calm_after_s: from the end of the load; None: not within the run.
     """
 
     written: NDArray[np.int64]
@@ -87,7 +87,8 @@ def judge(heard: Sequence[Heard], written: Written) -> Verdict:
         if one.health == "ok":
             written_ns = int(at_ns[one.pad, one.frame])
             verdict.stale_ok += one.published_ns - written_ns > STALE_NS
-            verdict.false_times += abs(written_ns - usual_ns - one.sampled_ns) > FALSE_NS
+            is_false = abs(written_ns - usual_ns - one.sampled_ns) > FALSE_NS
+            verdict.false_times += is_false and one.published_ns >= begin_ns
     verdict.calm_after_s = _calm_after_s(found, at_ns, end_ns)
     return verdict
 

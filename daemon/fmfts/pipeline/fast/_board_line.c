@@ -53,7 +53,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
             line->left_out[pad_index]++;
             continue;
         }
-        line->needs_python |= published->lane.change_bytes > 0;
+        line->has_news |= published->lane.changes > 0;
         if (!publish(bus, published)) {
             return false;
         }

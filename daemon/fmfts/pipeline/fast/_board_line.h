@@ -22,7 +22,8 @@ typedef struct {
     PyObject *lane[FMFTS_WIRE_PADS];
     int64_t heard_ns;                    /* 0: no frame has passed */
     unsigned left_out[FMFTS_WIRE_PADS];  /* frames that were superseded or overdue, by pad index */
-    bool needs_python;                   /* Python must read `unread`, or learn that the kind of message changed */
+    bool needs_python;                   /* Python must read `unread`; until then no frame passes */
+    bool has_news;                       /* Python should learn that the kind of message changed; frames go on */
     size_t unread_bytes;
     uint8_t unread[FMFTS_ROOM];          /* the beginning of a frame, or bytes for Python */
 } fmfts_board_line;

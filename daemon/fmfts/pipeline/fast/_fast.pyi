@@ -30,7 +30,7 @@ def message(
 ) -> bytes: ...
 
 Template = tuple[bytes, bytes]
-Passed = tuple[int, int, int, int, int, bytes, bytes | None, int, int, int, list[float]]
+Passed = tuple[int, int, int, int, int, bytes, tuple[bytes, ...], int, int, int, list[float]]
 
 class Lane:
     def __init__(

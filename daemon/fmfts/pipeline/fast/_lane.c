@@ -107,11 +107,12 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
         }
         longest = lane->message[i].size > longest ? lane->message[i].size : longest;
     }
-    uint8_t *change = PyMem_Realloc(lane->change, longest);
+    uint8_t *change = PyMem_Realloc(lane->change, FMFTS_CHANGES * longest);
     if (!change) {
         return PyErr_NoMemory();
     }
     lane->change = change;
+    lane->change_room = longest;
     if (kind < 0 || kind >= FMFTS_KINDS) {
         PyErr_Format(PyExc_ValueError, "there is no kind %d", kind);
         return NULL;
@@ -119,7 +120,7 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     lane->kind = (fmfts_kind)kind;
     lane->number = number;
     lane->sequence = sequence;
-    lane->passed = lane->change_bytes = 0;
+    lane->passed = lane->changes = 0;
     self->begun = 1;
     return Py_NewRef(Py_None);
 }
@@ -136,7 +137,20 @@ static PyObject *latencies_of(const fmfts_lane *lane)
     return latencies;
 }
 
-/* end() → (frames, first sequence, last sequence, number, kind, payload, change, arrival_ns, t_sample_ns, t_publish_ns,
+static PyObject *changes_of(const fmfts_lane *lane)
+{
+    PyObject *changes = PyTuple_New((Py_ssize_t)lane->changes);
+    for (size_t i = 0; changes && i < lane->changes; i++) {
+        const uint8_t *text = lane->change + i * lane->change_room;
+        PyObject *change = PyBytes_FromStringAndSize((const char *)text, (Py_ssize_t)lane->change_bytes[i]);
+        if (!change || PyTuple_SetItem(changes, (Py_ssize_t)i, change) < 0) {
+            Py_CLEAR(changes);
+        }
+    }
+    return changes;
+}
+
+/* end() → (frames, first sequence, last sequence, number, kind, payload, changes, arrival_ns, t_sample_ns, t_publish_ns,
  * latencies in s) of the frames handled since `begin`; None if there were none. */
 static PyObject *lane_end(PyObject *object, PyObject *unused)
 {
@@ -149,13 +163,15 @@ static PyObject *lane_end(PyObject *object, PyObject *unused)
     if (!begun || !lane->passed) {
         return Py_NewRef(Py_None);
     }
-    PyObject *latencies = latencies_of(lane);
-    return latencies ? Py_BuildValue("(nIIKiy#y#LLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
-                                     (unsigned long long)lane->number, (int)lane->kind, last->text,
-                                     (Py_ssize_t)last->size, lane->change_bytes ? lane->change : NULL,
-                                     (Py_ssize_t)lane->change_bytes, (long long)lane->arrival_ns,
-                                     (long long)lane->t_sample_ns, (long long)lane->t_publish_ns, latencies)
-                     : NULL;
+    PyObject *changes = changes_of(lane), *latencies = changes ? latencies_of(lane) : NULL;
+    if (!latencies) {
+        Py_XDECREF(changes);
+        return NULL;
+    }
+    return Py_BuildValue("(nIIKiy#NLLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
+                         (unsigned long long)lane->number, (int)lane->kind, last->text,
+                         (Py_ssize_t)last->size, changes, (long long)lane->arrival_ns, (long long)lane->t_sample_ns,
+                         (long long)lane->t_publish_ns, latencies);
 }
 
 /* last_ns() → arrival time of the last frame handled since `begin`; 0 if there was none. */

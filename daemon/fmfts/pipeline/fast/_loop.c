@@ -22,7 +22,7 @@ typedef struct {
     int lines;
     fmfts_patience in_time, behind;
     int busy_waits;  /* in a row */
-    int waiting;     /* lines that need Python */
+    int waiting;     /* lines that wait for Python */
     int last_served; /* the descriptor that wait() returned last of them */
 } loop_object;
 
@@ -68,6 +68,11 @@ static void loop_dealloc(PyObject *object)
 static fmfts_board_line *line_of(const loop_object *self, int descriptor)
 {
     return descriptor >= 0 && descriptor < self->lines ? self->line[descriptor] : NULL;
+}
+
+static bool waits(const fmfts_board_line *line)
+{
+    return line->needs_python || line->has_news;
 }
 
 static int add(PyObject *list, int descriptor)
@@ -130,7 +135,7 @@ static PyObject *loop_begin(PyObject *object, PyObject *args)
         line->lane[published->lane.pad_index] = Py_NewRef(lane);
     }
     line->needs_python = unread_bytes > FMFTS_LONGEST_LINE;
-    self->waiting += line->needs_python;
+    self->waiting += waits(line);
     self->line[descriptor] = line;
     return Py_NewRef(Py_None);
 }
@@ -161,7 +166,7 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
     PyObject *result = Py_BuildValue("(y#L(III))", line->unread, (Py_ssize_t)line->unread_bytes,
                                      (long long)line->heard_ns, line->left_out[0], line->left_out[1],
                                      line->left_out[2]);
-    self->waiting -= line->needs_python;
+    self->waiting -= waits(line);
     self->line[descriptor] = NULL;
     free_line(line);
     return result;
@@ -183,11 +188,11 @@ static PyObject *loop_take(PyObject *object, PyObject *args)
         PyErr_Format(PyExc_ValueError, "descriptor %d: no line that takes %zd bytes", descriptor, size);
         return NULL;
     }
-    int needed = line->needs_python;
-    if (!needed && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self))) {
+    bool waited = waits(line);
+    if (!line->needs_python && !fmfts_pass(line, &self->bus, data, (size_t)size, (int64_t)arrival_ns, patience(self))) {
         return NULL;
     }
-    self->waiting += line->needs_python - needed;
+    self->waiting += waits(line) - waited;
     return PyBool_FromLong(!line->needs_python);
 }
 
@@ -221,25 +226,35 @@ static int serve(loop_object *self, const struct epoll_event *events, int count,
                 return 0;
             }
         } else if (!line->needs_python) {
+            bool waited = waits(line);
             if (!fmfts_serve(line, &self->bus, events[i].data.fd, patience(self))) {
                 return 0;
             }
-            self->waiting += line->needs_python;
+            self->waiting += waits(line) - waited;
         }
     }
     return 1;
 }
 
-/* Adds one line that needs Python to `wanted`. The lines take turns, so the lanes of others go on between them. */
+/* Adds one line that waits for Python to `wanted`, before others one that needs it. The lines take turns, so the lanes of
+ * others go on between them. */
 static int add_waiting(loop_object *self, PyObject *wanted)
 {
-    for (int i = 0; self->waiting > 0 && i < self->lines; i++) {
-        self->last_served = (self->last_served + 1) % self->lines;
-        if (self->line[self->last_served] && self->line[self->last_served]->needs_python) {
-            return add(wanted, self->last_served);
+    int with_news = -1;
+    for (int i = 1; self->waiting > 0 && i <= self->lines; i++) {
+        int descriptor = (self->last_served + i) % self->lines;
+        const fmfts_board_line *line = self->line[descriptor];
+        if (line && line->needs_python) {
+            self->last_served = descriptor;
+            return add(wanted, descriptor);
         }
+        with_news = line && line->has_news && with_news < 0 ? descriptor : with_news;
     }
-    return 1;
+    if (with_news < 0) {
+        return 1;
+    }
+    self->last_served = with_news;
+    return add(wanted, with_news);
 }
 
 /* is_behind() → bool. */

@@ -43,7 +43,7 @@ static fmfts_kind step(const fmfts_lane *lane, const fmfts_sample *sample)
 static bool may_publish(const fmfts_lane *lane, fmfts_kind kind)
 {
     return kind == lane->kind ||
-           (kind != FMFTS_NO_NUMBER && lane->message[kind].text != NULL && lane->change_bytes == 0);
+           (kind != FMFTS_NO_NUMBER && lane->message[kind].text != NULL && lane->changes < FMFTS_CHANGES);
 }
 
 int64_t fmfts_now_ns(int clock)
@@ -72,8 +72,8 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
     fmfts_write_numbers(message->text, message->size, message->place, integer, &lane->outcome->numbers);
     if (kind != lane->kind) {
         lane->kind = kind;
-        lane->change_bytes = message->size;
-        memcpy(lane->change, message->text, message->size);
+        memcpy(lane->change + lane->changes * lane->change_room, message->text, message->size);
+        lane->change_bytes[lane->changes++] = message->size;
     }
 }
 

@@ -6,6 +6,7 @@
 #include "frame_step.h"
 
 enum {
+    FMFTS_CHANGES = 8,   /* so many changes may wait for Python */
     FMFTS_TALLIED = 256, /* the most frames before Python must look */
     FMFTS_KINDS = FMFTS_NO_NUMBER,
 };
@@ -34,9 +35,9 @@ typedef struct {
     fmfts_template message[FMFTS_KINDS];
     fmfts_kind kind; /* of the last message; message[kind].text holds that message */
     uint64_t number;
-    /* A copy of the first message whose kind differs from the one before: Python reports the change. */
+    /* Copies [FMFTS_CHANGES][change_room] of the messages whose kind differs from the one before: Python reports them. */
     uint8_t *change;
-    size_t change_bytes;
+    size_t change_room, change_bytes[FMFTS_CHANGES], changes;
     /* The frames handled since the lane was begun: their number, the first one's sequence, and the last one's values. */
     size_t passed;
     uint32_t first_sequence, sequence;
@@ -48,7 +49,7 @@ typedef struct {
 int64_t fmfts_now_ns(int clock);
 
 /* Handles one packet, without its closing zero. It is for Python, and nothing changes, if it is not a healthy frame of this
- * pad, or if the kind of message changes a second time. */
+ * pad, or if the kind of message changes and there is no room to tell of it. */
 fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 #endif

@@ -49,7 +49,7 @@ class Passed(NamedTuple):
     """The frames that C published since a lane was begun.
 
     first_sequence, sequence: of the first and the last frame. number, kind, payload, arrival_ns, t_sample_ns,
-    t_publish_ns: of the last message. latencies_s: sample → publish, of each frame. change: the only message whose kind
+    t_publish_ns: of the last message. latencies_s: sample → publish, of each frame. changes: the messages whose kind
     differs from the one before; None if there is none.
     """
 
@@ -59,7 +59,7 @@ class Passed(NamedTuple):
     number: int
     kind_number: int
     payload: bytes
-    change: bytes | None
+    changes: tuple[bytes, ...]
     arrival_ns: int
     t_sample_ns: int
     t_publish_ns: int
