@@ -113,7 +113,7 @@ def test_an_overdue_frame_is_left_out_without_python(bus: Any) -> None:  # noqa:
     number = host.pipeline.messages
     assert bus.loop.take(Host.LINE, data, arrival_ns)
     assert not bus.heard()
-    unread, _, left_out = bus.loop.end(Host.LINE)
+    unread, _, left_out, _ = bus.loop.end(Host.LINE)
     assert (unread, left_out) == (b"", (1, 0, 0))
     assert host.pipeline.messages == number
 

@@ -169,8 +169,9 @@ class Daemon:
         source = self._schedule.wait(min(self._tick_ns, self._status_ns, self._silence_ns))
         if source is not None:
             now_ns = time.monotonic_ns()
-            with self._fast_loop.ended(source, now_ns):
-                self._serve(source, now_ns)
+            with self._fast_loop.ended(source, now_ns) as is_to_be_read:
+                if is_to_be_read or ((due_ns := source.deadline_ns()) is not None and due_ns <= now_ns):
+                    self._serve(source, now_ns)
         now_ns = time.monotonic_ns()
         looks = now_ns >= self._look_ns
         if self._schedule.called or self._asked or looks:

@@ -84,24 +84,28 @@ class FastLoop:
             self._unserved.discard(line.descriptor)
             self._loop.begin(line.descriptor, unread, lanes)
 
-    def end(self, source: Source) -> None:
-        """Take the source back from C, and account for the frames that C handled."""
+    def end(self, source: Source) -> bool:
+        """Take the source back from C, and account for the frames that C handled.
+
+        False if nothing was on its line that C left to Python.
+        """
         line = self._boards.get(id(source))
         if line is None or self._loop is None:
-            return
+            return True
         in_time = RECORDED if any(channel.is_recorded for channel in line.channels) else IN_TIME
         line.source.patience = BEHIND if self._loop.is_behind() and in_time is IN_TIME else in_time
         if line.descriptor is None:
-            return
+            return True
         returned = self._loop.end(line.descriptor)
         assert returned is not None
-        unread, heard_ns, left_out = returned
+        unread, heard_ns, left_out, is_to_be_read = returned
         if b"\0" in unread:
             self._unserved.add(line.descriptor)
         line.source.give_back(unread, heard_ns, left_out)
         for channel in line.channels:
             channel.end()
         line.descriptor = None
+        return bool(is_to_be_read)
 
     def end_all(self) -> None:
         """Take all sources back from C. Each begins again when it is next served."""
@@ -109,10 +113,12 @@ class FastLoop:
             self.end(line.source)
 
     @contextmanager
-    def ended(self, source: Source, now_ns: int) -> Iterator[None]:
-        """Within this context Python may use the source and its pads; afterwards C may take over again."""
-        self.end(source)
-        yield
+    def ended(self, source: Source, now_ns: int) -> Iterator[bool]:
+        """Within this context Python may use the source and its pads; afterwards C may take over again.
+
+        Yields what `end` returns.
+        """
+        yield self.end(source)
         self.begin(source, now_ns)
 
     def close(self) -> None:

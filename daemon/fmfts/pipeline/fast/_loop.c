@@ -150,8 +150,8 @@ static fmfts_patience patience(const loop_object *self)
     return is_behind(self) ? self->behind : self->in_time;
 }
 
-/* end(descriptor) → (unread, arrival of the last handled frame or 0, frames left out by pad index), or None if the line was
- * not begun. */
+/* end(descriptor) → (unread, arrival of the last handled frame or 0, frames left out by pad index, whether Python
+ * must read the line), or None if the line was not begun. */
 static PyObject *loop_end(PyObject *object, PyObject *args)
 {
     loop_object *self = (loop_object *)object;
@@ -163,9 +163,9 @@ static PyObject *loop_end(PyObject *object, PyObject *args)
     if (!line) {
         return Py_NewRef(Py_None);
     }
-    PyObject *result = Py_BuildValue("(y#L(III))", line->unread, (Py_ssize_t)line->unread_bytes,
+    PyObject *result = Py_BuildValue("(y#L(III)i)", line->unread, (Py_ssize_t)line->unread_bytes,
                                      (long long)line->heard_ns, line->left_out[0], line->left_out[1],
-                                     line->left_out[2]);
+                                     line->left_out[2], (int)line->needs_python);
     self->waiting -= waits(line);
     self->line[descriptor] = NULL;
     free_line(line);
