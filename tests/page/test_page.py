@@ -53,13 +53,20 @@ def text(page: Page, selector: str) -> str:
     return " ".join(page.inner_text(selector).split())
 
 
+def settled(page: Page) -> None:
+    """Wait until what is drawn was sampled after now: the step of a touch is over."""
+    now_ns = time.monotonic_ns()
+    until(page, f"Number({NEWEST}.t_sample_ns) > {now_ns + 100_000_000}")
+    page.wait_for_timeout(100)  # drawn
+
+
 def test_a_touch_is_drawn_at_once_at_its_place_with_its_force(bench: Bench, page: Page) -> None:
     for x_mm, y_mm, force_n in ((4.0, -3.0, 1.0), (-6.0, 2.0, 0.8)):
         began_ns = time.monotonic_ns()
         bench.pressed.touch(x_mm * 1e-3, y_mm * 1e-3, force_n)
         took_s = seconds_until(page, "document.querySelector('#force').dataset.kind === 'touch'", began_ns)
         assert took_s < SOON_S
-        time.sleep(0.3)  # the step is over
+        settled(page)
         drawn = page.evaluate(DRAWN_PLACE)
         assert drawn == pytest.approx([x_mm, y_mm], abs=PLACE_MM)
         assert float(text(page, "#force").split()[0]) == pytest.approx(force_n, abs=0.1)
@@ -131,7 +138,7 @@ def test_a_tab_in_the_background_receives_no_contacts_and_goes_on_when_it_is_see
 def test_a_paused_moment_can_be_looked_at_and_copied_with_the_keyboard_alone(bench: Bench, page: Page) -> None:
     bench.pressed.touch(3e-3, 3e-3, 1.2)
     until(page, "document.querySelector('#force').dataset.kind === 'touch'")
-    page.wait_for_timeout(300)
+    settled(page)
     page.keyboard.press("Space")
     bench.pressed.touch(0.0, 0.0, 0.0)
     page.wait_for_timeout(300)
