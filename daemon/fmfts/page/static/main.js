@@ -122,6 +122,7 @@ function nowMs() {
 }
 
 function switched(shapes) {
+  if (page.paused !== null) pause(false);
   page.pads.clear();
   page.chosen = page.paused = page.clockMs = null;
   element("event-list").replaceChildren();
@@ -133,7 +134,7 @@ function switched(shapes) {
 // What is drawn of a pad: the newest contact, or while paused the one of the moment.
 function contactOf(pad) {
   if (page.paused === null) return pad.shown();
-  const rows = page.paused > (nowMs() ?? 0) / 1e3 - 12 && pad.fine.rows.length ? pad.fine : pad.coarse;
+  const past = pad.past(), rows = page.pausedAt - page.paused < 10 && past.fine.rows.length ? past.fine : past.coarse;
   const row = rows.rows[Math.min(rows.at(page.paused), rows.rows.length - 1)];
   return row?.contact ?? null;
 }
@@ -224,6 +225,7 @@ function pause(on = page.paused === null) {
   const clock = nowMs();
   if (on && clock === null) return;
   page.paused = page.pausedAt = on ? clock / 1e3 : null;
+  for (const pad of page.pads.values()) pad.freeze(on);
   element("pause").setAttribute("aria-pressed", String(on));
   element("pause").firstElementChild.textContent = on ? "Go on" : "Pause";
   setText(element("moment"), "");
@@ -246,15 +248,15 @@ function step(messages, seconds) {
   const pad = page.pads.get(page.chosen);
   if (page.paused === null || !pad) return;
   if (seconds) return moveTo(page.paused + seconds);
-  const { rows } = pad.fine, index = Math.min(pad.fine.at(page.paused), rows.length - 1);
-  const row = rows[Math.min(Math.max(index + messages, pad.fine.begin), rows.length - 1)];
+  const { fine } = pad.past(), { rows } = fine, index = Math.min(fine.at(page.paused), rows.length - 1);
+  const row = rows[Math.min(Math.max(index + messages, fine.begin), rows.length - 1)];
   if (row) moveTo(row.t);
 }
 
 async function copyMoment(t) {
   const pad = page.pads.get(page.chosen);
   if (!pad) return;
-  const rows = traces.seconds > 10 ? pad.coarse : pad.fine, row = rows.rows[Math.min(rows.at(t), rows.rows.length - 1)];
+  const rows = traces.seconds > 10 ? pad.past().coarse : pad.past().fine, row = rows.rows[Math.min(rows.at(t), rows.rows.length - 1)];
   if (!row) return;
   page.copied = asJson(row.contact);
   try {

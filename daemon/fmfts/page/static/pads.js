@@ -39,6 +39,12 @@ class Rows {
     return this.rows.slice(Math.max(this.begin, this.at(from) - 1), this.at(to) + 1);
   }
 
+  copy() {
+    const copied = new Rows(this.seconds);
+    copied.rows = this.rows.slice(this.begin);
+    return copied;
+  }
+
   clear() {
     this.rows = [];
     this.begin = 0;
@@ -59,6 +65,7 @@ export class PadState {
     this.lost = 0;
     this.trail = [];
     this.sent = []; // {t, seq} of the last second
+    this.frozen = null;
   }
 
   takeContact(contact) {
@@ -110,6 +117,16 @@ export class PadState {
     this.trail = [];
     this.sent = [];
     this.events = [];
+  }
+
+  // While the page is paused, what was before stays, though messages go on arriving.
+  freeze(on) {
+    this.frozen = on ? { fine: this.fine.copy(), coarse: this.coarse.copy(), ghosts: this.ghosts.copy(), ages: this.ages.copy() } : null;
+  }
+
+  // The rows to look at: those of the pause, else those that arrive.
+  past() {
+    return this.frozen ?? this;
   }
 
   // What is to be drawn: the newest contact, or nothing where nothing arrives any more.

@@ -90,12 +90,12 @@ export class Traces {
     this.marked = marked;
     this.events = pad.events;
     const long = this.seconds > 10, from = now - this.seconds;
-    const rows = withGaps((long ? pad.coarse : pad.fine).between(from, now), long ? 2 : 0.3);
+    const past = pad.past(), rows = withGaps((long ? past.coarse : past.fine).between(from, now), long ? 2 : 0.3);
     const times = rows.map((row) => row.t);
     for (const { trace, plot } of this.plots) {
-      const own = trace.rows === "ages" ? thinned(pad.ages.between(from, now)) : rows;
+      const own = trace.rows === "ages" ? thinned(past.ages.between(from, now)) : rows;
       const x = trace.rows === "ages" ? own.map((row) => row.t) : times;
-      plot.setData([x, ...trace.lines.map(([name, value]) => (name === "ghost" ? ghostLine(pad, x, long) : own.map((row) => (row.gap ? null : value(row)))))]);
+      plot.setData([x, ...trace.lines.map(([name, value]) => (name === "ghost" ? ghostLine(past, x, long) : own.map((row) => (row.gap ? null : value(row)))))]);
     }
   }
 
@@ -168,8 +168,8 @@ function thinned(rows) {
   return every <= 1 ? rows : rows.filter((_, number) => number % every === 0);
 }
 
-function ghostLine(pad, times, long) {
-  const ghosts = long ? [] : pad.ghosts.between(times[0] ?? 0, times.at(-1) ?? 0);
+function ghostLine(past, times, long) {
+  const ghosts = long ? [] : past.ghosts.between(times[0] ?? 0, times.at(-1) ?? 0);
   let next = 0;
   return times.map((t) => {
     while (next + 1 < ghosts.length && ghosts[next + 1].t <= t) next++;
