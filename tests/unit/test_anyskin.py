@@ -80,8 +80,8 @@ def test_board_with_another_number_of_magnetometers_gives_no_packet(
     assert list(stream(5).feed(data)) == []
 
 
-def test_million_random_and_damaged_inputs_raise_nothing_and_give_only_possible_readings() -> None:
-    """A million bytes: half of them random, half of damaged packets."""
+def test_random_and_damaged_bytes_raise_nothing_and_give_only_possible_readings() -> None:
+    """Half a million bytes: half of them random, half of damaged packets."""
     random = Random(1)
     good = b"".join(numbered(binary, 20)) + b"".join(numbered(text, 20))
     for stream in (BinaryStream, TextStream):

@@ -77,15 +77,19 @@ def identity(hello: Hello, chip: Chip) -> dict[str, object]:
         "range_gauss": ranges[hello.gain_code] if hello.gain_code < len(ranges) else None,
         "trigger": "simultaneous" if hello.trigger else "free",
         "pads": [
-            {
-                "i2c_port": pad.i2c_port,
-                "mux_address": pad.mux_address,
-                "channels": [sensor.channel for sensor in pad.sensors],
-                "identification": [sensor.identification.hex(" ") for sensor in pad.sensors],
-            }
+            {"i2c_port": pad.i2c_port}
+            | _way_to(pad)
+            | {"identification": [sensor.identification.hex(" ") for sensor in pad.sensors]}
             for pad in hello.pads
         ],
     }
+
+
+def _way_to(pad: HelloPad) -> dict[str, object]:
+    channels = [sensor.channel for sensor in pad.sensors]
+    if pad.mux_address == NO_MUX:
+        return {"addresses": [f"0x{address:02x}" for address in channels]}
+    return {"mux_address": pad.mux_address, "channels": channels}
 
 
 def bad_clock(hello: Hello) -> str | None:
