@@ -95,6 +95,9 @@ class Project:
         return had, lacking
 
 
+CLIENT = Project(ROOT / "clients/python")
+
+
 @dataclass(frozen=True)
 class Trial:
     python: str
@@ -146,7 +149,7 @@ def wheel(project: Project, python: str, end: str, folder: Path) -> Path:
     needs.write_text("\n".join(project.described["build-system"]["requires"]))
     pinned.write_text(uv("pip", "compile", "--resolution", RESOLUTIONS[end], "--python", python, needs))
     uv("build", "--python", python, "--build-constraints", pinned, "--out-dir", folder, project.folder)
-    (built,) = folder.glob("*.whl")
+    (built,) = folder.glob(f"{project.name.replace('-', '_')}-[0-9]*.whl")
     return built
 
 
@@ -155,7 +158,9 @@ def installed(project: Project, python: str, end: str, folder: Path) -> dict[str
     uv("venv", "--python", python, folder)
     extras = [word for extra in project.extras for word in ("--extra", extra)]
     from_wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[end]]
-    uv("pip", "install", "--python", folder, *from_wheels, "-r", project.folder / "pyproject.toml", *extras)
+    # The client of this checkout: no index has it.
+    client = [] if project.name == CLIENT.name else [wheel(CLIENT, python, end, folder)]
+    uv("pip", "install", "--python", folder, *from_wheels, "-r", project.folder / "pyproject.toml", *extras, *client)
     laboratory = [project.folder / "lab"] if (project.folder / "lab").is_dir() else []  # its verbs are tried, too
     uv("pip", "install", "--python", folder, "--no-deps", wheel(project, python, end, folder), *laboratory)
     listed = json.loads(uv("pip", "list", "--python", folder, "--format", "json"))
@@ -228,7 +233,7 @@ def main() -> int:
     chosen = options.parse_args()
     ends = [chosen.set] if chosen.set else list(RESOLUTIONS)
     shutil.rmtree(ROOT / "build/versions", ignore_errors=True)
-    client, daemon = Project(ROOT / "clients/python"), Project(ROOT, ("test",))
+    client, daemon = CLIENT, Project(ROOT, ("test",))
     with tempfile.TemporaryDirectory() as folder, RunningDaemon(Path(folder), PAD) as serving:
         well = tried(client, ends, chosen.python, lambda place, _: run_client(place, serving.base))
     return not (tried(daemon, ends, chosen.python, lambda place, end: run_tests(place, end, chosen.tests)) and well)
