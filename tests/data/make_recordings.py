@@ -16,12 +16,10 @@ import numpy as np
 
 from fmfts.baseline import Baseline
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
-from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingWriter
 from fmfts.runtime.channel import frame_message
-from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
@@ -83,9 +81,7 @@ def make(name: str, path: Path) -> None:
         scene=scene.ambient,
         tolerance=ToleranceConfig(gain=0.005, sensor_rotation_deg=0.0, cross_axis=0.0),
     )
-    drawing = config.pad()
-    tracking = tracking_model_for(config.scene, config.magnet).tracking
-    pipeline = PadPipeline(drawing, load_contact_model(config), BOOT, float(RATE_HZ), tracking)
+    pipeline = pipeline_of(config, load_contact_model(config), BOOT)
     pipeline.use(undated(simulated_baseline(config)))
     source, writer = Simulated(config), RecordingWriter(path)
     source.finger = scene.finger
