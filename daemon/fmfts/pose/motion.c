@@ -7,7 +7,7 @@
 #include "model.h"
 
 enum { N = FMFTS_MOTION_STATES, RATE = FMFTS_RATE, AMBIENT = FMFTS_AMBIENT_CHANGE };
-enum { REST, STILL, MOVING, MODES };
+enum { STILL, MOVING, MODES };
 enum { SEEN = 8 };
 static const int STATE[SEEN] = {0, 1, 2, 3, 4, 10, 11, 12}; /* what a sample depends on */
 
@@ -80,28 +80,27 @@ static void predict(const fmfts_pose_parameters *parameters, const fmfts_motion_
     }
 }
 
-/* Takes one scalar: motion.py's _measure. slope: by STATE. ahead: what the axis would read. At rest only the ambient field is
- * unknown: the first states are zero. */
-static void measure(mode *own, int first, double value, double ahead, const double *slope, double r)
+/* Takes one scalar: motion.py's _measure. slope: by STATE. ahead: what the axis would read. */
+static void measure(mode *own, double value, double ahead, const double *slope, double r)
 {
     double spread[N], s = r;
     for (int i = 0; i < N; i++) {
         spread[i] = 0.0;
     }
-    for (int k = first ? RATE : 0; k < SEEN; k++) {
+    for (int k = 0; k < SEEN; k++) {
         int column = STATE[k];
-        for (int i = first; i <= column; i++) {
+        for (int i = 0; i <= column; i++) {
             spread[i] += own->p[i][column] * slope[k];
         }
         for (int i = column + 1; i < N; i++) {
             spread[i] += own->p[column][i] * slope[k];
         }
     }
-    for (int k = first ? RATE : 0; k < SEEN; k++) {
+    for (int k = 0; k < SEEN; k++) {
         s += slope[k] * spread[STATE[k]];
     }
     double innovation = value - ahead, inverse = 1.0 / s;
-    for (int i = first; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         double gain = spread[i] * inverse;
         own->x[i] += gain * innovation;
         for (int k = i; k < N; k++) {
@@ -114,7 +113,7 @@ static void measure(mode *own, int first, double value, double ahead, const doub
 
 /* Takes a chip's sample in one mode. */
 static void take(const fmfts_pose_parameters *parameters, int sensor, double strength, const double *value, const double *r,
-                 int first, mode *own)
+                 mode *own)
 {
     fmfts_source source = {.strength = strength, .octupole = parameters->octupole_m2[0]};
     fmfts_sight sight;
@@ -133,7 +132,7 @@ static void take(const fmfts_pose_parameters *parameters, int sensor, double str
         for (int i = 0; i < SEEN; i++) {
             ahead += slope[i] * (own->x[STATE[i]] - at[i]);
         }
-        measure(own, first, value[k], ahead, slope, r[k]);
+        measure(own, value[k], ahead, slope, r[k]);
     }
 }
 
@@ -171,7 +170,8 @@ static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mo
         before += memory->modes[m];
     }
     for (int m = 0; m < MODES; m++) {
-        share[m] = (leaves * (before - memory->modes[m]) + stays * memory->modes[m]) * fmfts_exp(likelihood[m] - best);
+        double arrived = leaves * (before - memory->modes[m]) + stays * memory->modes[m];
+        share[m] = arrived * own->weights[m] * fmfts_exp(likelihood[m] - best);
         sum += share[m];
     }
     for (int m = 0; m < MODES; m++) {
@@ -221,8 +221,6 @@ bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_pa
         modes[m].chi2 = 0.0;
         modes[m].widths = 1.0;
     }
-    memset(modes[REST].x, 0, AMBIENT * sizeof(double));
-    memset(modes[REST].p, 0, AMBIENT * N * sizeof(double));
     double newest_us = 0.0;
     for (unsigned left = fresh; left;) {
         int sensor = -1;
@@ -242,7 +240,7 @@ bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_pa
             if (!is_upright(own, modes[m].x)) {
                 return false;
             }
-            take(parameters, sensor, strength, value, r, m == REST ? AMBIENT : 0, &modes[m]);
+            take(parameters, sensor, strength, value, r, &modes[m]);
         }
     }
     merge(own, fmax(newest_us - begun_us, 0.0) * 1e-6, modes, memory);

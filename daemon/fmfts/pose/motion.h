@@ -4,9 +4,10 @@
 
 #include "step.h"
 
-enum { FMFTS_MOTION_STATES = 13, FMFTS_MODES = 3, FMFTS_RATE = 5, FMFTS_AMBIENT_CHANGE = 10 };
+enum { FMFTS_MOTION_STATES = 13, FMFTS_MODES = 2, FMFTS_RATE = 5, FMFTS_AMBIENT_CHANGE = 10 };
 
 #define FMFTS_MOTION_PARAMETERS(X)                                                                                     \
+    X(weights, FMFTS_MODES)                                                                                            \
     X(switches_per_s, 1)                                                                                               \
     X(calm_s, 1)                                                                                                       \
     X(lasting_share, 1)                                                                                                \

@@ -1,17 +1,17 @@
 """The magnet's pose and its rate at the newest sample, from each chip's samples at their own times.
 
 `Tracker` solves for the pose at the newest instant that all chips have passed, some 4 ms ago; a tap moves on in that
-time. This filter predicts to each sample instead: an extended Kalman filter of three modes. The pad is at REST (as the
-baseline recorded it), STILL (it may be pressed; rates die out), or MOVING (its acceleration is white noise, along the
-directions in which presses move the magnet). After each frame the modes are merged into one state, so that the memory
-is one state, its covariance and three probabilities (GPB1: Ackerson and Fu, IEEE Trans. Automatic Control 15 (1970) 10;
-Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation" (2001), chapter 11).
+time. This filter predicts to each sample instead: an extended Kalman filter of two modes. The magnet is STILL (its rates
+die out) or MOVING (its acceleration is white noise, along the directions in which presses move the magnet). After each
+frame the modes are merged into one state, so that the memory is one state, its covariance and two probabilities (GPB1:
+Ackerson and Fu, IEEE Trans. Automatic Control 15 (1970) 10; Bar-Shalom, Li, Kirubarajan, "Estimation with applications
+to tracking and navigation" (2001), chapter 11).
 
 State x (13): change of the pose from rest (position in m, axis in the rest axis's tangent plane), its rates, and the
 change of the ambient field since the baseline. Between samples, dt apart, with the drive W (5, 5) of MOVING:
 
     pose += g·rate, rate *= e
-    MOVING: e = 1, g = dt;  STILL: e = exp(−dt/CALM_S), g = CALM_S·(1 − e);  REST: pose and rate are 0
+    MOVING: e = 1, g = dt;  STILL: e = exp(−dt/CALM_S), g = CALM_S·(1 − e)
     P += W·[dt³/3, dt²/2; dt²/2, dt]  (white acceleration: Bar-Shalom et al., chapter 6)
 
 Each axis of a sample is one scalar measurement z = field + ambient along the axis, with h its derivative by x:
@@ -38,10 +38,12 @@ from fmfts.pose.state import LOG_MOMENT, State, tangent_basis
 Array = NDArray[np.float64]
 
 STATES, POSE, RATE, AMBIENT_CHANGE = 13, slice(0, 5), slice(5, 10), slice(10, 13)
-MODES = 3
-REST, STILL, MOVING = range(MODES)
+MODES = 2
+STILL, MOVING = range(MODES)
 # How fast the rates die out while the pad is still.
 CALM_S = 0.03
+# 0 for a mode that is left out: `bench now --ablation` shows what each of them brings.
+WEIGHTS = (1.0, 1.0)
 # How often a mode gives way to each other one.
 SWITCHES_PER_S = 30.0
 # Share of the deviation that lasts (gains, places) that counts in each sample. In full it would slow the filter, which
@@ -71,7 +73,7 @@ class Samples(NamedTuple):
 class MotionMemory:
     """motion_us: time of the newest sample on the board's clock, 0 while the filter does not run.
 
-    motion_state (13,), motion_covariance (13, 13): the merged state. modes (3,): probabilities. followed: frames
+    motion_state (13,), motion_covariance (13, 13): the merged state. modes (2,): probabilities. followed: frames
     since the filter began.
     """
 
@@ -128,7 +130,6 @@ class MotionFilter:
         elapsed_s = max(float(samples.time_us[order[-1]]) - memory.motion_us, 0.0) * 1e-6
         x = np.stack([memory.motion_state] * MODES)
         p = np.stack([memory.motion_covariance] * MODES)
-        x[REST, :10], p[REST, :10], p[REST, :, :10] = 0.0, 0.0, 0.0
         chi2, widths = np.zeros(MODES), np.ones(MODES)
         strength = self._pad.magnet.strength_t_m3 * exp(log_moment)
         for sensor in order:
@@ -173,7 +174,7 @@ class MotionFilter:
             p[mode][[10, 11, 12], [10, 11, 12]] += self._walk * passed_s
 
     def _predicted(self, x: Array, sensor: int, strength: float) -> tuple[Array, Array]:
-        """What the sensor's axes would read in each mode (3, 3), and the derivative by pose and ambient (3, 3, 8)."""
+        """What the sensor's axes would read in each mode (2, 3), and the derivative by pose and ambient (2, 3, 8)."""
         directions, magnet = self._directions[sensor], self._pad.magnet
         position_m, axis, turn = self.pose(x[:, POSE])
         r = self._pad.sensors.position_m[sensor] - position_m
@@ -206,7 +207,7 @@ class MotionFilter:
         leaves = 1.0 - exp(-SWITCHES_PER_S * elapsed_s)
         stays = 1.0 - (MODES - 1) * leaves
         before = leaves * (memory.modes.sum() - memory.modes) + stays * memory.modes
-        modes = before * np.array([exp(one) for one in likelihood - likelihood.max()])
+        modes = before * np.array(WEIGHTS) * np.array([exp(one) for one in likelihood - likelihood.max()])
         memory.modes = modes / modes.sum()
         memory.motion_state = product(memory.modes, x)
         off = x - memory.motion_state
@@ -216,9 +217,9 @@ class MotionFilter:
 def _measure(
     x: Array, p: Array, at: Array, value: float, predicted: Array, slope: Array, r: float, chi2: Array, widths: Array
 ) -> None:
-    """Take one scalar in all modes. at (3, 13): where `predicted` (3,) and `slope` (3, 8) were computed.
+    """Take one scalar in all modes. at (2, 13): where `predicted` (2,) and `slope` (2, 8) were computed.
 
-    chi2 (3,): sum of ν²/s. widths (3,): product of s/r.
+    chi2 (2,): sum of ν²/s. widths (2,): product of s/r.
     """
     seen = [*range(5), 10, 11, 12]
     moved = (x - at)[:, seen]

@@ -135,6 +135,7 @@ def main() -> None:
     verb.add_argument("--pads", type=int, default=6, help="how many built pads")
     verb.add_argument("--seconds", type=float, default=2.0, help="of each motion on each pad")
     verb.add_argument("--drilled", type=int, default=1, help="on how many pads sensors begin to fail; 0: none")
+    verb.add_argument("--ablation", action="store_true", help="instead: without each part of the filter")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=now.run)
     options = parser.parse_args()

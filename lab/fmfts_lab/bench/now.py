@@ -27,6 +27,7 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench import now_faults
 from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
+from fmfts_lab.bench.now_ablation import VARIANTS, changed
 from fmfts_lab.bench.tapped import ManyFrames
 
 BAUD = 460800
@@ -206,7 +207,24 @@ HEADER = """\
 motion             own   today   now  ratio  least–most  today  held  carried  today   now   shoot    %  in sd    %"""
 
 
+def run_ablation(options: Namespace) -> None:
+    """Error at publishing over today's, for each variant and motion."""
+    for variant in VARIANTS:
+        with changed(variant):
+            found = {name: one.facts() for name, one in measure(options.seed, options.pads, options.seconds).items()}
+        if variant == next(iter(VARIANTS)):
+            print("error of force over today's; place: of slide 100 mm/s; p95 of overshoot in N")
+            print(" " * 24 + " ".join(f"{name.replace(' mm/s', '').replace(' in', ''):>9.9}" for name in found))
+        slid, tapped = found["slide 100 mm/s"], found["tap in 50 ms"]
+        ratios = " ".join(f"{fact['ratio']:9.2f}" for fact in found.values())
+        place = slid["place_now_mm"] / slid["place_today_mm"]
+        print(f"{variant:23} {ratios}  place {place:.2f}  over {tapped['overshoot_p95_n']:.3f}", flush=True)
+
+
 def run(options: Namespace) -> None:
+    if options.ablation:
+        run_ablation(options)
+        return
     facts = {name: errors.facts() for name, errors in measure(options.seed, options.pads, options.seconds).items()}
     print(f"{options.pads} built pads, seed {options.seed}; published {TRANSPORT_S * 1e3:.2f} ms after a frame is made")
     print(HEADER)

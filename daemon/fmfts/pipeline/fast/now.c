@@ -5,7 +5,7 @@
 #include "../../pose/model.h"
 #include "frame_step.h"
 
-enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, STATES = FMFTS_MOTION_STATES, MOVING = 2 };
+enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, STATES = FMFTS_MOTION_STATES, MOVING = 1 };
 
 #define MM_PER_M 1e3
 static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */

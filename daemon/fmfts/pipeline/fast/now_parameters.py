@@ -36,6 +36,7 @@ def put_now(parameters: DoubleTable, now: NowParameters | None) -> None:
     parameters.put("tells_now", now is not None)
     if now is None:
         return
+    parameters.put("weights", np.array(motion.WEIGHTS))
     parameters.put("switches_per_s", motion.SWITCHES_PER_S)
     parameters.put("calm_s", motion.CALM_S)
     parameters.put("largest_tilt", motion.LARGEST_TILT)
