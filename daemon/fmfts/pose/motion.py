@@ -1,8 +1,8 @@
 """The magnet's pose and its rate at the newest sample, from each chip's samples at their own times.
 
 `Tracker` solves for the pose at the newest instant that all chips have passed, some 4 ms ago; a tap moves on in that
-time. This filter predicts to each sample instead: an extended Kalman filter of two modes. The magnet is STILL (its rates
-die out) or MOVING (its acceleration is white noise, along the directions in which presses move the magnet). After each
+time. This filter predicts to each sample instead: an extended Kalman filter of two modes. The magnet is STILL (its
+rates die out) or MOVING (its acceleration is white noise, along the directions in which presses move the magnet). After each
 frame the modes are merged into one state, so that the memory is one state, its covariance and two probabilities (GPB1:
 Ackerson and Fu, IEEE Trans. Automatic Control 15 (1970) 10; Bar-Shalom, Li, Kirubarajan, "Estimation with applications
 to tracking and navigation" (2001), chapter 11).
