@@ -2,10 +2,10 @@
 
 `Tracker` solves for the pose at the newest instant that all chips have passed, some 4 ms ago; a tap moves on in that
 time. This filter predicts to each sample instead: an extended Kalman filter of two modes. The magnet is STILL (its
-rates die out) or MOVING (its acceleration is white noise, along the directions in which presses move the magnet). After each
-frame the modes are merged into one state, so that the memory is one state, its covariance and two probabilities (GPB1:
-Ackerson and Fu, IEEE Trans. Automatic Control 15 (1970) 10; Bar-Shalom, Li, Kirubarajan, "Estimation with applications
-to tracking and navigation" (2001), chapter 11).
+rates die out) or MOVING (its acceleration is white noise, along the directions in which presses move the magnet).
+After each frame the modes are merged into one state, so that the memory is one state, its covariance and two
+probabilities (GPB1: Ackerson and Fu, IEEE Trans. Automatic Control 15 (1970) 10; Bar-Shalom, Li, Kirubarajan,
+"Estimation with applications to tracking and navigation" (2001), chapter 11).
 
 State x (13): change of the pose from rest (position in m, axis in the rest axis's tangent plane), its rates, and the
 change of the ambient field since the baseline. Between samples, dt apart, with the drive W (5, 5) of MOVING:
