@@ -163,7 +163,7 @@ static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mo
                   fmfts_motion_memory *memory)
 {
     double likelihood[MODES], best = -INFINITY, share[MODES], sum = 0.0, before = 0.0;
-    double leaves = 1.0 - fmfts_exp(-own->switches_per_s[0] * elapsed_s), stays = 1.0 - (MODES - 1) * leaves;
+    double leaves = fmin(1.0 - fmfts_exp(-own->switches_per_s[0] * elapsed_s), 1.0 / MODES), stays = 1.0 - (MODES - 1) * leaves;
     for (int m = 0; m < MODES; m++) {
         likelihood[m] = -0.5 * (modes[m].chi2 + fmfts_log(modes[m].widths));
         best = fmax(best, likelihood[m]);

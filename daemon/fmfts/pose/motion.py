@@ -204,7 +204,8 @@ class MotionFilter:
 
     def _merge(self, x: Array, p: Array, likelihood: Array, elapsed_s: float) -> None:
         memory = self.memory
-        leaves = 1.0 - exp(-SWITCHES_PER_S * elapsed_s)
+        # After a long gap every mode is as likely as the others, whichever it was before.
+        leaves = min(1.0 - exp(-SWITCHES_PER_S * elapsed_s), 1.0 / MODES)
         stays = 1.0 - (MODES - 1) * leaves
         before = leaves * (memory.modes.sum() - memory.modes) + stays * memory.modes
         modes = before * np.array(WEIGHTS) * np.array([exp(one) for one in likelihood - likelihood.max()])
