@@ -280,7 +280,7 @@ def test_the_memory_comes_back_whole() -> None:
 def test_a_lifted_magnet_is_left_to_python() -> None:
     """C never says that a baseline was refuted: those frames go to Python, which counts for how long."""
     config = config_of(8)
-    pipeline, frames = pipeline_of(config, simulated_baseline(config)), frames_of(config, 1.0)
+    pipeline, frames = pipeline_of(config, simulated_baseline(config)), frames_of(config, 1.5)
     for frame in frames[:110]:
         pipeline.process(frame)
     # The magnet's field falls with the cube of its distance: 6 % less of it is a quarter of a millimetre higher.

@@ -163,9 +163,9 @@ def test_pad_without_frames_fails_the_baseline_and_frees_the_next(
 def test_device_whose_clock_stands_fails_the_baseline(daemon: Daemon, clock: list[float]) -> None:
     daemon.ask("baseline", duration_s=1.0)
     (frame,) = daemon.frames(1)
-    for _ in range(8):
+    for number in range(8):
         clock[0] += 1.0
-        daemon.channel.frame(frame)
+        daemon.channel.frame(replace(frame, sequence=frame.sequence + 1 + number))
     assert "is it halted" in daemon.result()["error"]
 
 
@@ -173,7 +173,7 @@ def test_board_that_is_reset_fails_the_baseline(daemon: Daemon) -> None:
     daemon.ask("baseline", duration_s=1.0)
     (before,) = daemon.frames(1)
     daemon.frames(100)
-    daemon.channel.frame(before)
+    daemon.channel.frame(replace(before, run=before.run + 1))
     assert "went back" in daemon.result()["error"]
     assert daemon.channel.job is None
 

@@ -14,7 +14,7 @@ def after_probe(facts: Mapping[str, Any], config: str) -> str:
     faulty = [pad["pad"] for pad in facts["pads"] if pad["faults"]]
     if faulty:
         return f"mend what is listed under faults of {_named(faulty)}, then `fmfts-daemon probe{config}` again"
-    if any(pad["board"].get("self_test") is False for pad in facts["pads"]):
+    if any(pad.get("board", {}).get("self_test") is False for pad in facts["pads"]):
         return f"`fmfts-daemon baseline --bare{config}{_pad_option(facts)}` while the pad is not mounted"
     return f"`fmfts-daemon selftest{config}{_pad_option(facts)}` measures every axis"
 
