@@ -81,7 +81,7 @@ def in_c_client(table: str) -> list[tuple[str, str]]:
 
 
 def due(kind: type[msgspec.Struct], *before: str) -> list[tuple[str, str]]:
-    pairs, maps = list(kind.__annotations__.items()), ("pose", "now")
+    pairs = list(kind.__annotations__.items())
     named = [
         (name, name.upper() if name in ("pose", "now") else TEXTS.get(name, KIND_OF.get(hint, "FIELD WORD")))
         for name, hint in pairs
