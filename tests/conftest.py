@@ -34,19 +34,14 @@ settings.register_profile("few", settings.get_profile("deterministic"), max_exam
 settings.load_profile("deterministic")
 
 
-def missing(what: str) -> None:
-    """Skip a test whose system package is absent, by name; on CI that is a failure."""
-    if os.environ.get("CI"):
-        pytest.fail(f"{what} is missing, and CI installs everything", pytrace=False)
-    pytest.skip(f"{what} is missing")
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.name != "test_stream_for_a_minute.py")  # lest all wait for it at the end
 
 
 @pytest.hookimpl(tryfirst=True)  # before fixtures that call them
 def pytest_runtest_setup(item: pytest.Item) -> None:
+    from needed import missing
+
     for mark in item.iter_markers("needs"):
         for program in mark.args:
             if not shutil.which(program):

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
-from conftest import missing
 from fmfts.bus.publisher import Publisher
+from needed import missing
 from unit.bus_messages import contact_message
 
 ROOT = Path(__file__).parents[2]

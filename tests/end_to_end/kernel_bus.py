@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import conftest
+import needed
 from emulator.chips import LSB_PER_GAUSS
 from fmfts.config import GeometryConfig, I2cSource, PadConfig
 from fmfts.sensor import Frame
@@ -78,7 +78,7 @@ class KernelBus:
 def kernel_bus(*chips: object) -> Iterator[KernelBus]:
     """Seen by processes that are started meanwhile. chips: a kind, and addresses where they have no mux."""
     if missing():
-        conftest.missing(PACKAGES)
+        needed.missing(PACKAGES)
     bus = KernelBus(*chips)
     try:
         with pytest.MonkeyPatch.context() as patch:

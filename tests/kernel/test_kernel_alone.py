@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import missing
 from fmfts.pose import Problem, Status
 from fmfts.pose.kernel import STATUSES
 from fmfts.pose.reference import solve_reference
 from kernel.problems import random_problem
+from needed import missing
 
 ROOT = Path(__file__).parents[2]
 POSE = ROOT / "daemon/fmfts/pose"

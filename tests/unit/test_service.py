@@ -15,12 +15,12 @@ from pathlib import Path
 
 import pytest
 
-from conftest import missing
 from fmfts.config import Config, PadConfig, SimulatedSource
 from fmfts.runtime.daemon import Daemon
 from fmfts.service import log
 from fmfts.service.notify import Notifier
 from fmfts.service.state import state_directory, write_atomically
+from needed import missing
 
 SYSTEMD = Path(__file__).parents[2] / "systemd"
 

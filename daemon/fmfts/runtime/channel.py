@@ -65,6 +65,11 @@ class Channel:
         self._touched_since_ns = self._started_ns
 
     @property
+    def wants_all(self) -> bool:
+        """Also the frames that newer ones supersede are wanted: by a recorder, or for a baseline."""
+        return self.is_recorded or self.job is not None or self._rebaselining is not None
+
+    @property
     def health(self) -> Health:
         last = self._last_message
         return "disconnected" if last is None else last.health

@@ -198,7 +198,7 @@ class Daemon:
             channel = self._channels.get((id(source), frame.pad_index))
             if channel is not None:
                 age_us = newest_us[frame.pad_index] - frame.device_time_us
-                channel.frame(frame, superseded=channel.is_recorded and age_us > IN_TIME.longest_us)
+                channel.frame(frame, superseded=channel.wants_all and age_us > IN_TIME.longest_us)
         self._schedule.served(source, had_frames=bool(frames))
 
     def _tell_silence(self, now_ns: int) -> int:

@@ -92,7 +92,7 @@ class FastLoop:
         line = self._boards.get(id(source))
         if line is None or self._loop is None:
             return True
-        in_time = RECORDED if any(channel.is_recorded for channel in line.channels) else IN_TIME
+        in_time = RECORDED if any(channel.wants_all for channel in line.channels) else IN_TIME
         line.source.patience = BEHIND if self._loop.is_behind() and in_time is IN_TIME else in_time
         if line.descriptor is None:
             return True
