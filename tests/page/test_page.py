@@ -162,28 +162,6 @@ def test_a_paused_moment_can_be_looked_at_and_copied_with_the_keyboard_alone(ben
     until(page, "document.querySelector('#force').dataset.kind === 'none'")
 
 
-def test_a_recording_is_made_and_shown_again_on_the_same_page(bench: Bench, page: Page) -> None:
-    page.keyboard.press("r")
-    until(page, "document.querySelector('#record').getAttribute('aria-pressed') === 'true'")
-    until(page, "fmfts.pads.size === 1")
-    page.wait_for_timeout(2500)  # the recorder has begun
-    bench.pressed.touch(-4e-3, -4e-3, 0.9)
-    page.wait_for_timeout(1000)
-    bench.pressed.touch(0.0, 0.0, 0.0)
-    page.wait_for_timeout(500)
-    page.keyboard.press("r")
-    until(page, "document.querySelector('#record').getAttribute('aria-pressed') === 'false'")
-    until(page, "document.querySelector('#toast').textContent.includes('messages in')")
-    page.keyboard.press("o")
-    page.click("text=Show >> nth=0")
-    until(page, "document.querySelector('#link').textContent.startsWith('recording fmfts-')")
-    until(page, "document.querySelector('#force').dataset.kind === 'touch'")
-    until(page, "document.querySelector('#place').textContent.startsWith('x −4.')")
-    page.keyboard.press("o")
-    page.click("text=Back")
-    until(page, "document.querySelector('#link').textContent.startsWith('live')")
-
-
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_axe_finds_no_serious_violation(page: Page, theme: str) -> None:
     if page.evaluate("document.documentElement.dataset.theme") != theme:
