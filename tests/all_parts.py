@@ -32,11 +32,11 @@ PARTS = {
     "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
     "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "--ignore", "tests/page", "--ignore", "tests/drills", "-m", "real_time"]],
-    "page": [[*PYTEST, "tests/page", "tests/drills", "-m", "real_time"]],  # a browser needs a processor for itself
+    "alone": [[*PYTEST, "tests/page", "tests/drills", "-m", "real_time"]],  # browsers and drills need a processor
     "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],
 }  # fmt: skip
 BY_ITSELF = {"long"}
-FAVOURED = {"clock": -15, "page": -15}  # niceness
+FAVOURED = {"clock": -15, "alone": -15}  # niceness
 
 
 @dataclass
