@@ -7,8 +7,13 @@ gain of the sample after a change) and TI SCPS207 (a channel becomes active afte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
+
+try:
+    from emulator.magnetometer import Magnetometer
+except ImportError:  # run by a Python that has this folder on its path, and not the one above
+    from magnetometer import Magnetometer
 
 LSB_PER_GAUSS = (1370, 1090, 820, 660, 440, 390, 330, 230)
 OUTPUT_RATE_HZ = (0.75, 1.5, 3, 7.5, 15, 30, 75, 220)
@@ -23,30 +28,16 @@ class NackError(Exception):
     """Nobody pulled SDA low."""
 
 
-class Hmc5983:
-    """One chip at 0x1E. `clock_error` is relative; `gain` and `strap` multiply what the data sheet calls nominal."""
+class Hmc5983(Magnetometer):
+    """One chip at 0x1E. `strap` multiplies what the data sheet calls nominal."""
 
     address = 0x1E
 
-    def __init__(
-        self,
-        time_s: Callable[[], float],
-        field_gauss: Sequence[float] = (0.0, 0.0, 0.0),
-        clock_error: float = 0.0,
-        phase_s: float = 0.0,
-    ) -> None:
-        self.time_s = time_s
-        self.field_gauss = list(field_gauss)
-        self.clock_error = clock_error
-        self.phase_s = phase_s
-        self.gain = [1.0, 1.0, 1.0]
+    def __init__(self, *arguments: Any, **options: Any) -> None:
         self.strap = 1.0
         self.subtracts_field = True  # data sheet, self-test operation; there is another reading, and so another kind
-        self.temperature_c = 25.0
-        self.absent = False
-        self.frozen = False  # a clock that has stopped
         self.identification = b"H43"
-        self.power_on()
+        super().__init__(*arguments, **options)
 
     def power_on(self) -> None:
         self.registers = bytearray(0x40)
@@ -83,15 +74,6 @@ class Hmc5983:
         self._was_read(self.pointer)
         self._advance_pointer()
         return value
-
-    def write(self, data: bytes) -> None:
-        self.started(reading=False)
-        for byte in data:
-            self.put(byte)
-
-    def read(self, count: int) -> bytes:
-        self.started(reading=True)
-        return bytes(self.get() for _ in range(count))
 
     def _value(self, register: int) -> int:
         if register == 0x09:

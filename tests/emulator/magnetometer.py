@@ -39,6 +39,27 @@ class Magnetometer:
     def power_on(self) -> None:
         raise NotImplementedError
 
+    def started(self, reading: bool) -> None:
+        """It was addressed."""
+        raise NotImplementedError
+
+    def put(self, byte: int) -> None:
+        """A byte was written to it."""
+        raise NotImplementedError
+
+    def get(self) -> int:
+        """A byte is read from it."""
+        raise NotImplementedError
+
+    def write(self, data: bytes) -> None:
+        self.started(reading=False)
+        for byte in data:
+            self.put(byte)
+
+    def read(self, count: int) -> bytes:
+        self.started(reading=True)
+        return bytes(self.get() for _ in range(count))
+
     def convert(self) -> None:
         """A conversion ended: its result goes to the output."""
         raise NotImplementedError

@@ -1,7 +1,8 @@
 """QMC5883L, LIS3MDL and MMC5983MA, register by register; mlx90393.py has the fourth. For whatever carries transfers.
 
-Written from the data sheets (QST 13-52-04, ST DocID024204, MEMSIC rev. A) and from no driver. Pure Python without
-dependencies, like chips.py, whose Bus they hang on.
+As public drivers and the data sheets (QST 13-52-04, ST DocID024204, MEMSIC rev. A) describe them. These data sheets
+could not be read here: what the drivers do not tell is from memory. Pure Python without dependencies, like chips.py,
+whose Bus they hang on.
 """
 
 from __future__ import annotations
@@ -36,15 +37,6 @@ class RegisterChip(Magnetometer):
 
     def advance(self) -> None:
         self.pointer = (self.pointer + 1) & 0xFF
-
-    def write(self, data: bytes) -> None:
-        self.started(reading=False)
-        for byte in data:
-            self.put(byte)
-
-    def read(self, count: int) -> bytes:
-        self.started(reading=True)
-        return bytes(self.get() for _ in range(count))
 
     def reset(self, values: dict[int, int]) -> None:
         self.registers = bytearray(256)

@@ -1,4 +1,7 @@
-"""The MLX90393, command by command, written from its data sheet (Melexis 3901090393 rev. 006) and from no driver."""
+"""The MLX90393, command by command, as public drivers and Melexis 3901090393 rev. 006 describe it.
+
+The data sheet could not be read here: what the drivers do not tell, its sections and tables, is from memory.
+"""
 
 from __future__ import annotations
 
@@ -47,15 +50,6 @@ class Mlx90393(Magnetometer):
     def get(self) -> int:
         byte, self.answer = (self.answer[0], self.answer[1:]) if self.answer else (0xFF, b"")
         return byte
-
-    def write(self, data: bytes) -> None:
-        self.started(reading=False)
-        for byte in data:
-            self.put(byte)
-
-    def read(self, count: int) -> bytes:
-        self.started(reading=True)
-        return bytes(self.get() for _ in range(count))
 
     def status(self, error: bool = False, words: int = 0) -> int:
         shown = self.mode | (ERROR if error else 0) | (RESET if self.was_reset else 0)

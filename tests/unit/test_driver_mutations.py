@@ -1,8 +1,8 @@
 # ruff: noqa: E501  a mutation is easier to read in one line
 """Wrong drivers, each with one mistake: what is checked of every chip must catch all of them, and pass the right one.
 
-A mutation is a piece of the driver's file and what stands there instead. The emulated chips are written from the data
-sheets, so that a mistake in a driver meets a chip that does not share it.
+A mutation is a piece of the driver's file and what stands there instead. The emulated chips share no code with the
+drivers, so that a slip in a driver meets a chip without it; a fact that both took from the same source they share.
 """
 
 from __future__ import annotations
