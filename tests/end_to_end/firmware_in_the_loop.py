@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from end_to_end.processes import ROOT, FirmwareHost
+from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost
 from fmfts.pad import Pad
 from fmfts.simulation.finger import Finger
 from fmfts.simulation.mounted import MountedPad
@@ -19,6 +19,9 @@ from fmfts.simulation.mounted import MountedPad
 ELF = ROOT / "firmware" / "build" / "fmfts.elf"
 RUNNER = ROOT / "tests" / "emulator" / "board_on_pty.py"
 MOVES_A_SECOND = 100
+# A frame costs about 4 ms of a processor, twice that on a slow one. At 220 Hz the board's clock would stand now and
+# then, and the daemon leaves late frames out; tests/firmware/test_emulator_stream.py has 220 Hz, in the board's time.
+EMULATED_CONFIG = BRIDGE_CONFIG + "rate_hz = 75\n"
 
 
 class EmulatedBoard(FirmwareHost):

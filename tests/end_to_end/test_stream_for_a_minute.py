@@ -53,7 +53,8 @@ def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad:
                 else:
                     contact = Contact.from_message(message.body)
                     sequence.append(contact.seq)
-                    healths[contact.health] = healths.get(contact.health, 0) + 1
+                    health = f"{contact.health}: {contact.reason}" if contact.health == "degraded" else contact.health
+                    healths[health] = healths.get(health, 0) + 1
                     if contact.health == "stale":
                         silences_s.append(message.body["t_publish_ns"] * 1e-9)
             elapsed = time.monotonic() - start

@@ -162,3 +162,28 @@ def test_gap_of_two_periods_at_the_end_of_a_tap_is_as_uncertain_as_it_is() -> No
             if step == 10:
                 error = np.abs(aligned.field_t - tap(aligned.time_us))
                 assert (error / np.hypot(aligned.bend_t, 2e-7)).max() < 2.0
+
+
+def test_sample_whose_first_frame_never_came_is_taken_from_the_next() -> None:
+    """The last chip is slower than the frames: frame 5 repeats its sample of frame 4, which was left out."""
+    alignment = Alignment(4, PERIOD_US)
+    offsets = np.array([0, 1200, 2500, 4000])
+    for step in range(3):
+        time_us = 1000 + step * PERIOD_US + offsets
+        alignment.push(_rows(*(1e-9 * time_us)), time_us, FRESH)
+    time_us = 1000 + np.array([5, 5, 5, 4]) * PERIOD_US + offsets
+    aligned = alignment.push(_rows(*(1e-9 * time_us)), time_us, np.array([True, True, True, False]))
+    assert aligned.time_us == time_us[3]
+    assert aligned.field_t == pytest.approx(np.repeat(1e-9 * time_us[3], 12).reshape(4, 3))
+    again = alignment.push(_rows(*(1e-9 * time_us)), time_us, ~FRESH)
+    assert (again.repeats == 0).all()  # it was taken once
+    assert again.time_us == aligned.time_us
+
+
+def test_sample_whose_time_is_not_known_is_not_taken_for_a_new_one() -> None:
+    alignment = Alignment(4, PERIOD_US)
+    for step in range(3):
+        alignment.push(_rows(1.0, 1.0, 1.0, 1.0), np.full(4, 100_000 + step * PERIOD_US), FRESH)
+    before = alignment.memory.time_us.copy()
+    alignment.push(_rows(1.0, 1.0, 1.0, 1.0), np.full(4, 200_000), ~FRESH, ~FRESH)
+    assert (alignment.memory.time_us == before).all()

@@ -73,7 +73,7 @@ def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
     """Fields (K, N, 3) and their instants (K,) in µs."""
     span_us = frames[-1].device_time_us - frames[0].device_time_us
     alignment = Alignment(len(frames[0].valid), period_us=span_us / (len(frames) - 1))
-    pushed = [alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid) for frame in frames]
+    pushed = [alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed) for frame in frames]
     return np.array([one.field_t for one in pushed]), np.array([one.time_us for one in pushed], dtype=np.float64)
 
 

@@ -156,7 +156,7 @@ class PadPipeline:
         return passed, self._writer.passed(passed)
 
     def _judge(self, frame: Frame) -> ContactMessage:
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.valid)
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed)
         if frame.valid.any() and self._alignment.memory.without_news <= MOST_WITHOUT_NEWS:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:

@@ -5,16 +5,22 @@
 #include "../sensor/reading.h"
 #include "step.h"
 
-enum { AMBIENT_VALUE = 7 };
+enum { AMBIENT_VALUE = 7, AGE_UNKNOWN_US = 65535 };
+static const double UNSEEN_SHARE = 0.2; /* see alignment.py */
 
 static int little_endian(const uint8_t *bytes)
 {
     return bytes[0] | bytes[1] << 8;
 }
 
+static int age_us(const fmfts_frame *frame, int sensor)
+{
+    return little_endian(frame->readings + FMFTS_READING_BYTES * sensor + 6);
+}
+
 static double sampled_us(const fmfts_frame *frame, int sensor)
 {
-    return frame->time_us - little_endian(frame->readings + FMFTS_READING_BYTES * sensor + 6);
+    return frame->time_us - age_us(frame, sensor);
 }
 
 /* Forgets all samples if the board was reset, or if no frame came for long. */
@@ -37,22 +43,37 @@ static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pos
     }
 }
 
-/* Puts the fresh samples into the memory. False if none is fresh, or if one is missing, saturated or stuck. */
+/* Which samples are not in the memory: the fresh ones, and those that were fresh in a frame unseen here. */
+static unsigned new_samples(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_frame *frame)
+{
+    unsigned new = frame->fresh;
+    for (int i = 0; i < (int)parameters->sensors[0]; i++) {
+        bool later = sampled_us(frame, i) - memory->time_us[i] > UNSEEN_SHARE * parameters->stopped_us[0];
+        new |= (unsigned)(later && age_us(frame, i) < AGE_UNKNOWN_US) << i;
+    }
+    return new;
+}
+
+/* Puts the new samples into the memory. False if none is new, or if one is missing, saturated or stuck. */
 static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
     unsigned all = (1u << sensors) - 1;
-    if ((frame->valid & all) != all || !(frame->fresh & all) || frame->gain_code >= FMFTS_GAIN_CODES) {
+    if ((frame->valid & all) != all || frame->gain_code >= FMFTS_GAIN_CODES) {
         return false;
     }
     forget_before_gap(parameters, memory, frame);
+    unsigned new = new_samples(parameters, memory, frame);
+    if (!(new & all)) {
+        return false;
+    }
     for (int i = 0; i < sensors; i++) {
         double *sample[3], *time = memory->time_us + i;
         for (int k = 0; k < 3; k++) {
             sample[k] = memory->field_t + 3 * (k * sensors + i);
         }
-        bool fresh = frame->fresh >> i & 1;
-        if (fresh) {
+        bool is_new = new >> i & 1;
+        if (is_new) {
             memcpy(sample[2], sample[1], 3 * sizeof(double));
             memcpy(sample[1], sample[0], 3 * sizeof(double));
             time[2 * sensors] = time[sensors];
@@ -65,7 +86,7 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
             if (count == saturated || count > largest || count < -largest - 1) {
                 return false;
             }
-            if (fresh) {
+            if (is_new) {
                 double *repeats = memory->repeats + 3 * i + axis;
                 sample[0][axis] = count * parameters->step_t[3 * frame->gain_code + axis];
                 *repeats = sample[0][axis] == sample[1][axis] ? *repeats + 1.0 : 0.0;

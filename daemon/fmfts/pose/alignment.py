@@ -22,6 +22,9 @@ Times = NDArray[np.int64]
 
 # A chip that is this many periods behind the others has stopped: the others do not wait for it.
 STOPPED_PERIODS = 2.5
+# A sample that is later than the last one by this share of STOPPED_PERIODS (half a period) is new, even if the frame
+# that was the first to have it never came here: it was lost, or left out because newer ones superseded it.
+UNSEEN_SHARE = 0.2
 # After so many frames without any new sample, none of a chip is in them: the next one tells of the past.
 MOST_WITHOUT_NEWS = 3
 # After a longer gap than this (or STOPPED_PERIODS, at low rates) the samples before it say nothing of the motion since:
@@ -71,20 +74,21 @@ class Alignment:
         self.stopped_us = STOPPED_PERIODS * period_us
 
     def push(
-        self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_], valid: NDArray[np.bool_] | None = None
+        self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_], timed: NDArray[np.bool_] | None = None
     ) -> Aligned:
         """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
 
-        valid (N,): which sensors gave a sample at all; None: all. The `time_us` of the others means nothing, because
-        their age is not known. If no sensor is valid, the instant stays where it was.
+        timed (N,): which sensors gave a sample at all, and tell its time; None: all. The `time_us` of the others means
+        nothing, because their age is not known. Without any such sensor, the instant stays where it was.
         """
         memory = self.memory
-        told_us = time_us if valid is None else time_us[valid]
+        told_us = time_us if timed is None else time_us[timed]
         if told_us.size and memory.time_us[0].any():
             later_us = told_us.max() - memory.time_us[0].max()
             # The board was reset, so its clock began again; or no frame came for long.
             if later_us < -self.stopped_us or later_us > longest_gap_us(self.stopped_us):
                 memory.field_t[:], memory.time_us[:] = np.nan, 0
+        fresh = self._new(time_us, fresh, timed)
         if fresh.all():
             memory.field_t[2], memory.field_t[1], memory.field_t[0] = memory.field_t[1], memory.field_t[0], field_t
             memory.time_us[2], memory.time_us[1], memory.time_us[0] = memory.time_us[1], memory.time_us[0], time_us
@@ -127,6 +131,12 @@ class Alignment:
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
         return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, memory.repeats.copy())
+
+    def _new(self, time_us: Times, fresh: NDArray[np.bool_], timed: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+        """Which samples (N,) are not in the memory: fresh ones, and those that were fresh in a frame unseen here."""
+        unseen = time_us - self.memory.time_us[0] > UNSEEN_SHARE * self.stopped_us
+        new: NDArray[np.bool_] = fresh | (unseen if timed is None else unseen & timed)
+        return new
 
 
 def longest_gap_us(stopped_us: float) -> float:

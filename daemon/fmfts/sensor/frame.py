@@ -79,6 +79,12 @@ class Frame:
         return self.device_time_us - self.age_us.astype(np.int64)
 
     @property
+    def timed(self) -> NDArray[np.bool_]:
+        """(N,) sensors whose sample may be used, and whose time is known."""
+        timed: NDArray[np.bool_] = self.valid & (self.age_us < AGE_UNKNOWN_US)
+        return timed
+
+    @property
     def field_t(self) -> NDArray[np.float64]:
         """(N, 3) field in tesla, in each sensor's own axes, NaN where an axis holds no measurement."""
         field: NDArray[np.float64] = self.counts.astype(np.float64) * self.chip.step_t[self.gain_code]
