@@ -6,7 +6,7 @@
 #include "step.h"
 
 enum { AMBIENT_VALUE = 7, AGE_UNKNOWN_US = 65535 };
-static const double UNSEEN_SHARE = 0.2; /* see alignment.py */
+static const double GAP_SHARE = 0.6, UNSEEN_SHARE = 0.2; /* see alignment.py */
 
 static int little_endian(const uint8_t *bytes)
 {
@@ -47,7 +47,12 @@ static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pos
 static unsigned new_samples(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     unsigned new = frame->fresh;
+    double newest = -INFINITY, before = 0.0;
     for (int i = 0; i < (int)parameters->sensors[0]; i++) {
+        newest = frame->fresh >> i & 1 ? fmax(newest, sampled_us(frame, i)) : newest;
+        before = fmax(before, memory->time_us[i]);
+    }
+    for (int i = 0; newest - before > GAP_SHARE * parameters->stopped_us[0] && i < (int)parameters->sensors[0]; i++) {
         bool later = sampled_us(frame, i) - memory->time_us[i] > UNSEEN_SHARE * parameters->stopped_us[0];
         new |= (unsigned)(later && age_us(frame, i) < AGE_UNKNOWN_US) << i;
     }

@@ -22,9 +22,9 @@ Times = NDArray[np.int64]
 
 # A chip that is this many periods behind the others has stopped: the others do not wait for it.
 STOPPED_PERIODS = 2.5
-# A sample that is later than the last one by this share of STOPPED_PERIODS (half a period) is new, even if the frame
-# that was the first to have it never came here: it was lost, or left out because newer ones superseded it.
-UNSEEN_SHARE = 0.2
+# Shares of STOPPED_PERIODS. After 1.5 periods without a frame, one was lost, or left out as newer ones superseded it.
+# Then a sample is new, too, that is half a period later than the last one: the frame that had it first never came here.
+GAP_SHARE, UNSEEN_SHARE = 0.6, 0.2
 # After so many frames without any new sample, none of a chip is in them: the next one tells of the past.
 MOST_WITHOUT_NEWS = 3
 # After a longer gap than this (or STOPPED_PERIODS, at low rates) the samples before it say nothing of the motion since:
@@ -134,7 +134,11 @@ class Alignment:
 
     def _new(self, time_us: Times, fresh: NDArray[np.bool_], timed: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
         """Which samples (N,) are not in the memory: fresh ones, and those that were fresh in a frame unseen here."""
-        unseen = time_us - self.memory.time_us[0] > UNSEEN_SHARE * self.stopped_us
+        before_us = self.memory.time_us[0]
+        has_gap = fresh.any() and time_us[fresh].max() - before_us.max() > GAP_SHARE * self.stopped_us
+        if not has_gap:
+            return fresh
+        unseen = time_us - before_us > UNSEEN_SHARE * self.stopped_us
         new: NDArray[np.bool_] = fresh | (unseen if timed is None else unseen & timed)
         return new
 
