@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wire.requests import Requests
-from fmfts.sensor.wire.time_gate import FIRST_FRAMES, TimeGate
+from fmfts.sensor.wire.time_gate import TimeGate
 
 # A board that did not answer for so long has left the line. It is asked every second while there are two.
 LEFT_NS = 3_000_000_000
@@ -22,8 +22,9 @@ class LineGuard:
         self._heard_ns: dict[bytes, int] = {}  # when each uid said hello
         self._asked_ns = 0
 
-    def hello(self, uid: bytes, now_ns: int) -> None:
-        self._times.hello()
+    def hello(self, uid: bytes, clock: DeviceClock | HostClock, now_ns: int) -> None:
+        if isinstance(clock, DeviceClock) and now_ns - self._asked_ns > ASK_NS:
+            self._times.hello(clock)
         self._heard_ns[uid] = now_ns
 
     def review(self, now_ns: int) -> str | None:
@@ -35,13 +36,11 @@ class LineGuard:
             self.crowd = f"boards {boards} send on one line, and samples do not say whose they are: part them"
         return self.crowd
 
-    def why_not(
-        self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int, sequence: int = FIRST_FRAMES
-    ) -> str | None:
-        """Why a sample with this time and number cannot be believed; None: it can."""
+    def why_not(self, clock: DeviceClock | HostClock, time_us: int, arrival_ns: int) -> str | None:
+        """Why a sample with this time cannot be believed; None: it can."""
         if self.crowd is not None:
             return "several boards send on this line"
-        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns, sequence):
+        if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns):
             if arrival_ns - self._asked_ns > ASK_NS:
                 self._asked_ns = arrival_ns
                 self._requests.ask(Verb.HELLO)  # it may be another board's

@@ -30,7 +30,6 @@ from fmfts.sensor.wire.packets import (
 from fmfts.sensor.wire.requests import REPEAT_NS, Requests
 from fmfts.sensor.wire.selftests import Selftests
 from fmfts.sensor.wire.strange import StrangeBytes
-from fmfts.sensor.wire.time_gate import FIRST_FRAMES
 from fmfts.sensor.wired_pad import WiredPad
 
 LOADS_KEPT = 240  # three seconds of load-cell readings, if nobody takes them
@@ -161,9 +160,9 @@ class Link:
         key = pad_index, len(packed[3])
         chip = self._accepted.get(key)
         if chip is not None:
-            host_time_ns = self._host_time_ns(time_us, now_ns, sequence)
+            host_time_ns = self._host_time_ns(time_us, now_ns)
         else:
-            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns, sequence)
+            host_time_ns = self._admitted(pad_index, len(packed[3]) // READING_BYTES, time_us, now_ns)
         if host_time_ns is None:
             return None
         if chip is None:
@@ -173,9 +172,9 @@ class Link:
         temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
         return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
 
-    def _host_time_ns(self, time_us: int, now_ns: int, sequence: int = FIRST_FRAMES) -> int | None:
+    def _host_time_ns(self, time_us: int, now_ns: int) -> int | None:
         """When a packet's sample was taken, on this host; None if it cannot be believed."""
-        if (why := self._guard.why_not(self._clock, time_us, now_ns, sequence)) is not None:
+        if (why := self._guard.why_not(self._clock, time_us, now_ns)) is not None:
             self._leave_out("sample", why)
             return None
         restarts = self._clock.restarts
@@ -184,11 +183,11 @@ class Link:
             self.requests.ask(Verb.HELLO)  # after a reset the board has its default settings, and its hello may be lost
         return host_time_ns
 
-    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int, sequence: int) -> int | None:
+    def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int) -> int | None:
         """When a sample was taken; None if it is of no configured pad, or does not agree with its configuration."""
         if not self._fits("sample", pad_index, sensors):
             return None
-        host_time_ns = self._host_time_ns(time_us, now_ns, sequence)
+        host_time_ns = self._host_time_ns(time_us, now_ns)
         if host_time_ns is None:
             return None
         pad = self._pads.get(pad_index)
@@ -200,7 +199,7 @@ class Link:
 
     def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
         sensors = len(sample.counts)
-        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns, sample.sequence)
+        host_time_ns = self._admitted(sample.pad_index, sensors, sample.time_us, now_ns)
         if host_time_ns is None:
             return None
         chip, raw = self._pads[sample.pad_index].chip, sample.temperature_raw
@@ -232,7 +231,7 @@ class Link:
     def _take(self, packet: Packet, now_ns: int) -> None:
         match packet:
             case Hello():
-                self._guard.hello(packet.uid, now_ns)
+                self._guard.hello(packet.uid, self._clock, now_ns)
                 self._take_hello(packet)
                 self._review_line(now_ns)
             case Status():

@@ -36,7 +36,8 @@ def _in_python(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]]
         if sample is not None:
             pad = sample.pad_index
             age_us = newest_us.setdefault(pad, sample.time_us) - sample.time_us
-            if kept[pad] and (kept[pad] >= patience.most or age_us > patience.longest_us):
+            is_older = kept[pad] > 0 and age_us >= 0  # else an old sample was sent again after this one
+            if is_older and (kept[pad] >= patience.most or age_us > patience.longest_us):
                 left_out[pad] += 1
                 continue
             kept[pad] += 1

@@ -11,11 +11,10 @@ from fmfts.sensor.wire.clock import JUMP_NS, DeviceClock
 
 # So many packets in a row that go on from each other are a clock's: a reset board, whose hello was lost.
 CONVINCING = 3
-# Packets of the last seconds that come again go on from each other too. Nothing repeats a line for longer than this.
+# Packets of the last seconds that come again go on from each other too, and may be the first that a board sent. Nothing
+# repeats a line for longer than this.
 RECENT_US = 10_000_000
 REPEATED_NS = 100_000_000
-# But a board that was reset begins with frame 0; some of the first may be lost.
-FIRST_FRAMES = 8
 # How far the steps of time and arrival may differ besides JUMP_NS: an RC oscillator's tolerance, twice.
 STEP_SHARE = 0.04
 
@@ -27,32 +26,42 @@ class TimeGate:
         self._strange: tuple[int, int] | None = None  # time in µs and arrival in ns of the last one
         self._count = 0
         self._since_ns = 0
-        self._is_first = False
         self._hello = False
+        self._newest_us = 0  # of the clock, when something strange or a hello came
 
-    def hello(self) -> None:
-        """The board said who it is, as it does after a reset: the next packet tells its new time."""
+    def hello(self, clock: DeviceClock) -> None:
+        """The board said unasked who it is, as it does after a reset: the next packet tells its new time."""
+        self._forget_if_it_went_on(clock)
         self._hello = True
 
-    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int, sequence: int = FIRST_FRAMES) -> bool:
-        """Whether `clock` may learn from a packet with this time. sequence: the number of its frame, if it has one."""
-        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(
-            clock.newest_us, device_us, arrival_ns, sequence
-        ):
-            self._strange, self._count, self._hello = None, 0, False
+    def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
+        """Whether `clock` may learn from a packet with this time."""
+        self._forget_if_it_went_on(clock)
+        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(clock.newest_us, device_us, arrival_ns):
+            self._forget()
             return True
         return False
 
-    def _is_believed(self, newest_us: int, device_us: int, arrival_ns: int, sequence: int) -> bool:
+    def _forget(self) -> None:
+        self._strange, self._count, self._hello = None, 0, False
+
+    def _forget_if_it_went_on(self, clock: DeviceClock) -> None:
+        """Plausible packets may have come that this gate never saw: the fast loop reads them."""
+        if clock.newest_us != self._newest_us:
+            self._forget()
+        self._newest_us = clock.newest_us
+
+    def _is_believed(self, newest_us: int, device_us: int, arrival_ns: int) -> bool:
         """A strange time: whether it is a clock's that began anew."""
         if self._goes_on(device_us, arrival_ns):
             self._count += 1
         else:
-            self._count, self._since_ns, self._is_first = 1, arrival_ns, sequence < FIRST_FRAMES
+            self._count, self._since_ns = 1, arrival_ns
         self._strange = device_us, arrival_ns
-        if self._hello:
+        back_us = newest_us - device_us
+        if self._hello and back_us > 0:
             return True
-        is_recent = 0 < newest_us - device_us <= RECENT_US and not self._is_first
+        is_recent = 0 < back_us <= RECENT_US
         return self._count >= CONVINCING and (not is_recent or arrival_ns - self._since_ns >= REPEATED_NS)
 
     def _goes_on(self, device_us: int, arrival_ns: int) -> bool:
