@@ -66,6 +66,14 @@ def test_bytes_that_are_no_superseded_sample_stay_in_their_order() -> None:
     assert left_out == (2, 0, 0)
 
 
+@pytest.mark.parametrize("patience", [IN_TIME, BEHIND])
+def test_an_old_sample_that_was_sent_again_supersedes_nothing(patience: Patience) -> None:
+    new = sample(0, 300, 300 * PERIOD_US)
+    data, left_out = keep_newest(new + sample(0, 80, 80 * PERIOD_US), patience)
+    assert numbers(data) == [(0, 300), (0, 80)]
+    assert left_out == (0, 0, 0)
+
+
 PIECES = st.one_of(
     st.builds(sample, st.integers(0, 4), st.integers(0, 2**32 - 1), st.integers(0, 60_000)),
     st.builds(lambda line, at: line[:at] + line[at + 1 :], st.just(sample(0, 1, 1)), st.integers(0, 50)),

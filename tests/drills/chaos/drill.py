@@ -261,6 +261,7 @@ class Drill:
             "judged_pressed": judge.judged_pressed,
             "wrong": sum(judge.kinds.values()),
             "wrong_kinds": dict(judge.kinds),
+            "wrong_while_two_of_four_chips_are_faulty": sum(judge.untold_kinds.values()),
             "wrong_by_faults": [[count, *what] for what, count in judge.by_faults.most_common(KEPT)],
             "ok_older_than_100_ms": judge.stale,
             "ok_with_a_false_time": judge.false_times,

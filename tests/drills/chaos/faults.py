@@ -116,6 +116,9 @@ CHIPS: dict[str, ChipFault] = {
     "stale": _stale, "frozen": _frozen, "hot": _hot, "swapped": _swapped, "silent": _silent, "saturated": _saturated,
     "impossible": _impossible, "stuck": _stuck, "step": _step, "browned out": _browned_out,
 }  # fmt: skip
+# Faults of a single chip, and which; by the last three it tells what is not so, by the others nothing.
+OF_ONE_CHIP = {"silent": 2, "saturated": 3, "impossible": 1, "browned out": 1, "step": 2, "stuck": 0}
+LYING = {"browned out", "step", "stuck"}
 LINES: dict[str, LineFault] = {
     "flipped": _flipped, "cut": _cut, "garbage": _garbage, "doubled": _doubled, "again": _again, "future": _future,
     "mute": _mute,

@@ -12,6 +12,7 @@ import msgspec
 import zmq
 
 from drills.chaos.board import ChaosBoard, Taken
+from drills.chaos.faults import LYING, OF_ONE_CHIP
 from drills.chaos.pressed import MARKS, MIDDLE_C, SETTLED, STEP_C
 
 WRONG_DEVIATIONS = 5.0
@@ -36,6 +37,7 @@ class Judge:
         self._boards = boards
         self.wrong: deque[tuple[str, str, float, dict[str, Any]]] = deque(maxlen=KEPT)
         self.kinds: Counter[str] = Counter()
+        self.untold_kinds: Counter[str] = Counter()  # see _is_beyond_telling
         self.by_faults: Counter[tuple[str, str]] = Counter()
         self.stale_by_faults: Counter[tuple[str, str]] = Counter()
         self.health: Counter[str] = Counter()
@@ -133,10 +135,17 @@ class Judge:
         over = sorted(name for name, ends_ns in faults.items() if now_ns - RECENT_NS < ends_ns <= now_ns)
         return f"on: {', '.join(on) or 'none'}; over: {', '.join(over) or 'none'}"
 
+    def _is_beyond_telling(self, contact: dict[str, Any]) -> bool:
+        """A chip of its pad lies while another is left out: nine values, three of them wrong, for eight unknowns."""
+        faults, recent_ns = self._boards[contact["pad"]].faults, contact["t_publish_ns"] - RECENT_NS
+        recent = {name for name, ends_ns in faults.items() if ends_ns > recent_ns}
+        return not recent.isdisjoint(LYING) and len({OF_ONE_CHIP[name] for name in recent & OF_ONE_CHIP.keys()}) > 1
+
     def _note(self, what: str, contact: dict[str, Any]) -> None:
         if contact["health"] == "degraded":
             what = "degraded: " + what
-        self.kinds[re.sub(r"[-+]?[0-9.]+", "#", what)] += 1
+        kinds = self.untold_kinds if self._is_beyond_telling(contact) else self.kinds
+        kinds[re.sub(r"[-+]?[0-9.]+", "#", what)] += 1
         since_s = (contact["t_publish_ns"] - self._begun_ns) * 1e-9
         self.by_faults[re.sub(r"[-+]?[0-9.]+", "#", what), self._recent_faults(contact)] += 1
         self.wrong.append((contact["pad"], what, since_s, contact))
