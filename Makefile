@@ -8,7 +8,8 @@
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
-# make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (three minutes)
+# make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (four minutes)
+# make slow    the page in Chromium, the fault drills, a whole installation, a drift that is followed (four minutes)
 # make test-firmware-long    half a minute of the emulated board's time
 # make install, uninstall    install into PREFIX=/usr/local; make deb: make a Debian package in build/
 # make install-c-client      install the client for controllers in C and C++ into PREFIX
@@ -40,7 +41,7 @@ missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' 
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
 TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
-.PHONY: demo test lint unit processes clock alone long bench cold-starts clean wheel
+.PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: transcript recordings model pictures chips-page
 .PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
@@ -81,10 +82,10 @@ PARTS ?=
 test: test-packages $(VENV)/.installed-test firmware-for-tests
 	@$(BIN)/python tests/all_parts.py $(PARTS)
 
-lint unit processes clock alone long: $(VENV)/.installed-test
+lint unit processes clock slow long: $(VENV)/.installed-test
 	@$(BIN)/python tests/all_parts.py $@
 
-processes clock alone: firmware-for-tests
+processes clock slow: firmware-for-tests
 
 # Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages

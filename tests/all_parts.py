@@ -1,6 +1,6 @@
 """Parts of the tests, one after the other, even if one fails; then one summary, with what to report.
 
-Without a name: all that `make test` consists of, which leaves the part `long` to `make long`.
+Without a name: all that `make test` consists of. The parts `long` and `slow` are run by their own targets.
 
 Each part's output is shown and kept in build/test-logs/, with pytest's report as XML.
 """
@@ -24,19 +24,19 @@ ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
 WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
-# Tests of whole processes mostly wait, so that three share two cores. What is judged by the clock comes last, two at a
-# time, and neither computes much; where this user may say so, other programs have to wait for it.
+# Tests of whole processes mostly wait, so that five share two cores. What is judged by the clock comes last, and
+# computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "daemon", "lab", "clients/python"]],
-    "unit": [[*PYTEST, "-n", "2", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
-    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time"]],
-    "clock": [[*PYTEST, "-n", "2", *WHOLE, "--ignore", "tests/page", "--ignore", "tests/drills", "-m", "real_time"]],
-    "alone": [[*PYTEST, "tests/page", "tests/drills", "-m", "real_time"]],  # browsers and drills need a processor
+    "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
+    "processes": [[*PYTEST, "-n", "5", *WHOLE, "-m", "not real_time and not slow"]],
+    "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
+    "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],
     "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],
 }  # fmt: skip
-BY_ITSELF = {"long"}
-FAVOURED = {"clock": -15, "alone": -15}  # niceness
+BY_ITSELF = {"long", "slow"}
+FAVOURED = {"clock": -5, "slow": -5}  # niceness; with more, the kernel's own workers wait, which carry what a pty gets
 
 
 @dataclass

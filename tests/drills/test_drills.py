@@ -12,7 +12,7 @@ from end_to_end import kernel_bus
 from needed import missing
 
 # A finger that moves by the clock is judged at the times of the samples: an emulated board without a processor is late.
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 
 def test_replugged_boards_come_back_and_leave_no_descriptor(tmp_path: Path) -> None:
@@ -57,7 +57,6 @@ def test_a_probe_beside_the_daemon_disturbs_no_contact(tmp_path: Path) -> None:
     beside.probed(tmp_path, 3)
 
 
-@pytest.mark.real_time  # ages are judged
 def test_pairs_of_faults_bring_no_wrong_number_and_end_with_their_causes(tmp_path: Path) -> None:
     facts = Drill(tmp_path, pads=3, seed=1, any_age=True).run(frames=1_000_000, seconds=12.0)
     assert {name: facts[name] for name in MUST_BE_NONE} == dict.fromkeys(MUST_BE_NONE, 0), facts

@@ -124,6 +124,7 @@ class RunningDaemon:
                 stderr=stderr,
                 env=self.environment,
             )
+        put_ahead(self.process.pid)  # as its service does
 
     def wait_until_serving(self) -> None:
         until = time.monotonic() + START_PATIENCE_S

@@ -78,6 +78,7 @@ def test_nothing_is_followed_without_the_owners_word(tmp_path: Path) -> None:
         assert "not followed" in daemon.command("status").stdout
 
 
+@pytest.mark.slow
 def test_drift_is_followed_to_its_bound_shown_and_undone(tmp_path: Path, host: FirmwareHost) -> None:
     with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port) + FOLLOWING) as daemon:
         daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)

@@ -41,7 +41,7 @@ def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad:
         silences_s: list[float] = []  # when they were told
         statuses: list[Status] = []
         counted: list[tuple[int, int]] = []  # contacts so far, and when, at each status
-        with StandingStill() as computer, daemon.subscribe("contact", "status") as messages:
+        with StandingStill(pty=True) as computer, daemon.subscribe("contact", "status") as messages:
             messages.receive(5.0)
             cpu_before, resident_before, start = _cpu_s(pid), _resident_kb(pid), time.monotonic()
             while time.monotonic() - start < SECONDS:

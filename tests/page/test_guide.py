@@ -12,7 +12,7 @@ from end_to_end.processes import resting_field
 from page.conftest import Bench
 from page.rig import CHROMIUM, opened, until
 
-pytestmark = pytest.mark.needs(CHROMIUM)
+pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 from page.conftest import Bench
 from page.rig import CHROMIUM, NEWEST, seconds_until, until
 
-pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.real_time]
+pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.real_time, pytest.mark.slow]
 
 SOON_S = 0.100  # of a touch, to the picture that shows it
 AT_ONCE_S = 1.0

@@ -9,6 +9,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 SOURCES = ("Makefile", "pyproject.toml", "README.md", "LICENSE", "config.toml", "daemon", "clients", "systemd")
 CONFIG, MINE = "etc/fmfts/config.toml", "# described by its owner\n"
@@ -35,6 +37,7 @@ def make(target: str, sources: Path, tree: Path) -> None:
     assert made.returncode == 0, made.stdout + made.stderr
 
 
+@pytest.mark.slow
 def test_what_is_installed_is_the_services_to_read_runs_and_goes_again(tmp_path: Path) -> None:
     sources, tree = release(tmp_path / "sources"), tmp_path / "root"
     (tree / CONFIG).parent.mkdir(parents=True)

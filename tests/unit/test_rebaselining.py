@@ -83,6 +83,7 @@ def ageing(time_s: float) -> float:
     return 1.0 - 0.0025 * min(time_s / 360.0, 1.0)
 
 
+@pytest.mark.long
 def test_ageing_moment_is_followed() -> None:
     left, followed = life(600.0, share=ageing, on=False), life(600.0, share=ageing)
     assert abs(np.mean(left.heights_m)) > 10e-6
