@@ -12,13 +12,10 @@ import serial
 
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.patience import Patience
-from fmfts.sensor.source import AbsentError, SourceError, SourceState
+from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.faults import note
-from fmfts.sensor.wire.framing import MAX_LINE_BYTES
-from fmfts.sensor.wire.link import Link
-from fmfts.sensor.wire.newest import keep_newest
+from fmfts.sensor.wire.packet_source import PacketSource
 from fmfts.sensor.wire.packets import UID_BYTES, Verb, frame_bytes
 from fmfts.sensor.wired_pad import PadOnBoard
 
@@ -33,25 +30,22 @@ REOPEN_NS = 5_000_000_000  # reopen the port after this silence: some adapters r
 IDENTIFY_NS = 1_500_000_000  # within this time the board on a port must send its hello
 
 
-class Bridge:
-    """A Source: one board on one port, with `pads` by pad index."""
+class Bridge(PacketSource):
+    """A ByteSource: one board on one port, with `pads` by pad index."""
 
+    _clock: DeviceClock
     clock_ns = staticmethod(time.monotonic_ns)  # the clock of the frames' arrival; a benchmark replaces it
 
     def __init__(self, pads: Mapping[int, PadOnBoard], by_id: Path = Path("/dev/serial/by-id")) -> None:
         any_pad = next(iter(pads.values()))
-        self.state = SourceState(description=f"bridge on {any_pad.port}")
-        self._pads = pads
+        self._uid = None if any_pad.uid is None else _uid_bytes(any_pad.uid, any_pad.name)
+        super().__init__(pads, f"bridge on {any_pad.port}", DeviceClock(), self._uid)
         self._configured_port = any_pad.port
         self._baud = any_pad.baud
-        self._uid = None if any_pad.uid is None else _uid_bytes(any_pad.uid, any_pad.name)
-        self._clock = DeviceClock()
-        self._link = Link(pads, self.state, self._clock, self._uid)
         self._by_id = by_id
         self._candidates: list[str] = []
         self._found: dict[str, str] = {}  # port → what it holds, in the present round of `_candidates`
         self._serial: serial.Serial | None = None
-        self._descriptor: int | None = None  # of the open port; kept because asking pyserial takes longer than reading
         self._port = any_pad.port
         self._opened_ns = 0
         self._attempt_ns = 0
@@ -59,13 +53,7 @@ class Bridge:
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
         self._strange_is_logged = False
-        self._outbox = b""
-        self.patience: Patience | None = None
         self._is_drained = False  # the last read emptied the line
-        self._unread = b""  # bytes from give_back(): packets, or the beginning of one
-
-    def fileno(self) -> int | None:
-        return self._descriptor
 
     def deadline_ns(self) -> int | None:
         if self._serial is None:
@@ -77,28 +65,6 @@ class Bridge:
         if not self._link.is_right_board:
             times.append(self._opened_ns + IDENTIFY_NS)
         return min(when for when in times if when is not None)
-
-    @property
-    def clock_line(self) -> bytearray:
-        return self._clock.line
-
-    def lendable(self) -> frozenset[int]:
-        if self._outbox or not (self.state.connected and self._link.is_quiet):
-            return frozenset()
-        self._unread = self._link.give_back() + self._unread
-        if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
-            return frozenset()  # a whole packet waits for `poll`, or the bytes are no packet
-        return frozenset(index for index in self._pads if self._link.accepts(index))
-
-    def lend(self) -> tuple[int, bytes]:
-        assert self._descriptor is not None
-        unread, self._unread = self._unread, b""
-        return self._descriptor, unread
-
-    def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
-        self._unread = unread
-        self.state.leave_out(left_out)
-        self._link.heard_ns = max(self._link.heard_ns, heard_ns)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
         if self._serial is None and now_ns >= self._look_ns:
@@ -113,16 +79,6 @@ class Bridge:
         if self._serial is not None:
             self._send(now_ns)
         return frames
-
-    def request_selftest(self, pad_index: int) -> None:
-        if not self.state.connected:
-            raise AbsentError(
-                f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.description}: {self.state.reason}"
-            )
-        self._link.request_selftest(pad_index, time.monotonic_ns())
-
-    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
-        return self._link.selftest_result(pad_index)
 
     def load_counts(self) -> list[tuple[int, int]]:
         """(CLOCK_MONOTONIC ns, counts) of the load cell on the board's spare pins since the last call."""
@@ -164,7 +120,7 @@ class Bridge:
             self._found[self._port] = serial_port.why_not_open(self._port, error)
             self._next_attempt(now_ns)
             return False
-        self._descriptor = self._serial.fileno()
+        self._descriptor = self._serial.fileno()  # kept: asking pyserial takes longer than reading
         self._opened_ns = now_ns
         self._outbox = b""
         sensors = max(pad.sensors for pad in self._pads.values())
@@ -190,7 +146,7 @@ class Bridge:
             return ()
         if not self._unread:
             return ()
-        data, self._unread = self._unread, b""
+        data = self._take_unread()
         unheard = self._link.heard_ns == 0
         # Not `now_ns`: bytes may have arrived since, and would get a time before their arrival.
         arrival_ns = self.clock_ns()
@@ -214,9 +170,7 @@ class Bridge:
                 size = len(more)
                 self._is_drained &= size <= READ_BYTES // 2
                 self._unread += more
-                if self.patience is not None:
-                    self._unread, left_out = keep_newest(self._unread, self.patience)
-                    self.state.leave_out(left_out)
+                self._keep_newest()
         except BlockingIOError:
             pass
         except OSError as error:  # EIO: hung up. ENXIO, ENODEV: unplugged

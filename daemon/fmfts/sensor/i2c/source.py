@@ -14,12 +14,8 @@ import msgspec
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.i2c.bus import CallRecord
 from fmfts.sensor.i2c.reader_config import reader_config
-from fmfts.sensor.patience import Patience
-from fmfts.sensor.source import AbsentError, SourceState
 from fmfts.sensor.wire.clock import HostClock
-from fmfts.sensor.wire.framing import MAX_LINE_BYTES
-from fmfts.sensor.wire.link import Link
-from fmfts.sensor.wire.newest import keep_newest
+from fmfts.sensor.wire.packet_source import PacketSource
 from fmfts.sensor.wire.packets import Verb
 from fmfts.sensor.wired_pad import PadOnI2c
 from fmfts.service.realtime import memory_is_locked, thread_priority
@@ -36,18 +32,13 @@ WARNING_NS = 3_000_000_000
 CLOSE_S = 1.0
 
 
-class I2c:
-    """A Source: one bus with `pads` by pad index; SourceError if the bus cannot carry them."""
+class I2c(PacketSource):
+    """A ByteSource: one bus with `pads` by pad index; SourceError if the bus cannot carry them."""
 
     def __init__(self, pads: Mapping[int, PadOnI2c]) -> None:
         self._config = reader_config(pads)
-        self._pads = pads
+        super().__init__(pads, f"I2C bus {self._config.bus}", HostClock())
         self._path = f"/dev/i2c-{self._config.bus}"
-        self.state = SourceState(description=f"I2C bus {self._config.bus}")
-        self._clock = HostClock()
-        self._link = Link(pads, self.state, self._clock)
-        self.patience: Patience | None = None
-        self._unread = b""  # bytes from give_back(): packets, or the beginning of one
         self._record = CallRecord()
         self._process: subprocess.Popen[bytes] | None = None
         self._last_words = ""
@@ -58,34 +49,10 @@ class I2c:
         self._warned_ns = 0
         self._backoff_ns = FIRST_BACKOFF_NS
 
-    def fileno(self) -> int | None:
-        return None if self._process is None or self._killed else self._descriptor("stdout")
-
     def deadline_ns(self) -> int | None:
         if self._process is None:
             return self._attempt_ns
         return min(when for when in (self._check_ns, self._link.due_ns) if when is not None)
-
-    @property
-    def clock_line(self) -> bytearray:
-        return self._clock.line
-
-    def lendable(self) -> frozenset[int]:
-        if self.fileno() is None or not (self.state.connected and self._link.is_quiet):
-            return frozenset()
-        self._unread = self._link.give_back() + self._unread
-        if b"\0" in self._unread or len(self._unread) > MAX_LINE_BYTES:
-            return frozenset()  # a whole packet waits for `poll`, or the bytes are no packet
-        return frozenset(index for index in self._pads if self._link.accepts(index))
-
-    def lend(self) -> tuple[int, bytes]:
-        unread, self._unread = self._unread, b""
-        return self._descriptor("stdout"), unread
-
-    def give_back(self, unread: bytes, heard_ns: int, left_out: Sequence[int]) -> None:
-        self._unread = unread
-        self.state.leave_out(left_out)
-        self._link.heard_ns = max(self._link.heard_ns, heard_ns)
 
     def poll(self, now_ns: int) -> Sequence[Frame]:
         if self._process is None:
@@ -99,14 +66,6 @@ class I2c:
         if self._process is not None and not self._killed:
             self._send(now_ns)
         return frames
-
-    def request_selftest(self, pad_index: int) -> None:
-        if not self.state.connected:
-            raise AbsentError(f"pad {self._pads[pad_index].name!r}: no self-test: {self.state.reason}")
-        self._link.request_selftest(pad_index, time.monotonic_ns())
-
-    def selftest_result(self, pad_index: int) -> dict[str, object] | None:
-        return self._link.selftest_result(pad_index)
 
     def close(self) -> None:
         self._attempt_ns = 1 << 62
@@ -131,7 +90,8 @@ class I2c:
             command, stdin=pipe, stdout=pipe, stderr=pipe, bufsize=0, pass_fds=[self._record.descriptor]
         )
         for stream in ("stdin", "stdout", "stderr"):
-            os.set_blocking(self._descriptor(stream), False)
+            os.set_blocking(self._pipe(stream), False)
+        self._descriptor = self._pipe("stdout")
         self._started_ns = now_ns
         self._check_ns = now_ns + CHECK_NS
         self._killed = self._last_words = ""
@@ -139,7 +99,7 @@ class I2c:
         self._link.restart()
         self._link.requests.ask(Verb.HELLO)
 
-    def _descriptor(self, stream: str) -> int:
+    def _pipe(self, stream: str) -> int:
         file = getattr(self._process, stream)
         return int(file.fileno())
 
@@ -147,7 +107,7 @@ class I2c:
         if self._killed:
             return ()
         try:
-            more = os.read(self._descriptor("stdout"), READ_BYTES)  # as much as a pipe holds
+            more = os.read(self._pipe("stdout"), READ_BYTES)  # as much as a pipe holds
             if not more:
                 self._check_ns = now_ns  # the reader is ending: `_check` finds out why
             self._unread += more
@@ -155,12 +115,9 @@ class I2c:
             pass
         if not self._unread:
             return ()
-        data, self._unread = self._unread, b""
-        if self.patience is not None:
-            data, left_out = keep_newest(data, self.patience)
-            self.state.leave_out(left_out)
+        self._keep_newest()
         # Not `now_ns`: bytes may have arrived since, and would get a time before their arrival.
-        frames = self._link.feed(data, time.monotonic_ns())
+        frames = self._link.feed(self._take_unread(), time.monotonic_ns())
         if not self.state.connected and self._link.hello is not None:
             self._backoff_ns = FIRST_BACKOFF_NS
             self.state.connect(now_ns)
@@ -188,12 +145,12 @@ class I2c:
     def _kill(self, reason: str) -> None:
         """Kill the reader. The next one starts when this one has ended: until then it holds the lock of the bus."""
         assert self._process is not None
-        self._killed = reason
+        self._killed, self._descriptor = reason, None
         self._process.kill()
 
     def _hear_sentences(self, now_ns: int) -> None:
         try:
-            text = os.read(self._descriptor("stderr"), READ_BYTES).decode(errors="replace").strip()
+            text = os.read(self._pipe("stderr"), READ_BYTES).decode(errors="replace").strip()
         except BlockingIOError:
             text = ""
         if text:
@@ -218,11 +175,11 @@ class I2c:
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
             assert stream is not None
             stream.close()
-        self._process = None
+        self._process = self._descriptor = None
 
     def _send(self, now_ns: int) -> None:
         # A request is far shorter than PIPE_BUF, so it is written whole or not at all. A lost request is repeated.
         with suppress(BlockingIOError, BrokenPipeError):
             data = self._link.outgoing(now_ns)
             if data:
-                os.write(self._descriptor("stdin"), data)
+                os.write(self._pipe("stdin"), data)
