@@ -121,7 +121,9 @@ def test_frames_pass_without_python_and_all_of_them_are_told(
         heard: list[dict[str, Any]] = []
         run(daemon, lambda: (heard.extend(received(subscription)) or heard) and heard[-1]["health"] == "stale")
     healthy = [body for body in heard if body["health"] == "ok"]
-    assert len(healthy) > 0.9 * streaming.sent
+    in_time = streaming.sent - channel._statistics.dropped  # all of them, unless the computer was busy
+    assert len(healthy) > 0.9 * in_time
+    assert in_time > 0.5 * streaming.sent
     numbers = [body["seq"] for body in heard]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "one number after the other, whoever gave it"
     assert channel._statistics.gaps == 0
