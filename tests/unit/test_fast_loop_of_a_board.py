@@ -121,11 +121,14 @@ def test_frames_pass_without_python_and_all_of_them_are_told(
         heard: list[dict[str, Any]] = []
         run(daemon, lambda: (heard.extend(received(subscription)) or heard) and heard[-1]["health"] == "stale")
     healthy = [body for body in heard if body["health"] == "ok"]
-    in_time = streaming.sent - channel._statistics.dropped  # all of them, unless the computer was busy
+    left_out = channel._statistics.dropped  # none, unless the computer was busy
+    in_time = streaming.sent - left_out
     assert len(healthy) > 0.9 * in_time
     assert in_time > 0.5 * streaming.sent
     numbers = [body["seq"] for body in heard]
-    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "one number after the other, whoever gave it"
+    assert all(later > earlier for earlier, later in pairwise(numbers))
+    # One number after the other, whoever gave it; a message that was late when it was made takes its number with it.
+    assert numbers[-1] - numbers[0] + 1 - len(numbers) <= left_out
     assert channel._statistics.gaps == 0
     assert in_python["served"] < 0.3 * streaming.sent
     times = [body["t_sample_ns"] for body in healthy]
