@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fmfts.pad import Array
 from fmfts.simulation.finger import Finger, Touch, no_finger
 
 REACH_M = 6e-3
@@ -26,6 +28,17 @@ class Motion:
     name: str
     finger: Finger
     windows: tuple[tuple[float, float], ...]
+
+    def truth(self, times_s: Array) -> Array:
+        """(K, 3) the true x, y (m) and force (N)."""
+        return np.array([self.finger(moment)[:3] for moment in times_s.tolist()])
+
+    def counts(self, times_s: Array) -> NDArray[np.bool_]:
+        """Whether errors at these times count."""
+        inside = np.zeros(len(times_s), dtype=np.bool_)
+        for begin, end in self.windows:
+            inside |= (times_s >= begin) & (times_s <= end)
+        return inside
 
 
 Draw = Callable[[np.random.Generator, float], Motion]

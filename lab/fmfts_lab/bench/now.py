@@ -13,28 +13,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmfts.bus.messages import ContactMessage
-from fmfts.contact import ContactModel
 from fmfts.pad import Array
-from fmfts.pipeline.configured import HOST_S, load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.scene.tracking import tracking_model_for
-from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE, frame_bytes
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench import now_faults
-from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
 from fmfts_lab.bench.now_ablation import VARIANTS, changed
-from fmfts_lab.bench.tapped import ManyFrames
+from fmfts_lab.bench.now_pads import BEFORE_S, TRANSPORT_S, BuiltPad, drawn, published_s, read_s
 
-BAUD = 460800
-# From when a frame is made to when its message is published: on the line, and in the daemon.
-TRANSPORT_S = LINE_BITS_PER_BYTE * frame_bytes(4) / BAUD + HOST_S
-BEFORE_S = 0.5  # before the first motion
-READ_EVERY_S = 1e-3
 WRONG_DEVIATIONS = 5.0
 VALUES = ("x_m", "y_m", "force_n")
 DEVIATIONS = ("x_sd_m", "y_sd_m", "force_sd_n")
@@ -59,7 +46,7 @@ class Run:
 
     @classmethod
     def of(cls, motion: Motion, messages: Sequence[ContactMessage]) -> Run:
-        published = np.arange(len(messages)) / RATE_HZ + TRANSPORT_S - BEFORE_S
+        published = published_s(len(messages))
         sampled = np.array([message.t_sample_ns for message in messages]) * 1e-9 - BEFORE_S
         of_now = [message.now for message in messages]
         times = [np.nan if now is None else now.t_ns * 1e-9 - BEFORE_S for now in of_now]
@@ -70,17 +57,6 @@ class Run:
             now_sd=_columns(of_now, DEVIATIONS),
             rate=_columns(of_now, RATES),
         )
-
-    def truth(self, times_s: Array) -> Array:
-        """(K, 3) the true x, y (m) and force (N)."""
-        return np.array([self.motion.finger(moment)[:3] for moment in times_s.tolist()])
-
-    def counts(self, times_s: Array) -> NDArray[np.bool_]:
-        """Whether errors at these times count."""
-        inside = np.zeros(len(times_s), dtype=np.bool_)
-        for begin, end in self.motion.windows:
-            inside |= (times_s >= begin) & (times_s <= end)
-        return inside
 
 
 def _columns(messages: Sequence[object], names: Sequence[str]) -> Array:
@@ -108,12 +84,12 @@ class Errors:
     negative: int = 0
 
     def add(self, run: Run) -> None:
-        at_publishing, counted = run.truth(run.published_s), run.counts(run.published_s)
+        at_publishing, counted = run.motion.truth(run.published_s), run.motion.counts(run.published_s)
         known = counted & np.isfinite(run.now_s)
         self.frames += int(counted.sum())
         self.withheld += int((counted & ~known).sum())
         self.negative += int((run.now[known, 2] < 0.0).sum())
-        self.own.append((run.today - run.truth(run.sampled_s))[run.counts(run.sampled_s), 2])
+        self.own.append((run.today - run.motion.truth(run.sampled_s))[run.motion.counts(run.sampled_s), 2])
         today, now = (run.today - at_publishing)[counted], (run.now - at_publishing)[known]
         self.today.append(today[:, 2])
         # Where `now` is null a controller has today's fields only.
@@ -122,20 +98,18 @@ class Errors:
         self.ratios.append(rms([self.now[-1]]) / rms([today[:, 2]]))
         self.place_today.append(1e3 * np.hypot(today[:, 0], today[:, 1]))
         self.place_now.append(1e3 * np.hypot(now[:, 0], now[:, 1]))
-        off = np.abs(run.now - run.truth(np.nan_to_num(run.now_s))) / run.now_sd
+        off = np.abs(run.now - run.motion.truth(np.nan_to_num(run.now_s))) / run.now_sd
         self.deviations.append(np.nanmax(np.where(np.isfinite(off), off, 0.0), axis=1)[known])
         self._read(run)
         for begin, end in run.motion.windows:
             own = (run.published_s >= begin) & (run.published_s <= end) & known
             if own.any():
-                peak = run.truth(np.arange(begin, end, 1e-3))[:, 2].max()
+                peak = run.motion.truth(np.arange(begin, end, 1e-3))[:, 2].max()
                 self.overshoot.append(float((run.now[own, 2] - peak).max()))
 
     def _read(self, run: Run) -> None:
-        moments = np.arange(0.0, run.published_s[-1], READ_EVERY_S)
-        moments = moments[run.counts(moments)]
-        last = np.searchsorted(run.published_s, moments, side="right") - 1
-        truth = run.truth(moments)[:, 2]
+        moments, last = read_s(run.motion, run.published_s)
+        truth = run.motion.truth(moments)[:, 2]
         today, now = run.today[last, 2], run.now[last, 2]
         ahead = np.maximum(now + run.rate[last, 2] * (moments - run.now_s[last]), 0.0)
         self.read_today.append(today - truth)
@@ -175,30 +149,18 @@ def rms(parts: Sequence[Array]) -> float:
 
 def measure(seed: int, pads: int, seconds: float, draws: Sequence[Draw] = DRAWN) -> dict[str, Errors]:
     """Every motion on every pad. The same seed draws the same pads and motions."""
-    random, errors = np.random.default_rng([seed, 19]), dict[str, Errors]()
-    for pad in range(pads):
-        config = pad_config("drifting", 1000 * seed + pad)
-        model, baseline = load_contact_model(config), simulated_baseline(config)
-        mounting = None
-        for draw in draws:
-            motion = draw(random, seconds)
-            pipeline = _pipeline(config, model)
-            mounting = pipeline.use(baseline, mounting)
-            errors.setdefault(motion.name, Errors()).add(Run.of(motion, _messages(config, pipeline, motion, seconds)))
+    errors = dict[str, Errors]()
+    for config, motions in drawn(seed, pads, seconds, draws):
+        pad = BuiltPad.of(config)
+        for motion in motions:
+            run = Run.of(motion, _messages(pad, motion, seconds))
+            errors.setdefault(motion.name, Errors()).add(run)
     return errors
 
 
-def _pipeline(config: Any, model: ContactModel) -> PadPipeline:
-    tracking = tracking_model_for(config.scene, config.magnet).tracking
-    return PadPipeline(config.pad(), model, "bench", float(RATE_HZ), tracking, lead_s=TRANSPORT_S)
-
-
-def _messages(config: Any, pipeline: PadPipeline, motion: Motion, seconds: float) -> list[ContactMessage]:
-    source = ManyFrames(config)
-    source.finger = lambda time_s: motion.finger(time_s - BEFORE_S)
-    answers = (
-        pipeline.answer(frame) for frames in source.batches(round((BEFORE_S + seconds) * RATE_HZ)) for frame in frames
-    )
+def _messages(pad: BuiltPad, motion: Motion, seconds: float) -> list[ContactMessage]:
+    pipeline = pad.pipeline()
+    answers = (pipeline.answer(frame) for frame in pad.frames(motion, seconds))
     return [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
 
 
