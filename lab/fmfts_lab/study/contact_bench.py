@@ -16,6 +16,8 @@ from fmfts_lab.study.learned import SEED
 from fmfts_lab.study.world import Sample, World
 
 TRAINING_STEPS = 60
+# The lightest press of the paper. Under lighter presses places are uncertain by 2 mm and more.
+LIGHTEST_N = 0.28
 
 
 @dataclass(frozen=True, slots=True)

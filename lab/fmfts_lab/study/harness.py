@@ -38,6 +38,7 @@ class Request:
     """The options of a study: the pad, the folder for the files, how thorough it is, and the random seed.
 
     pads: all pads of the configuration that contains `pad`. chips: of the scene's study, the chips in place of models.
+    controller: of the study of speed and accuracy, only what a controller acts on.
     """
 
     pad: PadConfig
@@ -46,6 +47,7 @@ class Request:
     seed: int = 1
     pads: tuple[PadConfig, ...] = ()
     chips: bool = False
+    controller: bool = False
 
 
 class Study:

@@ -30,28 +30,31 @@ def number(row: Row, name: str) -> float:
     return float(value)
 
 
-def draw(axes: Axes, rows: Sequence[Row], error: str, default: str) -> list[Row]:
-    """Draw median times with whiskers to the 99th percentile. Numbers stand for the methods; hollow points left frames
-    unanswered. Returns the front."""
+def draw(
+    axes: Axes, rows: Sequence[Row], error: str, default: str, cost: str = "median_us", most: str | None = "p99_us"
+) -> list[Row]:
+    """Draw `cost` (median times) with whiskers to `most` (the 99th percentile). Numbers stand for the methods; hollow
+    points left frames unanswered. Returns the front."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
-    best = front(rows, "median_us", error)
+    best = front(rows, cost, error)
     for row in rows:
-        x, y = number(row, "median_us"), number(row, error)
+        x, y = number(row, cost), number(row, error)
         colour = COLOURS[families.index(str(row["family"]))]
-        axes.plot([x, number(row, "p99_us")], [y, y], color=colour, linewidth=0.8, alpha=0.6)
+        if most is not None:
+            axes.plot([x, number(row, most)], [y, y], color=colour, linewidth=0.8, alpha=0.6)
         whole = number(row, "answered") > 0.999
         is_default = row["method"] == default
         axes.plot(
             x, y, "*" if is_default else "o", color=colour, markersize=13 if is_default else 5,
             markerfacecolor=colour if whole else "white", markeredgecolor="black" if is_default else colour, zorder=3,
         )  # fmt: skip
-    axes.step([number(row, "median_us") for row in best], [number(row, error) for row in best], where="post",
+    axes.step([number(row, cost) for row in best], [number(row, error) for row in best], where="post",
               color="black", linewidth=0.8, linestyle="--", zorder=1)  # fmt: skip
     axes.set(xscale="log", yscale="log")
     axes.grid(alpha=0.2)
     name_ticks(axes.yaxis)
     axes.xaxis.set_tick_params(labelsize=8)
-    for places, at in _hiding_each_other(axes, [(number(row, "median_us"), number(row, error)) for row in rows]):
+    for places, at in _hiding_each_other(axes, [(number(row, cost), number(row, error)) for row in rows]):
         text = ", ".join(str(place) for place in places)
         white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.5, "pad": 0.3}
         axes.annotate(text, at, (5, 4), textcoords="offset points", fontsize=7, zorder=4, bbox=white)
@@ -85,11 +88,11 @@ def _hiding_each_other(
         left = [place for place in left if place not in near]
 
 
-def name_methods(axes: Axes, rows: Sequence[Row], default: str) -> None:
-    """Write the list of methods by number, in the colours of their families."""
+def name_methods(axes: Axes, rows: Sequence[Row], default: str, share: float = 1.0) -> None:
+    """Write the list of methods by number, in the colours of their families. share: of the figure's height."""
     families = list(dict.fromkeys(str(row["family"]) for row in rows))
     axes.axis("off")
-    step = min(1.0 / max(len(rows) + len(families), 1), LINE_INCH / _figure(axes).get_figheight())
+    step = min(1.0 / max(len(rows) + len(families), 1), LINE_INCH / (share * _figure(axes).get_figheight()))
     height = 1.0
     for family in families:
         height -= step

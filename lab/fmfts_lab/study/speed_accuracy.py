@@ -17,9 +17,9 @@ from fmfts.pose import STOP_CHI2, Batch, State, parts_of
 from fmfts.pose.problem import magnet_rows, measurement_rows
 from fmfts.pose.state import turn_between
 from fmfts_lab.bench.workspace import MODELS
-from fmfts_lab.study import pareto, rate_chart
+from fmfts_lab.study import controller, controller_chart, pareto, rate_chart
 from fmfts_lab.study.batches import batch_rows
-from fmfts_lab.study.contact_bench import Bench
+from fmfts_lab.study.contact_bench import LIGHTEST_N, Bench
 from fmfts_lab.study.contact_methods import DAEMON, ContactMethod, contact_methods
 from fmfts_lab.study.harness import Facts, Request, Row, Study
 from fmfts_lab.study.pose_methods import DEFAULT, PoseMethod, pose_methods
@@ -30,17 +30,17 @@ from fmfts_lab.study.world import Path, Sample, World, built_world, drawn_world,
 COLUMNS = (
     *("chart", "scene", "method", "family", "settings", "median_us", "p99_us", "answered", "frames"),
     *("error_over_bound", "position_um", "mae_mm", "mae_n", "batch", "rate_hz", "averaging"),
+    *controller.COLUMNS,
 )
 TURNING_DEG_PER_S = 60.0
 SCENES = {"drifting": (TURNING_DEG_PER_S, 8), "constant": (0.0, 6)}
 SECONDS, QUICK_SECONDS = 4.0, 1.0
-# The lightest press of the paper, 0.28 N. Under lighter presses places are uncertain by 2 mm and more.
-LIGHTEST_N = 0.28
 # Methods that take long to train or to run.
 NOT_QUICK = (
     *("spline inversion", "network from field (20)", "network from field (16, 16)", "network from field (16, 16) f64"),
     *("BP 20 of pose", "BP 20 of pose, float64", "BP 20 of field"),
     *("BP 12 × 12 of pose", "BP 12 × 12 of pose, float64", "BP 12 × 12 of field"),
+    *("network of field", "network of field, line", "today's, smoothed"),
 )
 
 
@@ -55,7 +55,11 @@ def run(request: Request) -> Facts:
     with threadpool_limits(1):
         rows = study.measure(_points(request))
     facts = conclusions(rows)
-    _draw(study, rows)
+    if not request.controller:
+        _draw(study, rows)
+    study.draw(controller_chart.draw(rows), f"-{controller.CHART}")
+    table = controller_chart.table(facts["controller"])
+    (request.out / f"{study.name}-{controller.CHART}.md").write_text(table)
     return study.conclude(facts)
 
 
@@ -69,11 +73,11 @@ def printed(facts: Facts) -> str:
         lines += [
             f"    {row['median_us']:9.1f} µs  {row[chart['error']]:8.4f}  {row['method']}" for row in chart["front"]
         ]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", controller_chart.table(facts["controller"])])
 
 
 def conclusions(rows: Sequence[Row]) -> Facts:
-    """The fronts, and whether the daemon's default is on them."""
+    """The fronts, and whether the daemon's default is on them; and what a controller acts on."""
     charts = []
     for chart, default, errors in (("pose", DEFAULT, ("error_over_bound",)), ("contact", DAEMON, ("mae_mm", "mae_n"))):
         for scene in dict.fromkeys(row["scene"] for row in rows if row["chart"] == chart):
@@ -87,23 +91,30 @@ def conclusions(rows: Sequence[Row]) -> Facts:
                     "default_on_front": any(row["method"] == default for row in best),
                     "front": [{name: row[name] for name in ("method", "median_us", "p99_us", error)} for row in best],
                 })  # fmt: skip
-    return {"charts": charts}
+    return {"charts": charts, "controller": controller_chart.facts(rows)}
 
 
 def _points(request: Request) -> dict[str, Callable[[], list[Row]]]:
+    model = f"contact model {ContactModel.load(request.pad.contact.model, request.pad.pad()).hash}"
+    skipped = NOT_QUICK if request.quick else ()
+    of_controller: dict[str, Callable[[], list[Row]]] = {
+        f"{model}, controller, pad {pad}": partial(controller.controller_rows, request, pad, skipped)
+        for pad in controller.points(request)
+    }
+    if request.controller:
+        return of_controller
     points: dict[str, Callable[[], list[Row]]] = {}
     for scene in SCENES:
         for method in pose_methods():
             if not (request.quick and method.name in NOT_QUICK):
                 points[f"pose, {scene}, {method.name}"] = partial(_pose_point, request, scene, method)
-    model = f"contact model {ContactModel.load(request.pad.contact.model, request.pad.pad()).hash}"
     for built in (False, True):
         for way in contact_methods():
             if not (request.quick and way.name in NOT_QUICK):
                 points[f"{model}, {_pad_name(built)}, {way.name}"] = partial(_contact_point, request, built, way)
     points["batches"] = partial(batch_rows, request)
     points["rates"] = partial(rate_rows, request)
-    return points
+    return points | of_controller
 
 
 def _pad_name(built: bool) -> str:

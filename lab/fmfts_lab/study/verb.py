@@ -18,6 +18,8 @@ STUDIES: dict[str, str] = {
     "paper-table3": "fmfts_lab.study.paper_table3",
     "paper-table4": "fmfts_lab.study.experiment",
 }
+# Option → the study that has it.
+OPTIONS = {"chips": "scene", "controller": "speed-accuracy"}
 
 
 def add_to(verb: AddVerb) -> None:
@@ -31,6 +33,7 @@ def add_to(verb: AddVerb) -> None:
         "--pad", metavar="NAME", help="the pad with this geometry and magnet; needed if there are several"
     )
     study.add_argument("--chips", action="store_true", help="scene: what each kind of chip is worth at this pad, alone")
+    study.add_argument("--controller", action="store_true", help="speed-accuracy: what a controller acts on, alone")
     study.add_argument("--json", action="store_true", help="print facts as JSON")
 
 
@@ -40,18 +43,19 @@ def _study(options: argparse.Namespace) -> int:
     pad = configured_pad(options)
     if options.seed < 0:
         raise VerbError(exit_codes.USAGE, f"--seed is {options.seed}: zero or more")
-    if options.chips and options.study != "scene":
-        raise VerbError(exit_codes.USAGE, f"--chips is an option of `study scene`, not of `study {options.study}`")
+    for option, its in OPTIONS.items():
+        if getattr(options, option) and options.study != its:
+            told = f"--{option} is an option of `study {its}`, not of `study {options.study}`"
+            raise VerbError(exit_codes.USAGE, told)
     try:
         study = import_module(STUDIES[options.study])
     except ImportError as error:
         raise lacking(error, "study") from error
     from fmfts_lab.study.harness import Request, say
 
+    of_all = options.out, options.quick, options.seed, configured_pads(options)
     try:
-        facts = study.run(
-            Request(pad, options.out, options.quick, options.seed, configured_pads(options), options.chips)
-        )
+        facts = study.run(Request(pad, *of_all, options.chips, options.controller))
     except KeyboardInterrupt:
         say(f"stopped; what is done is in {options.out}, and the same command goes on from there")
         raise
