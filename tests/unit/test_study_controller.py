@@ -227,3 +227,8 @@ def test_the_study_can_measure_that_alone_and_writes_its_chart_and_its_table(tmp
     assert swift[NOW]["publishing_n"] < swift["today's, line"]["publishing_n"] < swift[TODAY]["publishing_n"]
     assert told["today's, line"]["noise_mn"] > 1.5 * told[TODAY]["noise_mn"]
     assert told[NOW]["noise_mn"] < 1.2 * told[TODAY]["noise_mn"]
+    # What is solved from the same field is as right where nothing moves: a frame reaches every method unspoiled.
+    for method in ("extended Kalman", "unscented Kalman", "all samples at once"):
+        for unit in ("n", "mm"):
+            error, todays = (told[name]["motions"]["hold"][f"publishing_{unit}"] for name in (method, TODAY))
+            assert error == pytest.approx(todays, rel=0.25), (method, unit)
