@@ -27,6 +27,8 @@ from fmfts.runtime.requests import Verbs
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
 from fmfts.sensor.tasks import PATIENCE_S
+from fmfts.simulation.finger import steady_finger
+from fmfts.simulation.hands import UNSETTLED_FRAMES
 from fmfts.simulation.source import Simulated
 from fmfts_client import Endpoints
 
@@ -255,6 +257,34 @@ def test_damaged_file_never_becomes_the_one_before(daemon: Daemon) -> None:
     assert previous_of(path).read_bytes() == kept
     daemon.ask("baseline", restore=True)
     assert daemon.result()["baseline"] == first
+
+
+@pytest.mark.parametrize("kind", ["bare", "rest"])
+def test_simulated_pad_is_held_for_its_baseline_and_then_let_go(daemon: Daemon, kind: str) -> None:
+    daemon.source.finger = finger = steady_finger(2e-3, 1e-3, 1.0)
+    daemon.frames(100)
+    daemon.ask("baseline", duration_s=0.5, **{kind: True})
+    assert daemon.source.mounted == (kind == "rest")
+    daemon.frames(UNSETTLED_FRAMES)  # chips may still tell what they saw before
+    assert daemon.channel.job is not None
+    assert daemon.channel.job._collection.frames == []
+    daemon.frames(150)
+    told = daemon.result()
+    assert told["ok"]
+    assert told["kind"] == kind
+    if kind == "rest":
+        assert told["remanence_t"] == pytest.approx(1.23, rel=0.2)  # that of a pad that nothing pressed
+    daemon.verbs.finish_jobs()
+    assert daemon.source.mounted
+    assert daemon.source.finger is finger
+
+
+def test_simulated_pad_is_let_go_where_its_baseline_is_refused(daemon: Daemon) -> None:
+    finger = daemon.source.finger
+    daemon.ask("baseline", turn=True)  # there is no baseline at rest
+    assert "--rest" in daemon.result()["error"]
+    assert daemon.source.finger is finger
+    assert not daemon.source.tumbling
 
 
 def test_nothing_to_restore_is_said(daemon: Daemon) -> None:

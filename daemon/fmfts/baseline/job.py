@@ -59,14 +59,25 @@ class Collection:
 
 
 class BaselineJob:
-    """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait."""
+    """A Task. Collects frames, then computes and stores in another thread: the thread that publishes must not wait.
 
-    def __init__(self, request: BaselineRequest, before: Baseline | None, source: Source, executor: Executor) -> None:
+    unsettled: so many first frames are left out.
+    """
+
+    def __init__(
+        self,
+        request: BaselineRequest,
+        before: Baseline | None,
+        source: Source,
+        executor: Executor,
+        unsettled: int = 0,
+    ) -> None:
         request.require_rest(before)
         self._request = request
         self._before = before
         self._source = source
         self._executor = executor
+        self._unsettled = unsettled
         self._collection = Collection(source, request.seconds)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
@@ -74,6 +85,9 @@ class BaselineJob:
     def take(self, frame: Frame) -> None:
         """The next frame of the pad; ignored once there are enough."""
         if self._result is not None:
+            return
+        if self._unsettled:
+            self._unsettled -= 1
             return
         self._collection.take(frame)
         if self._coverage is not None:

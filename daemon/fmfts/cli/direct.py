@@ -19,8 +19,7 @@ from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.probing import is_sound, probe_facts
 from fmfts.sensor.tasks import PATIENCE_S, Task
-from fmfts.simulation.baseline import hold_still
-from fmfts.simulation.finger import ScriptedFinger
+from fmfts.simulation.hands import Hands
 from fmfts.simulation.source import Simulated
 from fmfts.sources import open_sources, origin_of
 from fmfts.view.progress import Show, progress_bar
@@ -83,10 +82,7 @@ def record_baseline(
             before = None
         with _opened(pad, pads) as (source, pad_index), progress_bar("baseline") as show:
             if isinstance(source, Simulated):
-                hold_still(source, mounted=not bare)
-                source.tumbling = turn
-                if refine:
-                    source.finger = ScriptedFinger(seed=0)
+                Hands(source, bare=bare, turn=turn, refine=refine)
             job = BaselineJob(work, before, source, executor)
             return _finished(pad.name, job, _turns(source, pad_index, job.take), show)
 

@@ -25,6 +25,8 @@ from fmfts.runtime.channel import Channel
 from fmfts.runtime.pending import Pending, fail_internally
 from fmfts.sensor import SourceError
 from fmfts.sensor.probing import probe_facts
+from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
+from fmfts.simulation.source import Simulated
 
 log = logging.getLogger(__name__)
 
@@ -57,6 +59,7 @@ class Verbs:
         self._channels = {channel.name: channel for channel in channels}
         self._executor = executor
         self._pending: list[Pending] = []
+        self._hands: dict[str, Hands] = {}  # by pad: of simulated pads whose baseline is being recorded
         self._handlers: dict[str, Callable[[Request], None]] = {
             "status": self._status,
             "pads": self._pads,
@@ -87,6 +90,8 @@ class Verbs:
         for channel in self._channels.values():
             if id(channel.job) not in under_way:
                 channel.job = None
+                if channel.name in self._hands:
+                    self._hands.pop(channel.name).let_go()
 
     def _status(self, request: Request) -> None:
         request.arguments_as(_Nothing)
@@ -151,7 +156,12 @@ class Verbs:
         if not channel.source.state.connected:
             state = channel.source.state
             raise AbsentError(f"pad '{channel.name}': no baseline was recorded: {state.description}: {state.reason}")
-        channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor)
+        unsettled = UNSETTLED_FRAMES if isinstance(channel.source, Simulated) else 0
+        channel.job = BaselineJob(work, _recorded(channel), channel.source, self._executor, unsettled)
+        if isinstance(channel.source, Simulated):  # nobody else can take it off, turn it or press it
+            self._hands[channel.name] = Hands(
+                channel.source, bare=arguments.bare, turn=arguments.turn, refine=arguments.refine
+            )
         self._await_baseline(request, channel, channel.job)
 
     def _await_baseline(self, request: Request, channel: Channel, task: BaselineJob | Restoration) -> None:

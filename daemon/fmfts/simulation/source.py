@@ -110,6 +110,11 @@ class Simulated:
         """The pad as it was built, with its errors, for tests; a daemon must not use it."""
         return self._built
 
+    @property
+    def time_s(self) -> float:
+        """The time of the next frame, as `finger` counts it."""
+        return self._sequence / self._rate_hz
+
     def fileno(self) -> None:
         return None
 

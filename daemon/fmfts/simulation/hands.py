@@ -1,0 +1,53 @@
+"""What a person does for a baseline, done to a simulated pad: takes it off, lets it alone, turns it, or presses it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fmfts.simulation.baseline import hold_still
+from fmfts.simulation.finger import REACH_M, Stroke, Touch
+from fmfts.simulation.source import Simulated
+
+# In the first frames a chip may still tell what it saw before the hands came.
+UNSETTLED_FRAMES = 4
+ALONE_S = 0.5  # before the first press: the field at rest is looked at
+PRESS_EVERY_S = 0.6
+WEAKEST_N, STRONGEST_N = 0.3, 1.7
+# Multiples of these, modulo one, fill a square and a line evenly however many are taken (M. Roberts, R2 sequence).
+PLACE_STEPS, FORCE_STEP = (0.7548776662, 0.5698402910), 0.6180339887
+
+
+@dataclass(frozen=True, slots=True)
+class PressesAllOver:
+    """A finger that presses another place with another force every PRESS_EVERY_S, from `begin_s` on."""
+
+    begin_s: float
+
+    def __call__(self, time_s: float) -> Touch:
+        number, within_s = divmod(time_s - self.begin_s - ALONE_S, PRESS_EVERY_S)
+        x_m, y_m = (REACH_M * (2.0 * ((0.5 + number * step) % 1.0) - 1.0) for step in PLACE_STEPS)
+        if number < 0:
+            return Touch(x_m, y_m, 0.0)
+        force_n = WEAKEST_N + (STRONGEST_N - WEAKEST_N) * ((0.5 + number * FORCE_STEP) % 1.0)
+        return Stroke(0.0, 0.75 * PRESS_EVERY_S, 0.12, force_n, (x_m, y_m), (x_m, y_m)).at(within_s)
+
+
+class Hands:
+    """Holds the pad as a recording needs it, until `let_go`. bare: off the sensors. turn, refine: as for `baseline`."""
+
+    def __init__(self, source: Simulated, *, bare: bool, turn: bool, refine: bool) -> None:
+        self._source = source
+        self._fingers = [source.finger, *(each.finger for each in source.neighbours)]
+        self._before = source.mounted, source.tumbling, source.turning_rad_per_s
+        hold_still(source, mounted=not bare)
+        source.tumbling = turn
+        if refine:
+            source.finger = PressesAllOver(source.time_s)
+
+    def let_go(self) -> None:
+        """The pad is as it was, and what the configuration says of it goes on."""
+        source = self._source
+        source.mounted, source.tumbling, source.turning_rad_per_s = self._before
+        source.finger, *others = self._fingers
+        for neighbour, finger in zip(source.neighbours, others, strict=True):
+            neighbour.finger = finger

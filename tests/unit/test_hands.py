@@ -1,0 +1,78 @@
+"""The hands that hold a simulated pad for its baselines: each recording is good, and the pad is left as it was."""
+
+from __future__ import annotations
+
+import pytest
+
+from fmfts.baseline import Baseline, accuracy
+from fmfts.baseline.coverage import PressCoverage, TurnCoverage
+from fmfts.baseline.request import DURATION_S, REFINE_S, TURN_S, BaselineRequest
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.sensor import Frame
+from fmfts.simulation.finger import steady_finger
+from fmfts.simulation.hands import UNSETTLED_FRAMES, Hands
+from fmfts.simulation.source import Simulated
+
+CONFIG = PadConfig(name="left", source=SimulatedSource())  # pressed by the script on a robot that turns
+PERIOD_NS = round(1e9 / 220)
+
+
+def request(kind: str) -> BaselineRequest:
+    return BaselineRequest(
+        CONFIG.pad(), CONFIG.tolerance.si(), kind == "bare", False, turn=kind == "turn", refine=kind == "refine"
+    )
+
+
+def frames(source: Simulated, seconds: float) -> list[Frame]:
+    begun = round(source.time_s * 220)
+    return [
+        frame
+        for step in range(round(seconds * 220))
+        for frame in source.poll((begun + step) * PERIOD_NS + PERIOD_NS // 2)
+    ]
+
+
+def test_each_recording_is_accepted_and_turn_and_refine_make_the_baseline_more_accurate() -> None:
+    source = Simulated(CONFIG)
+    frames(source, 5.0)  # the script presses already
+    baseline: Baseline | None = None
+    known: list[dict[str, float]] = []
+    for kind, seconds in (("bare", DURATION_S), ("rest", DURATION_S), ("turn", 14.0), ("refine", 20.0)):
+        hands = Hands(source, bare=kind == "bare", turn=kind == "turn", refine=kind == "refine")
+        frames(source, UNSETTLED_FRAMES / 220)
+        baseline, mounting = request(kind).make(frames(source, seconds), baseline)
+        hands.let_go()
+        known.append(accuracy(mounting, CONFIG.pad()))
+    _, rest, turned, refined = known
+    assert turned["gain_sd"] < 0.8 * rest["gain_sd"]
+    assert refined["sensor_place_sd_m"] < turned["sensor_place_sd_m"]
+    assert refined["press_1n_force_sd_n"] < rest["press_1n_force_sd_n"]
+
+
+@pytest.mark.parametrize("after_s", [0.0, 6.0, 13.0])
+def test_turn_and_presses_are_enough_whenever_they_begin(after_s: float) -> None:
+    source = Simulated(CONFIG)
+    source.poll(0)
+    source.poll(round(after_s * 1e9))
+    for coverage, seconds in ((TurnCoverage(CONFIG.pad()), TURN_S), (PressCoverage(CONFIG.pad()), REFINE_S)):
+        turns = isinstance(coverage, TurnCoverage)
+        hands = Hands(source, bare=False, turn=turns, refine=not turns)
+        for frame in frames(source, seconds):
+            coverage.take(frame)
+        hands.let_go()
+        assert coverage.enough, coverage.hint
+
+
+@pytest.mark.parametrize("kind", ["bare", "rest", "turn", "refine"])
+def test_the_pad_is_left_as_it_was(kind: str) -> None:
+    source = Simulated(CONFIG)
+    source.finger = finger = steady_finger(2e-3, 1e-3, 1.0)
+    source.turning_rad_per_s = 0.3
+    source.poll(0)
+    hands = Hands(source, bare=kind == "bare", turn=kind == "turn", refine=kind == "refine")
+    assert source.mounted == (kind != "bare")
+    assert source.tumbling == (kind == "turn")
+    assert (source.finger(source.time_s + 0.7).force_n > 0.0) == (kind == "refine")
+    hands.let_go()
+    assert (source.mounted, source.tumbling, source.turning_rad_per_s) == (True, False, 0.3)
+    assert source.finger is finger
