@@ -166,7 +166,7 @@ def test_a_paused_moment_can_be_looked_at_and_copied_with_the_keyboard_alone(ben
 def test_axe_finds_no_serious_violation(page: Page, theme: str) -> None:
     if page.evaluate("document.documentElement.dataset.theme") != theme:
         page.keyboard.press("t")
-    for dialog in (None, "g", "?"):
+    for dialog in (None, "g", "o", "?"):
         if dialog:
             page.keyboard.press(dialog)
             page.wait_for_timeout(300)  # it has risen: contrast is judged of what is opaque

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import io
 import json
 import random
 import re
@@ -14,10 +15,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgpack
+import msgspec
 import pytest
 import zmq
+from bus_messages import contact_message
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -27,8 +31,9 @@ from fmfts.page.browser import may_open
 from fmfts.page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
 from fmfts.page.files import FOLDER, Files
 from fmfts.page.guard import Guard, RefusedAddressError
-from fmfts.page.recordings import Recordings, RecordingsError
+from fmfts.page.recordings import Recordings
 from fmfts.page.server import WAITING, PageServer
+from fmfts.recording.file import RecordingWriter
 from fmfts_client import Endpoints
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +43,7 @@ class Served:
     """A page's server in a thread, on a bus of its own; `publish` is the daemon."""
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self.guard = Guard("127.0.0.1")
         self.endpoints = Endpoints.from_base(f"ipc://{folder}")
         self.bus: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.PUB)
@@ -218,6 +224,52 @@ class TestFeed:
             == 2 * KEPT_FOR_A_PAGE
         )
 
+    def test_recording_that_cannot_be_read_leaves_the_bus_shown(self, served: Served, tmp_path: Path) -> None:
+        (served.folder / "empty.mcap").write_bytes(b"")
+        with served.page() as page:
+            page.send(json.dumps({"ask": "replay", "id": 1, "name": "empty.mcap"}))
+            assert "empty.mcap is empty" in str(answered(page, "error")["error"])
+            until = time.monotonic() + 5.0
+            while time.monotonic() < until:  # the subscription may take a moment
+                served.bus.send_multipart((b"contact/left", msgpack.packb({"seq": 1})))
+                try:
+                    if isinstance(page.recv(timeout=0.1), bytes):
+                        return
+                except TimeoutError:
+                    pass
+        raise AssertionError("nothing of the bus arrives any more")
+
+    def test_every_message_of_a_recording_is_shown_in_its_order_and_then_its_end(self, served: Served) -> None:
+        began_ns, count = 1_000_000_000, 450
+        writer = RecordingWriter(served.folder / "whole.mcap")
+        for seq in range(count):
+            at_ns = began_ns + seq * 1_000_000
+            told = contact_message(pad="left", seq=seq, t_sample_ns=at_ns, t_publish_ns=at_ns)
+            writer.add("contact", "left", msgspec.to_builtins(told))
+        writer.finish()
+        writer.close()
+        with served.page() as page:
+            page.send(json.dumps({"ask": "replay", "id": 1, "name": "whole.mcap"}))
+            assert answered(page, "done")["done"] == {"pads": [], "recording": "whole.mcap"}
+            shown: list[tuple[str, Any]] = []
+            while not shown or shown[-1][0] != "replayed":
+                batch = page.recv(timeout=5.0)
+                if isinstance(batch, bytes):
+                    values = list(msgpack.Unpacker(io.BytesIO(batch)))
+                    shown += zip(values[::2], values[1::2], strict=True)
+        assert [body["seq"] for topic, body in shown if topic == "contact/left"] == list(range(count))
+        assert shown[-1][1] == {"why": ""}
+        clocks = [body["now_ns"] for topic, body in shown if topic == "clock"]
+        assert clocks == sorted(clocks)
+        assert clocks[0] > began_ns
+
+    def test_nothing_of_the_bus_comes_after_a_recording_began(self) -> None:
+        viewer = Viewer()
+        viewer.take(b"event/left", b"\xc0")
+        viewer.take_newest({b"contact/left": b"\xc0"})
+        viewer.forget()
+        assert viewer.batch() == b""
+
 
 def test_shape_of_a_pad_is_told_in_metres() -> None:
     facts = pad_facts(PadConfig(name="left", source=SimulatedSource()))
@@ -251,22 +303,6 @@ class TestAddress:
         assert may_open({"DISPLAY": ":0"}, "linux")
         assert not may_open({}, "linux")
         assert not may_open({"DISPLAY": ":0", "BROWSER": "none"}, "linux")
-
-
-class TestRecordings:
-    def test_only_files_of_the_folder_can_be_shown(self, tmp_path: Path) -> None:
-        (tmp_path / "a.mcap").write_bytes(b"")
-        (tmp_path / "b.txt").write_bytes(b"")
-        recordings = Recordings(tmp_path, None)
-        assert recordings.names() == ["a.mcap"]
-        assert recordings.path_of("a.mcap") == tmp_path / "a.mcap"
-        for name in ("b.txt", "../a.mcap", "/etc/passwd", ""):
-            with pytest.raises(RecordingsError):
-                recordings.path_of(name)
-
-    def test_ending_what_was_not_begun_says_so(self, tmp_path: Path) -> None:
-        with pytest.raises(RecordingsError, match="nothing is being recorded"):
-            Recordings(tmp_path, None).end()
 
 
 class TestFiles:

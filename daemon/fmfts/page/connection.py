@@ -7,6 +7,8 @@ import contextlib
 import json
 import threading
 import time
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import msgpack  # type: ignore[import-untyped]
@@ -23,6 +25,7 @@ HELLO_S = 5.0
 REQUESTS_AT_ONCE = 4
 WRONG_TOKEN, TOO_MANY = 4401, 4429  # application's own close codes
 BATCH_S = 0.025
+AT_ONCE = 200  # messages of a recording that are read at once
 
 
 class PageConnection:
@@ -77,14 +80,17 @@ class PageConnection:
                 self._viewer.detail = None if detail is None else f"contact/{detail}".encode()
                 self._viewer.hidden = hidden
             case Ping(sent_ms=sent_ms):
+                recordings = self._commands.recordings
                 self._say({"pong": sent_ms, "now_ns": self._feed.now_ns(), "left_out": self._viewer.left_out,
-                           "recording": self._commands.recordings.under_way})  # fmt: skip
-            case Replay():
-                self._switch(asked)
+                           "recording": recordings.under_way, "recording_failed": recordings.failure()})  # fmt: skip
+            case Replay(name=None):
+                self._show_bus()
+                self._say({"id": asked.id, "done": {}})
             case _ if len(self._tasks) >= REQUESTS_AT_ONCE:
                 self._say({"id": asked.id, "error": "this page waits for several answers already"})
             case _:
-                task = asyncio.create_task(self._commands.carry_out(asked, self._say))
+                does = self._show(asked) if isinstance(asked, Replay) else self._commands.carry_out(asked, self._say)
+                task = asyncio.create_task(does)
                 self._tasks.add(task)
                 task.add_done_callback(self._tasks.discard)
 
@@ -98,47 +104,58 @@ class PageConnection:
             while True:
                 await self._ready.wait()
                 self._ready.clear()
-                said, self._said = self._said, []
+                # Taken together, so that an answer to `replay` comes before all messages that it is about.
+                said, self._said, batch = self._said, [], self._viewer.batch()
                 for text in said:
                     await self._socket.send(text)
-                batch = self._viewer.batch()
                 if batch:
                     await self._socket.send(batch)
 
-    def _switch(self, asked: Replay) -> None:
-        """Show a recording in place of the bus, or the bus again."""
+    def _show_bus(self) -> None:
+        self._end_replay()
+        self._feed.add(self._viewer)
+
+    def _end_replay(self) -> None:
+        """What was shown until now is not sent any more: it would be drawn among what is shown next."""
         if self._replay is not None:
             self._replay.cancel()
             self._replay = None
-        if asked.name is None:
-            self._feed.add(self._viewer)
-            self._say({"id": asked.id, "done": {}})
-            return
-        self._feed.remove(self._viewer)
-        self._replay = asyncio.create_task(self._play(asked, asked.name))
+        self._viewer.forget()
 
-    async def _play(self, asked: Replay, name: str) -> None:
-        over = threading.Event()
+    async def _show(self, asked: Replay) -> None:
+        """Show a recording in place of the bus. If it cannot be read, what is shown now goes on."""
+        assert asked.name is not None
         try:
-            path = self._commands.recordings.path_of(name)
+            path = self._commands.recordings.path_of(asked.name)
             pads = await asyncio.to_thread(pads_of, path)
-            self._say({"id": asked.id, "done": {"pads": pads, "recording": name}})
+        except ERRORS as error:
+            self._say({"id": asked.id, "error": str(error)})
+            return
+        self._end_replay()
+        self._feed.remove(self._viewer)
+        self._say({"id": asked.id, "done": {"pads": pads, "recording": asked.name}})
+        self._replay = asyncio.create_task(self._play(path, asked.speed))
+
+    async def _play(self, path: Path, speed: float) -> None:
+        over = threading.Event()
+        why = ""
+        try:
             messages = messages_of(path, over.is_set)
             first_ns = 0
             begun_s = time.monotonic()
-            while chunk := await asyncio.to_thread(lambda: [one for one, _ in zip(messages, range(200), strict=False)]):
+            while chunk := await asyncio.to_thread(lambda: list(islice(messages, AT_ONCE))):
                 for sent_ns, topic, body in chunk:
                     first_ns = first_ns or sent_ns
-                    due_s = begun_s + (sent_ns - first_ns) * 1e-9 / asked.speed
+                    due_s = begun_s + (sent_ns - first_ns) * 1e-9 / speed
                     if due_s - time.monotonic() > BATCH_S:
                         self._put_clock(sent_ns)
                         await asyncio.sleep(due_s - time.monotonic())
                     self._viewer.take(topic, body)
-            self._say({"replayed": name})
         except ERRORS as error:
-            self._say({"id": asked.id, "error": str(error)})
+            why = str(error)
         finally:
             over.set()
+        self._viewer.take(b"replayed", msgpack.packb({"why": why}))
 
     def _put_clock(self, now_ns: int) -> None:
         """Tells the page what time it is in the recording, and sends what is due."""

@@ -42,6 +42,11 @@ class Viewer:
         if not self.hidden:
             self._newest.update(contacts)
 
+    def forget(self) -> None:
+        """What is kept is not to be sent any more."""
+        self._newest.clear()
+        self._in_order.clear()
+
     def batch(self) -> bytes:
         """All that is kept, as a sequence of MessagePack values: topic, body, topic, body …; empty if there is none."""
         if self.detail is not None:

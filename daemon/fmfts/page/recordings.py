@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
@@ -22,7 +23,8 @@ from fmfts.config.pad_facts import pad_facts
 from fmfts.recording.file import RecordingError, read
 from fmfts_client.endpoints import OVERRIDE
 
-ENDING_S = 10.0
+BEGINNING_S, ENDING_S = 20.0, 10.0
+LOOK_S = 0.02
 LISTED = 100
 SHOWN = ("contact", "event", "status")
 
@@ -40,6 +42,7 @@ class Recordings:
         self._lock = threading.Lock()  # two pages may press the button at once
         self._recorder: subprocess.Popen[str] | None = None
         self._path = folder
+        self._failure: str | None = None
 
     @property
     def under_way(self) -> str | None:
@@ -48,7 +51,10 @@ class Recordings:
         return self._path.name if recorder is not None and recorder.poll() is None else None
 
     def begin(self) -> dict[str, Any]:
-        """Start to record all pads into a new file. RecordingsError if that is under way, or cannot be."""
+        """Start to record all pads into a new file, and wait until messages go there.
+
+        RecordingsError if that is under way, or cannot be.
+        """
         with self._lock:
             if self.under_way is not None:
                 raise RecordingsError(f"{self._path} is being recorded already")
@@ -67,7 +73,34 @@ class Recordings:
                 )  # fmt: skip
             except OSError as error:
                 raise RecordingsError(f"the recorder cannot be started: {why_not_written(error)}") from error
+            self._failure = None
+            self._await_file(self._recorder)
             return {"recording": self._path.name}
+
+    def _await_file(self, recorder: subprocess.Popen[str]) -> None:
+        """The recorder makes its file when it has subscribed."""
+        until_s = time.monotonic() + BEGINNING_S
+        while not self._path.exists():
+            if recorder.poll() is None and time.monotonic() < until_s:
+                time.sleep(LOOK_S)
+                continue
+            self._recorder = None
+            recorder.kill()
+            _, said = recorder.communicate()
+            raise RecordingsError(said.strip() or f"{self._path}: the recorder did not begin")
+
+    def failure(self) -> str | None:
+        """Why the recorder ended by itself; None if it did not. Does not wait."""
+        if self._lock.acquire(blocking=False):
+            try:
+                recorder = self._recorder
+                if recorder is not None and recorder.poll() is not None:
+                    self._recorder = None
+                    _, said = recorder.communicate()
+                    self._failure = said.strip() or f"{self._path}: the recorder ended by itself"
+            finally:
+                self._lock.release()
+        return self._failure
 
     def end(self) -> dict[str, Any]:
         """Stop recording; the facts of the file. RecordingsError if none is under way, or it failed."""

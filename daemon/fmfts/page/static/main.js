@@ -1,5 +1,6 @@
 // Puts the page together: takes messages in, and draws what is chosen, now or at a moment of the past.
 
+import { listEvent } from "./events.js";
 import { Guide } from "./guide.js";
 import { Hand } from "./hand.js";
 import { Keys } from "./keys.js";
@@ -74,6 +75,7 @@ function choose(name) {
 
 link.addEventListener("message", ({ detail: { topic, body } }) => {
   if (topic === "clock") return void (page.clockMs = { at: performance.now(), ms: Number(body.now_ns) / 1e6 });
+  if (topic === "replayed") return replayed(body.why);
   const [kind, name] = topic.split("/");
   if (kind === "caption") return caption(body.text);
   if (kind !== "ghost" && body.v !== SCHEMA) {
@@ -87,7 +89,7 @@ link.addEventListener("message", ({ detail: { topic, body } }) => {
   } else if (kind === "status") pad.status = body;
   else if (kind === "event") {
     pad.takeEvent(body);
-    listEvent(pad.events.at(-1));
+    listEvent(element("event-list"), pad.events.at(-1), page.pads.size > 1);
   } else if (kind === "ghost") {
     pad.takeGhost(body);
     element("legend-ghost").hidden = false;
@@ -129,6 +131,12 @@ function switched(shapes) {
   element("legend-ghost").hidden = true;
   if (shapes) setShapes(shapes);
   else askShapes();
+}
+
+// At its end a recording stands still, so that its last ten seconds can be looked at.
+function replayed(why) {
+  replays.ended(why);
+  if (page.paused === null) pause(true);
 }
 
 // What is drawn of a pad: the newest contact, or while paused the one of the moment.
@@ -177,7 +185,7 @@ function drawTraces(pad) {
 
 function showWords(pad) {
   const status = pad && { ...pad.status, everArrived: pad.contact !== null };
-  const words = wordsOf(pad && contactOf(pad), status, page.linkState);
+  const words = wordsOf(pad && contactOf(pad), status, page.linkState, replays);
   const key = JSON.stringify(words);
   if (key === page.words) return;
   page.words = key;
@@ -207,19 +215,6 @@ setInterval(() => {
   setText(chip, `${word}${state === "live" ? `, ${pictures} pictures a second` : ""}${slow ? ": this computer shows less often" : ""}${page.leftOut ? `; ${page.leftOut} messages left out` : ""}`);
   page.dirty = true;
 }, SLOW_MS);
-
-const MARKS = { onset: "▼", release: "△", health: "▲", over_range: "▲", baseline: "■" };
-
-function listEvent(event) {
-  const line = document.createElement("li"), mark = document.createElement("i"), text = document.createElement("span"), when = document.createElement("time");
-  line.dataset.kind = event.kind;
-  mark.textContent = MARKS[event.kind] ?? "·";
-  text.textContent = `${page.pads.size > 1 ? `${event.pad}: ` : ""}${event.kind.replace("_", " ")}${event.detail ? ` ${event.detail}` : ""}`;
-  when.textContent = new Date().toLocaleTimeString("en-GB");
-  line.append(mark, text, when);
-  element("event-list").prepend(line);
-  while (element("event-list").children.length > 200) element("event-list").lastElementChild.remove();
-}
 
 function pause(on = page.paused === null) {
   const clock = nowMs();

@@ -10,9 +10,14 @@ export class Replays {
     this.button = button;
     this.switched = switched;
     this.shown = null;
+    this.over = false; // the recording that is shown was shown to its end
+    this.failure = null;
     link.addEventListener("said", ({ detail }) => {
       if ("recording" in detail) this.mark(detail.recording);
-      if ("replayed" in detail) toast(`the end of ${detail.replayed}`);
+      if ("recording_failed" in detail && detail.recording_failed !== this.failure) {
+        this.failure = detail.recording_failed;
+        if (this.failure) toast(this.failure);
+      }
     });
     link.addEventListener("state", ({ detail }) => {
       if (detail.state === "open" && this.shown) this.back();
@@ -29,6 +34,7 @@ export class Replays {
   async toggle() {
     const on = !this.under_way;
     try {
+      if (on) toast("the recorder begins …");
       const { done } = await this.link.request("record", { on });
       this.mark(on ? done.recording : null);
       toast(on ? `recording all pads into ${done.recording}` : `${done.messages} messages in ${done.recording}`);
@@ -67,17 +73,25 @@ export class Replays {
       const speed = Number(this.dialog.querySelector("#speed").value);
       const { done } = await this.link.request("replay", { name, speed });
       this.shown = name;
+      this.over = false;
       this.switched(done.pads);
     } catch (error) {
       toast(error.message);
     }
   }
 
+  // why: what is wrong with the file; "" at its end.
+  ended(why) {
+    this.over = true;
+    toast(why || `the end of ${this.shown}`);
+  }
+
   async back() {
-    this.shown = null;
-    this.switched(null);
     try {
       await this.link.request("replay", { name: null });
+      this.shown = null;
+      this.over = false;
+      this.switched(null);
     } catch (error) {
       toast(error.message);
     }

@@ -6,10 +6,12 @@ export async function loadAdvice() {
   advice = await (await fetch("advice.json")).json();
 }
 
-// {health, reason, advice} of what is shown now; health "wait" before anything arrived.
-export function wordsOf(contact, status, linkState) {
+// {health, reason, advice} of what is shown now; health "wait" before anything arrived. replay: {shown, over}.
+export function wordsOf(contact, status, linkState, replay) {
   if (!contact) {
     if (linkState !== "open") return { health: "gone", word: "no connection", reason: "", advice: "" };
+    if (replay.over) return { health: "wait", word: "the end", reason: "of the recording", advice: "press `O` to show it again, another one, or the daemon" };
+    if (replay.shown) return { health: "wait", word: "nothing", reason: "in the recording at this moment", advice: "" };
     return status?.everArrived
       ? { health: "gone", word: "nothing arrives", reason: "The daemon sends nothing.", advice: advice.health.silent ?? "" }
       : { health: "wait", word: "waiting", reason: "for fmfts-daemon", advice: advice.health.silent ?? "" };

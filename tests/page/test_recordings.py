@@ -1,0 +1,72 @@
+"""Recordings on the page, in Chromium: one is made, shown again and left, and what is no recording is refused."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from page.conftest import Bench
+from page.rig import CHROMIUM, NEWEST, until
+
+pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.real_time, pytest.mark.slow]
+
+TOAST = "document.querySelector('#toast').textContent"
+LINK = "document.querySelector('#link').textContent"
+FORCE = "document.querySelector('#force').dataset.kind"
+TOUCHED_S = 2.0  # longer than the second after which the page says that it shows a recording
+
+
+def show(page: Page, name: str) -> None:
+    """Choose a row of the list: the buttons come when the server has answered."""
+    page.keyboard.press("o")
+    page.click(f"#recording-list button[aria-label='{name}']")
+
+
+def test_a_recording_is_made_and_its_contacts_are_shown_again_on_the_same_page(bench: Bench, page: Page) -> None:
+    page.keyboard.press("r")
+    until(page, f"{TOAST}.startsWith('recording all pads into')")
+    assert page.get_attribute("#record", "aria-pressed") == "true"
+    name = page.evaluate(TOAST).split()[-1]
+    bench.pressed.touch(-4e-3, -4e-3, 0.9)
+    until(page, f"{FORCE} === 'touch'")
+    page.wait_for_timeout(TOUCHED_S * 1e3)
+    bench.pressed.touch(0.0, 0.0, 0.0)
+    until(page, f"{FORCE} === 'none'")
+    page.keyboard.press("r")
+    until(page, f"{TOAST}.includes('messages in')")
+    assert page.get_attribute("#record", "aria-pressed") == "false"
+    assert (bench.folder / name).stat().st_size > 0
+    ended_ns = time.monotonic_ns()
+    show(page, f"Show {name}")
+    until(page, f"{LINK}.startsWith('recording {name}')")
+    until(page, f"{FORCE} === 'touch' && Math.hypot({NEWEST}.x_m + 4e-3, {NEWEST}.y_m + 4e-3) < 5e-4")
+    assert page.evaluate(f"Number({NEWEST}.t_publish_ns)") < ended_ns
+    until(page, f"{LINK}.startsWith('paused')")  # at its end, so that its last seconds can be looked at
+    assert "the end of" in page.evaluate(TOAST)
+    assert page.locator("#event-list li[data-kind='onset']").count() == 1, "the recording's alone"
+    for _ in range(10 * round(TOUCHED_S) + 50):
+        page.keyboard.press("Shift+ArrowLeft")
+        page.wait_for_timeout(50)
+        if page.evaluate(FORCE) == "touch":
+            break
+    assert page.evaluate(FORCE) == "touch"
+    page.keyboard.press("Space")
+    until(page, "document.querySelector('#reason').textContent === 'of the recording'")
+    show(page, "Back the daemon, live")
+    until(page, f"{LINK}.startsWith('live')")
+    until(page, f"Number({NEWEST}.t_publish_ns) > {ended_ns}")
+
+
+def test_a_file_that_is_no_recording_is_named_and_the_daemon_is_shown_on(bench: Bench, page: Page) -> None:
+    broken: Path = bench.folder / "broken.mcap"
+    broken.write_bytes(b"")
+    show(page, "Show broken.mcap")
+    until(page, f"{TOAST}.includes('broken.mcap is empty')")
+    bench.pressed.touch(3e-3, 3e-3, 0.8)
+    until(page, f"{FORCE} === 'touch'")
+    bench.pressed.touch(0.0, 0.0, 0.0)
+    until(page, f"{FORCE} === 'none'")
+    until(page, f"{LINK}.startsWith('live')")

@@ -1,0 +1,48 @@
+"""What the page's server does for recordings: it begins and ends a recorder, and shows files of one folder alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fmfts.page.recordings import Recordings, RecordingsError
+
+
+def test_only_files_of_the_folder_can_be_shown(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"")
+    (tmp_path / "b.txt").write_bytes(b"")
+    recordings = Recordings(tmp_path, None)
+    assert recordings.names() == ["a.mcap"]
+    assert recordings.path_of("a.mcap") == tmp_path / "a.mcap"
+    for name in ("b.txt", "../a.mcap", "/etc/passwd", ""):
+        with pytest.raises(RecordingsError):
+            recordings.path_of(name)
+
+
+def test_recorder_that_ends_by_itself_is_told_of(tmp_path: Path) -> None:
+    recordings = Recordings(tmp_path, f"ipc://{tmp_path}")
+    name = recordings.begin()["recording"]
+    assert (tmp_path / name).exists()  # it has subscribed: nothing that happens now is missing
+    assert recordings.under_way == name
+    assert recordings.failure() is None
+    recorder = recordings._recorder
+    assert recorder is not None
+    recorder.kill()
+    recorder.wait(10.0)
+    assert recordings.under_way is None
+    assert name in (recordings.failure() or "")
+    assert name in (recordings.failure() or ""), "for every page that asks"
+
+
+def test_recorder_that_cannot_begin_says_why(tmp_path: Path) -> None:
+    recordings = Recordings(tmp_path, "nonsense://")
+    with pytest.raises(RecordingsError, match="nonsense"):
+        recordings.begin()
+    assert recordings.under_way is None
+    assert recordings.failure() is None
+
+
+def test_ending_what_was_not_begun_says_so(tmp_path: Path) -> None:
+    with pytest.raises(RecordingsError, match="nothing is being recorded"):
+        Recordings(tmp_path, None).end()
