@@ -132,6 +132,16 @@ def seconds_until(page: Page, condition: str, since_ns: int, within_s: float = P
     return float(told_ms) * 1e-3 - since_ns * 1e-9
 
 
+def run_card(page: Page, number: int, ends: str, within_s: float = 90.0) -> str:
+    """Start a card of the guide, 0 to 5, and wait for its end, "done" or "refused"; what it says then."""
+    card = f"#cards > li:nth-child({number + 1})"
+    page.click(f"{card} > button")
+    until(page, f"document.querySelector('{card}').dataset.state !== 'running'", within_s)
+    told: str = page.inner_text(f"{card} .result")
+    assert page.get_attribute(card, "data-state") == ends, told
+    return told
+
+
 def record_rest(daemon: RunningDaemon) -> None:
     daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
     daemon.request("baseline", duration_s=1.0, timeout_s=PATIENCE_S)

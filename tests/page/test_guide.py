@@ -1,18 +1,29 @@
-"""First use in the browser: cards that say what to do with one's hands, and run the verbs on a real board."""
+"""First use in the browser: cards that say what one's hands do, and run the verbs on a board and in a simulation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from end_to_end.first_use import EARTH_T
-from end_to_end.processes import resting_field
+from end_to_end.processes import UNTOUCHED_CONFIG, RunningDaemon, resting_field
 from page.conftest import Bench
-from page.rig import CHROMIUM, opened, until
+from page.rig import CHROMIUM, View, opened, run_card, until
 
 pytestmark = [pytest.mark.needs(CHROMIUM), pytest.mark.slow]
+
+HEALTH = "document.querySelector('#health').dataset.health"
+# Keeps each hint that a card shows, in `fmfts.hints`: some stand for half a second.
+KEEP_HINTS = """() => {
+    fmfts.hints = [];
+    new MutationObserver(() => {
+        const text = document.querySelector(".hint")?.textContent;
+        if (text && text !== fmfts.hints.at(-1)) fmfts.hints.push(text);
+    }).observe(document.getElementById("cards"), { childList: true, subtree: true, characterData: true });
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -29,22 +40,50 @@ def test_guided_first_use_records_both_baselines_and_says_why_one_is_refused(
     bench = new_bench
     bench.board.field(EARTH_T)
     page = opened(browser, bench.view.address)
-    until(page, "document.querySelector('#health').dataset.health === 'no_baseline'")
+    until(page, f"{HEALTH} === 'no_baseline'")
     page.keyboard.press("g")
-    state = "document.querySelectorAll('#cards > li')[{}].dataset.state === '{}'"
-
-    def run(card: int, ends: str) -> str:
-        page.click(f"#cards > li:nth-child({card + 1}) button")
-        until(page, state.format(card, ends))
-        return page.inner_text(f"#cards > li:nth-child({card + 1}) .result")
-
-    assert "sound" in run(0, "done")
-    assert "gains are stored" in run(1, "done")
-    assert "Baseline" in run(2, "done")
-    assert "baseline refused" in run(3, "refused")  # there is no magnet: the pad is not mounted
+    assert "sound" in run_card(page, 0, "done")
+    assert "gains are stored" in run_card(page, 1, "done")
+    assert "Baseline" in run_card(page, 2, "done")
+    assert "baseline refused" in run_card(page, 3, "refused")  # there is no magnet: the pad is not mounted
     bench.board.field(resting_field(bench.pad) + EARTH_T)
-    told = run(3, "done")
+    told = run_card(page, 3, "done")
     assert "magnet 1.2" in told
-    until(page, "document.querySelector('#health').dataset.health === 'ok'")
+    until(page, f"{HEALTH} === 'ok'")
     assert page.complaints == []  # type: ignore[attr-defined]
     page.context.close()
+
+
+def test_guided_first_use_of_a_simulated_pad_goes_to_its_end_and_says_what_each_step_brought(
+    browser: Browser, tmp_path: Path
+) -> None:
+    config = UNTOUCHED_CONFIG.replace('finger = "none"', 'finger = "script"')  # the hands come before it
+    with RunningDaemon(tmp_path, config) as daemon, View(tmp_path, daemon.environment) as view:
+        page = opened(browser, view.address)
+        until(page, f"{HEALTH} === 'ok'")
+        page.keyboard.press("g")
+        for card in range(4):
+            run_card(page, card, "done")
+        page.evaluate(KEEP_HINTS)
+        told = run_card(page, 4, "done")
+        assert "gains of the sensors; was ±" in told
+        hints = page.evaluate("fmfts.hints.splice(0)")
+        assert hints[0].startswith("start now: turn")
+        assert any(hint.startswith(("turn about another axis", "all directions are there")) for hint in hints)
+        told = run_card(page, 5, "done")
+        assert "places of the sensors; was ±" in told
+        hints = page.evaluate("fmfts.hints")
+        assert hints[0] == "do not touch the pad yet"
+        assert any("of 30 presses" in hint for hint in hints)
+        for card in (4, 5):
+            assert brought(page, card) == [True, True, True]
+        until(page, f"{HEALTH} === 'ok'")
+        assert page.complaints == []  # type: ignore[attr-defined]
+        page.context.close()
+
+
+def brought(page: Page, card: int) -> list[bool]:
+    """For each figure of a card: is it smaller than it was?"""
+    tiles = page.locator(f"#cards > li:nth-child({card + 1}) .gains > div").all_inner_texts()
+    pairs = [[float(part.split()[0]) for part in " ".join(tile.split()).split("±")[1:]] for tile in tiles]
+    return [now < was for now, was in pairs]

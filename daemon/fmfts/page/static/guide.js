@@ -18,6 +18,10 @@ const STEPS = [
     icon: [["M9 30h30v7H9z"], ["M24 8v15m-5-5 5 5 5-5", 1], ["M14 33.500h2M23 33.500h2M32 33.500h2"]] },
 ];
 
+// What a person gets from a step: fact, words, factor, unit, digits. The last two are what `turn` and `refine` measure.
+const PRESS = [["press_1n_sideways_sd_m", "place of a press of 1 N", 1e3, "mm", 3], ["press_1n_force_sd_n", "its force", 1, "N", 3]];
+const MEASURED = { turn: ["gain_sd", "gains of the sensors", 1e2, "%", 2], refine: ["sensor_place_sd_m", "places of the sensors", 1e3, "mm", 3] };
+
 export class Guide {
   constructor(link, dialog) {
     this.link = link;
@@ -100,7 +104,7 @@ function found(step, facts, pad, lines) {
   if (now("press_1n_sideways_sd_m") !== undefined) {
     const box = document.createElement("div");
     box.className = "gains";
-    for (const [name, what, factor, unit, digits] of [["press_1n_sideways_sd_m", "place of a press of 1 N", 1e3, "mm", 3], ["press_1n_force_sd_n", "its force", 1, "N", 3]]) {
+    for (const [name, what, factor, unit, digits] of [...PRESS, ...(step.key in MEASURED ? [MEASURED[step.key]] : [])]) {
       const tile = node("div", `${what}; was ± ${shown(was(name) * factor, digits)}`);
       tile.prepend(node("b", `± ${shown(now(name) * factor, digits)} ${unit}`));
       box.append(tile);
