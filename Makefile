@@ -4,7 +4,7 @@
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: an hour for each chip
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
-# make page-drills  the page under load: many pads, pages and strangers, an hour's run
+# make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
 # make pictures     take the pictures of the manual from the real page, in Chromium
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
@@ -74,7 +74,8 @@ transcript: $(VENV)/.installed-test firmware
 pictures: test-packages $(VENV)/.installed-test firmware
 	$(BIN)/python tests/page/pictures.py
 
-# Many pads, pages and strangers, and an hour of the page (shorter: FMFTS_PAGE_SECONDS=600); nothing else may run meanwhile.
+# Many pads, pages and strangers, a guided first use, and an hour of the page (shorter: FMFTS_PAGE_SECONDS=60; it also
+# shortens what is measured of five pages); nothing else may run meanwhile.
 page-drills: test-packages $(VENV)/.installed-test firmware
 	$(BIN)/python -m pytest -s tests/page/page_drills.py
 
