@@ -28,11 +28,12 @@ from websockets.sync.client import ClientConnection, connect
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.pad_facts import pad_facts
 from fmfts.page.browser import may_open
+from fmfts.page.commands import Commands
 from fmfts.page.feed import KEPT_FOR_A_PAGE, Feed, Viewer
 from fmfts.page.files import FOLDER, Files
 from fmfts.page.guard import Guard, RefusedAddressError
 from fmfts.page.recordings import Recordings
-from fmfts.page.server import WAITING, PageServer
+from fmfts.page.server import FRONT, WAITING, PageServer, RobotView
 from fmfts.recording.file import RecordingWriter
 from fmfts_client import Endpoints
 
@@ -52,7 +53,8 @@ class Served:
         self._over = threading.Event()
 
         async def serve() -> None:
-            server = PageServer(self.guard, self.endpoints, Recordings(folder, f"ipc://{folder}"))
+            commands = Commands(self.endpoints, Recordings(folder, f"ipc://{folder}"))
+            server = PageServer(self.guard, {FRONT: RobotView(Feed(self.endpoints), commands)})
             running = asyncio.create_task(
                 server.run(0, lambda address: (setattr(self, "address", address), began.set()))
             )
@@ -306,8 +308,9 @@ class TestAddress:
 
 
 class TestFiles:
-    def test_page_has_no_inline_script_or_style(self) -> None:
-        page = (FOLDER / "index.html").read_text()
+    @pytest.mark.parametrize("name", ["index.html", "fleet.html"])
+    def test_page_has_no_inline_script_or_style(self, name: str) -> None:
+        page = (FOLDER / name).read_text()
         assert not re.search(r"<script(?![^>]*src=)|<style|\sstyle=|\son\w+=", page)
 
     def test_every_file_that_the_page_names_is_there_and_none_is_elsewhere(self) -> None:
@@ -335,4 +338,14 @@ class TestFiles:
             assert hashlib.sha256(file.read_bytes()).hexdigest() in table, file.name
 
     def test_unknown_path_is_no_file(self) -> None:
-        assert Files("ws://x").answer("/nothing").status_code == 404
+        files = Files("ws://x", {"/": "fleet.html", "/robot/arm/": "index.html"})
+        assert files.answer("/nothing").status_code == 404
+        assert files.answer("/robot/leg/").status_code == 404
+
+    def test_each_place_has_its_page_and_may_connect_to_its_own_socket_alone(self) -> None:
+        files = Files("ws://x", {"/": "fleet.html", "/robot/arm/": "index.html", "/robot/arm-2/": "index.html"})
+        for place, front in (("/", "fleet.html"), ("/robot/arm/", "index.html"), ("/robot/arm-2/", "index.html")):
+            answer = files.answer(place)
+            assert answer.body == (FOLDER / front).read_bytes()
+            assert f"connect-src 'self' ws://x{place}socket;" in answer.headers["Content-Security-Policy"]
+            assert files.answer(f"{place}vendor/msgpack.min.js").status_code == 200

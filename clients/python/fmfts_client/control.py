@@ -46,12 +46,13 @@ def request(
     timeout_s: the longest silence; each progress message restarts it. progress: called with each progress message.
     Raises UnreachableError, RefusedError or EndpointError.
     """
-    address = for_client(endpoint).control
+    endpoints = for_client(endpoint)
+    address = endpoints.control
     number = secrets.token_hex(8)
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
     with socket:
         socket.setsockopt(zmq.LINGER, 0)
-        show_key(socket, address)
+        show_key(socket, address, endpoints.key)
         socket.connect(address)
         socket.send(msgpack.packb({**arguments, "id": number, "verb": verb}))
         deadline = time.monotonic() + timeout_s
@@ -67,7 +68,8 @@ def request(
             deadline = time.monotonic() + timeout_s
             if progress is not None and isinstance(reply.get("progress"), dict):
                 progress(reply["progress"])
-    raise UnreachableError(f"{verb}: no answer from {address} for {timeout_s:g} s: {why_silent(address)}")
+    why = why_silent(address, key=endpoints.key)
+    raise UnreachableError(f"{verb}: no answer from {address} for {timeout_s:g} s: {why}")
 
 
 def _decode(payload: bytes) -> dict[str, Any]:

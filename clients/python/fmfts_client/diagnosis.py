@@ -43,11 +43,12 @@ def why_nothing(pad: str, endpoints: Endpoints, timeout_s: float) -> str:
         names = ", ".join(f"'{name}'" for name in sorted(heard.pads))
         it_has = f"did you mean '{nearest}'? It has {names}" if nearest else f"it has {names}"
         return f"no pad '{pad}' at {endpoints.bus}; {it_has}"
-    return _of_the_connection(endpoints.bus, heard.events)
+    return why_not_connected(endpoints, heard.events)
 
 
-def _of_the_connection(bus: str, events: int) -> str:
-    key = key_in_use()
+def why_not_connected(endpoints: Endpoints, events: int) -> str:
+    """The same of the connection alone. events: of libzmq's monitor, while the connection was tried."""
+    bus, key = endpoints.bus, endpoints.key or key_in_use()
     if events & REFUSED:
         return f"the daemon at {bus} refuses the key in {key}: `fmfts-daemon keys list` there shows those it knows"
     if events & OTHER_PROTOCOL and key is None:
@@ -58,7 +59,7 @@ def _of_the_connection(bus: str, events: int) -> str:
         return (
             f"a program serves {bus} and sends no contacts: is it fmfts-daemon, and does `fmfts-daemon status` answer?"
         )
-    return f"no daemon at {bus}: {why_silent(bus)}"
+    return f"no daemon at {bus}: {why_silent(bus, key=endpoints.key)}"
 
 
 def _listen(pad: str, endpoints: Endpoints, timeout_s: float) -> _Heard:

@@ -26,37 +26,43 @@ class EndpointError(Exception):
 
 @dataclass(frozen=True)
 class Endpoints:
-    """ZeroMQ endpoints: `bus` (contacts, events, status), `control` (requests), `frames` (raw counts)."""
+    """ZeroMQ endpoints: `bus` (contacts, events, status), `control` (requests), `frames` (raw counts).
+
+    key: the file of the client's key for this daemon, for who talks to several; None: the one that FMFTS_KEY names.
+    """
 
     bus: str
     control: str
     frames: str
+    key: Optional[Path] = None
 
     @classmethod
-    def from_base(cls, base: str) -> Endpoints:
+    def from_base(cls, base: str, key: Optional[Path] = None) -> Endpoints:
         """The three endpoints of a base.
 
         `ipc:///path/dir` → `ipc:///path/dir/bus`, `…/control`, `…/frames`;
         `tcp://host:port` → bus on `port`, control on `port + 1`, frames on `port + 2`.
         """
         if base.startswith("ipc:///"):
-            return cls._in_directory(Path(base[len("ipc://") :]))
+            return cls._in_directory(Path(base[len("ipc://") :]), key)
         host, colon, port = base[len("tcp://") :].rpartition(":")
         if base.startswith("tcp://") and colon and host and port.isdecimal() and 0 < int(port) <= 65533:
-            return cls(*(f"tcp://{host}:{int(port) + offset}" for offset in range(3)))
+            bus, control, frames = (f"tcp://{host}:{int(port) + offset}" for offset in range(3))
+            return cls(bus, control, frames, key)
         raise EndpointError(
             f"{base!r} is not a base of endpoints: give ipc:///absolute/directory or tcp://host:port (port at most "
             "65533)"
         )
 
     @classmethod
-    def _in_directory(cls, directory: Path) -> Endpoints:
+    def _in_directory(cls, directory: Path, key: Optional[Path] = None) -> Endpoints:
         if len(os.fsencode(directory / "control")) > LONGEST_SOCKET_PATH:
             raise EndpointError(
                 f"{directory} is too long for a socket (at most {LONGEST_SOCKET_PATH} bytes with the name): "
                 f"choose a shorter directory with {OVERRIDE}"
             )
-        return cls(*(f"ipc://{directory / name}" for name in ("bus", "control", "frames")))
+        bus, control, frames = (f"ipc://{directory / name}" for name in ("bus", "control", "frames"))
+        return cls(bus, control, frames, key)
 
 
 def named_base(configured: Optional[str] = None, environ: Mapping[str, str] = os.environ) -> Optional[str]:

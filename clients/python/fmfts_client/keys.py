@@ -65,14 +65,15 @@ def client_key(path: Optional[Path] = None, environ: Mapping[str, str] = os.envi
     return None if chosen is None else ClientKey(*read_fields(chosen, ("server", "public", "secret")))
 
 
-def show_key(socket: zmq.Socket[Any], endpoint: str) -> None:
+def show_key(socket: zmq.Socket[Any], endpoint: str, path: Optional[Path] = None) -> None:
     """Set the client's key on a socket, before it connects to `endpoint`. Raises BadKeyError where it needs one.
 
-    ipc needs no key: there the permissions of the socket decide who may connect.
+    path: the key's file; None: the one that FMFTS_KEY names, if any. ipc needs no key: there the permissions of the
+    socket decide who may connect.
     """
     if not endpoint.startswith("tcp://"):
         return
-    key = client_key()
+    key = client_key(path)
     if key is not None:
         socket.curve_serverkey, socket.curve_publickey, socket.curve_secretkey = key.server, key.public, key.secret
     elif not is_loopback(endpoint):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Optional
 
 from fmfts_client.endpoints import OVERRIDE
 from fmfts_client.keys import KEY_VARIABLE
@@ -11,8 +13,11 @@ from fmfts_client.keys import KEY_VARIABLE
 IPC = "ipc://"
 
 
-def why_silent(endpoint: str, environ: Mapping[str, str] = os.environ) -> str:
-    """What to check when nothing arrives from `endpoint`; ZeroMQ tries for ever, and never reports an error."""
+def why_silent(endpoint: str, environ: Mapping[str, str] = os.environ, key: Optional[Path] = None) -> str:
+    """What to check when nothing arrives from `endpoint`; ZeroMQ tries for ever, and never reports an error.
+
+    key: the client's key file that was shown there; None: the one that FMFTS_KEY names, if any.
+    """
     if endpoint.startswith(IPC):
         socket = endpoint[len(IPC) :]
         if _is_closed(socket):
@@ -21,11 +26,8 @@ def why_silent(endpoint: str, environ: Mapping[str, str] = os.environ) -> str:
                 "(as a service: sudo usermod -aG fmfts $USER, then log in again)"
             )
         return f"is fmfts-daemon running, and on this endpoint ({OVERRIDE})?"
-    if environ.get(KEY_VARIABLE):
-        return (
-            f"is fmfts-daemon running, and is {environ[KEY_VARIABLE]} a key of its list "
-            "(`fmfts-daemon keys list` there)?"
-        )
+    if shown := key or environ.get(KEY_VARIABLE):
+        return f"is fmfts-daemon running, and is {shown} a key of its list (`fmfts-daemon keys list` there)?"
     return f"is fmfts-daemon running? If it serves with keys, set {KEY_VARIABLE} to your key's file"
 
 

@@ -18,6 +18,9 @@ from fmfts_client.keys import show_key
 
 LARGEST_MESSAGE = 1 << 20
 FRAME_SOCKET_KINDS = {"frame", "state"}
+HEARTBEATS_MISSED = 2.5
+# A machine that is off answers nothing, and TCP asks it ever more rarely: with a heartbeat it is asked anew so often.
+TRY_ANEW_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,9 @@ class Subscription:
     raises SchemaError. "frame" and "state" come from another socket than the other kinds.
 
     watch: makes `monitor`, a socket with libzmq's events of the connection (made, refused, lost); else that is None.
+    heartbeat_s: asks the daemon's ZeroMQ for a sign of life so often, and gives the connection up for lost where none
+    comes for HEARTBEATS_MISSED times as long; None: only what the network itself reports is known, and a cable that was
+    pulled is not.
     """
 
     def __init__(
@@ -48,6 +54,7 @@ class Subscription:
         pad: Optional[str] = None,
         endpoint: Optional[Union[str, Endpoints]] = None,
         watch: bool = False,
+        heartbeat_s: Optional[float] = None,
     ) -> None:
         raw = set(kinds) & FRAME_SOCKET_KINDS
         if raw and set(kinds) - FRAME_SOCKET_KINDS:
@@ -62,11 +69,15 @@ class Subscription:
         self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
         if raw:
             self._socket.setsockopt(zmq.RCVHWM, 100_000)  # a recording wants every frame: 7 min of one pad at 220 Hz
+        if heartbeat_s is not None:
+            self._socket.setsockopt(zmq.HEARTBEAT_IVL, round(heartbeat_s * 1e3))
+            self._socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, round(HEARTBEATS_MISSED * heartbeat_s * 1e3))
+            self._socket.setsockopt(zmq.CONNECT_TIMEOUT, round(TRY_ANEW_S * 1e3))
         for kind in self._kinds:
             self._socket.subscribe(f"{kind}/{pad or ''}")
         endpoint = self.endpoints.frames if raw else self.endpoints.bus
         try:
-            show_key(self._socket, endpoint)
+            show_key(self._socket, endpoint, self.endpoints.key)
         except EndpointError:
             self._socket.close()
             raise

@@ -1,4 +1,4 @@
-"""Defines the verb `view`: the page in a browser."""
+"""Defines the verb `view`: the page in a browser, of one robot or of several."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from fmfts.cli import fleet
 from fmfts.cli.foxglove import FOXGLOVE_PORT, view_in_foxglove
 from fmfts.cli.verb import AddVerb, VerbError, ended_by, serving_base
 from fmfts.common import exit_codes
@@ -35,14 +36,17 @@ def add_to(verb: AddVerb, listeners_config: str) -> None:
     parser.add_argument(
         "--foxglove", action="store_true", help=f"serve Foxglove instead, on this machine alone, port {FOXGLOVE_PORT}"
     )
+    fleet.add_to(parser)
 
 
 def _view(options: argparse.Namespace) -> int:
-    if options.foxglove:
+    if options.robot_keys is not None and not options.robot:
+        raise VerbError(exit_codes.USAGE, "--robot-keys is for --robot; the key of one robot is named by FMFTS_KEY")
+    if options.foxglove and not options.robot:
         return view_in_foxglove(options)
     from fmfts.page.browser import open_page
     from fmfts.page.guard import Guard, RefusedAddressError
-    from fmfts.page.server import serve_page
+    from fmfts.page.serving import Where, serve_page
     from fmfts_client.endpoints import EndpointError, for_client
 
     def serving(address: str) -> None:
@@ -54,13 +58,16 @@ def _view(options: argparse.Namespace) -> int:
         raise VerbError(exit_codes.USAGE, f"--port {port}: give 0 to 65535")
     with ended_by(EndpointError, RefusedAddressError):
         guard = Guard(options.host, options.certificate, options.key)
+        if options.robot:
+            fleet.view_fleet(options, guard, port, serving)
+            return 0
         base = serving_base(options)
-        endpoints, folder = for_client(base), options.recordings.absolute()
+        where, folder = Where(for_client(base), base), options.recordings.absolute()
         with ExitStack() as stack:
             beside: list[str] = options.beside
             if options.fixed_baseline:
                 beside = [*beside, stack.enter_context(_fixed_baseline(base, options.ghost_endpoint))]
-            serve_page(guard, endpoints, folder, base, port, serving, beside)
+            serve_page(guard, where, folder, port, serving, beside)
     return 0
 
 

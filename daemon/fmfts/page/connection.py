@@ -28,6 +28,18 @@ BATCH_S = 0.025
 AT_ONCE = 200  # messages of a recording that are read at once
 
 
+async def let_in(socket: ServerConnection, guard: Guard) -> bool:
+    """Is the first message {"token": …}, with the right one? Else the connection is closed."""
+    try:
+        first = json.loads(await asyncio.wait_for(socket.recv(), HELLO_S))
+    except (TimeoutError, ValueError, RecursionError, ConnectionClosed):
+        first = None
+    if isinstance(first, dict) and guard.knows(first.get("token")):
+        return True
+    await socket.close(WRONG_TOKEN, "wrong token: open the address that fmfts-daemon view printed")
+    return False
+
+
 class PageConnection:
     """Serves one page until it goes."""
 
@@ -46,8 +58,7 @@ class PageConnection:
         self._ready.set()
 
     async def serve(self, guard: Guard) -> None:
-        if not await self._is_let_in(guard):
-            await self._socket.close(WRONG_TOKEN, "wrong token: open the address that fmfts-daemon view printed")
+        if not await let_in(self._socket, guard):
             return
         self._feed.add(self._viewer)
         sender = asyncio.create_task(self._send())
@@ -60,14 +71,6 @@ class PageConnection:
             self._feed.remove(self._viewer)
             for task in (sender, *self._tasks, *([self._replay] if self._replay else [])):
                 task.cancel()
-
-    async def _is_let_in(self, guard: Guard) -> bool:
-        """The first message has to be {"token": …}."""
-        try:
-            first = json.loads(await asyncio.wait_for(self._socket.recv(), HELLO_S))
-        except (TimeoutError, ValueError, RecursionError, ConnectionClosed):
-            return False
-        return isinstance(first, dict) and guard.knows(first.get("token"))
 
     def _take(self, text: str | bytes) -> None:
         try:

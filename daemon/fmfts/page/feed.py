@@ -72,7 +72,7 @@ class Feed:
         self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
         self._socket.setsockopt(zmq.RCVHWM, RECEIVED_AT_MOST)
         try:
-            show_key(self._socket, endpoints.bus)
+            show_key(self._socket, endpoints.bus, endpoints.key)
         except EndpointError:
             self._socket.close()
             raise

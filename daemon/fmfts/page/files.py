@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
 FOLDER = Path(__file__).parent / "static"
+SOCKET = "socket"  # the name, in each place, of what its page connects to
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -31,29 +33,36 @@ HEADERS = {
 
 
 class Files:
-    """Answers for paths of the page. socket: the address, ws://… or wss://…, to which the page may connect."""
+    """Answers for paths of the page. server: its address, ws://… or wss://…
 
-    def __init__(self, socket: str, folder: Path = FOLDER) -> None:
-        self._policy = POLICY.format(socket=socket)
+    fronts: which file is the page of a place, "/" or "/robot/NAME/". Every place has the same other files. A page may
+    connect to the socket in its own place, and to nothing else.
+    """
+
+    def __init__(self, server: str, fronts: Mapping[str, str], folder: Path = FOLDER) -> None:
+        self._server = server
+        self._fronts = dict(fronts)
         self._files = {
-            f"/{path.relative_to(folder)}": (path.read_bytes(), TYPES[path.suffix])
+            str(path.relative_to(folder)): (path.read_bytes(), TYPES[path.suffix])
             for path in folder.rglob("*")
             if path.suffix in TYPES
         }
-        self._files["/"] = self._files["/index.html"]
 
     def answer(self, path: str) -> Response:
         """The file of this path, or 404."""
-        name = path.partition("?")[0]
+        path = path.partition("?")[0]
+        place = max((place for place in self._fronts if path.startswith(place)), key=len, default="/")
+        name = path.removeprefix(place) or self._fronts.get(place, "")
         if name not in self._files:
             return self.refuse(404, "Not Found", "there is no such file here\n")
         body, kind = self._files[name]
-        return self._response(200, "OK", body, kind)
+        return self._response(200, "OK", body, kind, place)
 
     def refuse(self, status: int, phrase: str, sentence: str) -> Response:
         return self._response(status, phrase, sentence.encode(), "text/plain; charset=utf-8")
 
-    def _response(self, status: int, phrase: str, body: bytes, kind: str) -> Response:
-        headers = Headers({**HEADERS, "Content-Security-Policy": self._policy})
+    def _response(self, status: int, phrase: str, body: bytes, kind: str, place: str = "/") -> Response:
+        policy = POLICY.format(socket=f"{self._server}{place}{SOCKET}")
+        headers = Headers({**HEADERS, "Content-Security-Policy": policy})
         headers.update({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close"})
         return Response(status, phrase, headers, body)

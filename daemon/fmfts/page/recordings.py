@@ -21,6 +21,7 @@ from fmfts.common.writing import why_not_written
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
 from fmfts.recording.file import RecordingError, read
+from fmfts_client import KEY_VARIABLE
 from fmfts_client.endpoints import OVERRIDE
 
 BEGINNING_S, ENDING_S = 20.0, 10.0
@@ -34,11 +35,17 @@ class RecordingsError(Exception):
 
 
 class Recordings:
-    """folder: where recordings are. base: the endpoint base of the recorded daemon, as in FMFTS_BUS; None: default."""
+    """folder: where recordings are. base: the endpoint base of the recorded daemon, as in FMFTS_BUS; None: default.
 
-    def __init__(self, folder: Path, base: str | None) -> None:
+    key: the file of the client's key, as in FMFTS_KEY; None: whatever that names. begins: what files' names begin with.
+    """
+
+    def __init__(self, folder: Path, base: str | None, key: Path | None = None, begins: str = "fmfts") -> None:
         self.folder = folder
-        self._base = base
+        self._begins = begins
+        self._environment = ({} if base is None else {OVERRIDE: base}) | (
+            {} if key is None else {KEY_VARIABLE: str(key)}
+        )
         self._lock = threading.Lock()  # two pages may press the button at once
         self._recorder: subprocess.Popen[str] | None = None
         self._path = folder
@@ -62,13 +69,13 @@ class Recordings:
                 raise RecordingsError(
                     f"no recording can be written to {self.folder}: start `fmfts-daemon view` with --recordings FOLDER"
                 )
-            self._path = self.folder / f"fmfts-{datetime.now():%Y-%m-%d-%H%M%S}.mcap"
-            environment = os.environ if self._base is None else os.environ | {OVERRIDE: self._base}
+            self._path = self.folder / f"{self._begins}-{datetime.now():%Y-%m-%d-%H%M%S}.mcap"
             command = [sys.executable, "-m", "fmfts", "record", str(self._path), "--json"]
             pipe = subprocess.PIPE
             try:
                 self._recorder = subprocess.Popen(
-                    command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True, env=environment,
+                    command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True,
+                    env=os.environ | self._environment,
                     start_new_session=True,  # Ctrl-C is for us; the recorder is told by `end`
                 )  # fmt: skip
             except OSError as error:

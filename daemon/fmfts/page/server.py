@@ -1,14 +1,16 @@
-"""`fmfts-daemon view`: serves the page, and brings the bus to it."""
+"""`fmfts-daemon view`: serves the page of one robot, or of a fleet and of each robot in it, and brings it the buses."""
 
 from __future__ import annotations
 
 import asyncio
 import errno
+import json
 import logging
 import resource
 import signal
-from collections.abc import Callable, Sequence
-from pathlib import Path
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from websockets.asyncio.server import Server, ServerConnection, serve
@@ -17,30 +19,49 @@ from websockets.http11 import Request, Response
 from fmfts.page.commands import Commands
 from fmfts.page.connection import BATCH_S, PageConnection
 from fmfts.page.feed import Feed
-from fmfts.page.files import Files
+from fmfts.page.files import SOCKET, Files
+from fmfts.page.fleet import Fleet
+from fmfts.page.fleet_connection import FleetConnection
 from fmfts.page.guard import Guard, RefusedAddressError
-from fmfts.page.recordings import Recordings
-from fmfts_client import Endpoints
 
-SOCKET_PATH = "/socket"
+FRONT = "/"
 OPEN_PAGES = 32
 # Connections that have not said yet what they want. The oldest is dropped for a new one: who opens a thousand and says
 # nothing keeps nobody out.
 WAITING = 128
 LARGEST_REQUEST = 16 * 1024
 HANDSHAKE_S = 5.0
+LOOK_S, TELL_S = 0.05, 0.5  # at the fleet, and between two tellings where nobody came or went
 log = logging.getLogger(__name__)
 
 
-class PageServer:
-    """Serves pages at `guard`'s host. Use `run`."""
+def place_of(robot: str) -> str:
+    """Where the server of a fleet has this robot's own view."""
+    return f"/robot/{robot}/"
 
-    def __init__(self, guard: Guard, endpoints: Endpoints, recordings: Recordings, beside: Sequence[str] = ()) -> None:
+
+@dataclass(frozen=True)
+class RobotView:
+    """What the open pages of one robot share."""
+
+    feed: Feed
+    commands: Commands
+    pages: set[PageConnection] = field(default_factory=set)
+
+
+class PageServer:
+    """Serves pages at `guard`'s host. Use `run`.
+
+    views: by place: FRONT of the only robot, or `place_of` each of the fleet, whose page is then at FRONT.
+    """
+
+    def __init__(self, guard: Guard, views: Mapping[str, RobotView], fleet: Fleet | None = None) -> None:
         self._guard = guard
         self._tls = guard.tls()
-        self._feed = Feed(endpoints, beside)
-        self._commands = Commands(endpoints, recordings)
-        self._pages: set[PageConnection] = set()
+        self._views = dict(views)
+        self._fleet = fleet
+        self._fleet_pages: set[FleetConnection] = set()
+        self._sockets = {f"{place}{SOCKET}" for place in (*views, FRONT)}
         self._waiting: dict[ServerConnection, None] = {}  # in the order of their coming
         self._files: Files
         self._hosts: frozenset[str] = frozenset()
@@ -61,17 +82,24 @@ class PageServer:
         server = await self._bound(port)
         port = next(iter(server.sockets)).getsockname()[1]
         self._hosts = self._guard.hosts(port)
-        self._files = Files(self._guard.address(port).partition("/#")[0].replace("http", "ws", 1) + SOCKET_PATH)
-        feeding = asyncio.create_task(self._feed_pages())
+        fronts = {FRONT: "fleet.html"} | dict.fromkeys(self._views, "index.html")
+        self._files = Files(self._guard.address(port).partition("/#")[0].replace("http", "ws", 1), fronts)
+        feeding = [asyncio.create_task(self._feed_pages())]
+        if self._fleet is not None:
+            feeding.append(asyncio.create_task(self._watch(self._fleet)))
         serving(self._guard.address(port))
         try:
             await over.wait()
         finally:
-            feeding.cancel()
+            for task in feeding:
+                task.cancel()
             server.close()
             await server.wait_closed()
-            await asyncio.to_thread(self._commands.recordings.close)
-            self._feed.close()
+            for view in self._views.values():
+                await asyncio.to_thread(view.commands.recordings.close)
+                view.feed.close()
+            if self._fleet is not None:
+                self._fleet.close()
 
     async def _bound(self, port: int) -> Server:
         outer = self
@@ -109,34 +137,60 @@ class PageServer:
         hosts = request.headers.get_all("Host")
         if len(hosts) != 1 or hosts[0].lower() not in self._hosts:
             return self._files.refuse(421, "Misdirected Request", "this server has another name\n")
-        if request.path != SOCKET_PATH:
+        if request.path not in self._sockets:
             return self._files.answer(request.path)
         origins = request.headers.get_all("Origin")
         if len(origins) != 1 or origins[0].lower() != f"{self._guard.scheme}://{hosts[0].lower()}":
             return self._files.refuse(403, "Forbidden", "only this server's own page may connect\n")
-        if len(self._pages) >= OPEN_PAGES:
+        if len(self._fleet_pages) + sum(len(view.pages) for view in self._views.values()) >= OPEN_PAGES:
             return self._files.refuse(503, "Service Unavailable", f"{OPEN_PAGES} pages are open already\n")
         return None
 
     async def _serve_page(self, socket: ServerConnection) -> None:
-        page = PageConnection(socket, self._feed, self._commands)
-        self._pages.add(page)
+        assert socket.request is not None
+        view = self._views.get(socket.request.path.removesuffix(SOCKET))
+        if view is None:
+            return await self._serve_fleet(socket)
+        page = PageConnection(socket, view.feed, view.commands)
+        view.pages.add(page)
         self._some.set()
         try:
             await page.serve(self._guard)
         finally:
-            self._pages.discard(page)
+            view.pages.discard(page)
+
+    async def _serve_fleet(self, socket: ServerConnection) -> None:
+        page = FleetConnection(socket)
+        self._fleet_pages.add(page)
+        try:
+            await page.serve(self._guard)
+        finally:
+            self._fleet_pages.discard(page)
 
     async def _feed_pages(self) -> None:
-        """Brings what has arrived on the bus to the open pages; sleeps while there is none."""
+        """Brings what has arrived on the buses to the open pages; sleeps while there is none."""
         while True:
-            if not self._pages:
+            looked_at = [view for view in self._views.values() if view.pages]
+            if not looked_at:
                 self._some.clear()
                 await self._some.wait()
-            self._feed.drain()
-            for page in self._pages:
-                page.wake()
+            for view in looked_at:
+                view.feed.drain()
+                for page in view.pages:
+                    page.wake()
             await asyncio.sleep(BATCH_S)
+
+    async def _watch(self, fleet: Fleet) -> None:
+        """Looks at the fleet with or without an open page: since when a robot is lost, whoever opens one later asks."""
+        told_s = 0.0
+        while True:
+            now_s = time.monotonic()
+            if fleet.look(now_s) or now_s - told_s >= TELL_S:
+                told_s = now_s
+                facts = json.dumps(fleet.facts(now_s)) if self._fleet_pages else ""
+                for page in self._fleet_pages:
+                    page.tell(facts)
+            await asyncio.sleep(LOOK_S)
 
 
 def _allow_many_descriptors() -> None:
@@ -144,23 +198,3 @@ def _allow_many_descriptors() -> None:
     wanted = 4096 if hard == resource.RLIM_INFINITY else min(hard, 4096)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-
-
-def serve_page(
-    guard: Guard,
-    endpoints: Endpoints,
-    folder: Path,
-    base: str | None,
-    port: int,
-    serving: Callable[[str], None],
-    beside: Sequence[str] = (),
-) -> None:
-    """Serve the page until a signal ends it. folder: of recordings. base: as in FMFTS_BUS, for the recorder.
-
-    beside: see `Feed`.
-    """
-
-    async def run() -> None:
-        await PageServer(guard, endpoints, Recordings(folder, base), beside).run(port, serving)
-
-    asyncio.run(run())

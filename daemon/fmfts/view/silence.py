@@ -30,7 +30,7 @@ def why_nothing_came(endpoints: Endpoints, pad: str | None) -> str:
     try:
         known = _pads(endpoints)
     except ControlError:
-        return why_silent(endpoints.bus)
+        return why_silent(endpoints.bus, key=endpoints.key)
     return "no frame yet" if pad is None or pad in known else no_such_pad(pad, known, "this daemon")
 
 

@@ -29,7 +29,7 @@ export class Link extends EventTarget {
 
   connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = (this.socket = new WebSocket(`${scheme}://${location.host}/socket`));
+    const socket = (this.socket = new WebSocket(`${scheme}://${location.host}${location.pathname.replace(/[^/]*$/, "socket")}`));
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       socket.send(JSON.stringify({ token: this.token }));

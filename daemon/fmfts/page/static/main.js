@@ -10,6 +10,7 @@ import { PadState } from "./pads.js";
 import { readColours } from "./paint.js";
 import { setText, showReadings } from "./readings.js";
 import { Replays } from "./replays.js";
+import { sayRobot } from "./robot.js";
 import { drawLens, drawSection } from "./section.js";
 import { drawTop } from "./top.js";
 import { Traces } from "./traces.js";
@@ -288,6 +289,7 @@ new Keys(actions);
 Object.assign(page, { nowMs, link });
 window.fmfts = page; // for tests, and for who looks with the browser's tools
 setTheme(wantsDark.matches ? "dark" : "light");
+sayRobot();
 new ResizeObserver(() => (page.dirty = true)).observe(element("stage"));
 await loadAdvice();
 askShapes();

@@ -1,0 +1,265 @@
+"""Three robots with keys on one page: who is there, who is lost and how soon, and that a wrong key hears nothing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgpack
+import pytest
+from websockets.exceptions import ConnectionClosed
+
+from end_to_end.processes import PATIENCE_S, START_PATIENCE_S
+from end_to_end.robots import NAMES, OpenPage, Robots, are
+from fmfts.bus.keys import KeyFolder
+from fmfts_client import KEY_VARIABLE, Subscription
+from page.rig import View
+
+SOON_S = 0.5
+SILENCE_S = 1.5  # thirty looks of the fleet, and a status of each pad
+
+
+@pytest.fixture(scope="module")
+def robots(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robots]:
+    robots = Robots(tmp_path_factory.mktemp("fleet"))
+    yield robots
+    robots.close()
+
+
+@pytest.fixture(scope="module")
+def view(robots: Robots) -> Iterator[View]:
+    with robots.view(robots.keys) as view:
+        yield view
+
+
+@pytest.fixture
+def fleet(robots: Robots, view: View) -> Iterator[OpenPage]:
+    """An open page on which all three are there."""
+    for daemon in robots.daemons.values():
+        if daemon.process.poll() is not None:
+            daemon.start()
+    with OpenPage(view) as page:
+        page.until(are("there", *NAMES), START_PATIENCE_S)
+        yield page
+
+
+class Listener:
+    """A client of one robot, in a thread: which contacts it received, and the longest time between two."""
+
+    def __init__(self, robots: Robots, name: str) -> None:
+        self._over = threading.Event()
+        self._messages = Subscription(("contact",), None, robots.endpoints(name))
+        self.numbers: list[int] = []
+        self.boots: set[str] = set()
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        while not self._over.is_set():
+            if (message := self._messages.receive(0.05)) is not None:
+                self.numbers.append(message.body["seq"])
+                self.boots.add(message.body["boot"])
+
+    def wait(self, count: int) -> None:
+        """Until so many more have come."""
+        wanted, end = len(self.numbers) + count, time.monotonic() + PATIENCE_S
+        while len(self.numbers) < wanted:
+            assert time.monotonic() < end, len(self.numbers)
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+        self._messages.close()
+
+
+def test_three_robots_are_there_with_address_pads_rate_and_health(robots: Robots, fleet: OpenPage) -> None:
+    told = fleet.until(lambda told: all(robot["rate_hz"] > 0 for robot in told.values()))
+    assert list(told) == list(NAMES)
+    for name, robot in told.items():
+        assert robot["address"] == robots.daemons[name].base
+        assert robot["pads"] == 1
+        assert robot["rate_nominal_hz"] == 220.0
+        assert sum(robot["health"].values()) == 1
+        assert robot["why"] == ""
+
+
+def test_killed_robot_is_lost_and_the_others_go_on_without_a_gap(robots: Robots, fleet: OpenPage) -> None:
+    listeners = [Listener(robots, name) for name in ("arm", "head")]
+    try:
+        for listener in listeners:
+            listener.wait(20)
+        robots.daemons["leg"].process.kill()
+        told = fleet.until(lambda told: told["leg"]["state"] != "there")
+        assert told["leg"]["state"] == "lost"
+        assert told["leg"]["why"].startswith(f"no daemon at {robots.daemons['leg'].base}: is fmfts-daemon running")
+        assert (told["leg"]["pads"], told["leg"]["rate_hz"], told["leg"]["health"]) == (1, None, {})
+        for listener in listeners:
+            listener.wait(100)
+        for _ in range(4):
+            assert are("there", "arm", "head")(fleet.told())
+    finally:
+        for listener in listeners:
+            listener.close()
+    for listener in listeners:
+        assert len(listener.boots) == 1
+        first, last = listener.numbers[0], listener.numbers[-1]
+        assert listener.numbers == list(range(first, last + 1))
+
+
+def test_robot_that_comes_back_is_there_again(robots: Robots, fleet: OpenPage) -> None:
+    robots.daemons["leg"].process.kill()
+    robots.daemons["leg"].process.wait()
+    fleet.until(are("lost", "leg"))
+    robots.daemons["leg"].start()
+    told = fleet.until(are("there", "leg"), START_PATIENCE_S)
+    assert told["leg"]["pads"] == 1
+
+
+def test_robot_that_stands_still_with_its_connections_open_is_lost_and_comes_back(
+    robots: Robots, fleet: OpenPage
+) -> None:
+    """As one whose network is cut: nothing is hung up, and nothing comes."""
+    robots.daemons["arm"].process.send_signal(signal.SIGSTOP)
+    try:
+        fleet.until(are("lost", "arm"))
+    finally:
+        robots.daemons["arm"].process.send_signal(signal.SIGCONT)
+    fleet.until(are("there", "arm"))
+
+
+@pytest.mark.real_time
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_lost_robot_is_said_to_be_lost_within_half_a_second(
+    robots: Robots, fleet: OpenPage, how: signal.Signals
+) -> None:
+    for name in NAMES:
+        began_s = time.monotonic()
+        robots.daemons[name].process.send_signal(how)
+        try:
+            fleet.until(are("lost", name))
+            took_s = time.monotonic() - began_s
+        finally:
+            robots.daemons[name].process.send_signal(signal.SIGCONT)
+        print(f"{name}, {how.name}: lost after {took_s:.3f} s")
+        assert took_s < SOON_S
+
+
+def hears_nothing(view: View, name: str) -> None:
+    """A robot's own view receives no message, and its fleet's no pad."""
+    with OpenPage(view, f"/robot/{name}/") as page:
+        end = time.monotonic() + SILENCE_S
+        while (left_s := end - time.monotonic()) > 0:
+            try:
+                assert isinstance(page.socket.recv(timeout=left_s), str), "a message of the bus"
+            except TimeoutError:
+                return
+
+
+def wrong_key(robots: Robots, folder: Path, name: str, change: Callable[[Path], None]) -> Path:
+    """A folder of keys in which that of one robot is another one."""
+    shutil.copytree(robots.keys, folder)
+    change(folder / f"{name}.key")
+    return folder
+
+
+def test_key_that_the_robot_does_not_know_hears_nothing_and_the_page_says_so(
+    robots: Robots, fleet: OpenPage, tmp_path: Path
+) -> None:
+    def forgotten(path: Path) -> None:
+        path.unlink()
+        KeyFolder(robots.folder / "leg" / "keys").add("gone", path)
+        KeyFolder(robots.folder / "leg" / "keys").forget("gone")
+
+    keys = wrong_key(robots, tmp_path / "keys", "leg", forgotten)
+    with robots.view(keys) as view, OpenPage(view) as page:
+        told = page.until(lambda told: told["leg"]["state"] == "unreached" and are("there", "arm", "head")(told))
+        assert told["leg"]["why"] == (
+            f"the daemon at {robots.daemons['leg'].base} refuses the key in {keys}/leg.key: `fmfts-daemon keys list` "
+            "there shows those it knows"
+        )
+        assert told["leg"]["pads"] == 0
+        hears_nothing(view, "leg")
+
+
+def test_key_of_another_robot_hears_nothing_and_the_page_says_so(
+    robots: Robots, fleet: OpenPage, tmp_path: Path
+) -> None:
+    keys = wrong_key(robots, tmp_path / "keys", "leg", lambda path: shutil.copy(robots.keys / "arm.key", path))
+    with robots.view(keys) as view, OpenPage(view) as page:
+        told = page.until(lambda told: told["leg"]["state"] == "unreached" and are("there", "arm", "head")(told))
+        assert told["leg"]["why"] == (
+            f"the daemon at {robots.daemons['leg'].base} has other keys than {keys}/leg.key says, or none: get a new "
+            "key from its machine"
+        )
+        hears_nothing(view, "leg")
+
+
+def test_without_a_key_nothing_is_heard_and_the_page_says_so(robots: Robots, fleet: OpenPage) -> None:
+    with robots.view(None, ("leg",)) as view, OpenPage(view) as page:
+        told = page.until(are("unreached", "leg"))
+        assert "hears clients with a key only" in told["leg"]["why"]
+        hears_nothing(view, "leg")
+
+
+def test_one_key_in_the_environment_serves_robots_that_share_a_list(robots: Robots, fleet: OpenPage) -> None:
+    with robots.view(None, ("arm",), **{KEY_VARIABLE: str(robots.keys / "arm.key")}) as view, OpenPage(view) as page:
+        page.until(are("there", "arm"))
+
+
+def test_each_robot_has_its_own_view_with_its_own_messages(robots: Robots, view: View, fleet: OpenPage) -> None:
+    boots = set()
+    for name in NAMES:
+        with OpenPage(view, f"/robot/{name}/") as page:
+            assert [pad["pad"] for pad in page.asked(ask="read", verb="pads")["done"]["pads"]] == ["left"]
+            page.socket.send('{"ask": "watch", "detail": "left"}')
+            seen: set[str] = set()
+            while not seen:
+                batch = page.socket.recv(timeout=PATIENCE_S)
+                if isinstance(batch, bytes):
+                    unpacker = msgpack.Unpacker()
+                    unpacker.feed(batch)
+                    values = list(unpacker)
+                    seen = {
+                        body["boot"] for topic, body in zip(values[::2], values[1::2], strict=True) if "boot" in body
+                    }
+            assert len(seen) == 1
+            boots |= seen
+    assert len(boots) == 3
+
+
+def test_recording_from_a_robots_view_uses_its_key_and_its_name(robots: Robots, view: View, fleet: OpenPage) -> None:
+    with OpenPage(view, "/robot/head/") as page:
+        name = page.asked(ask="record", on=True)["done"]["recording"]
+        assert name.startswith("head-")
+        time.sleep(2.0)
+        facts = page.asked(ask="record", on=False)["done"]
+    assert os.path.getsize(robots.folder / name) > 0
+    assert facts["contacts"] > 0, facts
+
+
+def test_page_of_the_fleet_only_shows(view: View, fleet: OpenPage) -> None:
+    for ask in ({"ask": "baseline", "pad": "left", "kind": "bare"}, {"ask": "record", "on": True}):
+        assert "only shows" in fleet.asked(**ask)["error"]
+
+
+def test_without_the_token_nothing_is_told_of_any_robot(view: View, fleet: OpenPage) -> None:
+    for place in ("/", "/robot/arm/"):
+        with OpenPage(view, place, token="wrong") as page:
+            with pytest.raises(ConnectionClosed) as closed:
+                page.socket.recv(timeout=PATIENCE_S)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 4401
+
+
+def test_view_itself_needs_little_of_a_processor_and_no_more_memory_with_time(view: View, fleet: OpenPage) -> None:
+    before_s, before_kb = view.processor_s, view.resident_kb
+    time.sleep(5.0)
+    assert view.processor_s - before_s < 0.25 * 5.0
+    assert view.resident_kb - before_kb < 2048
