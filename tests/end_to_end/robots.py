@@ -61,8 +61,10 @@ class OpenPage:
 
     def __init__(self, view: View, place: str = "/", token: str | None = None) -> None:
         address, origin = f"ws://127.0.0.1:{view.port}{place}socket", f"http://127.0.0.1:{view.port}"
-        self.socket: ClientConnection = connect(address, proxy=None, origin=origin)  # type: ignore[arg-type]
-        self.socket.send(json.dumps({"token": view.token if token is None else token}))
+        # A test that does not read for a while must still be able to say goodbye.
+        self._open = connect(address, proxy=None, origin=origin, max_queue=None)  # type: ignore[arg-type]
+        self._token = view.token if token is None else token
+        self.socket: ClientConnection
 
     def told(self) -> Facts:
         """The next telling of all robots, by name."""
@@ -87,10 +89,12 @@ class OpenPage:
                 return dict(answer)
 
     def __enter__(self) -> Self:
+        self.socket = self._open.__enter__()
+        self.socket.send(json.dumps({"token": self._token}))
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.socket.close()
+        self._open.__exit__(None, None, None)
 
 
 def are(state: str, *names: str) -> Callable[[Facts], bool]:

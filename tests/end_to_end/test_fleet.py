@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import signal
 import threading
@@ -238,10 +237,13 @@ def test_recording_from_a_robots_view_uses_its_key_and_its_name(robots: Robots, 
     with OpenPage(view, "/robot/head/") as page:
         name = page.asked(ask="record", on=True)["done"]["recording"]
         assert name.startswith("head-")
-        time.sleep(2.0)
-        facts = page.asked(ask="record", on=False)["done"]
-    assert os.path.getsize(robots.folder / name) > 0
-    assert facts["contacts"] > 0, facts
+        path, end = robots.folder / name, time.monotonic() + START_PATIENCE_S
+        while not path.exists() or path.stat().st_size < 10_000:  # it has been let in, and writes
+            assert time.monotonic() < end, fleet.told()
+            time.sleep(0.1)
+        ended = page.asked(ask="record", on=False)
+    assert "done" in ended, ended
+    assert ended["done"]["pads"] == ["left"]
 
 
 def test_page_of_the_fleet_only_shows(view: View, fleet: OpenPage) -> None:

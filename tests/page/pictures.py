@@ -1,6 +1,7 @@
 """`make pictures`: takes the pictures of the manual from the real page, in Chromium, of the firmware on a pty.
 
-They are: a touch, a sensor that is left out, the guided baseline, a hand beside a fixed baseline, a moving touch.
+They are: a touch, a sensor that is left out, the guided baseline, a hand beside a fixed baseline, a moving touch, three
+robots of which one is lost.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from end_to_end.firmware_in_the_loop import PressedPad
 from end_to_end.first_use import EARTH_T
 from end_to_end.hand_demo import Hand, served_hand
 from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemon, resting_field
+from end_to_end.robots import Robots
 from fmfts.config.file import load
 from fmfts.simulation.finger import Touch
 from page.rig import View, chromium, opened, until
@@ -124,8 +126,21 @@ def hand(browser: Browser, folder: Path) -> None:
         page.context.close()
 
 
+def fleet(browser: Browser, folder: Path) -> None:
+    with ExitStack() as stack:
+        robots = Robots(folder)
+        stack.callback(robots.close)
+        view = stack.enter_context(robots.view(robots.keys))
+        page = opened(browser, view.address)
+        until(page, "fmfts.robots.length === 3 && fmfts.robots.every((robot) => robot.state === 'there')", 60.0)
+        robots.daemons["leg"].process.kill()
+        page.wait_for_timeout(12_000)
+        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": 400}), "fleet.png")
+        page.context.close()
+
+
 def main() -> None:
-    takes = [take for take in (one_pad, hand) if len(sys.argv) < 2 or take.__name__ in sys.argv]
+    takes = [take for take in (one_pad, hand, fleet) if len(sys.argv) < 2 or take.__name__ in sys.argv]
     with tempfile.TemporaryDirectory(prefix="fmfts-pictures-") as name, chromium() as browser:
         for take in takes:
             folder = Path(name) / take.__name__
