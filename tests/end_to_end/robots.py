@@ -11,13 +11,14 @@ from typing import Any, Self
 
 from websockets.sync.client import ClientConnection, connect
 
-from end_to_end.processes import PATIENCE_S, UNTOUCHED_CONFIG, RunningDaemon
+from end_to_end.processes import BRIDGE_CONFIG, PATIENCE_S, UNTOUCHED_CONFIG, RunningDaemon
 from fmfts.bus.keys import KeyFolder
 from fmfts_client import Endpoints
 from page.rig import View
 from ports import tcp_base
 
 NAMES = ("arm", "leg", "head")
+UNPLUGGED = BRIDGE_CONFIG.replace("left", "right").format(port="/dev/no-such-board")  # a second pad of the head
 Facts = dict[str, dict[str, Any]]
 
 
@@ -34,7 +35,8 @@ class Robots:
             home.mkdir()
             KeyFolder(home / "keys").add("desk", self.keys / f"{name}.key")
             base = tcp_base().replace("127.0.0.1", f"127.0.0.{number}")
-            self.daemons[name] = RunningDaemon(home, UNTOUCHED_CONFIG, endpoint=base, keys=home / "keys", wait=False)
+            config = UNTOUCHED_CONFIG + (UNPLUGGED if name == "head" else "")
+            self.daemons[name] = RunningDaemon(home, config, endpoint=base, keys=home / "keys", wait=False)
 
     def endpoints(self, name: str) -> Endpoints:
         return Endpoints.from_base(self.daemons[name].base, self.keys / f"{name}.key")

@@ -133,9 +133,10 @@ def fleet(browser: Browser, folder: Path) -> None:
         view = stack.enter_context(robots.view(robots.keys))
         page = opened(browser, view.address)
         until(page, "fmfts.robots.length === 3 && fmfts.robots.every((robot) => robot.state === 'there')", 60.0)
+        page.wait_for_timeout(3_000)
         robots.daemons["leg"].process.kill()
         page.wait_for_timeout(12_000)
-        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": 400}), "fleet.png")
+        keep(page.screenshot(clip={"x": 0, "y": 0, "width": 1440, "height": 470}), "fleet.png")
         page.context.close()
 
 

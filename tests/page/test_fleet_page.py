@@ -68,14 +68,14 @@ def test_killed_robot_is_shown_as_lost_within_half_a_second(page: Page, robots: 
     assert took_s < SOON_S
     said = card(page, "leg")
     assert "lost since " in said
-    assert "is fmfts-daemon running" in said
+    assert "is fmfts-daemon running on it" in said
     assert "of 220 Hz" not in said, "what was is not shown as what is"
     assert page.inner_text("#summary") == "2 of 3 robots there; lost: leg"
     assert page.title() == "lost: leg: fmfts"
     assert "there since" in card(page, "arm")
 
 
-def test_a_robots_own_view_is_opened_and_left_with_the_keyboard_alone(page: Page) -> None:
+def test_a_robots_own_view_is_opened_and_left_with_the_keyboard_alone(page: Page, view: View) -> None:
     page.keyboard.press("Tab")
     while page.evaluate("document.activeElement.textContent") != "leg":
         page.keyboard.press("Tab")
@@ -86,10 +86,22 @@ def test_a_robots_own_view_is_opened_and_left_with_the_keyboard_alone(page: Page
     assert page.title() == "leg: fmfts"
     page.focus("#robot a")
     page.keyboard.press("Enter")
-    until(page, f"location.pathname === '/' && {STATES} === 'there there there'")
+    page.wait_for_url(f"http://127.0.0.1:{view.port}/")
+    until(page, f"{STATES} === 'there there there'")
     page.keyboard.press("3")
     page.wait_for_url("**/robot/head/")
-    until(page, "fmfts.pads.size === 1")
+    until(page, "fmfts.pads.size === 2")
+
+
+def test_worst_pad_is_named_with_its_reason_and_what_to_do(page: Page) -> None:
+    until(page, "document.querySelectorAll('#robots li')[2].querySelector('.worst').dataset.sound === 'false'")
+    said = card(page, "head")
+    assert "1 disconnected, 1 ok" in said
+    assert "0 of 220 Hz: too slow" in said
+    assert "right: disconnected: " in said
+    assert "/dev/no-such-board" in said
+    assert "What to do: plug it in" in said
+    assert "none: all are well" in card(page, "arm")
 
 
 def test_a_click_anywhere_on_a_card_opens_its_robot(page: Page) -> None:

@@ -121,6 +121,11 @@ class WatchedRobot:
                 f"a program serves {self._endpoints.bus} and says nothing of any pad: is it fmfts-daemon, and what "
                 "does its log say (`journalctl -u fmfts`)?"
             )
+        if not self._events and self._endpoints.bus.startswith("tcp://"):  # it did not come to showing a key
+            return (
+                f"no daemon at {self._endpoints.bus}: is the robot on and in the network, and is fmfts-daemon running "
+                "on it (`systemctl status fmfts`)? It is there again by itself"
+            )
         return why_not_connected(self._endpoints, self._events)
 
 
