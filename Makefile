@@ -9,7 +9,7 @@
 # make test    set up what the tests need, run all parts, and summarise    (PARTS="lint unit": only those; or make lint …)
 # make test-fresh    the same in a fresh clone on a plain Debian 12, as root; and the demo as an ordinary user
 # make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (four minutes)
-# make slow    the page in Chromium, the fault drills, a whole installation, a drift that is followed (four minutes)
+# make slow    the page in Chromium, the fault drills, a whole installation, a drift that is followed (six minutes)
 # make test-firmware-long    half a minute of the emulated board's time
 # make install, uninstall    install into PREFIX=/usr/local; make deb: make a Debian package in build/
 # make install-c-client      install the client for controllers in C and C++ into PREFIX

@@ -24,13 +24,13 @@ ROOT = Path(__file__).parents[1]
 LOGS = Path("build/test-logs")
 PYTEST = ["-m", "pytest", "-o", "junit_logging=no", "-o", "junit_family=xunit1"]  # the older one names files
 WHOLE = ["--dist", "worksteal", "--ignore", "tests/unit"]
-# Tests of whole processes mostly wait, so that five share two cores. What is judged by the clock comes last, and
+# Tests of whole processes mostly wait, so that four share two cores. What is judged by the clock comes last, and
 # computes little; where this user may say so, other programs have to wait for it. Browsers and drills need a processor.
 PARTS = {
     "lint": [["-m", "ruff", "check", "."], ["-m", "ruff", "format", "--check", "."],
              ["-m", "mypy", "daemon", "lab", "clients/python"]],
     "unit": [[*PYTEST, "-n", "3", "--dist", "loadfile", "tests/unit", "-m", "not long"]],
-    "processes": [[*PYTEST, "-n", "5", *WHOLE, "-m", "not real_time and not slow"]],
+    "processes": [[*PYTEST, "-n", "4", *WHOLE, "-m", "not real_time and not slow"]],
     "clock": [[*PYTEST, "-n", "2", *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "--ignore", "tests/unit", "-m", "slow"]],
     "long": [[*PYTEST, "-n", "2", "tests/unit", "-m", "long"]],

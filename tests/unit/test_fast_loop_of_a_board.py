@@ -23,6 +23,7 @@ from fmfts import baseline as baselines
 from fmfts.config import BridgeSource, BusConfig, Config
 from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.runtime.daemon import Daemon
+from fmfts.sensor import Frame
 from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts_client import Message, Subscription
@@ -201,15 +202,19 @@ def test_a_touch_that_begins_in_c_is_told_of_at_once(
     ):
         run(daemon, lambda: channel._statistics.frames > 2)
         in_python = channel.frame
-        seen: list[bool] = []
-        monkeypatch.setattr(
-            channel, "frame", lambda frame, **how: seen.append(channel._touched) or in_python(frame, **how)
-        )
+        began_in_python: list[bool] = []
+
+        def judge(frame: Frame, **how: bool) -> None:
+            before = channel._touched
+            in_python(frame, **how)
+            began_in_python.append(channel._touched and not before)
+
+        monkeypatch.setattr(channel, "frame", judge)
         heard: list[Message] = []
         run(daemon, lambda: heard.extend(messages(subscription)) or streaming.is_over)
     touched = [one.body for one in heard if one.kind == "contact" and one.body["contact"]]
     (onset, *_) = [one.body for one in heard if one.kind == "event" and one.body["kind"] == "onset"]
-    assert not any(seen), "the frame that began it was not judged in Python"
+    assert not any(began_in_python)
     assert touched[0]["t_publish_ns"] < onset["t_ns"] < touched[-1]["t_publish_ns"]
     assert f"{touched[0]['force_n']:.3f} N" in onset["detail"]
 
