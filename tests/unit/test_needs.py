@@ -174,10 +174,10 @@ def test_cylinder_term_beats_the_dipole_for_a_larger_magnet(response: Response) 
 def test_pad_that_is_told_of_its_neighbour_answers_more_presses_and_none_wrong(response: Response) -> None:
     near = Surroundings(told_of("two"), response, others=[told_of("one", distance_mm=20.0)])
     told, untold = tried_beside(near, 6.0, 1)
-    assert told.outcome.wrong == 0
+    assert told.outcome.wrong == untold.outcome.wrong == 0
     assert told.answered > 0.99
-    # Whenever the other's finger presses hard too, it is `disturbed`; 0.83 of the presses are answered.
-    assert untold.answered < 0.9
+    # `disturbed` while the other's finger presses hard. With a disturbance that outlived its cause it answered 0.68.
+    assert 0.7 < untold.answered < 0.9
 
 
 @pytest.mark.parametrize("name", ["bench-top", "large-magnet", "neighbour"])

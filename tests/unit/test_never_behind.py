@@ -74,6 +74,14 @@ def test_an_old_sample_that_was_sent_again_supersedes_nothing(patience: Patience
     assert left_out == (0, 0, 0)
 
 
+@pytest.mark.parametrize(("patience", "kept"), [(IN_TIME, range(56, 60)), (BEHIND, range(59, 60))])
+def test_an_old_sample_that_was_sent_again_keeps_no_backlog(patience: Patience, kept: range) -> None:
+    backlog = b"".join(sample(0, number, number * PERIOD_US) for number in range(60))
+    data, left_out = keep_newest(backlog + sample(0, 10, 10 * PERIOD_US), patience)
+    assert numbers(data) == [*((0, number) for number in kept), (0, 10)]
+    assert left_out == (60 - len(kept), 0, 0)
+
+
 PIECES = st.one_of(
     st.builds(sample, st.integers(0, 4), st.integers(0, 2**32 - 1), st.integers(0, 60_000)),
     st.builds(lambda line, at: line[:at] + line[at + 1 :], st.just(sample(0, 1, 1)), st.integers(0, 50)),

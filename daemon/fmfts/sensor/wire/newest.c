@@ -18,12 +18,12 @@ static bool is_superseded(const uint8_t *line, size_t size, fmfts_patience patie
         return false;
     }
     unsigned pad = sample.pad_index;
-    if (seen->kept[pad] == 0) {
-        seen->newest_us[pad] = sample.time_us;
+    if (seen->kept[pad] == 0 || sample.time_us > seen->newest_us[pad]) {
+        seen->newest_us[pad] = sample.time_us; /* what follows this sample is old, and was sent again */
+        seen->kept[pad] = 0;
     }
-    int64_t age_us = (int64_t)(seen->newest_us[pad] - sample.time_us);
-    bool is_older = seen->kept[pad] > 0 && age_us >= 0; /* else an old sample was sent again after this one */
-    if (is_older && (seen->kept[pad] >= patience.most || age_us > patience.longest_us)) {
+    uint64_t age_us = seen->newest_us[pad] - sample.time_us;
+    if (seen->kept[pad] && (seen->kept[pad] >= patience.most || age_us > patience.longest_us)) {
         left_out[pad]++;
         return true;
     }

@@ -35,9 +35,10 @@ def _in_python(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]]
         sample = _sample(line)
         if sample is not None:
             pad = sample.pad_index
-            age_us = newest_us.setdefault(pad, sample.time_us) - sample.time_us
-            is_older = kept[pad] > 0 and age_us >= 0  # else an old sample was sent again after this one
-            if is_older and (kept[pad] >= patience.most or age_us > patience.longest_us):
+            if sample.time_us > newest_us.get(pad, -1):  # what follows this sample is old, and was sent again
+                newest_us[pad], kept[pad] = sample.time_us, 0
+            age_us = newest_us[pad] - sample.time_us
+            if kept[pad] and (kept[pad] >= patience.most or age_us > patience.longest_us):
                 left_out[pad] += 1
                 continue
             kept[pad] += 1
