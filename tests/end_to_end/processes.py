@@ -21,6 +21,7 @@ from fmfts_client import Contact, Subscription, UnreachableError, request
 ROOT = Path(__file__).parents[2]
 HOST = ROOT / "firmware" / "build" / "fmfts-host"
 PATIENCE_S = 20.0
+LONG_PATIENCE_S = 300.0  # a replay takes 3 ms of a processor for each frame that Python judges
 START_PATIENCE_S = 60.0  # three pads take 3 s of processor time, of which a busy computer gives a seventh
 
 
@@ -174,7 +175,7 @@ class RunningDaemon:
 
 def run_command(*arguments: str | Path, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     words: Sequence[str | Path] = [sys.executable, "-m", "fmfts", *arguments]
-    return subprocess.run(words, capture_output=True, text=True, env=environment, timeout=60, check=False)
+    return subprocess.run(words, capture_output=True, text=True, env=environment, timeout=LONG_PATIENCE_S, check=False)
 
 
 BRIDGE_CONFIG = """
