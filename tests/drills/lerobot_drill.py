@@ -32,7 +32,8 @@ def main() -> int:
     shutil.rmtree(sources, ignore_errors=True)
     for name in ("python", "lerobot"):  # setuptools builds beside its sources, so a copy
         shutil.copytree(ROOT / "clients" / name, sources / name, ignore=shutil.ignore_patterns("build", "*.egg-info"))
-    uv("pip", "install", "--python", place, "--no-deps", "--reinstall", sources / "python", sources / "lerobot")
+    anew = ("--reinstall-package", "fmfts-client", "--reinstall-package", "lerobot_camera_fmfts")
+    uv("pip", "install", "--python", place, *anew, sources / "python", sources / "lerobot")
     with tempfile.TemporaryDirectory() as folder, RunningDaemon(Path(folder), PAD) as daemon:
         script = Path(__file__).with_name("lerobot_data_set.py")
         words = [place / "bin/python", script, "--seconds", str(chosen.seconds), "--daemon", str(daemon.process.pid)]
