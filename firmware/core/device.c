@@ -37,6 +37,7 @@ static void send_hello(struct device *device)
         .gain_code = sampler->settings.gain_code,
         .trigger = sampler->settings.trigger,
         .running = device->running,
+        .can_send_early = true,
         .pad_count = sampler->pad_count,
     };
     memcpy(hello.uid, board->uid, sizeof hello.uid);
@@ -156,6 +157,7 @@ static enum wire_result execute(struct device *device, const struct wire_request
     case WIRE_REQUEST_START:
     case WIRE_REQUEST_STOP:
         device->running = request->type == WIRE_REQUEST_START;
+        sampler_send_early(&device->sampler, device->running ? (uint8_t)request->argument : 0);
         sampler_stream(&device->sampler, device->running && device->announced);
         return RESULT_DONE;
     case WIRE_REQUEST_SELFTEST:
@@ -177,8 +179,10 @@ static void answer(struct device *device, const struct wire_request *request)
     send(device, line, wire_encode_reply(&reply, line));
     if (reply.result != RESULT_DONE)
         return;
-    if (request->type == WIRE_REQUEST_HELLO)
+    if (request->type == WIRE_REQUEST_HELLO) {
+        sampler_send_early(&device->sampler, 0); // a host that does not know such packets asks who is there, too
         send_hello(device);
+    }
     if (request->type == WIRE_REQUEST_STATUS)
         send_status(device);
     for (uint8_t p = 0; p < pad_count && request->type == WIRE_REQUEST_SELFTEST; p++)
@@ -247,7 +251,10 @@ bool device_poll(struct device *device)
     poll_selftest(device);
     uint64_t now_us = clock_now(&device->clock);
     struct wire_sample frame;
+    struct wire_early early;
     uint8_t line[WIRE_LINE_MAX];
+    if (sampler_take_early(&device->sampler, &early))
+        send(device, line, wire_encode_early(&early, line));
     while (sampler_take(&device->sampler, &frame)) {
         send(device, line, wire_encode_sample(&frame, line));
         worked = true;

@@ -39,6 +39,7 @@ struct sampler_pad {
     uint64_t last_time_us;
     uint8_t mux_strikes;
     bool borrowed; // the self-test uses the pad
+    bool early;    // samples are also sent one by one, before their frames
     bool trigger_due;
     bool converting; // triggered, and not all sensors are read yet
     bool ahead;      // triggered again, while samples of the trigger before may still be unread

@@ -26,6 +26,7 @@ struct sensor {
     uint8_t unchanged;      // samples in a row with equal bytes while READY never cleared
     bool has_sample;
     bool fresh;            // the last sample is in no frame yet
+    bool unsent;           // and it was not sent early
     bool discard_next;     // the next sample was converted with the old gain
     bool awaiting;         // a trigger's conversion has not been read yet
     bool confirmed;        // that conversion has ended: READY was set

@@ -80,7 +80,7 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
     bool settled = !sensor->discard_next && sensor->conversion.ended_us >= sensor->settled_us;
     bool alive = sensor->unchanged == 0 || sensor->state == SENSOR_OK; // a chip whose clock stopped stays failed
     if (settled && alive) {
-        sensor->has_sample = sensor->fresh = true;
+        sensor->has_sample = sensor->fresh = sensor->unsent = true;
         sensor->state = SENSOR_OK;
         sensor->failures = 0;
     }

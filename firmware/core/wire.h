@@ -25,6 +25,7 @@ enum wire_type {
     WIRE_REPLY = 4,
     WIRE_SELFTEST = 5,
     WIRE_LOAD = 6,
+    WIRE_EARLY = 7,
     WIRE_REQUEST_HELLO = 8,
     WIRE_REQUEST_RANGE = 9,
     WIRE_REQUEST_RATE = 10,
@@ -74,6 +75,7 @@ struct wire_hello {
     uint8_t gain_code;
     uint8_t trigger;
     uint8_t running;
+    uint8_t can_send_early; // this firmware knows `early` packets
     uint8_t pad_count;
     struct {
         uint8_t i2c_port;
@@ -127,6 +129,14 @@ struct wire_load {
     int32_t counts;
 };
 
+struct wire_early {
+    uint8_t pad_index;
+    uint8_t sensor;
+    uint8_t gain_code;
+    uint64_t time_us;
+    int16_t counts[3];
+};
+
 struct wire_request {
     uint8_t type;
     uint8_t request_id;
@@ -141,6 +151,7 @@ size_t wire_encode_status(const struct wire_status *status, uint8_t line[WIRE_LI
 size_t wire_encode_reply(const struct wire_reply *reply, uint8_t line[WIRE_LINE_MAX]);
 size_t wire_encode_selftest(const struct wire_selftest *selftest, uint8_t line[WIRE_LINE_MAX]);
 size_t wire_encode_load(const struct wire_load *load, uint8_t line[WIRE_LINE_MAX]);
+size_t wire_encode_early(const struct wire_early *early, uint8_t line[WIRE_LINE_MAX]);
 
 // CRC-16/CCITT-FALSE.
 uint16_t wire_crc(const uint8_t *bytes, size_t count);

@@ -55,7 +55,8 @@ def sample(v):
 
 def hello(v):
     body = bytes(v["firmware_version"]) + u(v["reset_cause"], 1) + u(v["clock"], 1) + bytes(v["uid"])
-    body += u(v["rate_hz"], 2) + u(v["gain_code"] + 8 * v["trigger"] + 16 * v["running"], 1) + u(v["pad_count"], 1)
+    settings = v["gain_code"] + 8 * v["trigger"] + 16 * v["running"] + 32 * v["can_send_early"]
+    body += u(v["rate_hz"], 2) + u(settings, 1) + u(v["pad_count"], 1)
     sensor = 0
     for pad in range(v["pad_count"]):
         body += bytes([v["i2c_port"][pad], v["mux_address"][pad], v["sensor_count"][pad]])
@@ -96,11 +97,16 @@ def load(v):
     return 6, u(v["sequence"], 4) + u(v["time_us"], 6) + v["counts"].to_bytes(4, "little", signed=True)
 
 
+def early(v):
+    body = u(v["pad_index"] + 16 * v["sensor"] + 128, 1) + u(v["gain_code"], 1) + u(v["time_us"], 6)
+    return 7, body + b"".join(i16(count) for count in v["counts"])
+
+
 def request(v):
     return v["request_type"], bytes([v["request_id"], v["pad_index"]]) + u(v["argument"], 2)
 
 
-KINDS = {f.__name__: f for f in (sample, hello, status, reply, selftest, load, request)}
+KINDS = {f.__name__: f for f in (sample, hello, status, reply, selftest, load, early, request)}
 H43 = [0x48, 0x34, 0x33]
 UID = [0x34, 0xFF, 0x6D, 0x06, 0x50, 0x4D, 0x38, 0x33, 0x00, 0x26, 0x17, 0x43]
 PAPER = [-112, 35, 901, -108, -40, 897, 109, 41, 905, 115, -37, 894]
@@ -133,6 +139,7 @@ def make_hello(**fields):
     }
     base |= {
         "running": 1,
+        "can_send_early": 0,
         "pad_count": 1,
         "i2c_port": [1],
         "mux_address": [0x70],
@@ -147,6 +154,10 @@ def make_status(**fields):
     base = {"time_us": 1_000_000, "transmit_dropped": 0, "receive_errors": 0, "pad_count": 1, "bus_errors": [0]}
     base |= {"bus_recoveries": [0], "config_repairs": [0], "sensor_count": [4], "state": [0] * 4}
     return ("status", base | fields)
+
+
+def make_early(**fields):
+    return ("early", {"pad_index": 0, "sensor": 0, "gain_code": 3, "time_us": 0, "counts": [0] * 3} | fields)
 
 
 def make_request(verb, request_id, pad_index, argument):
@@ -246,11 +257,16 @@ VECTORS = {
     "load": ("load", {"sequence": 80, "time_us": 1_012_500, "counts": 84_213}),
     "load_least": ("load", {"sequence": 0xFFFFFFFF, "time_us": 2**48 - 1, "counts": -(2**23)}),
     "load_most": ("load", {"sequence": 0, "time_us": 0, "counts": 2**23 - 1}),
+    "hello_that_can_send_early": make_hello(can_send_early=1, trigger=1, gain_code=7),
+    "early": make_early(sensor=2, time_us=1_000_123, counts=[-112, 35, 901]),
+    "early_all_zero": make_early(gain_code=0),
+    "early_extremes": make_early(pad_index=15, sensor=7, gain_code=7, time_us=2**48 - 1, counts=[32767, -32768, -4096]),
     "request_hello": make_request(8, 1, 255, 0),
     "request_range": make_request(9, 2, 255, 3),
     "request_rate": make_request(10, 3, 255, 220),
     "request_trigger": make_request(11, 4, 255, 1),
     "request_start": make_request(12, 5, 255, 0),
+    "request_start_early": make_request(12, 5, 255, 0b101),
     "request_stop": make_request(13, 0, 0, 0),
     "request_selftest": make_request(14, 255, 2, 65535),
     "request_status": make_request(15, 6, 255, 0),

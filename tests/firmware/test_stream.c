@@ -27,7 +27,7 @@ TEST(hello_and_status_come_before_the_first_sample)
     CHECK_EQUAL(hello[6], 1);
     CHECK_EQUAL(hello[17], 12);
     CHECK_EQUAL(hello[18], 220);
-    CHECK_EQUAL(hello[20], 0x13);
+    CHECK_EQUAL(hello[20], 0x33);
     CHECK_EQUAL(hello[21], 3);
     CHECK(memcmp(hello + 22, "\x01\x70\x04\x00\x00H43", 8) == 0);
     CHECK(memcmp(hello + 22 + 46, "\x02\x70\x04\x00\x00H43", 8) == 0);

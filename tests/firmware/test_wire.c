@@ -34,6 +34,7 @@ static size_t encode_hello(const struct vector *v, uint8_t *line)
         .gain_code = (uint8_t)vector_get(v, "gain_code"),
         .trigger = (uint8_t)vector_get(v, "trigger"),
         .running = (uint8_t)vector_get(v, "running"),
+        .can_send_early = (uint8_t)vector_get(v, "can_send_early"),
         .pad_count = (uint8_t)vector_get(v, "pad_count"),
     };
     for (int i = 0; i < 3; i++)
@@ -113,6 +114,19 @@ static size_t encode_load(const struct vector *v, uint8_t *line)
     return wire_encode_load(&load, line);
 }
 
+static size_t encode_early(const struct vector *v, uint8_t *line)
+{
+    struct wire_early early = {
+        .pad_index = (uint8_t)vector_get(v, "pad_index"),
+        .sensor = (uint8_t)vector_get(v, "sensor"),
+        .gain_code = (uint8_t)vector_get(v, "gain_code"),
+        .time_us = (uint64_t)vector_get(v, "time_us"),
+    };
+    for (int axis = 0; axis < 3; axis++)
+        early.counts[axis] = (int16_t)vector_at(v, "counts", axis);
+    return wire_encode_early(&early, line);
+}
+
 TEST(encoders_make_the_golden_packets)
 {
     static const struct {
@@ -121,6 +135,7 @@ TEST(encoders_make_the_golden_packets)
     } encoders[] = {
         {"sample", encode_sample}, {"hello", encode_hello},       {"status", encode_status},
         {"reply", encode_reply},   {"selftest", encode_selftest}, {"load", encode_load},
+        {"early", encode_early},
     };
     enum { ENCODERS = sizeof encoders / sizeof *encoders };
     static struct vector vector;

@@ -16,6 +16,7 @@ from wire_packets import make_sample, packets
 from fmfts.sensor.wire.codec import pack
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES, Decoder, encode
 from fmfts.sensor.wire.packets import (
+    Early,
     Hello,
     HelloPad,
     HelloSensor,
@@ -66,6 +67,7 @@ def packet_of(section: str) -> Packet:
                 *(v[name] for name in settings),
                 v["running"],
                 tuple(HelloPad(port, mux, tuple(group)) for port, mux, group in pads),
+                v["can_send_early"],
             )
         case "status":
             counters = zip(*(lists[key] for key in ("bus_errors", "bus_recoveries", "config_repairs")), strict=True)
@@ -76,6 +78,8 @@ def packet_of(section: str) -> Packet:
             return Reply(v["request_id"], v["request_type"], v["result"])
         case "load":
             return Load(v["sequence"], v["time_us"], v["counts"])
+        case "early":
+            return Early(v["pad_index"], v["sensor"], v["gain_code"], v["time_us"], tuple(lists["counts"]))
         case "selftest":
             readings = zip(lists["state"], by_sensor(lists["positive"]), by_sensor(lists["negative"]), strict=True)
             sensors = tuple(SelftestSensor(*one) for one in readings)

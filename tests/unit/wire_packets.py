@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from fmfts.sensor.wire.packets import (
+    Early,
     Hello,
     HelloPad,
     HelloSensor,
@@ -51,7 +52,7 @@ hello_sensors = st.builds(HelloSensor, u8, u8, st.binary(min_size=3, max_size=3)
 hello_pads = st.builds(HelloPad, u8, u8, tuples_of(hello_sensors, 8))
 hellos = st.builds(
     Hello, st.tuples(u8, u8, u8), u8, u8, st.binary(min_size=12, max_size=12), u16, unsigned(3), unsigned(1),
-    unsigned(1), tuples_of(hello_pads, 3),
+    unsigned(1), tuples_of(hello_pads, 3), unsigned(1),
 )  # fmt: skip
 status_pads = st.builds(StatusPad, u32, u32, u32, tuples_of(u8, 8))
 selftests = st.builds(Selftest, u8, unsigned(4), u8, tuples_of(st.builds(SelftestSensor, u8, axes, axes), 8))
@@ -61,6 +62,7 @@ packets = st.one_of(
     st.builds(Status, u48, u32, u32, tuples_of(status_pads, 3)),
     st.builds(Reply, u8, u8, u8),
     st.builds(Load, u32, u48, st.integers(-(2**31), 2**31 - 1)),
+    st.builds(Early, unsigned(4), unsigned(3), unsigned(3), u48, axes),
     selftests,
     st.builds(Request, st.integers(8, 15), u8, u8, u16),
 )

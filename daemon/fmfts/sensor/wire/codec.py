@@ -12,6 +12,7 @@ import numpy as np
 from fmfts.sensor.wire.packets import (
     MAX_PADS,
     MAX_SENSORS,
+    Early,
     Hello,
     HelloPad,
     HelloSensor,
@@ -40,6 +41,7 @@ _REPLY = Layout("<BBBB")
 _SELFTEST = Layout("<BBBB")
 _SELFTEST_SENSOR = Layout("<B3h3h")
 _LOAD = Layout("<BIIHi")
+_EARLY = Layout("<BBBIHhhh")
 _REQUEST = Layout("<BBBH")
 
 
@@ -113,12 +115,12 @@ def _unpack_hello(packet: bytes) -> Hello:
         offset = end
     _whole(packet, offset)
     major, minor, patch = version
-    gain_code, trigger, running = settings & 7, settings >> 3 & 1, settings >> 4 & 1
-    return Hello((major, minor, patch), cause, clock, uid, rate_hz, gain_code, trigger, running, tuple(pads))
+    gain_code, trigger, running, early = settings & 7, settings >> 3 & 1, settings >> 4 & 1, settings >> 5 & 1
+    return Hello((major, minor, patch), cause, clock, uid, rate_hz, gain_code, trigger, running, tuple(pads), early)
 
 
 def _pack_hello(hello: Hello) -> bytes:
-    settings = hello.gain_code | hello.trigger << 3 | hello.running << 4
+    settings = hello.gain_code | hello.trigger << 3 | hello.running << 4 | hello.can_send_early << 5
     header = VERSION << 4 | PacketType.HELLO
     fixed = (*hello.firmware_version, hello.reset_cause, hello.clock, hello.uid, hello.rate_hz, settings)
     parts = [_HELLO.pack(header, *fixed, len(hello.pads))]
@@ -187,6 +189,18 @@ def _pack_load(load: Load) -> bytes:
     return _LOAD.pack(VERSION << 4 | PacketType.LOAD, load.sequence, *time, load.counts)
 
 
+def _unpack_early(packet: bytes) -> Early:
+    _whole(packet, _EARLY.size)
+    _, place, gain_code, time_low, time_high, *counts = _EARLY.unpack(packet)
+    x, y, z = counts
+    return Early(place & 15, place >> 4 & 7, gain_code & 7, time_low | time_high << 32, (x, y, z))
+
+
+def _pack_early(early: Early) -> bytes:
+    place, time = 128 | early.sensor << 4 | early.pad_index, (early.time_us & 0xFFFFFFFF, early.time_us >> 32)
+    return _EARLY.pack(VERSION << 4 | PacketType.EARLY, place, early.gain_code, *time, *early.counts)
+
+
 def _unpack_request(packet: bytes) -> Request:
     _whole(packet, _REQUEST.size)
     header, request_id, pad_index, argument = _REQUEST.unpack(packet)
@@ -204,6 +218,7 @@ _UNPACK: dict[int, Callable[[bytes], Packet]] = {
     PacketType.REPLY: _unpack_reply,
     PacketType.SELFTEST: _unpack_selftest,
     PacketType.LOAD: _unpack_load,
+    PacketType.EARLY: _unpack_early,
     **dict.fromkeys(Verb, _unpack_request),
 }
 
@@ -214,6 +229,7 @@ _PACK: dict[type[Packet], Callable[[Any], bytes]] = {
     Reply: _pack_reply,
     Selftest: _pack_selftest,
     Load: _pack_load,
+    Early: _pack_early,
     Request: _pack_request,
 }
 

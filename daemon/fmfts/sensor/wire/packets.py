@@ -15,6 +15,7 @@ NO_MUX = 0  # in place of a mux's address: then a sensor's channel is its own ad
 TEMPERATURE_UNKNOWN = -32768
 UID_BYTES = 12
 LINE_BITS_PER_BYTE = 10  # on a serial line: start, eight data bits, stop
+EARLY_BYTES = 19  # of an early packet on the line
 FRAME_BYTES = (21, 8)  # of a sample packet on the line: fixed, and for each sensor
 
 
@@ -30,6 +31,7 @@ class PacketType(IntEnum):
     REPLY = 4
     SELFTEST = 5
     LOAD = 6
+    EARLY = 7
 
 
 class Verb(IntEnum):
@@ -100,6 +102,7 @@ class Hello(Struct, frozen=True):
     trigger: int
     running: int
     pads: tuple[HelloPad, ...]
+    can_send_early: int = 0
 
 
 class StatusPad(Struct, frozen=True):
@@ -143,6 +146,16 @@ class Load(Struct, frozen=True):
     counts: int
 
 
+class Early(Struct, frozen=True):
+    """One sensor's sample, sent before the frame that holds it."""
+
+    pad_index: int
+    sensor: int
+    gain_code: int
+    time_us: int
+    counts: tuple[int, int, int]
+
+
 class Request(Struct, frozen=True):
     verb: int
     request_id: int
@@ -150,4 +163,4 @@ class Request(Struct, frozen=True):
     argument: int
 
 
-Packet = Sample | Hello | Status | Reply | Selftest | Load | Request
+Packet = Sample | Hello | Status | Reply | Selftest | Load | Early | Request
