@@ -12,8 +12,9 @@ from fmfts.config import BridgeSource, GeometryConfig, PadConfig
 from fmfts.contact import ContactModel, NoContactModel
 from fmfts.contact.drive import Drive
 from fmfts.contact.now import AHEAD_S, LEAD_SHARE, carried, shrunk
-from fmfts.pipeline.configured import HOST_S, lead_s_of, load_contact_model
+from fmfts.pipeline.configured import HOST_S, lead_of, load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
@@ -36,7 +37,7 @@ def model() -> ContactModel:
 
 def pipeline_with(model: ContactModel | NoContactModel) -> PadPipeline:
     tracking = tracking_model_for(CONFIG.scene, CONFIG.magnet).tracking
-    pipeline = PadPipeline(CONFIG.pad(), model, "now", float(RATE_HZ), tracking, lead_s=LEAD_S)
+    pipeline = PadPipeline(CONFIG.pad(), model, "now", float(RATE_HZ), tracking, lead=Lead(LEAD_S))
     pipeline.use(simulated_baseline(CONFIG))
     return pipeline
 
@@ -187,5 +188,5 @@ def test_the_drive_is_along_the_slopes_of_the_response(model: ContactModel) -> N
 def test_the_lead_is_the_frames_time_on_the_line() -> None:
     """docs/wire.md: 53 bytes of four sensors take 1.15 ms at 460800 baud."""
     bridge = PadConfig(name="left", source=BridgeSource(port="/dev/ttyUSB0"), geometry=GeometryConfig())
-    assert lead_s_of(bridge) - HOST_S == pytest.approx(1.15e-3, abs=1e-5)
-    assert lead_s_of(CONFIG) == HOST_S
+    assert lead_of(bridge).frame_s - HOST_S == pytest.approx(1.15e-3, abs=1e-5)
+    assert lead_of(CONFIG).frame_s == HOST_S

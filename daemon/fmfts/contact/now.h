@@ -8,6 +8,7 @@
     X(tells_now, 1)             /* 0: the pad's response is not known */                                               \
     X(period_us, 1)             /* pipeline/now.py */                                                                  \
     X(lead_us, 1)                                                                                                      \
+    X(early_lead_us, 1)                                                                                                \
     X(let_go, 1)                                                                                                       \
     X(jump_periods, 1)                                                                                                 \
     X(settled_frames, 1)                                                                                               \
@@ -20,7 +21,7 @@
     X(lead_share, 1)                                                                                                   \
     X(ahead_s, 1)
 
-#define FMFTS_NOW_MEMORY(X) X(made_us, 1)
+#define FMFTS_NOW_MEMORY(X) X(made_us, 1) X(told_us, 1)
 
 FMFTS_STRUCT(fmfts_now_parameters, FMFTS_NOW_PARAMETERS)
 FMFTS_STRUCT(fmfts_now_memory, FMFTS_NOW_MEMORY)

@@ -8,13 +8,16 @@ from fmfts.config import BridgeSource, PadConfig
 from fmfts.contact import ContactModel, NoContactModel, OtherPadError
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
+from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import scene_model_of
-from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE, frame_bytes
+from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 
 # From a frame's last byte to its message, at the median, with a pad that is the only one (docs/results/latency.md).
 HOST_S = 0.3e-3
+# From the end of a conversion to when it is read: the way over the chip's bus, and the turns of the others.
+READ_S = 0.4e-3
 
 
 def load_contact_model(config: PadConfig, path: str | None = None) -> ContactModel:
@@ -49,15 +52,17 @@ def pipeline_of(config: PadConfig, model: ContactModel | NoContactModel, boot: s
     """A pipeline, still without a baseline. boot: written into each of its messages."""
     tracking = scene_model_of(config).tracking
     rate_hz = float(config.source.rate_hz)
-    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_s_of(config))
+    return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config))
 
 
-def lead_s_of(config: PadConfig) -> float:
-    """From when a board makes a frame to when its message is published: the frame's time on the line, and HOST_S."""
+def lead_of(config: PadConfig) -> Lead:
+    """How old frames and samples are when their messages are published: the time on the line, and HOST_S."""
     source = config.source
     if not isinstance(source, BridgeSource):
-        return HOST_S
-    return HOST_S + LINE_BITS_PER_BYTE * frame_bytes(len(config.geometry.sensors_mm)) / source.baud
+        return Lead(HOST_S, READ_S + HOST_S)
+    byte_s = LINE_BITS_PER_BYTE / source.baud
+    frame_s = HOST_S + byte_s * frame_bytes(len(config.geometry.sensors_mm))
+    return Lead(frame_s, READ_S + HOST_S + byte_s * EARLY_BYTES)
 
 
 def feel_neighbours(

@@ -68,6 +68,7 @@ class MessageWriter:
         self._tells_now = False  # whether the packed messages have `now`
         self._templates: tuple[Template, ...] = ()  # one for each Kind
         self._templates_of: tuple[bool, str, bool] | None = None  # (temperature unknown, baseline id, tells now)
+        self._last: ContactMessage | None = None  # of the last frame that Python judged
         self._last_kind: Kind | None = None  # kind of the last message; None unless it was a packed one
 
     def packed(
@@ -80,17 +81,33 @@ class MessageWriter:
             self._templates_of = frame.temperature_c is None, baseline.id, path.tells_now
         self._last_kind = judged.kind
         self.sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
+        return self._packed(path, judged.kind, judged.now_us, frame.device_time_us, frame.host_time_ns)
+
+    def packed_early(
+        self, path: FastPath, now_us: float, device_time_us: int, host_time_ns: int
+    ) -> PackedMessage | None:
+        """The last message that `packed` made again, with the `now` that `path` told last. The times: as in `early`."""
+        if self._last_kind is None:
+            return None
+        return self._packed(path, self._last_kind, now_us, device_time_us, host_time_ns)
+
+    def _packed(
+        self, path: FastPath, kind: Kind, now_us: float, device_time_us: int, host_time_ns: int
+    ) -> PackedMessage:
         self.number += 1
         publish_ns = time.monotonic_ns()
-        now_ns = frame.host_time_ns + int((judged.now_us - frame.device_time_us) * 1000.0)
-        template, times = self._templates[judged.kind], (self.sampled_ns, publish_ns, time.time_ns(), now_ns)
-        payload = path.message(template, self.number, *times)
-        return PackedMessage(payload, judged.kind, self.sampled_ns, publish_ns)
+        now_ns = host_time_ns + int((now_us - device_time_us) * 1000.0)
+        times = self.sampled_ns, publish_ns, time.time_ns(), now_ns
+        payload = path.message(self._templates[kind], self.number, *times)
+        return PackedMessage(payload, kind, self.sampled_ns, publish_ns)
 
-    def begin(self, lane: Lane, sequence: int) -> bool:
-        """Let `lane` send the messages after frame `sequence`. False, and it does nothing, if none was packed."""
+    def begin(self, lane: Lane, sequence: int, frame_times: tuple[int, int]) -> bool:
+        """Let `lane` send the messages after frame `sequence`. False, and it does nothing, if none was packed.
+
+        frame_times: of that frame, on the board's clock (µs), and on the host's (ns).
+        """
         if self._last_kind is not None:
-            lane.begin(self._templates, self._last_kind, self.number, sequence)
+            lane.begin(self._templates, self._last_kind, self.number, sequence, self.sampled_ns, frame_times)
         return self._last_kind is not None
 
     def passed(self, passed: Passed) -> PackedMessage:
@@ -146,8 +163,8 @@ class MessageWriter:
         if reading.estimate is not None and mounting is not None:
             estimates["pose"] = _pose_message(reading.estimate, mounting)
         if reading.now is not None and frame is not None:
-            estimates["now"] = now_message(reading.now, frame)
-        return ContactMessage(
+            estimates["now"] = now_message(reading.now, frame.device_time_us, frame.host_time_ns)
+        self._last = ContactMessage(
             pad=self._pad,
             boot=self._boot,
             seq=self.number,
@@ -162,6 +179,19 @@ class MessageWriter:
             solver=SOLVER,
             model=self._model,
             baseline=None if baseline is None else baseline.id,
+        )
+        return self._last
+
+    def early(self, now: ContactNow, device_time_us: int, host_time_ns: int) -> ContactMessage:
+        """The last message again, with another `now`. The times are those of the frame that it was made of."""
+        assert self._last is not None
+        self.number += 1
+        return msgspec.structs.replace(
+            self._last,
+            seq=self.number,
+            t_publish_ns=time.monotonic_ns(),
+            utc_ns=time.time_ns(),
+            now=now_message(now, device_time_us, host_time_ns),
         )
 
 
@@ -192,8 +222,8 @@ def _shear_fields(contact: ContactEstimate) -> dict[str, float]:
     return {"shear_x_n": x_n, "shear_x_sd_n": x_sd_n, "shear_y_n": y_n, "shear_y_sd_n": y_sd_n}
 
 
-def now_message(now: ContactNow, frame: Frame) -> NowMessage:
-    """In the host's time, as the frame maps the board's."""
+def now_message(now: ContactNow, device_time_us: int, host_time_ns: int) -> NowMessage:
+    """In the host's time. device_time_us, host_time_ns: one instant on the board's clock and the host's."""
     names = ("x", "y", "force", "shear_x", "shear_y")
     numbers: dict[str, float | None] = dict.fromkeys(NowMessage.__struct_fields__[1:])
     columns = (now.values, now.deviations, now.rates, now.rate_deviations)
@@ -202,7 +232,7 @@ def now_message(now: ContactNow, frame: Frame) -> NowMessage:
         if now.touching or name == "force":
             forms = (f"{name}_{unit}", f"{name}_sd_{unit}", f"{name}_rate_{unit}_per_s", f"{name}_rate_sd_{unit}_per_s")
             numbers |= dict(zip(forms, values, strict=True))
-    t_ns = frame.host_time_ns + int((now.time_us - frame.device_time_us) * 1000.0)
+    t_ns = host_time_ns + int((now.time_us - device_time_us) * 1000.0)
     return NowMessage(t_ns=t_ns, **numbers)  # type: ignore[arg-type]
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.contact import ContactModel, NoContactModel, Smoother, TouchDetector
+from fmfts.contact.now import ContactNow
 from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import Reading
 from fmfts.pipeline.fast import FastPath
-from fmfts.pipeline.now import NowEstimator, NowMemory, Taken
+from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
@@ -63,9 +64,8 @@ class Estimator:
         model: ContactModel | NoContactModel,
         rate_hz: float,
         stopped_us: float,
-        lead_s: float = 0.0,
+        lead: Lead,
     ) -> None:
-        """lead_s: from when the board makes a frame to when its message is published."""
         self.baselined = baselined
         self.baseline = baselined.baseline
         self.mounting = baselined.mounting
@@ -80,7 +80,7 @@ class Estimator:
             *(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion),
             silicone=self._silicone.memory,
         )
-        self._now = NowEstimator.of(baselined, model, self._silicone, rate_hz, lead_s)
+        self._now = NowEstimator.of(baselined, model, self._silicone, rate_hz, lead)
         if self._now is not None:
             self.memory.now = self._now.memory
         self.detection_limit_n = 0.0
@@ -127,6 +127,8 @@ class Estimator:
     def take_back(self, path: FastPath, alignment: Alignment) -> None:
         """Take the memory back from the compiled path."""
         path.give_back(alignment.memory, self.memory)
+        if self._now is not None:
+            self._now.taken_back()
         self._tracker.resumed(path.was_sound)
         if self._ambient_motion is not None:
             self._ambient_motion.passed(path.passed)
@@ -164,6 +166,10 @@ class Estimator:
         """Treat the pad as untouched until the next onset."""
         self._touch.forget()
         self._forget_now()
+
+    def early(self, early: Early) -> ContactNow | None:
+        """What a sample that came before its frame says; None where it says nothing new."""
+        return None if self._now is None else self._now.early(early)
 
     def tell_no_now(self) -> None:
         """From now on, no message tells the contact at the time of publishing."""

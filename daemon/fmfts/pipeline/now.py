@@ -48,6 +48,14 @@ LET_GO = 0.0025
 JUMP_PERIODS = 2.5
 
 
+class Lead(NamedTuple):
+    """From when a board makes a frame to when its message is published; and from when a chip has a sample, where that
+    comes before its frame."""
+
+    frame_s: float = 0.0
+    early_s: float = 0.0
+
+
 class Taken(NamedTuple):
     """The newest sample of each chip, as measured: field_t (N, 3), time_us (N,), fresh (N,); and the frame's number and
     time: `Frame.sequence`, `Frame.device_time_us`."""
@@ -59,18 +67,45 @@ class Taken(NamedTuple):
     device_time_us: int
 
 
+class Early(NamedTuple):
+    """One chip's sample that came before its frame: field_t (3,) as measured, NaN where an axis holds no measurement;
+    time_us on the board's clock."""
+
+    sensor: int
+    field_t: Array
+    time_us: int
+
+
 @dataclass(slots=True)
 class NowMemory:
-    """made_us: when frame 0 would have been made, on the board's clock, as far as recent frames tell."""
+    """made_us: when frame 0 would have been made, on the board's clock, as far as recent frames tell. told_us: the time
+    that the last message was about."""
 
     motion: MotionMemory
     made_us: float = 0.0
+    told_us: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """What the last frame says of the samples that come before the next. newest_us (N,): of the frame's samples.
+
+    beyond: the contact is beyond what its model knows. ambient_t (N, 3): of the estimate, in sensor axes.
+    """
+
+    estimate: PoseEstimate
+    touching: bool
+    beyond: bool
+    detection_limit_n: float
+    drive: Array
+    ambient_t: Array
+    newest_us: NDArray[np.int64]
 
 
 class NowEstimator:
     """The contact at the time of publishing, of one pad with a baseline.
 
-    lead_s: from when the board makes a frame to when its message is published.
+    lead: how old frames and samples are when their messages are published.
     """
 
     def __init__(
@@ -80,7 +115,7 @@ class NowEstimator:
         silicone: SiliconeFollower,
         response: Response,
         rate_hz: float,
-        lead_s: float,
+        lead: Lead,
     ) -> None:
         self._baselined, self._model, self._silicone = baselined, model, silicone
         mounting, walk = baselined.mounting, baselined.tracking.walk_per_s[AMBIENT]
@@ -89,15 +124,19 @@ class NowEstimator:
         self._drive = Drive(response, to_the_pose)
         self._rest_chi2 = quantile(RELEASE_PROBABILITY, DEGREES_OF_FREEDOM)
         surprise_chi2 = quantile(FALSE_INNOVATION, mounting.noise_t.size)
-        self._filter = MotionFilter(baselined.pad, mounting.rest, mounting.noise_t, walk, surprise_chi2)
+        early_chi2 = quantile(FALSE_INNOVATION, 3)
+        self._filter = MotionFilter(baselined.pad, mounting.rest, mounting.noise_t, walk, surprise_chi2, early_chi2)
         self._memory = NowMemory(self._filter.memory)
+        self._judged: _Judged | None = None  # by the last frame, while the filter runs
         self.parameters = NowParameters(
             response=packed(response),
             to_pose=to_the_pose,
             untouched_drive=self._drive.untouched,
             surprise_chi2=surprise_chi2,
+            early_chi2=early_chi2,
             period_us=1e6 / rate_hz,
-            lead_us=1e6 * lead_s,
+            lead_us=1e6 * lead.frame_s,
+            early_lead_us=1e6 * lead.early_s,
             let_go=LET_GO,
             jump_periods=JUMP_PERIODS,
             settled_frames=SETTLED_FRAMES,
@@ -111,7 +150,7 @@ class NowEstimator:
         model: ContactModel | NoContactModel,
         silicone: SiliconeFollower,
         rate_hz: float,
-        lead_s: float,
+        lead: Lead,
     ) -> Self | None:
         """silicone: follows this pad's loads. None if the pad's response, or its rest, is not known."""
         if isinstance(model, NoContactModel) or model.response is None or not baselined.at_rest:
@@ -119,7 +158,7 @@ class NowEstimator:
         response = model.response if model.has_shear else model.response.without_shear()
         if response.coefficient.shape[2] > MOST_MONOMIALS:
             return None
-        return cls(baselined, model, silicone, response, rate_hz, lead_s)
+        return cls(baselined, model, silicone, response, rate_hz, lead)
 
     @property
     def memory(self) -> NowMemory:
@@ -136,6 +175,11 @@ class NowEstimator:
 
     def forget(self) -> None:
         self._filter.forget()
+        self._judged = None
+
+    def taken_back(self) -> None:
+        """C judged the last frame: what this estimator knew of an earlier one holds no longer."""
+        self._judged = None
 
     def update(
         self,
@@ -159,11 +203,43 @@ class NowEstimator:
         field_t = mounting.magnet_field(taken.field_t)
         samples = Samples(field_t, mounting.lasting_deviation_t(field_t, ambient_t), taken.time_us, taken.fresh)
         follows = self._filter.follow(samples, estimate.state.log_moment, drive)
-        lead_s = (publish_us - memory.motion_us) * 1e-6
         beyond = touching and (contact.over_range or contact.refused)
-        if not follows or beyond or memory.followed < SETTLED_FRAMES or not 0.0 <= lead_s <= LONGEST_LEAD_S:
+        self._judged = None
+        if not follows:
             return None
-        return self._ahead(estimate, touching, detection_limit_n, publish_us, lead_s)
+        newest_us = taken.time_us.copy()
+        self._judged = _Judged(estimate, touching, beyond, detection_limit_n, drive, ambient_t, newest_us)
+        return self._told(self._judged, publish_us)
+
+    def early(self, early: Early) -> ContactNow | None:
+        """Follow a sample that came before its frame. None where it is not used, or contradicts what was predicted, or
+        where the contact at the time of publishing is not known."""
+        judged = self._judged
+        if judged is None or not np.isfinite(early.field_t).all():
+            return None
+        ahead_us = early.time_us - int(judged.newest_us.max())
+        if not self._filter.is_next(early.sensor, early.time_us) or early.time_us <= judged.newest_us[early.sensor]:
+            return None
+        if ahead_us > LONGEST_LEAD_S * 1e6:
+            return None
+        taken, time_us = np.full(judged.ambient_t.shape, np.nan), judged.newest_us.copy()
+        taken[early.sensor], time_us[early.sensor] = early.field_t, early.time_us
+        field_t = self._baselined.mounting.magnet_field(taken)
+        deviation_t = self._baselined.mounting.lasting_deviation_t(field_t, judged.ambient_t)
+        samples = Samples(field_t, deviation_t, time_us, np.zeros(len(time_us), dtype=np.bool_))
+        if not self._filter.follow_early(samples, early.sensor, judged.estimate.state.log_moment, judged.drive):
+            self._judged = None
+            return None
+        return self._told(judged, max(early.time_us + self.parameters.early_lead_us, self.memory.told_us))
+
+    def _told(self, judged: _Judged, publish_us: float) -> ContactNow | None:
+        """The contact at `publish_us`, if it is known."""
+        memory = self._filter.memory
+        lead_s = (publish_us - memory.motion_us) * 1e-6
+        if judged.beyond or memory.followed < SETTLED_FRAMES or not 0.0 <= lead_s <= LONGEST_LEAD_S:
+            return None
+        self.memory.told_us = publish_us
+        return self._ahead(judged.estimate, judged.touching, judged.detection_limit_n, publish_us, lead_s)
 
     def _publish_us(self, taken: Taken) -> float:
         """When the frame's message is published, on the board's clock."""

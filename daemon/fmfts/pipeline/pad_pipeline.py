@@ -15,11 +15,12 @@ from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Passed
-from fmfts.pipeline.now import Taken
+from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 
 NO_BASELINE = "no baseline: record one with `fmfts-daemon baseline` while nothing touches the pad"
@@ -50,12 +51,11 @@ class PadPipeline:
         boot: str,
         rate_hz: float,
         tracking: TrackingModel,
-        lead_s: float = 0.0,
+        lead: Lead = Lead(),  # noqa: B008
     ) -> None:
-        """lead_s: from when the board makes a frame to when its message is published."""
         self.pad = pad
         self._model = model
-        self._rate_hz, self._lead_s = rate_hz, lead_s
+        self._rate_hz, self._lead = rate_hz, lead
         self._tracking = tracking
         self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
         self._estimator: Estimator | None = None
@@ -67,6 +67,7 @@ class PadPipeline:
         self._among_others = False
         self._missing: dict[int, str] = {}
         self._sequence = 0  # of the last frame
+        self._frame_times = 0, 0  # of the last frame: on the board's clock (µs), and on the host's (ns)
 
     @property
     def baseline(self) -> Baseline | None:
@@ -106,7 +107,7 @@ class PadPipeline:
         """
         self.hand_back()
         baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
-        self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us, self._lead_s)
+        self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us, self._lead)
         self._sighting.rests(self._estimator.mounting.rest)
         return self._estimator.mounting
 
@@ -129,6 +130,7 @@ class PadPipeline:
     def answer(self, frame: Frame) -> ContactMessage | PackedMessage:
         """Like process(), but returns the encoded message if the fast path handled the frame."""
         self._sequence = frame.sequence
+        self._frame_times = frame.device_time_us, frame.host_time_ns
         if self._compiled is not None and self._estimator is not None:
             judged = self._compiled.judge(frame.packed, frame.sequence, frame.device_time_us, frame.temperature_c)
             if judged is not None:
@@ -136,6 +138,22 @@ class PadPipeline:
                 return self._writer.packed(self._compiled, judged, frame, estimator.mounting, estimator.baseline)
             self.hand_back()
         return self._judge(frame)
+
+    def host_time_ns(self, device_time_us: int) -> int:
+        """The host's time of the board's, near the last frame."""
+        frame_us, frame_ns = self._frame_times
+        return frame_ns + 1000 * (device_time_us - frame_us)
+
+    def early(self, early: EarlySample) -> ContactMessage | PackedMessage | None:
+        """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
+        the sample says nothing new, or cannot be used: the next frame judges it."""
+        if self._estimator is None or early.sensor >= len(self.pad.sensors):
+            return None
+        if self._compiled is not None:
+            now_us = self._compiled.early(early)
+            return None if now_us is None else self._writer.packed_early(self._compiled, now_us, *self._frame_times)
+        now = self._estimator.early(Early(early.sensor, early.field_t, early.device_time_us))
+        return None if now is None else self._writer.early(now, *self._frame_times)
 
     def begin(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> Lane | None:
         """Let C handle the next frames, from the board's bytes to the bus. None if Python must judge the next one.
@@ -145,14 +163,14 @@ class PadPipeline:
         if self._compiled is None:
             return None
         lane = self._compiled.lane(clock, topic, pad_index, overdue_ns)
-        return lane if self._writer.begin(lane, self._sequence) else None
+        return lane if self._writer.begin(lane, self._sequence, self._frame_times) else None
 
     def end(self, lane: Lane) -> tuple[Passed, PackedMessage] | None:
-        """Take the pad back from C. Returns the frames that C handled and the last message; None if there are none."""
+        """Take the pad back from C. Returns what C handled and the last message; None if there is none."""
         passed = lane.end()
         if passed is None:
             return None
-        self._sequence = passed.sequence
+        self._sequence, self._frame_times = passed.sequence, (passed.frame_us, passed.frame_ns)
         return passed, self._writer.passed(passed)
 
     def _judge(self, frame: Frame) -> ContactMessage:

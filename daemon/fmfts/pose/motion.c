@@ -136,14 +136,14 @@ static void take(const fmfts_pose_parameters *parameters, int sensor, double str
     }
 }
 
-/* The field of a sensor's newest sample, baseline subtracted, and the variance of its errors. */
+/* The field of a sensor's sample (field_t [3], as measured), baseline subtracted, and the variance of its errors. */
 static void read_sample(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
-                        const fmfts_pose_memory *pose, int sensor, double value[3], double r[3])
+                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double value[3], double r[3])
 {
     double change[3];
     for (int k = 0; k < 3; k++) {
         int axis = 3 * sensor + k;
-        value[k] = pose->field_t[axis] / parameters->gain[axis] - parameters->offset_t[axis];
+        value[k] = field_t[k] / parameters->gain[axis] - parameters->offset_t[axis];
         change[k] = value[k] - parameters->rest_field_t[axis];
     }
     for (int k = 0; k < 3; k++) {
@@ -159,7 +159,8 @@ static bool is_upright(const fmfts_motion_parameters *own, const double *x)
     return x[3] * x[3] + x[4] * x[4] < own->largest_tilt[0] * own->largest_tilt[0];
 }
 
-static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mode modes[MODES],
+/* shares: the modes' probabilities after the last frame. */
+static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mode modes[MODES], const double *shares,
                   fmfts_motion_memory *memory)
 {
     double likelihood[MODES], best = -INFINITY, share[MODES], sum = 0.0, before = 0.0;
@@ -167,10 +168,10 @@ static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mo
     for (int m = 0; m < MODES; m++) {
         likelihood[m] = -0.5 * (modes[m].chi2 + fmfts_log(modes[m].widths));
         best = fmax(best, likelihood[m]);
-        before += memory->modes[m];
+        before += shares[m];
     }
     for (int m = 0; m < MODES; m++) {
-        double arrived = leaves * (before - memory->modes[m]) + stays * memory->modes[m];
+        double arrived = leaves * (before - shares[m]) + stays * shares[m];
         share[m] = arrived * own->weights[m] * fmfts_exp(likelihood[m] - best);
         sum += share[m];
     }
@@ -202,51 +203,127 @@ static void merge(const fmfts_motion_parameters *own, double elapsed_s, const mo
     }
 }
 
+static bool had_early(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory)
+{
+    for (int i = 0; i < (int)parameters->sensors[0]; i++) {
+        if (memory->early_us[i] != 0.0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The modes since the last frame: those of the samples that came before their frame, or else the merged state. shares: their
+ * probabilities after that frame. Returns the time of its newest sample. */
+static double begin_modes(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory, mode modes[MODES],
+                          double shares[MODES])
+{
+    bool goes_on = had_early(parameters, memory);
+    for (int m = 0; m < MODES; m++) {
+        const double *x = goes_on ? memory->early_state + N * m : memory->motion_state;
+        memcpy(modes[m].x, x, sizeof modes[m].x);
+        memcpy(modes[m].p, goes_on ? memory->early_covariance + N * N * m : memory->motion_covariance, sizeof modes[m].p);
+        modes[m].chi2 = goes_on ? memory->early_chi2_sum[m] : 0.0;
+        modes[m].widths = goes_on ? memory->early_widths[m] : 1.0;
+        shares[m] = goes_on ? memory->early_modes[m] : memory->modes[m];
+    }
+    return goes_on ? memory->early_from_us[0] : memory->motion_us[0];
+}
+
+/* Takes a sensor's sample in every mode. False if a mode is lost. */
+static bool take_sample(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
+                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double time_us,
+                        const double *drive, mode modes[MODES], fmfts_motion_memory *memory)
+{
+    double value[3], r[3], passed_s = (time_us - memory->motion_us[0]) * 1e-6;
+    double strength = parameters->strength_t_m3[0] * fmfts_exp(pose->state[LOG_VALUE]);
+    if (passed_s > 0.0) {
+        predict(parameters, own, passed_s, drive, modes);
+        memory->motion_us[0] = time_us;
+    }
+    read_sample(parameters, own, pose, sensor, field_t, value, r);
+    for (int m = 0; m < MODES; m++) {
+        if (!is_upright(own, modes[m].x)) {
+            return false;
+        }
+        take(parameters, sensor, strength, value, r, &modes[m]);
+    }
+    return true;
+}
+
+bool fmfts_is_next(const fmfts_motion_parameters *own, const fmfts_motion_memory *memory, int sensor, double time_us)
+{
+    return memory->motion_us[0] > 0.0 && time_us > fmax(memory->early_us[sensor], memory->motion_us[0] - own->late_us[0]);
+}
+
+static int oldest_of(const fmfts_pose_memory *pose, unsigned left, int sensors)
+{
+    int oldest = -1;
+    for (int i = 0; i < sensors; i++) {
+        oldest = (left >> i & 1) && (oldest < 0 || pose->time_us[i] < pose->time_us[oldest]) ? i : oldest;
+    }
+    return oldest;
+}
+
 bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
                   const fmfts_pose_memory *pose, unsigned fresh, const double *drive, fmfts_motion_memory *memory)
 {
     mode modes[MODES];
-    double begun_us = memory->motion_us[0], chi2 = INFINITY;
-    double strength = parameters->strength_t_m3[0] * fmfts_exp(pose->state[LOG_VALUE]);
-    if (!(begun_us > 0.0)) {
+    int sensors = (int)parameters->sensors[0];
+    double shares[MODES], newest_us = memory->motion_us[0], chi2 = INFINITY;
+    bool early = had_early(parameters, memory);
+    if (!(memory->motion_us[0] > 0.0)) {
         return false;
     }
-    fresh &= (1u << (int)parameters->sensors[0]) - 1;
-    if (!fresh) {
+    fresh &= (1u << sensors) - 1;
+    for (int i = 0; early && i < sensors; i++) {
+        fresh &= ~((unsigned)!fmfts_is_next(own, memory, i, pose->time_us[i]) << i);
+    }
+    if (!fresh && !early) {
         return true;
     }
-    for (int m = 0; m < MODES; m++) {
-        memcpy(modes[m].x, memory->motion_state, sizeof modes[m].x);
-        memcpy(modes[m].p, memory->motion_covariance, sizeof modes[m].p);
-        modes[m].chi2 = 0.0;
-        modes[m].widths = 1.0;
-    }
-    double newest_us = 0.0;
-    for (unsigned left = fresh; left;) {
-        int sensor = -1;
-        double value[3], r[3];
-        for (int i = 0; i < (int)parameters->sensors[0]; i++) {
-            sensor = (left >> i & 1) && (sensor < 0 || pose->time_us[i] < pose->time_us[sensor]) ? i : sensor;
-        }
-        left &= ~(1u << sensor);
+    double from_us = begin_modes(parameters, memory, modes, shares);
+    while (fresh) {
+        int sensor = oldest_of(pose, fresh, sensors);
+        fresh &= ~(1u << sensor);
         newest_us = pose->time_us[sensor];
-        double passed_s = (newest_us - memory->motion_us[0]) * 1e-6;
-        if (passed_s > 0.0) {
-            predict(parameters, own, passed_s, drive, modes);
-            memory->motion_us[0] = newest_us;
-        }
-        read_sample(parameters, own, pose, sensor, value, r);
-        for (int m = 0; m < MODES; m++) {
-            if (!is_upright(own, modes[m].x)) {
-                return false;
-            }
-            take(parameters, sensor, strength, value, r, &modes[m]);
+        if (!take_sample(parameters, own, pose, sensor, pose->field_t + 3 * sensor, newest_us, drive, modes, memory)) {
+            return false;
         }
     }
-    merge(own, fmax(newest_us - begun_us, 0.0) * 1e-6, modes, memory);
+    merge(own, fmax(newest_us - from_us, 0.0) * 1e-6, modes, shares, memory);
     memory->followed[0] += 1.0;
+    memset(memory->early_us, 0, sizeof memory->early_us);
     for (int m = 0; m < MODES; m++) {
         chi2 = fmin(chi2, modes[m].chi2);
     }
     return chi2 < own->surprise_chi2[0] && is_upright(own, memory->motion_state);
+}
+
+bool fmfts_follow_early(const fmfts_pose_parameters *parameters, const fmfts_motion_parameters *own,
+                        const fmfts_pose_memory *pose, int sensor, const double *field_t, double time_us,
+                        const double *drive, fmfts_motion_memory *memory)
+{
+    mode modes[MODES];
+    double shares[MODES], before[MODES], from_us = begin_modes(parameters, memory, modes, shares);
+    double chi2 = INFINITY, step_chi2 = INFINITY;
+    for (int m = 0; m < MODES; m++) {
+        before[m] = modes[m].chi2;
+    }
+    if (!take_sample(parameters, own, pose, sensor, field_t, time_us, drive, modes, memory)) {
+        return false;
+    }
+    merge(own, fmax(time_us - from_us, 0.0) * 1e-6, modes, shares, memory);
+    memory->early_us[sensor] = time_us;
+    memory->early_from_us[0] = from_us;
+    for (int m = 0; m < MODES; m++) {
+        memory->early_modes[m] = shares[m];
+        memcpy(memory->early_state + N * m, modes[m].x, sizeof modes[m].x);
+        memcpy(memory->early_covariance + N * N * m, modes[m].p, sizeof modes[m].p);
+        memory->early_chi2_sum[m] = modes[m].chi2;
+        memory->early_widths[m] = modes[m].widths;
+        chi2 = fmin(chi2, modes[m].chi2);
+        step_chi2 = fmin(step_chi2, modes[m].chi2 - before[m]);
+    }
+    return step_chi2 < own->early_chi2[0] && chi2 < own->surprise_chi2[0] && is_upright(own, memory->motion_state);
 }

@@ -23,7 +23,7 @@ Each axis of a sample is one scalar measurement z = field + ambient along the ax
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 
 STATES, POSE, RATE, AMBIENT_CHANGE = 13, slice(0, 5), slice(5, 10), slice(10, 13)
 MODES = 2
+MOST_SENSORS = 8  # of a pad: FMFTS_SENSORS
 STILL, MOVING = range(MODES)
 # How fast the rates die out while the pad is still.
 CALM_S = 0.03
@@ -55,8 +56,11 @@ FIRST_COVARIANCE = 4.0
 FIRST_RATE_S = 0.02
 # No press tilts a magnet so far (sine): a filter that says so has lost it.
 LARGEST_TILT = 0.7
-# Probability that a healthy frame's innovations are so unlikely. A sensor that begins to fail is seen here first.
+# Probability that the innovations of a healthy frame, or of a sample that came before its frame, are so unlikely. A
+# sensor that begins to fail is seen here first.
 FALSE_INNOVATION = 1e-6
+# Boards read chips by turns, so that samples of two chips may come in the wrong order; older ones are not used.
+LATE_US = 1000.0
 
 
 class Samples(NamedTuple):
@@ -75,6 +79,11 @@ class MotionMemory:
 
     motion_state (13,), motion_covariance (13, 13): the merged state. modes (2,): probabilities. followed: frames
     since the filter began.
+
+    The others are of samples that came before their frame, since the last frame; recordings of old versions lack them.
+    early_us (8,): time of each sensor's newest, 0 before the first. early_from_us, early_modes: motion_us and modes
+    after that frame. early_state (2, 13), early_covariance (2, 13, 13), early_chi2_sum and early_widths (2,): of each
+    mode.
     """
 
     motion_us: float
@@ -82,24 +91,51 @@ class MotionMemory:
     motion_covariance: Array
     modes: Array
     followed: float
+    early_us: Array = field(default_factory=lambda: np.zeros(MOST_SENSORS))
+    early_from_us: float = 0.0
+    early_modes: Array = field(default_factory=lambda: np.zeros(MODES))
+    early_state: Array = field(default_factory=lambda: np.zeros((MODES, STATES)))
+    early_covariance: Array = field(default_factory=lambda: np.zeros((MODES, STATES, STATES)))
+    early_chi2_sum: Array = field(default_factory=lambda: np.zeros(MODES))
+    early_widths: Array = field(default_factory=lambda: np.ones(MODES))
+
+
+@dataclass(slots=True)
+class _Modes:
+    """The modes since the last frame. from_us, shares (2,): motion_us and probabilities then. x (2, 13), p (2, 13, 13).
+    chi2 (2,): sum of ν²/s. widths (2,): product of s/r."""
+
+    from_us: float
+    shares: Array
+    x: Array
+    p: Array
+    chi2: Array
+    widths: Array
 
 
 class MotionFilter:
     """Follows one magnet from sample to sample.
 
     pad: as mounted. noise_t (N, 3): of one sample. ambient_walk_t2_per_s (3,): variance of the ambient field's change,
-    0 where it is constant. surprise_chi2: frames with larger innovations are not those of a healthy pad.
+    0 where it is constant. surprise_chi2: frames with larger innovations are not those of a healthy pad;
+    early_chi2: the same of a sample that came before its frame.
     """
 
     def __init__(
-        self, pad: Pad, rest: State, noise_t: Array, ambient_walk_t2_per_s: Array, surprise_chi2: float
+        self,
+        pad: Pad,
+        rest: State,
+        noise_t: Array,
+        ambient_walk_t2_per_s: Array,
+        surprise_chi2: float,
+        early_chi2: float,
     ) -> None:
         self._pad, self._rest = pad, rest
         self._basis = tangent_basis(rest.axis)
         self._directions = pad.sensors.axes.transpose(0, 2, 1)
         self._noise_t2 = square(noise_t)
         self._walk = ambient_walk_t2_per_s
-        self._surprise_chi2 = surprise_chi2
+        self._surprise_chi2, self._early_chi2 = surprise_chi2, early_chi2
         self.memory = MotionMemory(0.0, np.zeros(STATES), np.zeros((STATES, STATES)), np.full(MODES, 1.0 / MODES), 0.0)
 
     def forget(self) -> None:
@@ -116,21 +152,58 @@ class MotionFilter:
         memory.motion_covariance = np.zeros((STATES, STATES))
         memory.motion_covariance[np.ix_(places, places)] = FIRST_COVARIANCE * covariance[np.ix_(known, known)]
         memory.motion_covariance[RATE, RATE] = FIRST_RATE_S * drive
-        memory.modes = np.full(MODES, 1.0 / MODES)
+        memory.modes, memory.early_us = np.full(MODES, 1.0 / MODES), np.zeros(MOST_SENSORS)
+
+    def is_next(self, sensor: int, time_us: float) -> bool:
+        """Whether a sample, after others that came before their frame, goes on from those that the filter took."""
+        memory = self.memory
+        return memory.motion_us > 0.0 and time_us > max(memory.early_us[sensor], memory.motion_us - LATE_US)
 
     def follow(self, samples: Samples, log_moment: float, drive: Array) -> bool:
-        """Take the fresh samples of a frame. False if they contradict what was predicted: the filter has stopped then.
+        """Take the fresh samples of a frame, but for those that came before it. False if they contradict what was
+        predicted: the filter has stopped then.
 
         drive (5, 5): W of MOVING, in the units of the state's pose. log_moment: as in `State`.
         """
         memory = self.memory
         order = sorted(np.flatnonzero(samples.fresh).tolist(), key=lambda sensor: int(samples.time_us[sensor]))
-        if not order:
+        if memory.early_us.any():
+            order = [sensor for sensor in order if self.is_next(sensor, float(samples.time_us[sensor]))]
+        elif not order:
             return True
-        elapsed_s = max(float(samples.time_us[order[-1]]) - memory.motion_us, 0.0) * 1e-6
-        x = np.stack([memory.motion_state] * MODES)
-        p = np.stack([memory.motion_covariance] * MODES)
-        chi2, widths = np.zeros(MODES), np.ones(MODES)
+        modes = self._modes()
+        if not self._take(modes, samples, order, log_moment, drive):
+            return False
+        memory.followed += 1.0
+        memory.early_us = np.zeros(MOST_SENSORS)
+        return self._is_sound(modes.chi2, self._surprise_chi2)
+
+    def follow_early(self, samples: Samples, sensor: int, log_moment: float, drive: Array) -> bool:
+        """Take one sensor's sample that came before its frame, and `is_next`. Otherwise as `follow`."""
+        memory, modes = self.memory, self._modes()
+        before = modes.chi2.copy()
+        if not self._take(modes, samples, [sensor], log_moment, drive):
+            return False
+        memory.early_us[sensor] = float(samples.time_us[sensor])
+        memory.early_from_us, memory.early_modes = modes.from_us, modes.shares
+        memory.early_state, memory.early_covariance = modes.x, modes.p
+        memory.early_chi2_sum, memory.early_widths = modes.chi2, modes.widths
+        sound = self._is_sound(modes.chi2 - before, self._early_chi2)
+        return sound and self._is_sound(modes.chi2, self._surprise_chi2)
+
+    def _modes(self) -> _Modes:
+        memory = self.memory
+        if memory.early_us.any():
+            chi2, widths = memory.early_chi2_sum.copy(), memory.early_widths.copy()
+            x, p = memory.early_state.copy(), memory.early_covariance.copy()
+            return _Modes(memory.early_from_us, memory.early_modes, x, p, chi2, widths)
+        x, p = np.stack([memory.motion_state] * MODES), np.stack([memory.motion_covariance] * MODES)
+        return _Modes(memory.motion_us, memory.modes, x, p, np.zeros(MODES), np.ones(MODES))
+
+    def _take(self, modes: _Modes, samples: Samples, order: list[int], log_moment: float, drive: Array) -> bool:
+        """Take the samples of these sensors in every mode, and merge. False if the filter is lost: it has stopped."""
+        memory, x, p = self.memory, modes.x, modes.p
+        newest_us = float(samples.time_us[order[-1]]) if order else memory.motion_us
         strength = self._pad.magnet.strength_t_m3 * exp(log_moment)
         for sensor in order:
             passed_s = (float(samples.time_us[sensor]) - memory.motion_us) * 1e-6
@@ -145,14 +218,16 @@ class MotionFilter:
             at = x.copy()
             for axis in range(3):
                 value, model = float(samples.field_t[sensor, axis]), (predicted[:, axis], slope[:, axis])
-                _measure(x, p, at, value, *model, float(r[axis]), chi2, widths)
-        likelihood = np.array([-0.5 * (misfit + log(width)) for misfit, width in zip(chi2, widths, strict=True)])
-        self._merge(x, p, likelihood, elapsed_s)
-        memory.followed += 1.0
-        if not (chi2.min() < self._surprise_chi2 and self._upright(memory.motion_state[None])):
-            self.forget()
-            return False
+                _measure(x, p, at, value, *model, float(r[axis]), modes.chi2, modes.widths)
+        self._merge(modes, max(newest_us - modes.from_us, 0.0) * 1e-6)
         return True
+
+    def _is_sound(self, chi2: Array, most: float) -> bool:
+        """Whether the innovations are those of a healthy pad. If they are not, the filter stops."""
+        if chi2.min() < most and self._upright(self.memory.motion_state[None]):
+            return True
+        self.forget()
+        return False
 
     def _predict(self, x: Array, p: Array, passed_s: float, drive: Array) -> None:
         calm = exp(-passed_s / CALM_S)
@@ -202,17 +277,19 @@ class MotionFilter:
     def _upright(states: Array) -> bool:
         return bool((square(states[:, 3:5]).sum(axis=1) < square(LARGEST_TILT)).all())
 
-    def _merge(self, x: Array, p: Array, likelihood: Array, elapsed_s: float) -> None:
-        memory = self.memory
+    def _merge(self, modes: _Modes, elapsed_s: float) -> None:
+        memory, each = self.memory, zip(modes.chi2, modes.widths, strict=True)
+        likelihood = np.array([-0.5 * (misfit + log(width)) for misfit, width in each])
         # After a long gap every mode is as likely as the others, whichever it was before.
         leaves = min(1.0 - exp(-SWITCHES_PER_S * elapsed_s), 1.0 / MODES)
         stays = 1.0 - (MODES - 1) * leaves
-        before = leaves * (memory.modes.sum() - memory.modes) + stays * memory.modes
-        modes = before * np.array(WEIGHTS) * np.array([exp(one) for one in likelihood - likelihood.max()])
-        memory.modes = modes / modes.sum()
-        memory.motion_state = product(memory.modes, x)
-        off = x - memory.motion_state
-        memory.motion_covariance = (memory.modes[:, None, None] * (p + off[:, :, None] * off[:, None, :])).sum(axis=0)
+        before = leaves * (modes.shares.sum() - modes.shares) + stays * modes.shares
+        shares = before * np.array(WEIGHTS) * np.array([exp(one) for one in likelihood - likelihood.max()])
+        memory.modes = shares / shares.sum()
+        memory.motion_state = product(memory.modes, modes.x)
+        off = modes.x - memory.motion_state
+        spread = modes.p + off[:, :, None] * off[:, None, :]
+        memory.motion_covariance = (memory.modes[:, None, None] * spread).sum(axis=0)
 
 
 def _measure(

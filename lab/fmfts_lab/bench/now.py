@@ -17,6 +17,7 @@ import numpy as np
 from fmfts.bus.messages import ContactMessage
 from fmfts.pad import Array
 from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.sensor.early import EarlySample
 from fmfts_lab.bench import now_faults
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
 from fmfts_lab.bench.now_ablation import VARIANTS, changed
@@ -45,8 +46,7 @@ class Run:
     rate: Array
 
     @classmethod
-    def of(cls, motion: Motion, messages: Sequence[ContactMessage]) -> Run:
-        published = published_s(len(messages))
+    def of(cls, motion: Motion, published: Array, messages: Sequence[ContactMessage]) -> Run:
         sampled = np.array([message.t_sample_ns for message in messages]) * 1e-9 - BEFORE_S
         of_now = [message.now for message in messages]
         times = [np.nan if now is None else now.t_ns * 1e-9 - BEFORE_S for now in of_now]
@@ -147,21 +147,38 @@ def rms(parts: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")
 
 
-def measure(seed: int, pads: int, seconds: float, draws: Sequence[Draw] = DRAWN) -> dict[str, Errors]:
-    """Every motion on every pad. The same seed draws the same pads and motions."""
+def measure(
+    seed: int, pads: int, seconds: float, draws: Sequence[Draw] = DRAWN, early: bool = False
+) -> dict[str, Errors]:
+    """Every motion on every pad. The same seed draws the same pads and motions. early: samples as they come."""
     errors = dict[str, Errors]()
     for config, motions in drawn(seed, pads, seconds, draws):
         pad = BuiltPad.of(config)
         for motion in motions:
-            run = Run.of(motion, _messages(pad, motion, seconds))
+            run = Run.of(motion, *(_early_messages if early else _messages)(pad, motion, seconds))
             errors.setdefault(motion.name, Errors()).add(run)
     return errors
 
 
-def _messages(pad: BuiltPad, motion: Motion, seconds: float) -> list[ContactMessage]:
+def _messages(pad: BuiltPad, motion: Motion, seconds: float) -> tuple[Array, list[ContactMessage]]:
+    """When the messages are published, and they themselves."""
     pipeline = pad.pipeline()
-    answers = (pipeline.answer(frame) for frame in pad.frames(motion, seconds))
-    return [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
+    messages = [_unpacked(pipeline.answer(frame)) for frame in pad.frames(motion, seconds)]
+    return published_s(len(messages)), messages
+
+
+def _early_messages(pad: BuiltPad, motion: Motion, seconds: float) -> tuple[Array, list[ContactMessage]]:
+    pipeline, published, messages = pad.pipeline(), list[float](), list[ContactMessage]()
+    for at_s, packet in pad.packets(motion, seconds):
+        answer = pipeline.early(packet) if isinstance(packet, EarlySample) else pipeline.answer(packet)
+        if answer is not None:
+            published.append(at_s - BEFORE_S)
+            messages.append(_unpacked(answer))
+    return np.array(published), messages
+
+
+def _unpacked(answer: ContactMessage | PackedMessage) -> ContactMessage:
+    return answer.message if isinstance(answer, PackedMessage) else answer
 
 
 HEADER = """\

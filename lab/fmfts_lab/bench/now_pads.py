@@ -13,20 +13,24 @@ from fmfts.baseline import Baseline, Mounting
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
-from fmfts.pipeline.configured import HOST_S, load_contact_model
+from fmfts.pipeline.configured import HOST_S, READ_S, load_contact_model
+from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor.frame import WireFrame
-from fmfts.sensor.wire.packets import LINE_BITS_PER_BYTE, frame_bytes
+from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts_lab.bench.drills import RATE_HZ, pad_config
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
+from fmfts_lab.bench.now_early import EarlyToo, Sent
 from fmfts_lab.bench.tapped import ManyFrames
 
 BAUD = 460800
 # From when a frame is made to when its message is published: on the line, and in the daemon.
 TRANSPORT_S = LINE_BITS_PER_BYTE * frame_bytes(4) / BAUD + HOST_S
 BEFORE_S = 0.5  # before the first motion
+# The same of a sample that comes before its frame, since its conversion ended.
+EARLY_S = READ_S + LINE_BITS_PER_BYTE * EARLY_BYTES / BAUD + HOST_S
 READ_EVERY_S = 1e-3  # a controller's period
 
 
@@ -60,7 +64,9 @@ class BuiltPad:
     def pipeline(self, model: ContactModel | None = None) -> PadPipeline:
         """A new pipeline that uses the baseline. model: None, the pad's own."""
         pad, tracking = self.config.pad(), tracking_model_for(self.config.scene, self.config.magnet).tracking
-        pipeline = PadPipeline(pad, model or self.model, "bench", float(RATE_HZ), tracking, lead_s=TRANSPORT_S)
+        pipeline = PadPipeline(
+            pad, model or self.model, "bench", float(RATE_HZ), tracking, lead=Lead(TRANSPORT_S, EARLY_S)
+        )
         pipeline.use(self.baseline, self.mounting)
         return pipeline
 
@@ -70,6 +76,12 @@ class BuiltPad:
         source.finger = lambda time_s: motion.finger(time_s - BEFORE_S)
         for frames in source.batches(round((BEFORE_S + seconds) * RATE_HZ)):
             yield from frames
+
+    def packets(self, motion: Motion, seconds: float) -> Iterator[tuple[float, Sent]]:
+        """Frames and the samples that come before them, with the times at which their messages are published."""
+        source = EarlyToo(self.config, BAUD)
+        source.finger = lambda time_s: motion.finger(time_s - BEFORE_S)
+        return source.sent(BEFORE_S + seconds)
 
 
 def published_s(count: int) -> Array:

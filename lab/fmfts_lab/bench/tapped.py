@@ -115,7 +115,7 @@ class ManyFrames(Simulated):
             counts = self._imperfections.transferred(counts)
         self._sequence += count
         self._delivered, self._counts = conversion[-1], counts[-1]
-        return _wire_frames(sequence, sampled_s, fresh, counts, self._gain_code)
+        return wire_frames(sequence, sampled_s, fresh, counts, self._gain_code)
 
     def _fields(self, sampled_s: Array) -> Array:
         """(K, N, 3) field at each sensor of each frame, at its own sample time (K, N)."""
@@ -142,7 +142,7 @@ class ManyFrames(Simulated):
         return np.asarray(ambient_t)
 
 
-def _wire_frames(
+def wire_frames(
     sequence: NDArray[np.int64],
     sampled_s: Array,
     fresh: NDArray[np.bool_],

@@ -35,7 +35,7 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
     while ((zero = memchr(bus->bytes + begin, 0, size - begin))) {
         const uint8_t *text = bus->bytes + begin;
         size_t bytes = (size_t)(zero - text);
-        /* The first two bytes of a sample (docs/wire.md) are never zero, so COBS does not change them. */
+        /* The first two bytes of samples and early samples (docs/wire.md) are never zero, so COBS does not change them. */
         unsigned pad_index = bytes > 2 ? text[2] & 15 : FMFTS_WIRE_PADS;
         PyObject *object = pad_index < FMFTS_WIRE_PADS ? line->lane[pad_index] : NULL;
         fmfts_published_lane *published = object ? fmfts_lane_of(object) : NULL;
@@ -49,8 +49,8 @@ static bool pass(fmfts_board_line *line, fmfts_bus *bus, size_t size, int64_t ar
         }
         line->heard_ns = arrival_ns;
         begin += bytes + 1;
-        if (verdict == FMFTS_OVERDUE) {
-            line->left_out[pad_index]++;
+        line->left_out[pad_index] += verdict == FMFTS_OVERDUE;
+        if (verdict != FMFTS_WRITTEN) {
             continue;
         }
         line->has_news |= published->lane.changes > 0;

@@ -47,6 +47,35 @@ static PyObject *judge(PyObject *module, PyObject *args)
     return result;
 }
 
+/* early(parameters, memory, outcome, response, network, sensor, gain_code, x, y, z, time_us) → time of `now` in µs, or None where
+ * the sample tells nothing. To be called after judge() of a healthy frame, with its outcome. */
+static PyObject *early(PyObject *module, PyObject *args)
+{
+    Py_buffer b[READINGS] = {{0}};
+    fmfts_network network;
+    int sensor, count[3];
+    unsigned gain_code;
+    unsigned long long time_us;
+    PyObject *result = NULL;
+    (void)module;
+    if (PyArg_ParseTuple(args, "y*w*w*z*y*iIiiiK", &b[0], &b[1], &b[2], &b[3], &b[4], &sensor, &gain_code, &count[0],
+                         &count[1], &count[2], &time_us) &&
+        has_size(&b[PARAMETERS], sizeof(fmfts_parameters), "parameters") &&
+        has_size(&b[MEMORY], sizeof(fmfts_memory), "memory") &&
+        has_size(&b[OUTCOME], sizeof(fmfts_outcome), "outcome") && view_network(&b[NETWORK], &network)) {
+        const fmfts_parameters *parameters = b[PARAMETERS].buf;
+        const fmfts_pad pad = {parameters, &network, b[RESPONSE].buf, (size_t)b[RESPONSE].len};
+        const int16_t counts[3] = {(int16_t)count[0], (int16_t)count[1], (int16_t)count[2]};
+        fmfts_early sample = {.sensor = sensor, .time_us = (double)time_us};
+        fmfts_outcome *outcome = b[OUTCOME].buf;
+        fmfts_read_early(&parameters->pose, gain_code, counts, sample.field_t);
+        fmfts_news news = fmfts_early_step(&pad, b[MEMORY].buf, &sample, outcome);
+        result = news == FMFTS_TOLD ? PyFloat_FromDouble(outcome->now_us) : Py_NewRef(Py_None);
+    }
+    release(b, READINGS);
+    return result;
+}
+
 /* message(template, places, outcome, seq, t_sample_ns, t_publish_ns, utc_ns, now_ns) → bytes. places: int32 offsets in the
  * template of the integers, then of every number; −1: the template does not have that number. */
 static PyObject *message(PyObject *module, PyObject *args)
@@ -72,6 +101,7 @@ static PyObject *message(PyObject *module, PyObject *args)
 }
 
 static PyMethodDef methods[] = {
+    {"early", early, METH_VARARGS, "Follow a sample that came before its frame; see path.py."},
     {"judge", judge, METH_VARARGS, "Solve one frame up to its contact; see path.py."},
     {"message", message, METH_VARARGS, "Encode its message; see template.py."},
     {NULL, NULL, 0, NULL},

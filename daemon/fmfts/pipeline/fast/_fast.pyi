@@ -17,6 +17,20 @@ def judge(
     temperature_c: float,
     /,
 ) -> tuple[int, float, int] | None: ...
+def early(
+    parameters: Buffer,
+    memory: Buffer,
+    outcome: Buffer,
+    response: Buffer | None,
+    network: Buffer,
+    sensor: int,
+    gain_code: int,
+    x: int,
+    y: int,
+    z: int,
+    time_us: int,
+    /,
+) -> float | None: ...
 def message(
     template: bytes,
     places: bytes,
@@ -30,7 +44,7 @@ def message(
 ) -> bytes: ...
 
 Template = tuple[bytes, bytes]
-Passed = tuple[int, int, int, int, int, bytes, tuple[bytes, ...], int, int, int, list[float]]
+Passed = tuple[int, int, int, int, int, bytes, tuple[bytes, ...], int, int, int, int, int, list[float]]
 
 class Lane:
     def __init__(
@@ -43,7 +57,15 @@ class Lane:
         /,
     ) -> None: ...
     def begin(
-        self, templates: tuple[Template, Template, Template], kind: int, number: int, sequence: int, /
+        self,
+        templates: tuple[Template, Template, Template],
+        kind: int,
+        number: int,
+        sequence: int,
+        t_sample_ns: int,
+        frame_us: int,
+        frame_ns: int,
+        /,
     ) -> None: ...
     def end(self) -> Passed | None: ...
     def last_ns(self) -> int: ...

@@ -82,7 +82,8 @@ static int take_template(PyObject *given, fmfts_template *template, Py_buffer *p
     return 1;
 }
 
-/* begin((template of each kind), kind, number, sequence): the last three are those of the last message. */
+/* begin((template of each kind), kind, number, sequence, t_sample_ns, frame_us, frame_ns): of the last message, and its frame's
+ * time on the board's clock and on the host's. */
 static PyObject *lane_begin(PyObject *object, PyObject *args)
 {
     lane_object *self = (lane_object *)object;
@@ -92,12 +93,14 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     int kind;
     unsigned sequence;
     unsigned long long number;
+    long long t_sample_ns, frame_us, frame_ns;
     self->begun = 0;
     if (!lane->parameters) {
         PyErr_SetString(PyExc_ValueError, "this Lane failed to initialise");
         return NULL;
     }
-    if (!PyArg_ParseTuple(args, "(OOO)iKI", &given[0], &given[1], &given[2], &kind, &number, &sequence)) {
+    if (!PyArg_ParseTuple(args, "(OOO)iKILLL", &given[0], &given[1], &given[2], &kind, &number, &sequence,
+                          &t_sample_ns, &frame_us, &frame_ns)) {
         return NULL;
     }
     for (int i = 0; i < FMFTS_KINDS; i++) {
@@ -119,8 +122,11 @@ static PyObject *lane_begin(PyObject *object, PyObject *args)
     }
     lane->kind = (fmfts_kind)kind;
     lane->number = number;
-    lane->sequence = sequence;
-    lane->passed = lane->changes = 0;
+    lane->first_sequence = lane->sequence = sequence;
+    lane->t_sample_ns = lane->t_publish_ns = t_sample_ns;
+    lane->frame_us = frame_us;
+    lane->frame_ns = frame_ns;
+    lane->passed = lane->early = lane->changes = 0;
     self->begun = 1;
     return Py_NewRef(Py_None);
 }
@@ -151,7 +157,8 @@ static PyObject *changes_of(const fmfts_lane *lane)
 }
 
 /* end() → (frames, first sequence, last sequence, number, kind, payload, changes, arrival_ns, t_sample_ns, t_publish_ns,
- * latencies in s) of the frames handled since `begin`; None if there were none. */
+ * the last frame's time on the board's clock in µs, and on the host's, latencies in s) of what was handled since `begin`; None
+ * if it made no message. */
 static PyObject *lane_end(PyObject *object, PyObject *unused)
 {
     lane_object *self = (lane_object *)object;
@@ -160,7 +167,7 @@ static PyObject *lane_end(PyObject *object, PyObject *unused)
     int begun = self->begun;
     (void)unused;
     self->begun = 0;
-    if (!begun || !lane->passed) {
+    if (!begun || !(lane->passed || lane->early)) {
         return Py_NewRef(Py_None);
     }
     PyObject *changes = changes_of(lane), *latencies = changes ? latencies_of(lane) : NULL;
@@ -168,10 +175,11 @@ static PyObject *lane_end(PyObject *object, PyObject *unused)
         Py_XDECREF(changes);
         return NULL;
     }
-    return Py_BuildValue("(nIIKiy#NLLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
+    return Py_BuildValue("(nIIKiy#NLLLLLN)", (Py_ssize_t)lane->passed, lane->first_sequence, lane->sequence,
                          (unsigned long long)lane->number, (int)lane->kind, last->text,
                          (Py_ssize_t)last->size, changes, (long long)lane->arrival_ns, (long long)lane->t_sample_ns,
-                         (long long)lane->t_publish_ns, latencies);
+                         (long long)lane->t_publish_ns, (long long)lane->frame_us,
+                         (long long)lane->frame_ns, latencies);
 }
 
 /* last_ns() → arrival time of the last frame handled since `begin`; 0 if there was none. */

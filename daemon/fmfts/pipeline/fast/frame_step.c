@@ -92,7 +92,9 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     fmfts_displacement displacement;
     fmfts_question question;
     fmfts_estimate estimate;
+    const fmfts_pad pad = {parameters, network, response, response_bytes};
     memcpy(next, memory, sizeof *next);
+    outcome->judged.known = 0;
     if (!has_all_readings(&parameters->pose, readings_bytes) ||
         misses_temperature(&parameters->pose, frame->temperature_c) ||
         !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
@@ -112,7 +114,7 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
         !fmfts_estimate_contact(&parameters->contact, &question, network,
                                 parameters->contact.refine_steps[0] > 0.0 ? response : NULL, response_bytes, &estimate) ||
         (parameters->now.tells_now[0] != 0.0 &&
-         !fmfts_tell_now(parameters, next, frame, &pose, &estimate, network, response, response_bytes, outcome))) {
+         !fmfts_tell_now(&pad, next, frame, &pose, &estimate, outcome))) {
         return FMFTS_NO_NUMBER;
     }
     outcome->instant_us = field.instant_us;

@@ -6,12 +6,38 @@
 
 #include "tables.h"
 
+/* What the last frame says of the samples that come before the next: _Judged of pipeline/now.py. moment: the covariance of
+ * the magnet's moment with the pose, and its variance. known: the rest means something. */
+typedef struct {
+    double drive[FMFTS_MOVED * FMFTS_MOVED], moment[FMFTS_MOVED + 1];
+    int64_t known, over_range;
+} fmfts_judged;
+
 typedef struct {
     fmfts_memory next; /* the memory for the next frame; valid if this frame is healthy */
     double instant_us; /* the board's time of the estimate */
     double now_us;     /* the board's time of `now` */
+    fmfts_judged judged;
     fmfts_numbers numbers;
 } fmfts_outcome;
+
+/* One chip's sample that came before its frame. field_t: as measured. */
+typedef struct {
+    int sensor;
+    double field_t[3], time_us;
+} fmfts_early;
+
+/* What becomes of it: it is not used; it is followed, and `now` is not known (it may contradict what was predicted: then the
+ * filter has stopped); or `now` is told. */
+typedef enum { FMFTS_UNUSED, FMFTS_FOLLOWED, FMFTS_TOLD } fmfts_news;
+
+/* What both kinds of steps need of a pad besides its memory. response: as in refine.h, or NULL. */
+typedef struct {
+    const fmfts_parameters *parameters;
+    const fmfts_network *network;
+    const void *response;
+    size_t response_bytes;
+} fmfts_pad;
 
 /* Returns FMFTS_NO_NUMBER if the frame is not healthy. readings_bytes: size of frame->readings; must match the pad's number
  * of sensors. response: as in refine.h, or NULL. */
@@ -23,8 +49,14 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate, bool touching);
 
 /* now.c: writes `now` into the outcome. solved, last: the solver's pose, and the contact from it. False if it is not known. */
-bool fmfts_tell_now(const fmfts_parameters *parameters, fmfts_memory *next, const fmfts_frame *frame,
-                    const fmfts_pose *solved, const fmfts_estimate *last, const fmfts_network *network,
-                    const void *response, size_t response_bytes, fmfts_outcome *outcome);
+bool fmfts_tell_now(const fmfts_pad *pad, fmfts_memory *next, const fmfts_frame *frame, const fmfts_pose *solved,
+                    const fmfts_estimate *last, fmfts_outcome *outcome);
+
+/* now.c: the field of a sample as measured, NaN where an axis holds no measurement. */
+void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_code, const int16_t counts[3], double field_t[3]);
+
+/* now.c: follows a sample that came before its frame, after a healthy frame, with the outcome of that frame. If `now` is told,
+ * the outcome's numbers are those of its message. */
+fmfts_news fmfts_early_step(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_early *early, fmfts_outcome *outcome);
 
 #endif

@@ -60,6 +60,7 @@ static void tally(fmfts_lane *lane, const fmfts_sample *sample, int64_t arrival_
     }
     lane->sequence = sample->sequence;
     lane->arrival_ns = arrival_ns;
+    lane->frame_us = (int64_t)sample->time_us;
     lane->latency_s[lane->passed++] = (double)(lane->t_publish_ns - lane->t_sample_ns) * 1e-9;
 }
 
@@ -77,11 +78,39 @@ static void write_message(fmfts_lane *lane, fmfts_kind kind)
     }
 }
 
+/* A sample that came before its frame: the last message again, with another `now`. */
+static fmfts_verdict handle_early(fmfts_lane *lane, const fmfts_early_sample *sample, int64_t arrival_ns)
+{
+    const fmfts_pad pad = {lane->parameters, &lane->network, lane->response, lane->response_bytes};
+    fmfts_early early = {.sensor = sample->sensor, .time_us = (double)sample->time_us};
+    int64_t now_ns = fmfts_now_ns(CLOCK_MONOTONIC);
+    if (sample->pad_index != lane->pad_index || !fmfts_is_plausible(lane->clock, (int64_t)sample->time_us, arrival_ns)) {
+        return FMFTS_FOR_PYTHON;
+    }
+    if (now_ns - lane->frame_ns - 1000 * ((int64_t)sample->time_us - lane->frame_us) > lane->overdue_ns) {
+        return FMFTS_SILENT;
+    }
+    fmfts_read_early(&lane->parameters->pose, sample->gain_code, sample->counts, early.field_t);
+    if (fmfts_early_step(&pad, lane->memory, &early, lane->outcome) != FMFTS_TOLD) {
+        return FMFTS_SILENT;
+    }
+    lane->number++;
+    lane->early++;
+    lane->t_now_ns = lane->frame_ns + (int64_t)((lane->outcome->now_us - (double)lane->frame_us) * 1000.0);
+    lane->t_publish_ns = now_ns;
+    write_message(lane, lane->kind);
+    return FMFTS_WRITTEN;
+}
+
 fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns)
 {
     fmfts_sample sample;
+    fmfts_early_sample early;
     fmfts_kind kind;
     int64_t host_ns;
+    if (fmfts_read_early_sample(line, size, &early)) {
+        return handle_early(lane, &early, arrival_ns);
+    }
     if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample) ||
         !may_publish(lane, kind = step(lane, &sample)) ||
         !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
@@ -89,6 +118,7 @@ fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t si
     }
     int64_t now_ns = fmfts_now_ns(CLOCK_MONOTONIC);
     if (now_ns - host_ns > lane->overdue_ns) {
+        lane->outcome->judged.known = 0; /* the outcome is of a frame that the memory has not */
         return FMFTS_OVERDUE;
     }
     *lane->memory = lane->outcome->next;
@@ -96,6 +126,7 @@ fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t si
     lane->t_sample_ns = host_ns - 1000 * ((int64_t)sample.time_us - (int64_t)lane->outcome->instant_us);
     lane->t_now_ns = host_ns + (int64_t)((lane->outcome->now_us - (double)sample.time_us) * 1000.0);
     lane->t_publish_ns = now_ns;
+    lane->frame_ns = host_ns;
     write_message(lane, kind);
     tally(lane, &sample, arrival_ns);
     return FMFTS_WRITTEN;

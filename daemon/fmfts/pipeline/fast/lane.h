@@ -11,8 +11,9 @@ enum {
     FMFTS_KINDS = FMFTS_NO_NUMBER,
 };
 
-/* What becomes of a packet: Python must read it; its message is written; or it is left out because it is overdue. */
-typedef enum { FMFTS_FOR_PYTHON, FMFTS_WRITTEN, FMFTS_OVERDUE } fmfts_verdict;
+/* What becomes of a packet: Python must read it; its message is written; it is left out because it is overdue; or it is a
+ * sample before its frame that tells nothing. */
+typedef enum { FMFTS_FOR_PYTHON, FMFTS_WRITTEN, FMFTS_OVERDUE, FMFTS_SILENT } fmfts_verdict;
 
 /* A message of `size` bytes. place: offsets of its integers and numbers, see message.c. */
 typedef struct {
@@ -42,14 +43,16 @@ typedef struct {
     size_t passed;
     uint32_t first_sequence, sequence;
     int64_t arrival_ns, t_sample_ns, t_publish_ns, t_now_ns;
+    int64_t frame_us, frame_ns; /* of the last frame, also before the lane was begun: the board's time, and the host's */
+    size_t early;               /* messages of samples before their frames since then */
     double latency_s[FMFTS_TALLIED];
 } fmfts_lane;
 
 /* The time of CLOCK_MONOTONIC or CLOCK_REALTIME. */
 int64_t fmfts_now_ns(int clock);
 
-/* Handles one packet, without its closing zero. It is for Python, and nothing changes, if it is not a healthy frame of this
- * pad, or if the kind of message changes and there is no room to tell of it. */
+/* Handles one packet, without its closing zero. It is for Python, and nothing changes, if it is neither a healthy frame of this
+ * pad nor one of its samples before a frame, or if the kind of message changes and there is no room to tell of it. */
 fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t size, int64_t arrival_ns);
 
 #endif

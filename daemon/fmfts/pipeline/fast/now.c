@@ -23,10 +23,10 @@ static double publish_us(const fmfts_now_parameters *parameters, const fmfts_fra
 }
 
 /* NowEstimator._at_newest: the filter's pose in the form of the solver's. */
-static void at_newest(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory, const fmfts_pose *solved,
+static void at_newest(const fmfts_pose_parameters *parameters, const fmfts_motion_memory *memory, const double *moment,
                       double *state, fmfts_pose *pose)
 {
-    double turn[2][3], moment_variance = solved->covariance[(FMFTS_STEP + 1) * LOG_COLUMN];
+    double turn[2][3], moment_variance = moment[FMFTS_MOVED];
     fmfts_pose_after(parameters, memory->motion_state, state, state + AXIS_VALUE, turn);
     memcpy(state + AMBIENT_VALUE, memory->motion_state + FMFTS_AMBIENT_CHANGE, 3 * sizeof(double));
     for (int i = 0; i < 5; i++) {
@@ -34,8 +34,7 @@ static void at_newest(const fmfts_pose_parameters *parameters, const fmfts_motio
             double *own = &pose->covariance[FMFTS_STEP * i + k];
             *own = memory->motion_covariance[STATES * i + k];
             if (moment_variance > 0.0) {
-                *own += solved->covariance[FMFTS_STEP * i + LOG_COLUMN] * solved->covariance[FMFTS_STEP * k + LOG_COLUMN] /
-                        moment_variance;
+                *own += moment[i] * moment[k] / moment_variance;
             }
         }
     }
@@ -85,48 +84,114 @@ static void put_now(const fmfts_contact_now *now, fmfts_numbers *n)
     }
 }
 
-bool fmfts_tell_now(const fmfts_parameters *parameters, fmfts_memory *next, const fmfts_frame *frame,
-                    const fmfts_pose *solved, const fmfts_estimate *last, const fmfts_network *network,
-                    const void *response, size_t response_bytes, fmfts_outcome *outcome)
+static bool is_finite(const fmfts_contact_now *now)
 {
+    double sum = 0.0;
+    for (int i = 0; i < CONTACT; i++) {
+        sum += now->value[i] + now->deviation[i] + now->rate[i] + now->rate_deviation[i];
+    }
+    return isfinite(sum);
+}
+
+/* NowEstimator._told: the contact at time_us. False if it is not known. */
+static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmfts_outcome *outcome)
+{
+    const fmfts_parameters *parameters = pad->parameters;
     const fmfts_now_parameters *own = &parameters->now;
-    bool touching = next->contact.touched[0] != 0.0;
-    double drive[FMFTS_MOVED * FMFTS_MOVED], state[FMFTS_STATE];
+    const fmfts_judged *judged = &outcome->judged;
+    bool touching = memory->contact.touched[0] != 0.0;
+    double chi2, state[FMFTS_STATE], lead_s = (time_us - memory->motion.motion_us[0]) * 1e-6;
     fmfts_pose pose = {.chi2 = 0.0};
     fmfts_displacement displacement;
     fmfts_question question;
     fmfts_estimate estimate;
     fmfts_contact_now now;
-    double chi2, time_us = publish_us(own, frame, &next->now);
-    if (!fmfts_drive(own, response, response_bytes, touching ? last : NULL, drive) ||
-        !fmfts_follow(&parameters->pose, &parameters->motion, &next->pose, frame->fresh, drive, &next->motion)) {
+    if (memory->motion.followed[0] < own->settled_frames[0] || !(lead_s >= 0.0 && lead_s <= own->longest_lead_s[0])) {
         return false;
     }
-    double lead_s = (time_us - next->motion.motion_us[0]) * 1e-6;
-    if (next->motion.followed[0] < own->settled_frames[0] || !(lead_s >= 0.0 && lead_s <= own->longest_lead_s[0])) {
-        return false;
+    if (!judged->over_range) {
+        memory->now.told_us[0] = time_us;
     }
-    memcpy(state, next->pose.state, sizeof state);
-    at_newest(&parameters->pose, &next->motion, solved, state, &pose);
-    fmfts_displace(&parameters->pose, &next->pose, state, &pose, &displacement);
+    memcpy(state, memory->pose.state, sizeof state);
+    at_newest(&parameters->pose, &memory->motion, judged->moment, state, &pose);
+    fmfts_displace(&parameters->pose, &memory->pose, state, &pose, &displacement);
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
     if (!fmfts_chi2_from_rest(displacement.change, displacement.at_rest, &chi2) ||
         !fmfts_keep_inside(&parameters->contact, &question) ||
-        !fmfts_estimate_contact(&parameters->contact, &question, network,
-                                parameters->contact.refine_steps[0] > 0.0 ? response : NULL, response_bytes, &estimate)) {
+        !fmfts_estimate_contact(&parameters->contact, &question, pad->network,
+                                parameters->contact.refine_steps[0] > 0.0 ? pad->response : NULL, pad->response_bytes,
+                                &estimate)) {
         return false;
     }
-    if (touching && estimate.over_range && !last->over_range) {
+    if (touching && estimate.over_range && !judged->over_range) {
         return false; /* not known, which only Python says */
     }
     memcpy(now.value, estimate.place, sizeof now.value);
     memcpy(now.deviation, estimate.deviation, sizeof now.deviation);
     now.deviation[2] = fmfts_force_sd_n(&parameters->message, &estimate, touching);
-    rates(&parameters->pose, &next->motion, &displacement, estimate.by_pose, &now);
-    fmfts_shrink(own, next->motion.modes[MOVING], &now);
-    bool pressed = next->motion.motion_state[2] < 0.0 && chi2 > parameters->contact.release_chi2[0] && estimate.doubt < 1.0;
+    rates(&parameters->pose, &memory->motion, &displacement, estimate.by_pose, &now);
+    fmfts_shrink(own, memory->motion.modes[MOVING], &now);
+    bool pressed = memory->motion.motion_state[2] < 0.0 && chi2 > parameters->contact.release_chi2[0] && estimate.doubt < 1.0;
     fmfts_carry(own, lead_s, pressed, &now);
+    if (!is_finite(&now)) {
+        return false;
+    }
     outcome->now_us = time_us;
     put_now(&now, &outcome->numbers);
     return true;
+}
+
+bool fmfts_tell_now(const fmfts_pad *pad, fmfts_memory *next, const fmfts_frame *frame, const fmfts_pose *solved,
+                    const fmfts_estimate *last, fmfts_outcome *outcome)
+{
+    const fmfts_parameters *parameters = pad->parameters;
+    fmfts_judged *judged = &outcome->judged;
+    bool touching = next->contact.touched[0] != 0.0;
+    double time_us = publish_us(&parameters->now, frame, &next->now);
+    if (!fmfts_drive(&parameters->now, pad->response, pad->response_bytes, touching ? last : NULL, judged->drive) ||
+        !fmfts_follow(&parameters->pose, &parameters->motion, &next->pose, frame->fresh, judged->drive, &next->motion)) {
+        return false;
+    }
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        judged->moment[i] = solved->covariance[FMFTS_STEP * i + LOG_COLUMN];
+    }
+    judged->moment[FMFTS_MOVED] = solved->covariance[(FMFTS_STEP + 1) * LOG_COLUMN];
+    judged->over_range = touching && last->over_range;
+    judged->known = tell(pad, next, time_us, outcome);
+    return judged->known;
+}
+
+void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_code, const int16_t counts[3], double field_t[3])
+{
+    int saturated = (int)parameters->saturated_count[0], largest = (int)parameters->largest_count[0];
+    for (int axis = 0; axis < 3; axis++) {
+        int count = counts[axis];
+        bool measured = gain_code < FMFTS_GAIN_CODES && count != saturated && count <= largest && count >= -largest - 1;
+        field_t[axis] = measured ? count * parameters->step_t[3 * gain_code + axis] : NAN;
+    }
+}
+
+fmfts_news fmfts_early_step(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_early *early, fmfts_outcome *outcome)
+{
+    const fmfts_parameters *parameters = pad->parameters;
+    const fmfts_now_parameters *own = &parameters->now;
+    fmfts_judged *judged = &outcome->judged;
+    double newest_us = 0.0, sum = early->field_t[0] + early->field_t[1] + early->field_t[2];
+    for (int i = 0; i < (int)parameters->pose.sensors[0]; i++) {
+        newest_us = fmax(newest_us, memory->pose.time_us[i]);
+    }
+    if (!judged->known || !isfinite(sum) || early->sensor < 0 || early->sensor >= (int)parameters->pose.sensors[0] ||
+        !fmfts_is_next(&parameters->motion, &memory->motion, early->sensor, early->time_us) ||
+        early->time_us <= memory->pose.time_us[early->sensor] ||
+        early->time_us - newest_us > own->longest_lead_s[0] * 1e6) {
+        return FMFTS_UNUSED;
+    }
+    if (!fmfts_follow_early(&parameters->pose, &parameters->motion, &memory->pose, early->sensor, early->field_t,
+                            early->time_us, judged->drive, &memory->motion)) {
+        memory->motion.motion_us[0] = 0.0; /* the filter stops: the next frame is Python's */
+        judged->known = 0;
+        return FMFTS_FOLLOWED;
+    }
+    double time_us = fmax(early->time_us + own->early_lead_us[0], memory->now.told_us[0]);
+    return !judged->over_range && tell(pad, memory, time_us, outcome) ? FMFTS_TOLD : FMFTS_FOLLOWED;
 }

@@ -25,6 +25,8 @@ class NowParameters:
     surprise_chi2: float
     period_us: float
     lead_us: float
+    early_lead_us: float
+    early_chi2: float
     let_go: float
     jump_periods: float
     settled_frames: int
@@ -41,7 +43,10 @@ def put_now(parameters: DoubleTable, now: NowParameters | None) -> None:
     parameters.put("calm_s", motion.CALM_S)
     parameters.put("largest_tilt", motion.LARGEST_TILT)
     parameters.put("lasting_share", motion.LASTING_SHARE)
-    for name in ("surprise_chi2", "period_us", "lead_us", "let_go", "jump_periods", "settled_frames", "longest_lead_s"):
+    parameters.put("late_us", motion.LATE_US)
+    for name in ("surprise_chi2", "early_chi2", "period_us", "lead_us", "early_lead_us"):
+        parameters.put(name, getattr(now, name))
+    for name in ("let_go", "jump_periods", "settled_frames", "longest_lead_s"):
         parameters.put(name, getattr(now, name))
     parameters.put("to_pose", now.to_pose)
     parameters.put("untouched_drive", now.untouched_drive)

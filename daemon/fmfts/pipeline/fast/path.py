@@ -21,6 +21,7 @@ from fmfts.pipeline.fast.parameters import put_contact, put_message, put_sensors
 from fmfts.pipeline.fast.template import Template
 from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.tracking_model import TrackingModel
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Packed
 
 Array = NDArray[np.float64]
@@ -46,11 +47,12 @@ class Judged(NamedTuple):
 
 
 class Passed(NamedTuple):
-    """The frames that C published since a lane was begun.
+    """What C published since a lane was begun: `frames`, and samples that came before theirs.
 
-    first_sequence, sequence: of the first and the last frame. number, kind, payload, arrival_ns, t_sample_ns,
-    t_publish_ns: of the last message. latencies_s: sample → publish, of each frame. changes: the messages whose kind
-    differs from the one before; None if there is none.
+    first_sequence, sequence: of the first and the last frame; without any, of the one before. number, kind, payload,
+    t_sample_ns, t_publish_ns: of the last message. arrival_ns: of the last frame. frame_us, frame_ns: the last frame's
+    time on the board's clock, and on the host's. latencies_s: sample → publish, of each frame. changes: the messages
+    whose kind differs from the one before.
     """
 
     frames: int
@@ -63,6 +65,8 @@ class Passed(NamedTuple):
     arrival_ns: int
     t_sample_ns: int
     t_publish_ns: int
+    frame_us: int
+    frame_ns: int
     latencies_s: list[float]
 
     @property
@@ -76,17 +80,27 @@ class Lane:
     def __init__(self, compiled: _fast.Lane) -> None:
         self.compiled = compiled
 
-    def begin(self, templates: Sequence[Template], kind: Kind, number: int, sequence: int) -> None:
-        """Let C handle frames until end(). templates: one for each Kind. The others: of the last message."""
+    def begin(
+        self,
+        templates: Sequence[Template],
+        kind: Kind,
+        number: int,
+        sequence: int,
+        t_sample_ns: int,
+        frame_times: tuple[int, int],
+    ) -> None:
+        """Let C handle frames until end(). templates: one for each Kind. The others: of the last message; frame_times:
+        its frame's time on the board's clock (µs), and on the host's (ns)."""
         quiet, touched, over_range = [(template.text, template.places) for template in templates]
-        self.compiled.begin((quiet, touched, over_range), kind, number, sequence % 2**32)
+        times = t_sample_ns, *frame_times
+        self.compiled.begin((quiet, touched, over_range), kind, number, sequence % 2**32, *times)
 
     def last_ns(self) -> int:
         """When the last frame since begin() arrived (host clock, ns); 0 if there was none."""
         return self.compiled.last_ns()
 
     def end(self) -> Passed | None:
-        """Stop, and return what C handled since begin(); None if there was no frame."""
+        """Stop, and return what C handled since begin(); None if it made no message."""
         passed = self.compiled.end()
         return None if passed is None else Passed(*passed)
 
@@ -147,6 +161,11 @@ class FastPath:
         temperature_c = np.nan if temperature_c is None else temperature_c
         judged = _fast.judge(*self._pad, packed, sequence, device_time_us, temperature_c)
         return None if judged is None else Judged(judged[0], judged[1], KINDS[judged[2]])
+
+    def early(self, early: EarlySample) -> float | None:
+        """Follow a sample that came before its frame, after judge() of a healthy one. Returns the board's time of the
+        `now` that it tells, None if it tells none."""
+        return _fast.early(*self._pad, early.sensor, early.gain_code, *early.counts, early.device_time_us)
 
     def message(
         self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, now_ns: int
