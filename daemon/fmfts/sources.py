@@ -13,8 +13,8 @@ from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c, PadOnStream
 
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
-    BridgeSource: {"pad_index"},
-    I2cSource: {"mux_address", "channels", "addresses"},
+    BridgeSource: {"pad_index", "publish"},
+    I2cSource: {"mux_address", "channels", "addresses", "publish"},
     ReplaySource: {"pad", "rate_hz", "range_gauss", "trigger", "chip"},
 }
 
@@ -136,6 +136,7 @@ def _chips_of(pad: PadConfig) -> dict[str, Any]:
         "rate_hz": source.rate_hz,
         "range_gauss": source.range_gauss,
         "trigger": source.trigger,
+        "early": source.publish == "sample",
     }
 
 

@@ -17,7 +17,7 @@ from fmfts_client.fields import MessageError, SchemaError, check_version
 from fmfts_client.keys import show_key
 
 LARGEST_MESSAGE = 1 << 20
-FRAME_SOCKET_KINDS = {"frame", "state"}
+FRAME_SOCKET_KINDS = {"frame", "early", "state"}
 HEARTBEATS_MISSED = 2.5
 # A machine that is off answers nothing, and TCP asks it ever more rarely: with a heartbeat it is asked anew so often.
 TRY_ANEW_S = 2.0
@@ -25,7 +25,7 @@ TRY_ANEW_S = 2.0
 
 @dataclass(frozen=True)
 class Message:
-    """`kind`: first word of the topic ("contact", "event", "status", "frame", "state"). `body`: the decoded map.
+    """`kind`: first word of the topic ("contact", "event", "status", "frame", "early", "state"). `body`: the map.
 
     clock_ahead_s: by how much this machine's monotonic clock is ahead of that of the times in `body`; None: not known.
     """
@@ -40,7 +40,7 @@ class Subscription:
     """Receives the messages of `kinds`, of `pad` or of all pads. Reconnects by itself; only one thread may use it.
 
     A message that cannot be decoded is skipped, counted in `refused` and explained in `refusal`. Another schema version
-    raises SchemaError. "frame" and "state" come from another socket than the other kinds.
+    raises SchemaError. "frame", "early" and "state" come from another socket than the other kinds.
 
     watch: makes `monitor`, a socket with libzmq's events of the connection (made, refused, lost); else that is None.
     heartbeat_s: asks the daemon's ZeroMQ for a sign of life so often, and gives the connection up for lost where none

@@ -1,11 +1,12 @@
-"""Converts a frame to the message of the bus and of recordings, and back."""
+"""Converts frames and early samples to messages of the bus and of recordings, and back."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fmfts.bus.messages import FrameMessage
+from fmfts.bus.messages import EarlyMessage, FrameMessage
 from fmfts.sensor.chips import DEFAULT_CHIP, Chip
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
 
 
@@ -26,6 +27,24 @@ def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = T
         temperature_c=frame.temperature_c,
         used=used,
     )
+
+
+def early_message(early: EarlySample, pad: str, boot: str, utc_ns: int) -> EarlyMessage:
+    """The message of a sample that came before its frame, and that the pipeline processed."""
+    return EarlyMessage(
+        pad=pad,
+        boot=boot,
+        sensor=early.sensor,
+        device_time_us=early.device_time_us,
+        utc_ns=utc_ns,
+        gain_code=early.gain_code,
+        counts=early.counts,
+    )
+
+
+def early_of(message: EarlyMessage, chip: Chip = DEFAULT_CHIP) -> EarlySample:
+    """The sample of a message. chip: of the recorded configuration."""
+    return EarlySample(0, message.sensor, message.device_time_us, message.gain_code, message.counts, chip)
 
 
 def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHIP) -> Frame:

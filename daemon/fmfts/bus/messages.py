@@ -171,6 +171,16 @@ class FrameMessage(_Message, frozen=True, kw_only=True):
     used: bool
 
 
+class EarlyMessage(_Message, frozen=True, kw_only=True):
+    """`early/<pad>`: one sensor's sample that came before its frame; sent while a client subscribes to frames."""
+
+    sensor: int
+    device_time_us: int
+    utc_ns: int
+    gain_code: int
+    counts: tuple[int, int, int]
+
+
 class StateMessage(_Message, frozen=True, kw_only=True):
     """`state/<pad>`: the state from which a replay of the following frames starts.
 
@@ -185,7 +195,7 @@ class StateMessage(_Message, frozen=True, kw_only=True):
     memory: bytes
 
 
-AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage | StateMessage
+AnyMessage = ContactMessage | EventMessage | StatusMessage | FrameMessage | EarlyMessage | StateMessage
 
 
 def _plain(value: Any) -> Any:

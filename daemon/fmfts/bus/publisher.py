@@ -14,6 +14,7 @@ from fmfts.bus.messages import (
     NO_ESTIMATE,
     AnyMessage,
     ContactMessage,
+    EarlyMessage,
     EventMessage,
     FrameMessage,
     NotFiniteError,
@@ -154,6 +155,9 @@ class Publisher:
     def send_frame(self, pad: str, message: FrameMessage) -> None:
         self._send_checked(self._frames, f"frame/{pad}".encode(), message)
 
+    def send_early(self, pad: str, message: EarlyMessage) -> None:
+        self._send_checked(self._frames, f"early/{pad}".encode(), message)
+
     def close(self) -> None:
         self._bus.close()
         self._frames.close()
@@ -186,8 +190,8 @@ def _send(socket: BoundSocket, topic: bytes, payload: bytes) -> None:
     socket.zmq.send_multipart((topic, payload), flags=zmq.NOBLOCK)
 
 
-def _raw_topics(pad: str) -> tuple[str, str]:
-    return f"frame/{pad}", f"state/{pad}"
+def _raw_topics(pad: str) -> tuple[str, ...]:
+    return f"frame/{pad}", f"state/{pad}", f"early/{pad}"
 
 
 def _prefixes(topic: str) -> list[bytes]:

@@ -47,6 +47,7 @@ class _HardwareSource(_Section, frozen=True):
     rate_hz: Annotated[int, Meta(ge=1, le=FASTEST_HZ)] = 220
     range_gauss: float = 2.5
     trigger: Literal["free", "simultaneous"] = "free"
+    publish: Literal["frame", "sample"] = "frame"  # "sample": also each sample that comes before its frame
     chip: ChipName = "hmc5983"
 
 

@@ -12,18 +12,19 @@ from typing import Any
 import msgspec
 
 from fmfts.baseline import Baseline
-from fmfts.bus.messages import ContactMessage, FrameMessage, StateMessage
+from fmfts.bus.frame_message import early_of, frame_of
+from fmfts.bus.messages import ContactMessage, EarlyMessage, FrameMessage, StateMessage
 from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
+from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore
 from fmfts.pose import SOLVER
 from fmfts.recording.file import RecordingError, is_whole, read
-from fmfts.recording.source import frame_of
 
 Key = tuple[str, str, int]  # boot, pad, number
 # Health of contacts that the source's silence causes, not a frame: a replay repeats them as recorded.
@@ -126,8 +127,9 @@ class Replay:
             message = one.message
             if isinstance(message, StateMessage):
                 self._put(message)
-            elif isinstance(message, FrameMessage) and message.used and one.pad in self._pipelines:
-                yield from self._replayed(self._pipelines[one.pad], message)
+            elif isinstance(message, FrameMessage | EarlyMessage):
+                if one.pad in self._pipelines and (isinstance(message, EarlyMessage) or message.used):
+                    yield from self._replayed(self._pipelines[one.pad], message)
             elif isinstance(message, ContactMessage):
                 self.comparison.recorded(message)
 
@@ -147,13 +149,23 @@ class Replay:
             "sha256": self._digest.hexdigest(),  # of all replayed contacts; the same on every processor
         }
 
-    def _replayed(self, pipeline: PadPipeline, message: FrameMessage) -> Iterator[ContactMessage]:
+    def _replayed(self, pipeline: PadPipeline, message: FrameMessage | EarlyMessage) -> Iterator[ContactMessage]:
         while (silence := self._silences.get((self._boot, message.pad, pipeline.messages + 1))) is not None:
             contact = pipeline.absent(silence.health, silence.reason)
             self.comparison.replayed(contact)
             yield contact
-        with damage_told(RecordingError, f"{self.path}: frame {message.sequence} of pad '{message.pad}' is damaged"):
-            contact = pipeline.process(frame_of(message, chip=pipeline.pad.chip))
+        chip = pipeline.pad.chip
+        if isinstance(message, EarlyMessage):
+            with damage_told(RecordingError, f"{self.path}: an early sample of pad '{message.pad}' is damaged"):
+                answer = pipeline.early(early_of(message, chip))
+            if answer is None:
+                return
+            contact = answer.message if isinstance(answer, PackedMessage) else answer
+        else:
+            with damage_told(
+                RecordingError, f"{self.path}: frame {message.sequence} of pad '{message.pad}' is damaged"
+            ):
+                contact = pipeline.process(frame_of(message, chip=chip))
         self.comparison.replayed(contact)
         yield contact
 

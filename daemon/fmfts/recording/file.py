@@ -19,7 +19,15 @@ from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
-from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, FrameMessage, StateMessage, StatusMessage
+from fmfts.bus.messages import (
+    AnyMessage,
+    ContactMessage,
+    EarlyMessage,
+    EventMessage,
+    FrameMessage,
+    StateMessage,
+    StatusMessage,
+)
 from fmfts.common.reading import open_regular
 from fmfts.recording.output import McapFile, NotWrittenError, RecordingError
 from fmfts.recording.plain_schema import plain_schema, with_nulls, without_nulls
@@ -30,6 +38,7 @@ KINDS: dict[str, type[AnyMessage]] = {
     "event": EventMessage,
     "status": StatusMessage,
     "frame": FrameMessage,
+    "early": EarlyMessage,
     "state": StateMessage,
 }
 __all__ = [

@@ -46,7 +46,7 @@ class Recorder:
         self._bus = Subscription(("contact", "event", "status"), pad, endpoint)
         with ExitStack() as opened:
             opened.enter_context(closing(self._bus))
-            self._frames = opened.enter_context(closing(Subscription(("frame", "state"), pad, endpoint)))
+            self._frames = opened.enter_context(closing(Subscription(("frame", "early", "state"), pad, endpoint)))
             self._writer = RecordingWriter(output)
             opened.pop_all()  # from here on, `close` closes them
         self._poller = zmq.Poller()
@@ -113,7 +113,7 @@ class Recorder:
             return
         if message.kind == "state":
             self._with_state.add(message.pad)
-        elif message.kind == "frame" and message.pad not in self._with_state:
+        elif message.kind in ("frame", "early") and message.pad not in self._with_state:
             return
         elif message.kind == "contact":
             key, seq = (message.pad, message.body["boot"]), message.body["seq"]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import time
+from typing import overload
 
 from fmfts.baseline import Baseline
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin, foreign
-from fmfts.bus.frame_message import frame_message
+from fmfts.bus.frame_message import early_message, frame_message
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
@@ -20,6 +21,7 @@ from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.probing import faults_of
 
 log = logging.getLogger(__name__)
@@ -113,6 +115,23 @@ class Channel:
             self._publisher.state_changed(self.name)
             self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
 
+    def early(self, early: EarlySample) -> None:
+        """Process a sample that came before its frame: publish what the last frame said, with another `now`.
+
+        Where it says nothing new, nothing is published: the frame that holds it comes soon.
+        """
+        now_ns = time.monotonic_ns()
+        if self.job is not None or self._lateness.is_late(self.pipeline.host_time_ns(early.device_time_us), now_ns):
+            return
+        if self._publisher.frames_wanted(self.name, now_ns):
+            self._publisher.send_early(self.name, early_message(early, self.name, self._boot, time.time_ns()))
+        answer = self._answered(early)
+        if isinstance(answer, PackedMessage):
+            self._publisher.send_packed(self._topic, answer.payload)
+            self._last = answer
+        elif answer is not None:
+            self._last = self._publisher.send_contact(self.name, answer)
+
     def begin(self, now_ns: int) -> Lane | None:
         """Let C handle healthy frames from now on; None if Python must see the frames."""
         self.is_recorded = self._publisher.frames_wanted(self.name, now_ns)
@@ -138,7 +157,8 @@ class Channel:
                 self._last = message
             self._last, self._kind = last, last.kind
             self._statistics.passed(passed)
-            self._last_frame_ns = self._last_used_ns = passed.arrival_ns
+            if passed.frames:
+                self._last_frame_ns = self._last_used_ns = passed.arrival_ns
 
     def use(self, baseline: Baseline) -> None:
         """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
@@ -202,10 +222,14 @@ class Channel:
     def _last_message(self) -> ContactMessage | None:
         return self._last.message if isinstance(self._last, PackedMessage) else self._last
 
-    def _answered(self, frame: Frame) -> ContactMessage | PackedMessage:
+    @overload
+    def _answered(self, taken: Frame) -> ContactMessage | PackedMessage: ...
+    @overload
+    def _answered(self, taken: EarlySample) -> ContactMessage | PackedMessage | None: ...
+    def _answered(self, taken: Frame | EarlySample) -> ContactMessage | PackedMessage | None:
         """The pipeline's message. After an internal error it is `lost`: the daemon goes on with the other pads."""
         try:
-            return self.pipeline.answer(frame)
+            return self.pipeline.answer(taken) if isinstance(taken, Frame) else self.pipeline.early(taken)
         except Exception as error:
             if not self._failed:
                 self._failed = True

@@ -8,6 +8,7 @@ import secrets
 import signal
 import socket
 import time
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
 from pathlib import Path
@@ -37,7 +38,8 @@ from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.summary import one_line
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
-from fmfts.sensor import Source
+from fmfts.sensor import ByteSource, Source
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
 from fmfts.service.notify import Notifier
@@ -107,6 +109,7 @@ class Daemon:
                 self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
             self._fast_loop.add(source, [self._channels[id(source), pad_index] for pad_index in names])
         self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
+        self._byte_sources = {id(source): source for source in self._sources if isinstance(source, ByteSource)}
         self._schedule = Schedule(self._sources, self._fast_loop)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
         self._notifier = Notifier()
@@ -193,13 +196,24 @@ class Daemon:
 
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
+        byte_source = self._byte_sources.get(id(source))
+        early = deque(() if byte_source is None else byte_source.take_early())
         newest_us = {frame.pad_index: frame.device_time_us for frame in frames}
-        for frame in frames:
+        for number, frame in enumerate(frames):
+            while early and early[0][0] <= number:
+                self._pass_early(source, early.popleft()[1])
             channel = self._channels.get((id(source), frame.pad_index))
             if channel is not None:
                 age_us = newest_us[frame.pad_index] - frame.device_time_us
                 channel.frame(frame, superseded=channel.wants_all and age_us > IN_TIME.longest_us)
+        for _, sample in early:
+            self._pass_early(source, sample)
         self._schedule.served(source, had_frames=bool(frames))
+
+    def _pass_early(self, source: Source, sample: EarlySample) -> None:
+        channel = self._channels.get((id(source), sample.pad_index))
+        if channel is not None:
+            channel.early(sample)
 
     def _tell_silence(self, now_ns: int) -> int:
         """Publish the health of the next few silent pads. Returns after how many ns to go on: each has its turn every

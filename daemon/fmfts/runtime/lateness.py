@@ -31,6 +31,10 @@ class Lateness:
             self._statistics.refuse()
         return left_out
 
+    def is_late(self, taken_ns: int, now_ns: int) -> bool:
+        """Whether a sample of that time is too old; it is not counted: its frame is."""
+        return now_ns - taken_ns > self.overdue_ns
+
     def count_left_out(self) -> bool:
         """Count the frames that were left out before anybody saw them. True if there are new ones."""
         left_out = self._state.left_out.get(self._pad_index, 0)

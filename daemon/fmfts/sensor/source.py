@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.patience import Patience
 
@@ -91,6 +92,10 @@ class ByteSource(Source, Protocol):
     @property
     def clock_line(self) -> bytearray:
         """`DeviceClock.line` of the board's clock."""
+
+    def take_early(self) -> Sequence[tuple[int, EarlySample]]:
+        """Samples that the last `poll` found before their frames, each with the number, in what that returned, of the
+        frame before which it came. Only of pads that are configured so."""
 
     def lendable(self) -> frozenset[int]:
         """Pads whose samples somebody else may read now; none where there is more to read than samples, or to say."""

@@ -12,7 +12,10 @@ from fmfts.sensor.source import SourceError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WiredPad:
-    """`name` is for people, who wrote it in the configuration; `trigger` is "free" or "simultaneous"."""
+    """`name` is for people, who wrote it in the configuration; `trigger` is "free" or "simultaneous".
+
+    `early`: samples are wanted as they come, before their frames.
+    """
 
     name: str
     sensors: int
@@ -20,6 +23,7 @@ class WiredPad:
     rate_hz: int
     range_gauss: float
     trigger: str
+    early: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -125,6 +125,7 @@ class Bridge(PacketSource):
         self._outbox = b""
         sensors = max(pad.sensors for pad in self._pads.values())
         self._clock.fixed_delay_ns = serial_port.transfer_ns(self._port, self._baud, frame_bytes(sensors))
+        self._link.line_carries(serial_port.bytes_per_s(self._port, self._baud))
         self._link.restart()
         note(self.state.warnings, "latency timer", serial_port.latency_warning(self._port))
         if self._is_configured_port:

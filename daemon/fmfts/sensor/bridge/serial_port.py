@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import termios
 from collections.abc import Iterable
@@ -80,11 +81,15 @@ def why_not_open(port: str, error: OSError) -> str:
 
 
 def transfer_ns(port: str, baud: int, size: int) -> int:
-    """Time that `size` bytes take on the port's UART; 0 if it has none (a pty, or a board's own USB)."""
+    """Time that `size` bytes take on the port's UART; 0 if it has none."""
+    return round(size * 1e9 / bytes_per_s(port, baud))
+
+
+def bytes_per_s(port: str, baud: int) -> float:
+    """What the port's UART carries; infinite if it has none (a pty, or a board's own USB)."""
     driver = SYS_CLASS_TTY / Path(os.path.realpath(port)).name / "device" / "driver"
-    if not driver.exists() or driver.resolve().name == "cdc_acm":
-        return 0
-    return round(size * LINE_BITS_PER_BYTE * 1e9 / baud)
+    has_none = not driver.exists() or driver.resolve().name == "cdc_acm"
+    return math.inf if has_none else baud / LINE_BITS_PER_BYTE
 
 
 def latency_warning(port: str) -> str | None:

@@ -16,6 +16,11 @@ def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
     return min(chip_hz, BRIDGE_SIMULTANEOUS_HZ) if over_bridge and trigger == "simultaneous" else chip_hz
 
 
+def fastest_hz(chip: Chip) -> float:
+    """How many samples a second a chip that runs free may give: its clock is off by its tolerance."""
+    return chip.highest_rate_hz("free") * (1.0 + chip.clock_tolerance)
+
+
 def i2c_cycle_s(chip: Chip, clock_hz: int, sensors: int, pads: int, trigger: str, *, muxed: bool = True) -> float:
     """Time on the wires for one reading of all sensors of a bus."""
     bits = sensors * chip.driver.sample_bits

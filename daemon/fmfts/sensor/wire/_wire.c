@@ -8,13 +8,28 @@
 #include "newest.h"
 #include "sample.h"
 
-/* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), …], end): the
- * sample packets at the beginning of `data`, and the offset where they end. */
+static PyObject *told(const char *line, size_t size)
+{
+    fmfts_sample s;
+    fmfts_early_sample e;
+    if (fmfts_read_sample((const uint8_t *)line, size, &s)) {
+        return Py_BuildValue("(IIKi(IIIy#))", s.pad_index, s.sequence, (unsigned long long)s.time_us, s.temperature_raw,
+                             s.gain_code, s.valid, s.fresh, s.readings, (Py_ssize_t)(FMFTS_READING_BYTES * s.sensors));
+    }
+    if (fmfts_read_early_sample((const uint8_t *)line, size, &e)) {
+        return Py_BuildValue("(IIIK(iii))", e.pad_index, e.sensor, e.gain_code, (unsigned long long)e.time_us,
+                             (int)e.counts[0], (int)e.counts[1], (int)e.counts[2]);
+    }
+    return NULL;
+}
+
+/* samples(data) → ([(pad_index, sequence, time_us, temperature_raw, (gain_code, valid, fresh, readings)), or of an early sample
+ * (pad_index, sensor, gain_code, time_us, (x, y, z)), …], end): the sample packets at the beginning of `data`, and the offset
+ * where they end. */
 static PyObject *samples(PyObject *module, PyObject *args)
 {
     const char *data;
     Py_ssize_t size, end = 0;
-    fmfts_sample s;
     (void)module;
     if (!PyArg_ParseTuple(args, "y#", &data, &size)) {
         return NULL;
@@ -22,12 +37,10 @@ static PyObject *samples(PyObject *module, PyObject *args)
     PyObject *found = PyList_New(0);
     while (found && end < size) {
         const char *zero = memchr(data + end, 0, (size_t)(size - end));
-        if (!zero || !fmfts_read_sample((const uint8_t *)data + end, (size_t)(zero - data - end), &s)) {
+        PyObject *sample = zero ? told(data + end, (size_t)(zero - data - end)) : NULL;
+        if (!sample && !PyErr_Occurred()) {
             break;
         }
-        PyObject *sample = Py_BuildValue("(IIKi(IIIy#))", s.pad_index, s.sequence, (unsigned long long)s.time_us,
-                                         s.temperature_raw, s.gain_code, s.valid, s.fresh, s.readings,
-                                         (Py_ssize_t)(FMFTS_READING_BYTES * s.sensors));
         if (!sample || PyList_Append(found, sample) < 0) {
             Py_CLEAR(found);
         }

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
+from fmfts.sensor.chips.rates import fastest_hz
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire import faults
-from fmfts.sensor.wire.packets import Hello, Selftest, Status, StatusPad, Verb
+from fmfts.sensor.wire.packets import EARLY_BYTES, Hello, Selftest, Status, StatusPad, Verb, frame_bytes
 from fmfts.sensor.wired_pad import Settings, WiredPad
 
 # The field of the hello that each request changes.
 SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}
+
+FULL = 0.95  # share of a line that frames and early samples may take; status and replies need some, too
 
 
 class Board:
@@ -26,6 +30,8 @@ class Board:
         self._settings = Settings.of(first)
         self._state = state
         self._uid = uid
+        self._early = sum(1 << index for index, pad in pads.items() if pad.early)
+        self.line_bytes_per_s = math.inf
 
     @property
     def is_right(self) -> bool:
@@ -53,6 +59,7 @@ class Board:
         assert hello is not None
         self._state.board.update(faults.identity(hello, self.chip))
         faults.note(self._state.warnings, "clock", faults.bad_clock(hello))
+        faults.note(self._state.warnings, "early", self._why_not_early(hello))
         for pad_index, pad in self._pads.items():
             faults.note(self._state.pad_faults, pad_index, faults.pad_mismatch(pad, pad_index, hello))
         self._state.sensor_faults.clear()
@@ -70,8 +77,23 @@ class Board:
         for verb, actual, value in reversed(changes) if wanted.trigger else changes:
             if actual != value:
                 yield verb, value
-        if not hello.running:
-            yield Verb.START, 0
+        early = self._early if self._why_not_early(hello) is None else 0
+        if not hello.running or early:
+            yield Verb.START, early
+
+    def _why_not_early(self, hello: Hello) -> str | None:
+        """Why the board does not send samples before their frames, although that is configured."""
+        if not self._early:
+            return None
+        if not hello.can_send_early:
+            return faults.no_early_firmware(hello)
+        needed = sum(self._settings.rate_hz * frame_bytes(len(pad.sensors)) for pad in hello.pads)
+        for pad_index, pad in enumerate(hello.pads):
+            if self._early >> pad_index & 1:
+                needed += round(len(pad.sensors) * fastest_hz(self.chip) * EARLY_BYTES)
+        if needed > FULL * self.line_bytes_per_s:
+            return faults.no_early_line(needed, self.line_bytes_per_s)
+        return None
 
     def granted(self, verb: Verb, argument: int) -> None:
         """The board has carried out a request of SETTING."""

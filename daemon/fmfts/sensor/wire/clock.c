@@ -85,6 +85,17 @@ static bool is_another_late(const fmfts_clock_line *line, int64_t arrival_ns)
     return !line->late_packets || arrival_ns - line->late_ns >= line->standstill_ns / (line->standstill_packets - 1);
 }
 
+static bool goes_on(const fmfts_clock_line *line, int64_t device_us, const fmfts_packet *p)
+{
+    return (double)(1000 * (line->newest_us - device_us)) < line->jump_ns && above_line(line, p) > -unsure_ns(line, p);
+}
+
+bool fmfts_is_plausible(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns)
+{
+    fmfts_packet p = {device_us - line->origin.us, arrival_ns - 1000 * device_us - line->origin.ns};
+    return line->is_host || (line->bucket_end_us && goes_on(line, device_us, &p));
+}
+
 bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns)
 {
     if (line->is_host) {
@@ -97,8 +108,7 @@ bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_
     fmfts_packet p = {device_us - line->origin.us, arrival_ns - 1000 * device_us - line->origin.ns};
     int64_t begun_us = line->minima ? line->minimum[0].us : line->lowest.us;
     double above_ns = above_line(line, &p), unsure = unsure_ns(line, &p);
-    if ((double)(1000 * (line->newest_us - device_us)) >= line->jump_ns || !(above_ns > -unsure) ||
-        p.us < 0 || p.us - begun_us > LONGEST_SPAN_US) {
+    if (!goes_on(line, device_us, &p) || p.us < 0 || p.us - begun_us > LONGEST_SPAN_US) {
         return false;
     }
     if (above_ns > unsure && above_ns - unread_ns(line, arrival_ns) <= unsure) {

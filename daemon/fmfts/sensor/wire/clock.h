@@ -27,6 +27,9 @@ typedef struct {
     fmfts_packet minimum[FMFTS_SLOPE_BUCKETS];
 } fmfts_clock_line;
 
+/* Whether this time goes on from what was learned: DeviceClock.is_plausible. Of the host's own clock every one does. */
+bool fmfts_is_plausible(const fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns);
+
 /* The host's time of `device_us`; learns from its arrival. Returns false and learns nothing when Python must decide:
  * before the first packet, after a reset, and when the board's clock has stood still. */
 bool fmfts_host_time(fmfts_clock_line *line, int64_t device_us, int64_t arrival_ns, int64_t *host_ns);

@@ -56,6 +56,9 @@ class HostClock:
     def to_host_ns(self, device_us: int, arrival_ns: int) -> int:
         return min(device_us * 1000, arrival_ns)
 
+    def is_plausible(self, device_us: int, arrival_ns: int) -> bool:
+        return True
+
     def restart(self) -> None:
         """There is nothing to forget."""
         self.restarts += 1

@@ -98,6 +98,21 @@ def bad_clock(hello: Hello) -> str | None:
     return "the board runs on its RC oscillator, its times are ±1 % before correction: check the crystal"
 
 
+def no_early_firmware(hello: Hello) -> str:
+    version = ".".join(map(str, hello.firmware_version))
+    return (
+        f'firmware {version} sends frames only, so publish = "sample" is as "frame": flash the firmware that came with '
+        "this daemon"
+    )
+
+
+def no_early_line(needed: float, carried: float) -> str:
+    return (
+        f'publish = "sample" needs {needed / 1e3:.1f} kB/s, and the line carries {carried / 1e3:.1f}, so it is as '
+        '"frame": set it for fewer pads of this board, lower rate_hz, or use a board of its own'
+    )
+
+
 def pad_mismatch(pad: WiredPad, pad_index: int, hello: Hello) -> str | None:
     """Why the board cannot serve this pad of the config, None if it can."""
     if pad_index >= len(hello.pads):

@@ -52,6 +52,8 @@ def checked_body(line: bytes) -> bytes | None:
 
 # pad_index, sequence, time_us, temperature_raw, and the sensors' readings.
 PackedSample = tuple[int, int, int, int, Packed]
+# pad_index, sensor, gain_code, time_us, and the axes' counts.
+PackedEarly = tuple[int, int, int, int, tuple[int, int, int]]
 
 
 class Decoder:
@@ -69,8 +71,8 @@ class Decoder:
         self._joined = False
         self._overlong = False
 
-    def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample], bytes]:
-        """The samples at the beginning of `data`, unpacked in C, and the rest of `data`, for `feed`."""
+    def leading_samples(self, data: bytes) -> tuple[Sequence[PackedSample | PackedEarly], bytes]:
+        """The samples and early samples at the beginning of `data`, unpacked in C, and the rest, for `feed`."""
         if _wire is None:
             return (), data
         data = self._pending + data

@@ -7,15 +7,17 @@ from collections.abc import Mapping
 
 from fmfts.sensor.chips import Chip
 from fmfts.sensor.chips.selftest import no_selftest
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import READING_BYTES, Frame, WireFrame, bits
 from fmfts.sensor.source import CannotError, SourceState
 from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.board import SETTING, Board
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
-from fmfts.sensor.wire.framing import Decoder, PackedSample
+from fmfts.sensor.wire.framing import Decoder, PackedEarly, PackedSample
 from fmfts.sensor.wire.line_guard import ASK_NS, LineGuard
 from fmfts.sensor.wire.packets import (
     TEMPERATURE_UNKNOWN,
+    Early,
     Hello,
     Load,
     Packet,
@@ -37,7 +39,11 @@ CLOCK_TOLERANCE = {0: 200e-6, 1: 200e-6, 2: 0.02}  # hello's `clock`: host build
 
 
 class Link:
-    """Updates `state` from what arrives. `hello` is the board's last one, None before the first since `restart`."""
+    """Updates `state` from what arrives. `hello` is the board's last one, None before the first since `restart`.
+
+    early: the samples that the last `feed` found before their frames, each with the number of the frame of that `feed`
+    before which it came.
+    """
 
     def __init__(
         self,
@@ -48,6 +54,7 @@ class Link:
     ) -> None:
         self.heard_ns = 0
         self.requests = Requests()
+        self.early: list[tuple[int, EarlySample]] = []
         self.loads: deque[tuple[int, int]] = deque(maxlen=LOADS_KEPT)  # host time in ns, counts
         self._pads = pads
         self._state = state
@@ -68,6 +75,10 @@ class Link:
     @property
     def is_right_board(self) -> bool:
         return self._board.is_right
+
+    def line_carries(self, bytes_per_s: float) -> None:
+        """Tell the link how much its carrier can take; without a call it can take everything."""
+        self._board.line_bytes_per_s = bytes_per_s
 
     @property
     def is_quiet(self) -> bool:
@@ -121,8 +132,14 @@ class Link:
         Never raises: packets that contradict the board's hello are left out, counted, and named in `warnings`.
         """
         arrived = data
+        self.early = []
         samples, data = self._decoder.leading_samples(data)
-        frames = [frame for sample in samples if (frame := self._wire_frame(sample, now_ns)) is not None]
+        frames: list[Frame] = []
+        for sample in samples:
+            if len(sample[4]) == 3:
+                self._take_early(sample, len(frames), now_ns)
+            elif (frame := self._wire_frame(sample, now_ns)) is not None:
+                frames.append(frame)
         if samples:
             self.strange.forget()
         if not data:
@@ -136,6 +153,9 @@ class Link:
                 frame = self._frame(packet, now_ns)
                 if frame is not None:
                     frames.append(frame)
+            elif type(packet) is Early:
+                early = packet.pad_index, packet.sensor, packet.gain_code, packet.time_us, packet.counts
+                self._take_early(early, len(frames), now_ns)
             else:
                 self._take(packet, now_ns)
         self._state.crc_errors += self._decoder.crc_errors - before[0]
@@ -171,6 +191,20 @@ class Link:
                 self._accepted[key] = chip
         temperature_c = None if temperature_raw == TEMPERATURE_UNKNOWN else chip.temperature_c(temperature_raw)
         return WireFrame(pad_index, sequence, time_us, host_time_ns, packed, temperature_c, self._clock.restarts, chip)
+
+    def _take_early(self, early: PackedEarly, before: int, now_ns: int) -> None:
+        """before: how many frames this `feed` found before it."""
+        pad_index, sensor, gain_code, time_us, counts = early
+        self.heard_ns = now_ns
+        pad = self._pads.get(pad_index)
+        if pad is None or not self.is_right_board or not self._fits("early sample", pad_index, pad.sensors):
+            return
+        if sensor >= pad.sensors:
+            self._leave_out("early sample", f"the pad has no sensor {sensor} (they count from 0)")
+        elif self._guard.crowd is not None or not self._clock.is_plausible(time_us, now_ns):
+            pass  # frames tell of that
+        else:
+            self.early.append((before, EarlySample(pad_index, sensor, time_us, gain_code, counts, pad.chip)))
 
     def _host_time_ns(self, time_us: int, now_ns: int) -> int | None:
         """When a packet's sample was taken, on this host; None if it cannot be believed."""

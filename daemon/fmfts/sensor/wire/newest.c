@@ -5,35 +5,52 @@
 #include <stdbool.h>
 #include <string.h>
 
+/* Of one kind of packets: how many stay, and the newest one's time. */
 typedef struct {
-    unsigned kept[FMFTS_WIRE_PADS];
-    uint64_t newest_us[FMFTS_WIRE_PADS];
-} seen_pads;
+    unsigned kept;
+    uint64_t newest_us;
+} followed;
 
-/* Lines come from the last to the first. */
-static bool is_superseded(const uint8_t *line, size_t size, fmfts_patience patience, seen_pads *seen, unsigned *left_out)
+typedef struct {
+    followed frames[FMFTS_WIRE_PADS], early[FMFTS_WIRE_PADS][FMFTS_WIRE_SENSORS];
+} seen_packets;
+
+/* Whether a packet of this time is superseded by those that follow it. */
+static bool follows(followed *own, uint64_t time_us, fmfts_patience patience)
 {
-    fmfts_sample sample;
-    if (!fmfts_read_sample(line, size, &sample) || sample.pad_index >= FMFTS_WIRE_PADS) {
-        return false;
+    if (own->kept == 0 || time_us > own->newest_us) {
+        own->newest_us = time_us; /* what follows this packet is old, and was sent again */
+        own->kept = 0;
     }
-    unsigned pad = sample.pad_index;
-    if (seen->kept[pad] == 0 || sample.time_us > seen->newest_us[pad]) {
-        seen->newest_us[pad] = sample.time_us; /* what follows this sample is old, and was sent again */
-        seen->kept[pad] = 0;
-    }
-    uint64_t age_us = seen->newest_us[pad] - sample.time_us;
-    if (seen->kept[pad] && (seen->kept[pad] >= patience.most || age_us > patience.longest_us)) {
-        left_out[pad]++;
+    uint64_t age_us = own->newest_us - time_us;
+    if (own->kept && (own->kept >= patience.most || age_us > (uint64_t)patience.longest_us)) {
         return true;
     }
-    seen->kept[pad]++;
+    own->kept++;
+    return false;
+}
+
+/* Lines come from the last to the first. */
+static bool is_superseded(const uint8_t *line, size_t size, fmfts_patience patience, seen_packets *seen, unsigned *left_out)
+{
+    fmfts_sample sample;
+    fmfts_early_sample early;
+    if (fmfts_read_sample(line, size, &sample) && sample.pad_index < FMFTS_WIRE_PADS) {
+        bool superseded = follows(&seen->frames[sample.pad_index], sample.time_us, patience);
+        left_out[sample.pad_index] += superseded;
+        return superseded;
+    }
+    if (fmfts_read_early_sample(line, size, &early) && early.pad_index < FMFTS_WIRE_PADS) {
+        /* A frame holds all that came before it. */
+        return seen->frames[early.pad_index].kept >= patience.most ||
+               follows(&seen->early[early.pad_index][early.sensor], early.time_us, patience);
+    }
     return false;
 }
 
 size_t fmfts_keep_newest(uint8_t *bytes, size_t size, fmfts_patience patience, unsigned left_out[FMFTS_WIRE_PADS])
 {
-    seen_pads seen = {{0}, {0}};
+    seen_packets seen = {.frames = {{0}}};
     uint8_t *last_zero = memrchr(bytes, 0, size);
     if (!last_zero || memchr(bytes, 0, size) == last_zero) {
         return size; /* at most one line */

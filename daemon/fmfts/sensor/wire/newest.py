@@ -1,4 +1,5 @@
-"""Leaves out samples that newer ones of the same pad supersede, so that a host that was late is not late for long.
+"""Leaves out samples that newer ones of the same pad supersede, so that a host that was late is not late for long; and
+early samples that newer ones of the same sensor, or a frame, supersede.
 
 The bytes of everything else stay as they are.
 """
@@ -10,7 +11,7 @@ from collections import Counter
 from fmfts.sensor.patience import Patience
 from fmfts.sensor.wire.codec import VERSION, MalformedError, unpack
 from fmfts.sensor.wire.framing import checked_body
-from fmfts.sensor.wire.packets import Sample
+from fmfts.sensor.wire.packets import Early, Sample
 
 try:
     from fmfts.sensor.wire import _wire
@@ -18,10 +19,11 @@ except ImportError:  # no compiler was there when the package was built
     _wire = None  # type: ignore[assignment]
 
 PADS = 3  # of a board, at most
+Key = tuple[int, int | None]  # pad, and sensor of an early sample
 
 
 def keep_newest(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]]:
-    """`data` without the superseded samples, and how many of each pad (by pad index) were left out."""
+    """`data` without the superseded samples, and how many frames of each pad (by pad index) were left out."""
     if data.count(0) < 2:
         return data, (0,) * PADS
     return _in_python(data, patience) if _wire is None else _wire.keep_newest(data, *patience)
@@ -29,27 +31,30 @@ def keep_newest(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]
 
 def _in_python(data: bytes, patience: Patience) -> tuple[bytes, tuple[int, ...]]:
     *lines, rest = data.split(b"\0")
-    kept, left_out, newest_us = Counter[int](), Counter[int](), dict[int, int]()
+    kept, left_out, newest_us = Counter[Key](), Counter[int](), dict[Key, int]()
     stay = []
     for line in reversed(lines):
-        sample = _sample(line)
-        if sample is not None:
-            pad = sample.pad_index
-            if sample.time_us > newest_us.get(pad, -1):  # what follows this sample is old, and was sent again
-                newest_us[pad], kept[pad] = sample.time_us, 0
-            age_us = newest_us[pad] - sample.time_us
-            if kept[pad] and (kept[pad] >= patience.most or age_us > patience.longest_us):
-                left_out[pad] += 1
+        packet = _packet(line)
+        if packet is not None:
+            pad, sensor = packet.pad_index, packet.sensor if isinstance(packet, Early) else None
+            if sensor is not None and kept[pad, None] >= patience.most:
+                continue  # a frame holds all that came before it
+            key = pad, sensor
+            if packet.time_us > newest_us.get(key, -1):  # what follows this packet is old, and was sent again
+                newest_us[key], kept[key] = packet.time_us, 0
+            age_us = newest_us[key] - packet.time_us
+            if kept[key] and (kept[key] >= patience.most or age_us > patience.longest_us):
+                left_out[pad] += sensor is None
                 continue
-            kept[pad] += 1
+            kept[key] += 1
         stay.append(line)
     return b"\0".join([*reversed(stay), rest]), tuple(left_out[pad] for pad in range(PADS))
 
 
-def _sample(line: bytes) -> Sample | None:
+def _packet(line: bytes) -> Sample | Early | None:
     try:
         body = checked_body(line)
         packet = unpack(body) if body is not None and body[0] >> 4 == VERSION else None
     except MalformedError:
         return None
-    return packet if isinstance(packet, Sample) and packet.pad_index < PADS else None
+    return packet if isinstance(packet, Sample | Early) and packet.pad_index < PADS else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
+from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import Patience
 from fmfts.sensor.source import AbsentError, SourceState
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
@@ -35,6 +36,9 @@ class PacketSource:
     @property
     def clock_line(self) -> bytearray:
         return self._clock.line
+
+    def take_early(self) -> Sequence[tuple[int, EarlySample]]:
+        return self._link.early
 
     def lendable(self) -> frozenset[int]:
         if self._descriptor is None or self._outbox or not (self.state.connected and self._link.is_quiet):

@@ -1,10 +1,16 @@
-/* Decodes a line that holds a sample, as framing.py and codec.py do. All other packets are left to them. */
+/* Decodes a line that holds a sample or an early packet, as framing.py and codec.py do. All others are left to them. */
 #include "sample.h"
 
 #include <math.h>
 #include <string.h>
 
-enum { HEADER = 0x11 /* wire version 1, type sample */, FIXED_BYTES = 17, CRC_BYTES = 2 };
+enum {
+    HEADER = 0x11, /* wire version 1, type sample */
+    EARLY_HEADER = 0x17,
+    FIXED_BYTES = 17,
+    EARLY_BYTES = 15,
+    CRC_BYTES = 2,
+};
 
 static uint64_t little_endian(const uint8_t *bytes, int count)
 {
@@ -45,19 +51,25 @@ static size_t unstuff(const uint8_t *line, size_t size, uint8_t *packet)
     return size - 1;
 }
 
+/* Undoes COBS and checks the CRC. Returns the size of header and body, 0 if the line is no packet of this header. */
+static size_t checked(const uint8_t *line, size_t size, uint8_t header, uint8_t *packet)
+{
+    if (size < 4 || size > FMFTS_LONGEST_LINE || line[1] != header) { /* a header is never zero, so COBS leaves it */
+        return 0;
+    }
+    size_t bytes = unstuff(line, size, packet);
+    if (bytes <= CRC_BYTES || packet[0] != header) {
+        return 0;
+    }
+    size_t body = bytes - CRC_BYTES;
+    return crc16(packet, body) == little_endian(packet + body, 2) ? body : 0;
+}
+
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
 {
     uint8_t packet[FMFTS_LONGEST_LINE];
-    if (size < FIXED_BYTES + CRC_BYTES || size > FMFTS_LONGEST_LINE) {
-        return false;
-    }
-    size_t bytes = unstuff(line, size, packet);
-    if (bytes < FIXED_BYTES + CRC_BYTES || packet[0] != HEADER) {
-        return false;
-    }
-    size_t body = bytes - CRC_BYTES, sensors = packet[1] >> 4;
-    if (sensors < 1 || sensors > FMFTS_WIRE_SENSORS || body != FIXED_BYTES + FMFTS_READING_BYTES * sensors ||
-        crc16(packet, body) != little_endian(packet + body, 2)) {
+    size_t body = checked(line, size, HEADER, packet), sensors = body ? packet[1] >> 4 : 0;
+    if (sensors < 1 || sensors > FMFTS_WIRE_SENSORS || body != FIXED_BYTES + FMFTS_READING_BYTES * sensors) {
         return false;
     }
     sample->pad_index = packet[1] & 15;
@@ -70,6 +82,22 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     sample->fresh = packet[14];
     sample->temperature_raw = (int16_t)little_endian(packet + 15, 2);
     memcpy(sample->readings, packet + FIXED_BYTES, FMFTS_READING_BYTES * sensors);
+    return true;
+}
+
+bool fmfts_read_early_sample(const uint8_t *line, size_t size, fmfts_early_sample *early)
+{
+    uint8_t packet[FMFTS_LONGEST_LINE];
+    if (checked(line, size, EARLY_HEADER, packet) != EARLY_BYTES) {
+        return false;
+    }
+    early->pad_index = packet[1] & 15;
+    early->sensor = packet[1] >> 4 & 7;
+    early->gain_code = packet[2] & 7;
+    early->time_us = little_endian(packet + 3, 6);
+    for (int axis = 0; axis < 3; axis++) {
+        early->counts[axis] = (int16_t)little_endian(packet + 9 + 2 * axis, 2);
+    }
     return true;
 }
 

@@ -1,4 +1,4 @@
-/* Decodes the sample packets of docs/wire.md; only these come often. No allocation, no globals. */
+/* Decodes the sample and early packets of docs/wire.md; only these come often. No allocation, no globals. */
 #ifndef FMFTS_SAMPLE_H
 #define FMFTS_SAMPLE_H
 
@@ -24,6 +24,16 @@ typedef struct {
 
 /* Decodes `size` bytes of a line, without its closing zero. False: they are no sample of this wire version. */
 bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample);
+
+/* One sensor's sample, which came before its frame. */
+typedef struct {
+    uint64_t time_us;
+    int16_t counts[3];
+    uint8_t pad_index, sensor, gain_code;
+} fmfts_early_sample;
+
+/* The same of an early packet. */
+bool fmfts_read_early_sample(const uint8_t *line, size_t size, fmfts_early_sample *early);
 
 /* As Chip.temperature_c; NaN if the temperature is not known, is none that the chip can have, or if all numbers are NaN (a
  * chip without a thermometer). range_c: lowest and highest. */
