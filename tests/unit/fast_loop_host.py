@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import msgspec
@@ -105,10 +106,17 @@ class Host:
             return
         if self.lane is not None:
             data = self.end()
-        for frame in self.link.feed(data, arrival_ns):
-            answer = self.pipeline.answer(frame)
-            self.told.messages.append(answer.message if isinstance(answer, PackedMessage) else answer)
+        frames = self.link.feed(data, arrival_ns)
+        for number, frame in enumerate(frames):
+            self._tell(self.pipeline.early(early) for before, early in self.link.early if before == number)
+            self._tell([self.pipeline.answer(frame)])
+        self._tell(self.pipeline.early(early) for before, early in self.link.early if before == len(frames))
         self.begin()
+
+    def _tell(self, answers: Iterable[ContactMessage | PackedMessage | None]) -> None:
+        for answer in answers:
+            if answer is not None:
+                self.told.messages.append(answer.message if isinstance(answer, PackedMessage) else answer)
 
     def begin(self) -> None:
         if not (self._may_express and self.link.accepts(0)):
@@ -126,13 +134,13 @@ class Host:
         self.lane = None
         if ended is not None:
             passed, last = ended
-            assert passed.frames == len(passed.latencies_s) == len(payloads)
+            assert passed.frames == len(passed.latencies_s) <= len(payloads)
             assert payloads[-1] == passed.payload == last.payload
             assert last.message.t_sample_ns == passed.t_sample_ns
             assert last.kind is passed.kind
             self.told.changes += len(passed.changes)
             assert set(passed.changes) <= set(payloads)
             assert last.message.seq == passed.number == self.pipeline.messages
-            self.told.expressed += passed.frames
+            self.told.expressed += len(payloads)
             self.told.messages += [msgspec.msgpack.decode(payload, type=ContactMessage) for payload in payloads]
         return left[0]

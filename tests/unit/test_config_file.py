@@ -142,6 +142,8 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "clock_hz = 100000", 'source.rate_hz: at most 165: more than bus 1 can carry, 4 sensors with trigger = "free" and clock_hz = 100000'),
         (I2C + 'trigger = "simultaneous"\nrate_hz = 128', "source.rate_hz = 128: at most 127: more than bus 1 can carry, 4 sensors"),
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
+        (PAD + 'publish = "sample"', 'source.publish = \'sample\': only a "bridge" or "i2c" gives samples as they come'),
+        (BRIDGE + 'publish = "sample"\ntrigger = "simultaneous"\nrate_hz = 150', "source.publish = 'sample': chips of one trigger have their samples at once"),
         ('[bus]\nendpoint = "tcp://0.0.0.0:5570"\n' + PAD, "bus.endpoint = 'tcp://0.0.0.0:5570': other machines are let in with keys alone"),
         ('[bus]\nendpoint = "udp://x"\n' + PAD, "bus.endpoint = 'udp://x': 'udp://x' is not a base of endpoints"),
         *((PAD + f"[pad.magnet]\nrest_mm = [0, {number}, 12]", f"magnet.rest_mm, value 2 = {number}: must be a finite number") for number in ("nan", "inf", "-inf")),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from wire_packets import make_sample, packets, samples, selftests
+from wire_packets import make_early, make_sample, packets, samples, selftests
 
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
 from fmfts.runtime.statistics import PadStatistics
@@ -227,6 +227,87 @@ def test_a_busy_board_is_asked_again_and_a_refusal_is_not_repeated() -> None:
     line.feed(Reply(rate.request_id, Verb.RATE, 2))
     assert line.asked(later_ns=300_000_000) == []
     assert "out of range" in line.state.warnings["request rate"]
+
+
+def test_a_board_that_can_is_asked_for_early_samples_after_every_hello() -> None:
+    line = Line(pad(publish="sample"), pad("right", pad_index=1))
+    line.feed(hello(4, 4, can_send_early=1))
+    (start,) = line.asked()
+    assert (start.verb, start.argument) == (Verb.START, 0b01)
+    line.feed(Reply(start.request_id, Verb.START, 0), hello(4, 4, can_send_early=1))
+    assert [one.verb for one in line.asked()] == [Verb.START]
+    assert line.state.warnings == {}
+
+
+def test_nobody_asks_for_early_samples_where_frames_are_published() -> None:
+    line = Line()
+    line.feed(hello(4, can_send_early=1))
+    assert line.asked() == []
+
+
+def test_firmware_that_sends_frames_only_is_named_and_its_frames_are_used() -> None:
+    line = Line(pad(publish="sample"))
+    line.feed(hello(4))
+    assert line.asked() == []
+    assert len(line.feed(sample())) == 1
+    assert line.state.warnings == {
+        "early": 'firmware 0.1.0 sends frames only, so publish = "sample" is as "frame": flash the firmware that came '
+        "with this daemon"
+    }
+    line.feed(hello(4, can_send_early=1))
+    assert line.state.warnings == {}
+
+
+@pytest.mark.parametrize(
+    ("pads", "of_samples", "rate_hz", "fits"),
+    [
+        (1, 1, 220, True),
+        (2, 1, 220, True),
+        (2, 2, 220, False),
+        (3, 1, 220, False),
+        (3, 0, 220, True),
+        (3, 1, 150, True),
+    ],
+)
+def test_a_line_that_cannot_carry_early_samples_is_not_asked_to(
+    pads: int, of_samples: int, rate_hz: int, fits: bool
+) -> None:
+    """460800 baud carry 46 kB/s: a pad's frames take 11.7 of them at 220 Hz, its early samples 17.2."""
+    names = ("left", "right", "third")
+    line = Line(
+        *(pad(names[n], pad_index=n, rate_hz=rate_hz, publish=("frame", "sample")[n < of_samples]) for n in range(pads))
+    )
+    line.link.line_carries(46_080)
+    line.feed(hello(*[4] * pads, can_send_early=1, rate_hz=rate_hz))
+    assert [one.verb for one in line.asked()] == [Verb.START] * (fits and of_samples > 0)
+    assert ("early" in line.state.warnings) is not fits
+    if not fits:
+        assert "kB/s, and the line carries 46.1" in line.state.warnings["early"]
+
+
+def test_early_samples_come_before_the_frames_that_follow_them() -> None:
+    line = Line(pad(publish="sample"))
+    line.feed(hello(4, can_send_early=1), sample(time_us=4545))
+    frames = line.feed(make_early(2, 8000), sample(time_us=9090, sequence=1), make_early(0, 9200), make_early(1, 9300))
+    assert [frame.sequence for frame in frames] == [1]
+    assert [(before, one.sensor, one.device_time_us, one.counts) for before, one in line.link.early] == [
+        (0, 2, 8000, (1, 2, 3)),
+        (1, 0, 9200, (1, 2, 3)),
+        (1, 1, 9300, (1, 2, 3)),
+    ]
+    assert len(line.feed(sample(time_us=13635, sequence=2))) == 1
+    assert line.link.early == []
+
+
+def test_an_early_sample_that_cannot_be_is_left_out() -> None:
+    line = Line(pad(publish="sample"))
+    line.feed(hello(4, can_send_early=1), sample(time_us=4545))
+    line.feed(make_early(5, 9000))
+    assert line.link.early == []
+    assert "it has" not in line.state.warnings["packets"]
+    assert "the pad has no sensor 5" in line.state.warnings["packets"]
+    line.feed(make_early(1, 9000, pad_index=2), make_early(1, 2**47))  # of no pad; of a time that no clock reached
+    assert line.link.early == []
 
 
 def test_a_board_that_resets_in_a_loop_does_not_fill_the_queue() -> None:

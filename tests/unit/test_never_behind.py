@@ -21,6 +21,7 @@ from test_fast_loop_of_a_board import Streaming, board, daemon, received, run  #
 from test_healthy_path import both, frames_of
 from test_link import hello
 from test_pipeline import config_of
+from wire_packets import make_early
 
 from emulator.board import Board
 from examples import examples
@@ -82,7 +83,29 @@ def test_an_old_sample_that_was_sent_again_keeps_no_backlog(patience: Patience, 
     assert left_out == (60 - len(kept), 0, 0)
 
 
+def early(sensor: int, time_us: int, pad_index: int = 0) -> bytes:
+    return encode(make_early(sensor, time_us, pad_index=pad_index))
+
+
+def test_behind_only_the_newest_early_sample_of_each_sensor_stays_and_none_that_a_frame_holds() -> None:
+    before = [early(sensor, 1000 * sensor) for sensor in range(4)]
+    after = [early(sensor, 5000 + 1000 * sensor) for sensor in (0, 1)]
+    again = early(0, 9545)
+    frame = sample(0, 1, 4000)
+    data, left_out = keep_newest(b"".join([*before, frame, *after, again]), BEHIND)
+    assert data == frame + after[1] + again
+    assert left_out == (0, 0, 0)  # nothing is lost: the next frame holds what was left out
+
+
+def test_in_time_early_samples_of_the_last_15_ms_stay() -> None:
+    lines = [early(0, number * PERIOD_US) for number in range(10)]
+    data, left_out = keep_newest(b"".join(lines) + early(1, 0, pad_index=1), IN_TIME)
+    assert data == b"".join(lines[6:]) + early(1, 0, pad_index=1)
+    assert left_out == (0, 0, 0)
+
+
 PIECES = st.one_of(
+    st.builds(early, st.integers(0, 7), st.integers(0, 60_000), st.integers(0, 4)),
     st.builds(sample, st.integers(0, 4), st.integers(0, 2**32 - 1), st.integers(0, 60_000)),
     st.builds(lambda line, at: line[:at] + line[at + 1 :], st.just(sample(0, 1, 1)), st.integers(0, 50)),
     st.binary(max_size=30),

@@ -13,11 +13,12 @@ from examples import examples
 from fmfts.sensor.frame import WireFrame, bits
 from fmfts.sensor.wire import framing
 from fmfts.sensor.wire.framing import Decoder, encode
-from fmfts.sensor.wire.packets import Packet, Reply, Sample
+from fmfts.sensor.wire.packets import Early, Packet, Reply, Sample
 
 pytestmark = pytest.mark.skipif(framing._wire is None, reason="the wire was not compiled")
 
 i16, u16, mask = st.integers(-32768, 32767), st.integers(0, 65535), st.integers(0, 255)
+axes = st.tuples(i16, i16, i16)
 
 
 @st.composite
@@ -40,7 +41,8 @@ def samples(draw: st.DrawFn) -> Sample:
 @st.composite
 def lines(draw: st.DrawFn) -> bytes:
     """A packet, one that was damaged on its way, a lone zero, or garbage."""
-    line = bytearray(encode(draw(st.one_of(samples(), st.builds(Reply, mask, mask, mask)))))
+    early = st.builds(Early, st.integers(0, 15), st.integers(0, 7), st.integers(0, 7), st.integers(0, 2**48 - 1), axes)
+    line = bytearray(encode(draw(st.one_of(samples(), early, st.builds(Reply, mask, mask, mask)))))
     kind = draw(st.sampled_from(["whole", "whole", "damaged", "cut", "zero", "garbage"]))
     if kind == "damaged":
         line[draw(st.integers(0, len(line) - 1))] ^= draw(st.integers(1, 255))
@@ -49,17 +51,22 @@ def lines(draw: st.DrawFn) -> bytes:
     return {"zero": b"\0", "garbage": draw(st.binary(max_size=300))}.get(kind, bytes(line))
 
 
-def told(packets: list[Packet], unpacked: list[framing.PackedSample]) -> list[object]:
-    """Every sample as plain numbers, in order of arrival within its kind."""
-    wire = [WireFrame(pad, sequence, time_us, 0, packed, None) for pad, sequence, time_us, _, packed in unpacked]
-    raw = [temperature for _, _, _, temperature, _ in unpacked]
+def told(packets: list[Packet], unpacked: list[framing.PackedSample | framing.PackedEarly]) -> list[object]:
+    """Every sample and early sample as plain numbers, in order of arrival within its kind."""
     found: list[object] = []
-    for frame, temperature in zip(wire, raw, strict=True):
+    for one in unpacked:
+        if len(one[4]) == 3:
+            found.append(one)
+            continue
+        pad, sequence, time_us, temperature, packed = one
+        frame = WireFrame(pad, sequence, time_us, 0, packed, None)
         fixed = (frame.pad_index, frame.sequence, frame.device_time_us, frame.gain_code, temperature)
         masks = frame.valid.tolist(), frame.fresh.tolist()
         found.append((*fixed, *masks, frame.counts.tolist(), frame.age_us.tolist()))
     for packet in packets:
-        if isinstance(packet, Sample):
+        if isinstance(packet, Early):
+            found.append((packet.pad_index, packet.sensor, packet.gain_code, packet.time_us, packet.counts))
+        elif isinstance(packet, Sample):
             count = len(packet.counts)
             masks = bits(packet.valid, count).tolist(), bits(packet.fresh, count).tolist()
             fixed = (packet.pad_index, packet.sequence, packet.time_us, packet.gain_code, packet.temperature_raw)
@@ -90,3 +97,11 @@ def test_a_stream_of_samples_never_reaches_python() -> None:
     assert decoder.feed(rest) == []
     completed, rest = decoder.leading_samples(line[10:])
     assert (len(completed), rest) == (1, b"")
+
+
+def test_early_samples_between_frames_do_not_reach_python_either() -> None:
+    sample = Sample(0, 1, 2, 3, 0, 15, 15, 0, np.arange(12, dtype=np.int16).reshape(4, 3), np.zeros(4, np.uint16))
+    early = Early(2, 7, 5, 2**40, (-32768, 0, 32767))
+    found, rest = Decoder().leading_samples(encode(early) + encode(sample) + encode(early))
+    assert rest == b""
+    assert found[0] == found[2] == (2, 7, 5, 2**40, (-32768, 0, 32767))

@@ -29,6 +29,10 @@ def unsigned(bits: int) -> st.SearchStrategy[int]:
     return st.integers(0, 2**bits - 1)
 
 
+def make_early(sensor: int = 0, time_us: int = 4545, **changes: int) -> Early:
+    return Early(**({"pad_index": 0, "sensor": sensor, "gain_code": 3, "time_us": time_us} | changes), counts=(1, 2, 3))
+
+
 signed16 = st.integers(-(2**15), 2**15 - 1)
 axes = st.tuples(signed16, signed16, signed16)
 

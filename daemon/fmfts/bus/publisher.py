@@ -29,6 +29,7 @@ from fmfts_client.endpoints import Endpoints
 # Messages that may wait for a slow subscriber before it loses some. For contacts, a second of each pad: nobody needs
 # old ones. For frames many more: a recording needs them all.
 BUS_HIGH_MARK = 256
+SAMPLES_A_FRAME = 5  # messages of a pad that publishes each sample: of four chips, and of the frame
 FRAMES_HIGH_MARK = 20_000
 LARGEST_SUBSCRIPTION = 1024
 # Interval of the looks for new subscriptions: one look takes twice as long as sending a contact.
@@ -45,13 +46,21 @@ class Publisher:
     """Serves `endpoints.bus` and `endpoints.frames`.
 
     boot: this run's random word. key: encrypts tcp. pads: names of the pads whose raw frames clients may subscribe to.
+    of_samples: how many of them publish each sample.
 
     `refused` counts the messages with NaN or infinity, which are errors of this program or of a contact model. Such a
     contact is sent as "lost", without an estimate, so that clients learn of it at once; other messages are not sent.
     Both are logged. Raises BusError where an endpoint cannot be bound.
     """
 
-    def __init__(self, endpoints: Endpoints, boot: str, key: ServerKey | None = None, pads: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        endpoints: Endpoints,
+        boot: str,
+        key: ServerKey | None = None,
+        pads: Iterable[str] = (),
+        of_samples: int = 0,
+    ) -> None:
         self.boot = boot
         self.refused = 0
         names = list(pads)
@@ -60,7 +69,7 @@ class Publisher:
         self._look_ns = 0
         self._states_sent: set[str] = set()
         # PUB handles subscriptions by itself; XPUB, below, hands them to this program.
-        high_mark = BUS_HIGH_MARK * max(len(names), 1)
+        high_mark = BUS_HIGH_MARK * (max(len(names), 1) + (SAMPLES_A_FRAME - 1) * of_samples)
         self._bus = BoundSocket(zmq.PUB, endpoints.bus, high_mark, LARGEST_SUBSCRIPTION, key)
         try:
             self._frames = BoundSocket(zmq.XPUB, endpoints.frames, FRAMES_HIGH_MARK, LARGEST_SUBSCRIPTION, key)

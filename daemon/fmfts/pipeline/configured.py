@@ -59,7 +59,8 @@ def lead_of(config: PadConfig) -> Lead:
     """How old frames and samples are when their messages are published: the time on the line, and HOST_S."""
     source = config.source
     if not isinstance(source, BridgeSource):
-        return Lead(HOST_S, READ_S + HOST_S)
+        # An I2C bus is polled twice a frame, and a sample is taken to be from the middle between two polls.
+        return Lead(HOST_S, 0.25 / source.rate_hz + READ_S + HOST_S)
     byte_s = LINE_BITS_PER_BYTE / source.baud
     frame_s = HOST_S + byte_s * frame_bytes(len(config.geometry.sensors_mm))
     return Lead(frame_s, READ_S + HOST_S + byte_s * EARLY_BYTES)

@@ -88,7 +88,8 @@ class Daemon:
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
         key = None if keys is None else keys.server()
         self._gate = None if keys is None else Gate(keys)
-        self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad])
+        of_samples = sum(pad.source.publish == "sample" for pad in config.pad)
+        self._publisher = Publisher(endpoints, self._boot, key, [pad.name for pad in config.pad], of_samples)
         self._control = ControlServer(endpoints.control, key)
         priority = config.service.realtime_priority
         self._door = Door(

@@ -116,7 +116,8 @@ class FastPath:
         assert isinstance(model.inference, CompiledInference)
         self._parameters = parameters
         self._memory = DoubleTable(_fast.MEMORY)
-        self._outcome = np.zeros(_fast.OUTCOME_BYTES // 8).data
+        self._judged = np.zeros(_fast.OUTCOME_BYTES // 8)  # what the last frame left for the samples that follow
+        self._outcome = self._judged.data
         self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
         self._lane: Lane | None = None
 
@@ -192,7 +193,11 @@ class FastPath:
         self._parameters.put("tells_now", 0.0)
 
     def take_over(self, *memories: object) -> None:
-        """Copy the memory of earlier frames to C. It must not hold anything that only Python can judge."""
+        """Copy the memory of earlier frames to C. It must not hold anything that only Python can judge.
+
+        Samples that come before the next frame wait for it: what Python judged, C does not know.
+        """
+        self._judged.fill(0.0)
         for memory in memories:
             hand_over(memory, self._memory)
         self._memory.put("was_sound", 0)

@@ -16,7 +16,16 @@ from fmfts.sensor.i2c.bus import NOT_ACKNOWLEDGED, ChipWires, I2cBus
 from fmfts.sensor.i2c.others import identity_of_another
 from fmfts.sensor.i2c.reader_config import PadWiring
 from fmfts.sensor.i2c.sensor import Sensor, now_us
-from fmfts.sensor.wire.packets import NO_MUX, TEMPERATURE_UNKNOWN, HelloPad, HelloSensor, Sample, SensorState, StatusPad
+from fmfts.sensor.wire.packets import (
+    NO_MUX,
+    TEMPERATURE_UNKNOWN,
+    Early,
+    HelloPad,
+    HelloSensor,
+    Sample,
+    SensorState,
+    StatusPad,
+)
 from fmfts.sensor.wired_pad import Settings
 
 LOOK_US = 5_000_000
@@ -111,6 +120,15 @@ class I2cPad:
         for sensor in self.sensors:
             sensor.fresh = False
         return sample
+
+    def early(self) -> list[Early]:
+        """The samples that are in no frame yet, and that this did not return before."""
+        found = []
+        for number, one in enumerate(self.sensors):
+            if one.state == SensorState.OK and one.fresh and one.unsent and one.sampled_us is not None:
+                one.unsent = False
+                found.append(Early(self.index, number, self.settings.gain_code, one.sampled_us, one.axes))
+        return found
 
     def watch(self) -> None:
         """Check the registers of one sensor, by turns, and read its temperature."""

@@ -51,6 +51,7 @@ class Reader:
             for index, wiring in enumerate(config.pads)
         ]
         self._running = True
+        self._early = 0  # bit i: pad i also sends samples before their frames
         self._decoder = Decoder()
         self._dropped = 0
         self._poll_s = config.cycle_s  # starts with the time on the wires; `_poll` learns the real duration
@@ -72,12 +73,20 @@ class Reader:
                 if not self._requests_until(tick_ns + poll * period_ns // polls):
                     return
                 self._poll()
+                if poll < polls - 1 and not self._settings.trigger:  # after the last one the frame follows at once
+                    self._send_early()
             if self._running:
                 for pad in self._pads:
                     complain(pad.mux_misuse())
                 self._send(*(pad.sample() for pad in self._pads))
             self._watch(time.monotonic_ns())
             tick_ns = max(tick_ns + period_ns, time.monotonic_ns() - period_ns)
+
+    def _send_early(self) -> None:
+        for pad in self._pads:
+            if self._running and self._early >> pad.index & 1:
+                complain(pad.mux_misuse())
+                self._send(*pad.early())
 
     def _polls_per_frame(self) -> int:
         """Two polls a frame halve the uncertainty of a free-running chip's sample time; only if the bus has time."""
@@ -132,6 +141,7 @@ class Reader:
         if result != Result.DONE:
             return
         if request.verb == Verb.HELLO:
+            self._early = 0  # as docs/wire.md has it
             self._send(self._hello())
         elif request.verb == Verb.STATUS:
             self._send(self._status())
@@ -150,6 +160,7 @@ class Reader:
             return self._apply(changes[request.verb]())
         if request.verb in (Verb.START, Verb.STOP):
             self._running = request.verb == Verb.START
+            self._early = request.argument if self._running else 0
         return Result.DONE
 
     def _apply(self, settings: Settings) -> Result:
@@ -169,7 +180,7 @@ class Reader:
         version = [int(part) for part in __version__.split(".")[:3]]
         pads = tuple(pad.describe(self._config.bus) for pad in self._pads)
         settings = (self._settings.rate_hz, self._settings.gain_code, self._settings.trigger, int(self._running))
-        return Hello((version[0], version[1], version[2]), 0, 0, bytes(UID_BYTES), *settings, pads)
+        return Hello((version[0], version[1], version[2]), 0, 0, bytes(UID_BYTES), *settings, pads, can_send_early=1)
 
     def _status(self) -> Status:
         pads = tuple(pad.status() for pad in self._pads)

@@ -30,7 +30,8 @@ class Sensor:
     polled_us: int = 0
     started_us: int = 0
     retry_us: int = 0
-    fresh: bool = False
+    fresh: bool = False  # in no frame yet
+    unsent: bool = False  # nor sent early
     discard: int = 0
     misses: int = 0
     temperature_raw: int = TEMPERATURE_UNKNOWN
@@ -65,4 +66,4 @@ class Sensor:
             self.discard -= 1
             self.started_us = self.polled_us
             return
-        self.axes, self.sampled_us, self.fresh = axes, sampled_us, True
+        self.axes, self.sampled_us, self.fresh, self.unsent = axes, sampled_us, True, True
