@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from fmfts.bus.messages import (
     ContactMessage,
+    EarlyMessage,
     EventMessage,
     FrameMessage,
     NotFiniteError,
@@ -66,6 +67,7 @@ def documented_keys() -> dict[str, set[str]]:
         ("event", EventMessage),
         ("status", StatusMessage),
         ("frame", FrameMessage),
+        ("early", EarlyMessage),
         ("state", StateMessage),
     ],
 )

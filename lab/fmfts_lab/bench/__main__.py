@@ -137,6 +137,7 @@ def main() -> None:
     verb.add_argument("--drilled", type=int, default=1, help="on how many pads sensors begin to fail; 0: none")
     verb.add_argument("--ablation", action="store_true", help="instead: without each part of the filter")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.add_argument("--samples", action="store_true", help='samples as they come: publish = "sample"')
     verb.set_defaults(run=now.run)
     options = parser.parse_args()
     if SOLVER != "c":

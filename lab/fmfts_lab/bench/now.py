@@ -21,7 +21,7 @@ from fmfts.sensor.early import EarlySample
 from fmfts_lab.bench import now_faults
 from fmfts_lab.bench.motions import DRAWN, Draw, Motion
 from fmfts_lab.bench.now_ablation import VARIANTS, changed
-from fmfts_lab.bench.now_pads import BEFORE_S, TRANSPORT_S, BuiltPad, drawn, published_s, read_s
+from fmfts_lab.bench.now_pads import BEFORE_S, EARLY_S, TRANSPORT_S, BuiltPad, drawn, published_s, read_s
 
 WRONG_DEVIATIONS = 5.0
 VALUES = ("x_m", "y_m", "force_n")
@@ -204,18 +204,26 @@ def run(options: Namespace) -> None:
     if options.ablation:
         run_ablation(options)
         return
-    facts = {name: errors.facts() for name, errors in measure(options.seed, options.pads, options.seconds).items()}
-    print(f"{options.pads} built pads, seed {options.seed}; published {TRANSPORT_S * 1e3:.2f} ms after a frame is made")
+    facts = {name: errors.facts() for name, errors in _measured(options).items()}
+    of_samples = f", and {EARLY_S * 1e3:.2f} ms after a sample is taken" if options.samples else ""
+    print(
+        f"{options.pads} built pads, seed {options.seed}; "
+        f"published {TRANSPORT_S * 1e3:.2f} ms after a frame is made{of_samples}"
+    )
     print(HEADER)
     for name, fact in facts.items():
         print(_line(name, fact))
-    told = now_faults.drilled(range(1, 1 + options.drilled))
+    told = now_faults.drilled(range(1, 1 + options.drilled), options.samples)
     if told:
         print(f"a sensor begins to fail, {options.drilled} pads\n{now_faults.HEADER}")
     for one in told:
         print(one.line)
     if options.out is not None:
         options.out.write_text(json.dumps(facts, indent=1) + "\n")
+
+
+def _measured(options: Namespace) -> dict[str, Errors]:
+    return measure(options.seed, options.pads, options.seconds, early=options.samples)
 
 
 def _line(name: str, fact: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""A pad whose samples also come one by one, before their frames: `bench now --early`, in the world of the frames."""
+"""A pad whose samples also come one by one, before their frames: `bench now --samples`, in the world of the frames."""
 
 from __future__ import annotations
 
