@@ -128,12 +128,30 @@ def test_rate_is_compared_with_the_configured_one(
         now_ns = time.monotonic_ns() + 200_000_000
         for number in range(int(1.5 * rate_hz)):
             published_ns = now_ns - round((1.5 * rate_hz - 1 - number) / rate_hz * 1e9)
-            publisher.send_contact("demo", contact_message(boot="two", seq=number, t_publish_ns=published_ns))
+            times = {"t_sample_ns": published_ns - 5_000_000, "t_publish_ns": published_ns}
+            publisher.send_contact("demo", contact_message(boot="two", seq=number, **times))
         publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
         while time.monotonic_ns() < now_ns:
             client.latest(timeout_s=0.01)
         assert client.rate_hz == pytest.approx(rate_hz, abs=0.02 * rate_hz), "20 ms of the window may have passed"
         assert client.freq_ok is freq_ok
+
+
+def test_contacts_of_samples_between_frames_are_not_a_wrong_rate(publisher: Publisher, endpoints: Endpoints) -> None:
+    with Client("demo", endpoints) as client:
+        connect(publisher, client)
+        now_ns = time.monotonic_ns() + 200_000_000
+        for number in range(600):  # 1.5 s of 100 frames a second, and three samples after each
+            times = {
+                "t_sample_ns": now_ns - (600 - number) // 4 * 10**7,
+                "t_publish_ns": now_ns - (600 - number) * 2_500_000,
+            }
+            publisher.send_contact("demo", contact_message(boot="two", seq=number, **times))
+        publisher.send_status("demo", status_message(rate_nominal_hz=100.0))
+        while time.monotonic_ns() < now_ns:
+            client.latest(timeout_s=0.01)
+        assert client.rate_hz > 350.0
+        assert client.freq_ok
 
 
 def test_restart_of_the_daemon_is_survived_and_noticed(endpoints: Endpoints) -> None:

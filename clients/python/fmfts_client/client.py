@@ -38,6 +38,7 @@ class Client:
         self.restarts = 0
         self._subscription = Subscription(("contact", "status"), pad, endpoint)
         self._published_ns: deque[int] = deque()
+        self._frames_ns: deque[int] = deque()  # the same of those that a frame made, and no sample between frames
 
     @property
     def refused(self) -> int:
@@ -87,18 +88,15 @@ class Client:
     @property
     def rate_hz(self) -> float:
         """Rate of the received contacts that were sent in the last second."""
-        oldest_ns = time.monotonic_ns() - int(RATE_WINDOW_S * 1e9)
-        while self._published_ns and self._published_ns[0] < oldest_ns:
-            self._published_ns.popleft()
-        return len(self._published_ns) / RATE_WINDOW_S
+        return _rate_hz(self._published_ns)
 
     @property
     def freq_ok(self) -> bool:
-        """Is the rate of the last second within 10 % (and one message) of the configured rate that `status` tells?"""
+        """Is the rate of frames in the last second within 10 % (and one) of the configured rate that `status` tells?"""
         if self.status is None:
             return False
         nominal_hz = self.status.rate_nominal_hz
-        return abs(self.rate_hz - nominal_hz) <= RATE_TOLERANCE * nominal_hz + 1 / RATE_WINDOW_S
+        return abs(_rate_hz(self._frames_ns) - nominal_hz) <= RATE_TOLERANCE * nominal_hz + 1 / RATE_WINDOW_S
 
     @property
     def valid(self) -> bool:
@@ -133,10 +131,13 @@ class Client:
             self.restarts += 1
             self.status = None
             self._published_ns.clear()
+            self._frames_ns.clear()
+        is_of_a_frame = self.contact is None or contact.t_sample_ns != self.contact.t_sample_ns
         self.contact = contact
-        self._published_ns.append(contact.t_publish_ns)
-        if len(self._published_ns) > 1 and contact.t_publish_ns - self._published_ns[0] > RATE_WINDOW_S * 1e9:
-            self._published_ns.popleft()
+        for times in (self._published_ns, self._frames_ns) if is_of_a_frame else (self._published_ns,):
+            times.append(contact.t_publish_ns)
+            if len(times) > 1 and contact.t_publish_ns - times[0] > RATE_WINDOW_S * 1e9:
+                times.popleft()
         return contact
 
     def close(self) -> None:
@@ -149,3 +150,11 @@ class Client:
         self, kind: Optional[type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]
     ) -> None:
         self.close()
+
+
+def _rate_hz(times_ns: deque[int]) -> float:
+    """Of those of the last second."""
+    oldest_ns = time.monotonic_ns() - int(RATE_WINDOW_S * 1e9)
+    while times_ns and times_ns[0] < oldest_ns:
+        times_ns.popleft()
+    return len(times_ns) / RATE_WINDOW_S
