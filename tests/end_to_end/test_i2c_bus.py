@@ -10,6 +10,7 @@ import pytest
 
 from end_to_end.kernel_bus import KernelBus, all_valid, expected_counts, kernel_bus, pad, run
 from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
 
 
 @pytest.fixture
@@ -40,6 +41,44 @@ def test_four_sensors_arrive_as_counts_with_age_freshness_and_temperature(kernel
     assert kernel.report()["conflicts"] == 0
     assert source.state.sensor_faults == {}
     assert source.state.crc_errors == source.state.garbage_bytes == 0
+
+
+@pytest.mark.real_time
+def test_samples_come_before_their_frames_where_they_are_wanted(kernel: KernelBus) -> None:
+    source = kernel.open(pad(publish="sample"))
+    early: list[EarlySample] = []
+    held: set[tuple[int, int]] = set()
+
+    def polled(frames: list[Frame]) -> bool:
+        early.extend(one for _, one in source.take_early())
+        return len(frames) > 150 and len(early) > 100
+
+    for frame in run(source, polled):
+        held |= {(sensor, int(time_us)) for sensor, time_us in enumerate(frame.sampled_us)}
+    ours = [(one.sensor, one.device_time_us) for one in early]
+    assert len(set(ours)) == len(ours)
+    assert len(held.intersection(ours)) > 0.5 * len(ours)  # others were followed by a newer one in the same frame
+    assert {one.sensor for one in early} == {0, 1, 2, 3}
+    expected = expected_counts(gain_code=3)
+    assert all(one.counts == tuple(expected[one.sensor]) for one in early)
+    assert source.state.warnings == {}
+
+
+def test_a_foreign_user_of_the_mux_makes_no_early_sample(kernel: KernelBus) -> None:
+    source = kernel.open(pad(publish="sample"))
+    early: list[EarlySample] = []
+
+    def polled(frames: list[Frame]) -> bool:
+        early.extend(one for _, one in source.take_early())
+        return len(frames) > 30
+
+    run(source, polled)
+    for _ in range(20):
+        kernel.order(mux=0, set={"control": 0x80, "pending": 0x80})
+        run(source, lambda frames: polled(frames) or len(frames) > 2)
+    expected = expected_counts(gain_code=3)
+    assert early
+    assert all(one.counts == tuple(expected[one.sensor]) for one in early)
 
 
 def test_a_sample_taken_after_the_caller_looked_at_the_clock_is_not_older_than_that(kernel: KernelBus) -> None:

@@ -95,7 +95,7 @@ class ByteSource(Source, Protocol):
 
     def take_early(self) -> Sequence[tuple[int, EarlySample]]:
         """Samples that the last `poll` found before their frames, each with the number, in what that returned, of the
-        frame before which it came. Only of pads that are configured so."""
+        frame before which it came; each is returned once. Only of pads that are configured so."""
 
     def lendable(self) -> frozenset[int]:
         """Pads whose samples somebody else may read now; none where there is more to read than samples, or to say."""

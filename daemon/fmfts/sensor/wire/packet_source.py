@@ -38,7 +38,8 @@ class PacketSource:
         return self._clock.line
 
     def take_early(self) -> Sequence[tuple[int, EarlySample]]:
-        return self._link.early
+        early, self._link.early = self._link.early, []
+        return early
 
     def lendable(self) -> frozenset[int]:
         if self._descriptor is None or self._outbox or not (self.state.connected and self._link.is_quiet):
