@@ -13,10 +13,21 @@ import pytest
 from emulated_stream import EVERYONE, EmulatedStream
 
 from emulator.chips import SINGLE_CONVERSION_S
-from fmfts.sensor.wire.packets import Reply, Result, Sample, Selftest, Verb
+from fmfts.pipeline.configured import READ_S
+from fmfts.sensor.wire.packets import (
+    EARLY_BYTES,
+    LINE_BITS_PER_BYTE,
+    Early,
+    Reply,
+    Result,
+    Sample,
+    Selftest,
+    Verb,
+)
 
 SECONDS = float(os.environ.get("FMFTS_EMULATED_SECONDS", "3"))
 AGE_TOLERANCE_S = 0.5e-3  # the issue's; a conversion takes 4.5 ms
+STEP_S = 0.25e-3
 HSE, HSI = 1, 2
 POWER_ON = 1
 
@@ -65,6 +76,31 @@ def test_no_conversion_of_a_sensor_slower_than_the_frames_is_lost() -> None:
     for sensor in range(4):
         fresh = [conversion_number(sample, sensor) for sample in samples if sample.fresh >> sensor & 1]
         assert fresh == list(range(fresh[0], fresh[-1] + 1))
+
+
+def test_every_sample_comes_before_its_frame_and_soon_after_its_conversion() -> None:
+    """The line carries one pad's samples and frames; READ_S and the line's time are what the daemon takes for it."""
+    stream = started()
+    assert stream.request(Verb.START, 0b001).result == Result.DONE
+    stream.run(0.1)
+    offset_s, late_s = stream.board.now_s - stream.clock_us() * 1e-6, list[float]()
+    seen: dict[int, set[int]] = {sensor: set() for sensor in range(4)}
+    for step in range(1000):
+        for packet in stream.run(STEP_S):
+            if isinstance(packet, Early):
+                number = packet.counts[0] << 10 | packet.counts[1]
+                assert number not in seen[packet.sensor]
+                seen[packet.sensor].add(number)
+                late_s.append(stream.board.now_s - STEP_S / 2 - (packet.time_us * 1e-6 + offset_s))
+            elif isinstance(packet, Sample) and step > 50:
+                assert all(conversion_number(packet, sensor) in seen[sensor] for sensor in range(4))
+    rate_hz = len(late_s) / (1000 * STEP_S)
+    assert 4 * 210 < rate_hz < 4 * 230
+    expected_s = READ_S + EARLY_BYTES * LINE_BITS_PER_BYTE / 460800
+    assert abs(np.median(late_s) - expected_s) < 0.3e-3
+    stream.run(1.1)
+    assert stream.status.transmit_dropped == 0
+    assert stream.is_clean()
 
 
 def simultaneous() -> EmulatedStream:
