@@ -20,7 +20,7 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Pad
 from fmfts.recording.file import HEADER_BYTES, read
 from fmfts.simulation.finger import Touch
-from fmfts_client import Contact, Status
+from fmfts_client import Contact, Status, Subscription
 
 pytestmark = pytest.mark.real_time
 
@@ -122,3 +122,28 @@ def test_a_sensor_that_fails_is_not_told_on_by_its_samples(tmp_path: Path, pad: 
         assert all(contact.now is None for contact in contacts_of(daemon, 0.5))
         board.tell("fault 0 2 none")
         daemon.wait_for(lambda contact: contact.health == "ok" and contact.now is not None)
+
+
+def test_three_pads_of_one_board_publish_every_sample(tmp_path: Path) -> None:
+    """A pty has no baud rate, as a board with USB of its own has none: the line carries all of them."""
+    pads = [
+        SAMPLES.replace('"left"', f'"{name}"') + f"pad_index = {index}\n" for index, name in enumerate(("a", "b", "c"))
+    ]
+    with (
+        FirmwareHost(tmp_path, "--pads", "3") as board,
+        RunningDaemon(tmp_path, "".join(pads).format(port=board.port)) as daemon,
+    ):
+        daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+        with Subscription(("early",), None, daemon.base) as raw, Subscription(("frame",), None, daemon.base) as frames:
+            heard: dict[str, int] = {}
+            until = time.monotonic() + 2 * PATIENCE_S
+            while min(heard.get(name, 0) for name in "abc") < 400:
+                assert time.monotonic() < until, heard
+                message = raw.receive(1.0)
+                if message is not None:
+                    heard[message.pad] = heard.get(message.pad, 0) + 1
+            assert frames.receive(1.0) is not None
+        with daemon.subscribe("status") as messages:
+            message = messages.receive(5.0)
+        assert message is not None
+        assert Status.from_message(message.body).sensor_faults == ()

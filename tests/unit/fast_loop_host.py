@@ -51,7 +51,7 @@ class Told:
 
 
 def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
-    on_bridge = msgspec.structs.replace(config, source=BridgeSource(port="/dev/null"))
+    on_bridge = msgspec.structs.replace(config, source=BridgeSource(port="/dev/null", publish="sample"))
     link = Link({0: on_board(on_bridge)}, SourceState("a board"), clock := DeviceClock())
     link.restart()
     return link, clock

@@ -245,6 +245,13 @@ def test_nobody_asks_for_early_samples_where_frames_are_published() -> None:
     assert line.asked() == []
 
 
+def test_what_another_host_asked_for_is_no_early_sample_here() -> None:
+    line = Line()
+    line.feed(hello(4, can_send_early=1), sample(time_us=4545), make_early(2, 8000))
+    assert line.link.early == []
+    assert line.state.warnings == {}
+
+
 def test_firmware_that_sends_frames_only_is_named_and_its_frames_are_used() -> None:
     line = Line(pad(publish="sample"))
     line.feed(hello(4))

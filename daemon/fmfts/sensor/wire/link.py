@@ -197,7 +197,9 @@ class Link:
         pad_index, sensor, gain_code, time_us, counts = early
         self.heard_ns = now_ns
         pad = self._pads.get(pad_index)
-        if pad is None or not self.is_right_board or not self._fits("early sample", pad_index, pad.sensors):
+        if pad is None or not pad.early or not self.is_right_board:
+            return  # another host may have asked for it: the first hello ends that
+        if not self._fits("early sample", pad_index, pad.sensors):
             return
         if sensor >= pad.sensors:
             self._leave_out("early sample", f"the pad has no sensor {sensor} (they count from 0)")
