@@ -36,8 +36,7 @@ static void send_hello(struct device *device)
         .rate_hz = sampler->settings.rate_hz,
         .gain_code = sampler->settings.gain_code,
         .trigger = sampler->settings.trigger,
-        .running = device->running,
-        .can_send_early = true,
+        .flags = WIRE_CAN_SEND_EARLY | device->running, // bit 0 is WIRE_RUNNING
         .pad_count = sampler->pad_count,
     };
     memcpy(hello.uid, board->uid, sizeof hello.uid);
@@ -157,7 +156,7 @@ static enum wire_result execute(struct device *device, const struct wire_request
     case WIRE_REQUEST_START:
     case WIRE_REQUEST_STOP:
         device->running = request->type == WIRE_REQUEST_START;
-        sampler_send_early(&device->sampler, device->running ? (uint8_t)request->argument : 0);
+        device->sampler.early = (uint8_t)request->argument;
         sampler_stream(&device->sampler, device->running && device->announced);
         return RESULT_DONE;
     case WIRE_REQUEST_SELFTEST:
@@ -180,7 +179,7 @@ static void answer(struct device *device, const struct wire_request *request)
     if (reply.result != RESULT_DONE)
         return;
     if (request->type == WIRE_REQUEST_HELLO) {
-        sampler_send_early(&device->sampler, 0); // a host that does not know such packets asks who is there, too
+        device->sampler.early = 0; // a host that does not know such packets asks who is there, too
         send_hello(device);
     }
     if (request->type == WIRE_REQUEST_STATUS)

@@ -39,7 +39,6 @@ struct sampler_pad {
     uint64_t last_time_us;
     uint8_t mux_strikes;
     bool borrowed; // the self-test uses the pad
-    bool early;    // samples are also sent one by one, before their frames
     bool trigger_due;
     bool converting; // triggered, and not all sensors are read yet
     bool ahead;      // triggered again, while samples of the trigger before may still be unread
@@ -59,6 +58,7 @@ struct sampler {
     struct clock *clock;
     struct sampler_settings settings;
     bool streaming; // whether frames are made; sensors are polled in any case
+    uint8_t early;  // bit i: samples of pad i also go one by one, before their frames; only while chips run free
     uint8_t pad_count;
     uint8_t turn;
     uint32_t frame_remainder;

@@ -161,29 +161,18 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
     }
 }
 
-void sampler_send_early(struct sampler *sampler, uint8_t pads)
-{
-    for (int p = 0; p < sampler->pad_count; p++)
-        sampler->pads[p].early = pads >> p & 1;
-}
-
 bool sampler_take_early(struct sampler *sampler, struct wire_early *early)
 {
     uint8_t p = sampler->turn / SAMPLER_SENSORS_MAX, i = sampler->turn % SAMPLER_SENSORS_MAX;
-    struct sampler_pad *pad = &sampler->pads[p];
-    struct sensor *sensor = &pad->sensors[i];
-    if (!sensor->unsent)
-        return false;
+    struct sensor *sensor = &sampler->pads[p].sensors[i];
+    bool unsent = sensor->unsent;
     sensor->unsent = false;
-    if (!pad->early || !sampler->streaming || pad->borrowed || sampler->settings.trigger != TRIGGER_FREE)
+    if (!unsent || !(sampler->early >> p & 1) || sampler->settings.trigger != TRIGGER_FREE)
         return false;
-    *early = (struct wire_early){
-        .pad_index = p,
-        .sensor = i,
-        .gain_code = sampler->settings.gain_code,
-        .time_us = sensor->conversion.ended_us,
-        .counts = {sensor->counts[0], sensor->counts[1], sensor->counts[2]},
-    };
+    early->place = WIRE_PLACE(p, i);
+    early->gain_code = sampler->settings.gain_code;
+    early->time_us = sensor->conversion.ended_us;
+    early->counts = sensor->counts;
     return true;
 }
 

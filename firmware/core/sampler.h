@@ -30,9 +30,6 @@ void sampler_stream(struct sampler *sampler, bool streaming);
 // Does what is due next, at most one sensor's turn. False: nothing was due.
 bool sampler_poll(struct sampler *sampler);
 
-// Bit i of `pads`: the samples of pad i also go one by one, before their frames. Only while chips run free.
-void sampler_send_early(struct sampler *sampler, uint8_t pads);
-
 // Fills `early` with the sample that the last sampler_poll read, if its pad sends it early. False: there is none.
 bool sampler_take_early(struct sampler *sampler, struct wire_early *early);
 

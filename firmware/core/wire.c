@@ -89,8 +89,7 @@ size_t wire_encode_hello(const struct wire_hello *hello, uint8_t line[WIRE_LINE_
     put(&writer, hello->clock, 1);
     put_bytes(&writer, hello->uid, sizeof hello->uid);
     put(&writer, hello->rate_hz, 2);
-    put(&writer,
-        (uint8_t)(hello->can_send_early << 5 | hello->running << 4 | hello->trigger << 3 | hello->gain_code), 1);
+    put(&writer, (uint8_t)(hello->flags << 4 | hello->trigger << 3 | hello->gain_code), 1);
     put(&writer, hello->pad_count, 1);
     for (int pad = 0; pad < hello->pad_count; pad++) {
         put(&writer, hello->pads[pad].i2c_port, 1);
@@ -154,12 +153,10 @@ size_t wire_encode_load(const struct wire_load *load, uint8_t line[WIRE_LINE_MAX
     return finish(&writer);
 }
 
-// The highest bit keeps the second byte from being zero, so that COBS leaves it as it is: a host finds the pad at once.
 size_t wire_encode_early(const struct wire_early *early, uint8_t line[WIRE_LINE_MAX])
 {
     struct writer writer = begin(line, WIRE_EARLY);
-    put(&writer, (uint8_t)(0x80 | early->sensor << 4 | early->pad_index), 1);
-    put(&writer, early->gain_code, 1);
+    put(&writer, (uint16_t)(early->gain_code << 8 | early->place), 2);
     put(&writer, early->time_us, 6);
     put_axes(&writer, early->counts);
     return finish(&writer);

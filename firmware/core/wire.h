@@ -66,6 +66,8 @@ struct wire_sample {
     uint16_t age_us[WIRE_SENSORS_MAX];
 };
 
+enum { WIRE_RUNNING = 1, WIRE_CAN_SEND_EARLY = 2 };
+
 struct wire_hello {
     uint8_t firmware_version[3];
     uint8_t reset_cause;
@@ -74,8 +76,7 @@ struct wire_hello {
     uint16_t rate_hz;
     uint8_t gain_code;
     uint8_t trigger;
-    uint8_t running;
-    uint8_t can_send_early; // this firmware knows `early` packets
+    uint8_t flags; // WIRE_RUNNING, WIRE_CAN_SEND_EARLY
     uint8_t pad_count;
     struct {
         uint8_t i2c_port;
@@ -129,12 +130,15 @@ struct wire_load {
     int32_t counts;
 };
 
+// Where an early sample is from. The highest bit keeps the byte from being zero, so that COBS leaves it as it is: a host
+// finds the pad at once.
+#define WIRE_PLACE(pad_index, sensor) ((uint8_t)(0x80 | (sensor) << 4 | (pad_index)))
+
 struct wire_early {
-    uint8_t pad_index;
-    uint8_t sensor;
+    uint8_t place; // WIRE_PLACE
     uint8_t gain_code;
     uint64_t time_us;
-    int16_t counts[3];
+    const int16_t *counts; // three
 };
 
 struct wire_request {

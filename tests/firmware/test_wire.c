@@ -33,8 +33,7 @@ static size_t encode_hello(const struct vector *v, uint8_t *line)
         .rate_hz = (uint16_t)vector_get(v, "rate_hz"),
         .gain_code = (uint8_t)vector_get(v, "gain_code"),
         .trigger = (uint8_t)vector_get(v, "trigger"),
-        .running = (uint8_t)vector_get(v, "running"),
-        .can_send_early = (uint8_t)vector_get(v, "can_send_early"),
+        .flags = (uint8_t)(vector_get(v, "running") | vector_get(v, "can_send_early") << 1),
         .pad_count = (uint8_t)vector_get(v, "pad_count"),
     };
     for (int i = 0; i < 3; i++)
@@ -116,14 +115,15 @@ static size_t encode_load(const struct vector *v, uint8_t *line)
 
 static size_t encode_early(const struct vector *v, uint8_t *line)
 {
+    int16_t counts[3];
     struct wire_early early = {
-        .pad_index = (uint8_t)vector_get(v, "pad_index"),
-        .sensor = (uint8_t)vector_get(v, "sensor"),
+        .counts = counts,
+        .place = WIRE_PLACE(vector_get(v, "pad_index"), vector_get(v, "sensor")),
         .gain_code = (uint8_t)vector_get(v, "gain_code"),
         .time_us = (uint64_t)vector_get(v, "time_us"),
     };
     for (int axis = 0; axis < 3; axis++)
-        early.counts[axis] = (int16_t)vector_at(v, "counts", axis);
+        counts[axis] = (int16_t)vector_at(v, "counts", axis);
     return wire_encode_early(&early, line);
 }
 

@@ -21,8 +21,15 @@ static bool keep(void *context, const uint8_t *line, size_t count)
     size_t decoded = reference_unstuff(line, count - 1, packet);
     require(decoded > 2 && reference_crc(packet, decoded - 2) == (packet[decoded - 2] | packet[decoded - 1] << 8),
             "what the board sends has the right CRC");
-    require(packet[0] >> 4 == WIRE_VERSION && (packet[0] & 15) >= WIRE_SAMPLE && (packet[0] & 15) <= WIRE_LOAD,
+    require(packet[0] >> 4 == WIRE_VERSION && (packet[0] & 15) >= WIRE_SAMPLE && (packet[0] & 15) <= WIRE_EARLY,
             "what the board sends is of a known type");
+    if ((packet[0] & 15) == WIRE_EARLY) {
+        const struct sampler *sampler = &emulation.device.sampler;
+        unsigned pad_index = packet[1] & 15;
+        require(decoded == 17 && packet[1] >> 7 && pad_index < sampler->pad_count && (sampler->early >> pad_index & 1),
+                "only pads that were asked to send samples before their frames");
+        require((packet[1] >> 4 & 7) < sampler->pads[pad_index].wiring.sensor_count, "of sensors that they have");
+    }
     if ((packet[0] & 15) == WIRE_REPLY) {
         replies++;
         reply_id = packet[1];
