@@ -138,7 +138,7 @@ def test_three_pads_of_one_board_publish_every_sample(tmp_path: Path) -> None:
         RunningDaemon(tmp_path, "".join(pads).format(port=board.port)) as daemon,
     ):
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
-        with Subscription(("early",), None, daemon.base) as raw, Subscription(("frame",), None, daemon.base) as frames:
+        with Subscription(("early",), None, daemon.base) as raw:
             heard: dict[str, int] = {}
             until = time.monotonic() + 2 * PATIENCE_S
             while min(heard.get(name, 0) for name in "abc") < 400:
@@ -146,7 +146,6 @@ def test_three_pads_of_one_board_publish_every_sample(tmp_path: Path) -> None:
                 message = raw.receive(1.0)
                 if message is not None:
                     heard[message.pad] = heard.get(message.pad, 0) + 1
-            assert frames.receive(1.0) is not None
         with daemon.subscribe("status") as messages:
             message = messages.receive(5.0)
         assert message is not None

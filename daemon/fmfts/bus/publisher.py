@@ -114,11 +114,13 @@ class Publisher:
         self._send_checked(self._bus, f"status/{pad}".encode(), message)
 
     def frames_wanted(self, pad: str, now_ns: int) -> bool:
-        """Does a client subscribe to this pad's raw frames? Looks for new subscriptions once in LOOK_NS."""
+        """Does a client subscribe to this pad's raw frames or samples? Looks for new subscriptions once in LOOK_NS."""
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_NS
             self._follow_subscriptions()
-        return bool(self._subscriptions) and self._is_subscribed(f"frame/{pad}")
+        return bool(self._subscriptions) and (
+            self._is_subscribed(f"frame/{pad}") or self._is_subscribed(f"early/{pad}")
+        )
 
     def anything_wanted(self) -> bool:
         """Does a client subscribe to raw frames of any pad? Call it when `fileno` is readable, and now and then."""
