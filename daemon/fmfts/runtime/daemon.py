@@ -8,7 +8,7 @@ import secrets
 import signal
 import socket
 import time
-from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
 from pathlib import Path
@@ -38,7 +38,7 @@ from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.summary import one_line
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
-from fmfts.sensor import ByteSource, Source
+from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import IN_TIME
 from fmfts.service import open_files
@@ -198,23 +198,24 @@ class Daemon:
     def _serve(self, source: Source, now_ns: int) -> None:
         frames = source.poll(now_ns)
         byte_source = self._byte_sources.get(id(source))
-        early = deque(() if byte_source is None else byte_source.take_early())
+        early = () if byte_source is None else byte_source.take_early()
         newest_us = {frame.pad_index: frame.device_time_us for frame in frames}
-        for number, frame in enumerate(frames):
-            while early and early[0][0] <= number:
-                self._pass_early(source, early.popleft()[1])
+        for frame in frames:
             channel = self._channels.get((id(source), frame.pad_index))
             if channel is not None:
                 age_us = newest_us[frame.pad_index] - frame.device_time_us
                 channel.frame(frame, superseded=channel.wants_all and age_us > IN_TIME.longest_us)
-        for _, sample in early:
-            self._pass_early(source, sample)
+        if early:
+            self._pass_early(source, frames, early)
         self._schedule.served(source, had_frames=bool(frames))
 
-    def _pass_early(self, source: Source, sample: EarlySample) -> None:
-        channel = self._channels.get((id(source), sample.pad_index))
-        if channel is not None:
-            channel.early(sample)
+    def _pass_early(self, source: Source, frames: Sequence[Frame], early: Sequence[tuple[int, EarlySample]]) -> None:
+        """Only samples whose frame has not come with them: it holds them, and where Python is slow, it is soon late."""
+        last = {frame.pad_index: number for number, frame in enumerate(frames)}
+        for before, sample in early:
+            channel = self._channels.get((id(source), sample.pad_index))
+            if channel is not None and before > last.get(sample.pad_index, -1):
+                channel.early(sample)
 
     def _tell_silence(self, now_ns: int) -> int:
         """Publish the health of the next few silent pads. Returns after how many ns to go on: each has its turn every
