@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from fast_loop_host import Bus, Host, Told, sample_of
@@ -12,6 +13,7 @@ from test_fast_loop import bus  # noqa: F401  (a fixture)
 from test_link import hello
 
 from fmfts.bus.messages import ContactMessage
+from fmfts.config import ContactConfig
 from fmfts.contact import ContactModel
 from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import load_contact_model
@@ -159,6 +161,17 @@ def test_a_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: 
     assert after[0].now is None
     touched = [one.now for one in after if one.now is not None]
     assert all(abs(now.force_n - 0.8) < 0.15 for now in touched)
+
+
+def test_shear_is_told_between_frames_too() -> None:
+    config = msgspec.structs.replace(CONFIG, contact=ContactConfig(model="shear"))
+    pipeline, told = pipeline_with(load_contact_model(config)), list[float]()
+    for packet in sent_of(pressed, 0.3):
+        message = answer(pipeline, packet)
+        if isinstance(packet, EarlySample) and message is not None and message.now is not None:
+            told += [] if message.now.shear_x_n is None else [message.now.shear_x_n]
+    assert len(told) > 50
+    assert max(abs(shear_n) for shear_n in told) < 0.5
 
 
 def test_a_saturated_sample_is_left_to_its_frame(model: ContactModel) -> None:
