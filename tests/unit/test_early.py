@@ -133,7 +133,6 @@ def test_a_sample_that_comes_twice_late_or_after_its_frame_changes_nothing(model
 
 
 def test_a_lost_sample_is_taken_from_its_frame_or_not_at_all(model: ContactModel) -> None:
-    """Without any early sample the frames say what they say of a board that sends none."""
     packets = sent_of(tapped, 0.4)
     lost = [packet for number, packet in enumerate(packets) if number % 3 or not isinstance(packet, EarlySample)]
     whole, partly = (messages_of(pipeline_with(model), some) for some in (packets, lost))
@@ -150,7 +149,7 @@ def test_a_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: 
     jumped, before, after = False, list[ContactMessage](), list[ContactMessage]()
     for number, packet in enumerate(packets):
         spoiled = packet
-        if number > 400 and isinstance(packet, EarlySample) and packet.sensor == 1:
+        if number > 400 and not jumped and isinstance(packet, EarlySample) and packet.sensor == 1:
             counts = list(packet.counts)
             counts[axis] += 66
             spoiled, jumped = replace(packet, counts=(counts[0], counts[1], counts[2])), True
@@ -160,6 +159,7 @@ def test_a_sample_that_contradicts_stops_now_until_frames_begin_it_again(model: 
     assert all(message.now is not None for message in before[-100:])
     assert after[0].now is None
     touched = [one.now for one in after if one.now is not None]
+    assert len(touched) > 50
     assert all(abs(now.force_n - 0.8) < 0.15 for now in touched)
 
 

@@ -38,6 +38,12 @@ class ContactNow:
     rate_deviations: Array
     touching: bool
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all of it are numbers."""
+        told = np.concatenate([self.values, self.deviations, self.rates, self.rate_deviations])
+        return bool(np.isfinite(told).all())
+
 
 def shrunk(rates: Array, variance: Array, moving: float) -> tuple[Array, Array]:
     """Rates (m,) and their deviations (m,), from what the filter found. moving: probability that the finger moves."""

@@ -239,7 +239,10 @@ class NowEstimator:
         if judged.beyond or memory.followed < SETTLED_FRAMES or not 0.0 <= lead_s <= LONGEST_LEAD_S:
             return None
         self.memory.told_us = publish_us
-        return self._ahead(judged.estimate, judged.touching, judged.detection_limit_n, publish_us, lead_s)
+        if not (np.diagonal(memory.motion_covariance) >= 0.0).all():
+            return None
+        now = self._ahead(judged.estimate, judged.touching, judged.detection_limit_n, publish_us, lead_s)
+        return now if now is not None and now.is_finite else None
 
     def _publish_us(self, taken: Taken) -> float:
         """When the frame's message is published, on the board's clock."""

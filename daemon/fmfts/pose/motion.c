@@ -256,6 +256,15 @@ bool fmfts_is_next(const fmfts_motion_parameters *own, const fmfts_motion_memory
     return memory->motion_us[0] > 0.0 && time_us > fmax(memory->early_us[sensor], memory->motion_us[0] - own->late_us[0]);
 }
 
+static const double *newest_of(const double *time_us, int sensors)
+{
+    const double *newest = time_us;
+    for (int i = 1; i < sensors; i++) {
+        newest = time_us[i] > *newest ? time_us + i : newest;
+    }
+    return newest;
+}
+
 static int oldest_of(const fmfts_pose_memory *pose, unsigned left, int sensors)
 {
     int oldest = -1;
@@ -276,6 +285,9 @@ bool fmfts_follow(const fmfts_pose_parameters *parameters, const fmfts_motion_pa
         return false;
     }
     fresh &= (1u << sensors) - 1;
+    if (early && *newest_of(pose->time_us, sensors) <= memory->motion_us[0] - own->late_us[0]) {
+        return false; /* an old frame, sent again */
+    }
     for (int i = 0; early && i < sensors; i++) {
         fresh &= ~((unsigned)!fmfts_is_next(own, memory, i, pose->time_us[i]) << i);
     }

@@ -166,6 +166,9 @@ class MotionFilter:
         drive (5, 5): W of MOVING, in the units of the state's pose. log_moment: as in `State`.
         """
         memory = self.memory
+        if memory.early_us.any() and samples.time_us.max() <= memory.motion_us - LATE_US:
+            self.forget()  # an old frame, sent again
+            return False
         order = sorted(np.flatnonzero(samples.fresh).tolist(), key=lambda sensor: int(samples.time_us[sensor]))
         if memory.early_us.any():
             order = [sensor for sensor in order if self.is_next(sensor, float(samples.time_us[sensor]))]

@@ -124,6 +124,8 @@ class Channel:
         if self.job is not None or self._lateness.is_late(self.pipeline.host_time_ns(early.device_time_us), now_ns):
             return
         if self._publisher.frames_wanted(self.name, now_ns):
+            if self._publisher.state_wanted(self.name):  # it goes with the next frame: a replay has the state before
+                return
             self._publisher.send_early(self.name, early_message(early, self.name, self._boot, time.time_ns()))
         answer = self._answered(early)
         if isinstance(answer, PackedMessage):

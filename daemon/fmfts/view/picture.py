@@ -181,8 +181,7 @@ def _figures(
     if contact.shear_x_n is not None and contact.shear_y_n is not None:
         figures.add_row("shear", f"{contact.shear_x_n:+.2f} {contact.shear_y_n:+.2f} N")
     _add_pose(figures, contact)
-    nominal = "" if status is None else f" of {status.rate_nominal_hz:g}"
-    figures.add_row("rate", "–" if rate_hz is None else f"{rate_hz:.1f}{nominal} Hz")
+    figures.add_row("rate", "–" if rate_hz is None else _rate_text(rate_hz, status))
     sending_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
     figures.add_row("latency", f"{sending_ms:.2f} ms to publish" if contact.t_sample_ns else "–")
     if arrival_s is not None and contact.t_sample_ns:
@@ -191,6 +190,16 @@ def _figures(
     figures.add_row("sensors", " ".join(used) or "none")
     figures.add_row("", "–" if contact.temperature_c is None else f"{contact.temperature_c:.1f} °C")
     return figures
+
+
+def _rate_text(rate_hz: float, status: Status | None) -> str:
+    """rate_hz: of contacts, which are more than the frames with `publish = "sample"`."""
+    if status is None:
+        return f"{rate_hz:.1f} Hz"
+    frames_hz, nominal_hz = status.rate_hz, status.rate_nominal_hz
+    if rate_hz > 1.5 * nominal_hz and frames_hz is not None:
+        return f"{rate_hz:.1f} Hz, of which {frames_hz:.1f} of {nominal_hz:g} frames"
+    return f"{rate_hz:.1f} of {nominal_hz:g} Hz"
 
 
 def _add_pose(figures: Table, contact: Contact) -> None:

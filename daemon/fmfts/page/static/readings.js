@@ -58,14 +58,17 @@ function showSensors(pad, contact) {
 }
 
 function showFacts(pad, contact, ageMs) {
-  const { status } = pad, pose = contact?.pose, rate = pad.rate();
+  const { status } = pad, pose = contact?.pose, contactsHz = pad.rate();
+  const nominalHz = pad.shape.rate_nominal_hz ?? status?.rate_nominal_hz ?? 0;
+  // With publish = "sample" there are more contacts than frames.
+  const rate = contactsHz > 1.5 * nominalHz && known(status?.rate_hz) ? status.rate_hz : contactsHz;
   const ambient = pose?.ambient_t;
   const facts = {
     Magnet: pose ? `${withDeviation(pose.remanence_t, pose.remanence_sd_t, "T", 3)}` : "not known",
     Tilt: pose ? `${shown(Math.atan2(Math.hypot(pose.axis[0], pose.axis[1]), Math.abs(pose.axis[2])) * DEGREES, 1)} ± ${shown(pose.axis_sd_rad * DEGREES, 1)}°` : "not known",
     "Field on top": ambient ? `${shown(Math.hypot(...ambient) * 1e6, 0)} µT` : "–",
     Temperature: known(contact?.temperature_c) ? `${shown(contact.temperature_c, 1)} °C` : "–",
-    Rate: rate === null ? "–" : `${shown(rate, 0)} of ${shown(pad.shape.rate_nominal_hz ?? status?.rate_nominal_hz ?? 0, 0)} Hz`,
+    Rate: rate === null ? "–" : `${shown(rate, 0)} of ${shown(nominalHz, 0)} Hz`,
     "Age when drawn": ageMs === null ? "–" : `${shown(ageMs, 0)} ms`,
     "Sample to bus": known(status?.latency_p50_s) ? `${shown(status.latency_p50_s * 1e3, 1)} ms, p99 ${shown(status.latency_p99_s * 1e3, 1)}` : "–",
     Lost: status ? `${status.gaps} frames, ${status.crc_errors} CRC` : "–",

@@ -180,7 +180,15 @@ class Reader:
         version = [int(part) for part in __version__.split(".")[:3]]
         pads = tuple(pad.describe(self._config.bus) for pad in self._pads)
         settings = (self._settings.rate_hz, self._settings.gain_code, self._settings.trigger, int(self._running))
-        return Hello((version[0], version[1], version[2]), 0, 0, bytes(UID_BYTES), *settings, pads, can_send_early=1)
+        return Hello(
+            (version[0], version[1], version[2]),
+            0,
+            0,
+            bytes(UID_BYTES),
+            *settings,
+            pads,
+            can_send_early=int(self._polls_per_frame() > 1),
+        )
 
     def _status(self) -> Status:
         pads = tuple(pad.status() for pad in self._pads)

@@ -86,7 +86,7 @@ class Board:
         if not self._early:
             return None
         if not hello.can_send_early:
-            return faults.no_early_firmware(hello)
+            return faults.no_early_firmware(hello) if any(hello.uid) else faults.no_early_bus()  # a bus has no uid
         needed = sum(self._settings.rate_hz * frame_bytes(len(pad.sensors)) for pad in hello.pads)
         for pad_index, pad in enumerate(hello.pads):
             if self._early >> pad_index & 1:

@@ -98,6 +98,13 @@ def bad_clock(hello: Hello) -> str | None:
     return "the board runs on its RC oscillator, its times are ±1 % before correction: check the crystal"
 
 
+def no_early_bus() -> str:
+    return (
+        'the I2C bus has no time to read each chip twice a frame, so publish = "sample" is as "frame": '
+        "fewer pads on this bus, a faster clock, or a lower rate_hz"
+    )
+
+
 def no_early_firmware(hello: Hello) -> str:
     version = ".".join(map(str, hello.firmware_version))
     return (

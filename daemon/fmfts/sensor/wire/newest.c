@@ -9,14 +9,14 @@
 typedef struct {
     unsigned kept;
     uint64_t newest_us;
-} followed;
+} kind;
 
 typedef struct {
-    followed frames[FMFTS_WIRE_PADS], early[FMFTS_WIRE_PADS][FMFTS_WIRE_SENSORS];
+    kind frames[FMFTS_WIRE_PADS], early[FMFTS_WIRE_PADS][FMFTS_WIRE_SENSORS];
 } seen_packets;
 
 /* Whether a packet of this time is superseded by those that follow it. */
-static bool follows(followed *own, uint64_t time_us, fmfts_patience patience)
+static bool is_superseded_in(kind *own, uint64_t time_us, fmfts_patience patience)
 {
     if (own->kept == 0 || time_us > own->newest_us) {
         own->newest_us = time_us; /* what follows this packet is old, and was sent again */
@@ -36,14 +36,14 @@ static bool is_superseded(const uint8_t *line, size_t size, fmfts_patience patie
     fmfts_sample sample;
     fmfts_early_sample early;
     if (fmfts_read_sample(line, size, &sample) && sample.pad_index < FMFTS_WIRE_PADS) {
-        bool superseded = follows(&seen->frames[sample.pad_index], sample.time_us, patience);
+        bool superseded = is_superseded_in(&seen->frames[sample.pad_index], sample.time_us, patience);
         left_out[sample.pad_index] += superseded;
         return superseded;
     }
     if (fmfts_read_early_sample(line, size, &early) && early.pad_index < FMFTS_WIRE_PADS) {
         /* A frame holds all that came before it. */
         return seen->frames[early.pad_index].kept >= patience.most ||
-               follows(&seen->early[early.pad_index][early.sensor], early.time_us, patience);
+               is_superseded_in(&seen->early[early.pad_index][early.sensor], early.time_us, patience);
     }
     return false;
 }

@@ -8,7 +8,7 @@ enum {
     HEADER = 0x11, /* wire version 1, type sample */
     EARLY_HEADER = 0x17,
     FIXED_BYTES = 17,
-    EARLY_BYTES = 15,
+    EARLY_BODY_BYTES = 15,
     CRC_BYTES = 2,
 };
 
@@ -88,7 +88,7 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
 bool fmfts_read_early_sample(const uint8_t *line, size_t size, fmfts_early_sample *early)
 {
     uint8_t packet[FMFTS_LONGEST_LINE];
-    if (checked(line, size, EARLY_HEADER, packet) != EARLY_BYTES) {
+    if (checked(line, size, EARLY_HEADER, packet) != EARLY_BODY_BYTES) {
         return false;
     }
     early->pad_index = packet[1] & 15;
