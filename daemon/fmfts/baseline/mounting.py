@@ -115,6 +115,10 @@ class Mounting:
         """(8, 5, M) error of a unit change of pose and ambient field; see `Leftover.change_error`."""
         return np.zeros((8, 5, 0)) if self.leftover is None else self.leftover.change_error(solved)
 
+    def ambient_error(self, solved: NDArray[np.intp]) -> Array:
+        """(8, 3, M) error of the ambient field's change; see `Leftover.ambient_error`."""
+        return np.zeros((8, 3, 0)) if self.leftover is None else self.leftover.ambient_error(solved)
+
 
 def estimate_mounting(
     pad: Pad,

@@ -206,10 +206,26 @@ class Leftover:
         turned. The tracker's least squares turn both into an error of pose; its unknowns are the columns `solved` (pose
         0–4, log moment 5, ambient field 6–8). Where the ambient field is not solved, it does not change.
         """
+        # In these units a typical error is one, whichever change causes it.
+        typical = np.append(TYPICAL_CHANGE, np.full(3, AMBIENT_DEVIATION_T))[:, None] / TYPICAL_CHANGE
+        errors = self._errors_of_change(solved)[:, :5]
+        relative = fewest_causes((errors * typical[:, :, None]).reshape(40, -1)).reshape(8, 5, -1)
+        return np.asarray(relative / typical[:, :, None], dtype=np.float64)
+
+    def ambient_error(self, solved: NDArray[np.intp]) -> Array:
+        """(8, 3, M) as `change_error`, the error of the change of the ambient field; M = 0 where it is not solved."""
+        if not np.isin(AMBIENT_COLUMNS, solved).all():
+            return np.zeros((8, 3, 0))
+        typical = np.append(TYPICAL_CHANGE, np.full(3, AMBIENT_DEVIATION_T))[:, None, None]
+        errors = self._errors_of_change(solved)[:, np.searchsorted(solved, AMBIENT_COLUMNS)]
+        return np.asarray(fewest_causes((errors * typical).reshape(24, -1)).reshape(8, 3, -1) / typical)
+
+    def _errors_of_change(self, solved: NDArray[np.intp]) -> Array:
+        """(8, len(solved), M) errors of the solved columns, for each change and each deviation of the unknowns."""
         state, places, matrix = self.unknowns.unpack(self.scaled)
         _, at_rest = self.unknowns.predict(state, places, matrix)
         root = self._root
-        errors = np.zeros((8, 5, len(self.scaled)))
+        errors = np.zeros((8, len(solved), len(self.scaled)))
         for direction, size in enumerate(TYPICAL_CHANGE):
             step = np.zeros(9)
             step[direction] = size
@@ -217,17 +233,14 @@ class Leftover:
             seen = self.weight[:, None] * there[:, solved]
             scale = lengths(seen.T)
             mistaken = product(self.weight[:, None] * (there - at_rest), root)
-            errors[direction] = (least_squares(seen / scale, mistaken) / scale[:, None])[:5] / size
+            errors[direction] = least_squares(seen / scale, mistaken) / scale[:, None] / size
         if np.isin(AMBIENT_COLUMNS, solved).all():
             by_field = self.weight[:, None, None] * self._by_field(root)
             seen = self.weight[:, None] * at_rest[:, solved]
             scale = lengths(seen.T)
             for axis in range(3):
-                errors[5 + axis] = (least_squares(seen / scale, by_field[:, axis]) / scale[:, None])[:5]
-        # In these units a typical error is one, whichever change causes it.
-        typical = np.append(TYPICAL_CHANGE, np.full(3, AMBIENT_DEVIATION_T))[:, None] / TYPICAL_CHANGE
-        relative = fewest_causes((errors * typical[:, :, None]).reshape(40, -1)).reshape(8, 5, -1)
-        return np.asarray(relative / typical[:, :, None], dtype=np.float64)
+                errors[5 + axis] = least_squares(seen / scale, by_field[:, axis]) / scale[:, None]
+        return errors
 
 
 def fewest_causes(errors: Array, most: int = MOST_CAUSES) -> Array:

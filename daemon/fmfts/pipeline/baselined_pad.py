@@ -27,6 +27,7 @@ from fmfts.pose import (
 )
 from fmfts.pose.ambient_motion import AmbientMotionDetector
 from fmfts.pose.field_errors import change_since
+from fmfts.pose.hidden_gradient import HiddenGradient, effect_of_gradient, reference_of
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,14 @@ class BaselinedPad:
         """A detector for a scene whose ambient field is constant; None if the field may change."""
         is_constant = self.at_rest and self.tracking.parts[AMBIENT.start] == Part.FIXED
         return AmbientMotionDetector(self.pad, self.mounting.rest) if is_constant else None
+
+    def hidden_gradient(self) -> HiddenGradient:
+        mounting, solved = self.mounting, self.tracking.estimated
+        reference_t = reference_of(
+            self.pad, mounting.offset_t, self.tracking.ambient_turns, mounting.ambient_t is not None
+        )
+        effect = effect_of_gradient(self.pad, mounting.rest, mounting.noise_t, solved)
+        return HiddenGradient(mounting.rest, reference_t, mounting.ambient_error(solved), effect)
 
     def with_calibration_uncertainty(self, estimate: PoseEstimate, of_silicone: Array) -> PoseEstimate:
         """Add to the covariance what the baseline leaves unknown of the pad, and what silicone does (5, 5)."""

@@ -20,6 +20,7 @@ from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
+from fmfts.pose.hidden_gradient import HiddenGradientMemory
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
 from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
 from fmfts.pose.track import Track, TrackerMemory
@@ -52,7 +53,9 @@ class EstimatorMemory:
     rested_s: float = 0.0
     unread_s: float = 0.0
     now: NowMemory | None = None
-    silicone: SiliconeMemory = field(default_factory=SiliconeMemory)  # recordings of old versions lack it
+    # Recordings of old versions lack these.
+    silicone: SiliconeMemory = field(default_factory=SiliconeMemory)
+    hidden_gradient: HiddenGradientMemory = field(default_factory=HiddenGradientMemory)
 
 
 class Estimator:
@@ -74,13 +77,15 @@ class Estimator:
         self._ambient_motion = baselined.ambient_motion()
         self._touch = TouchDetector(rate_hz)
         self._silicone = SiliconeFollower(baselined.drawing.silicone, self._touch.longest_gap_s)
+        self._hidden_gradient = baselined.hidden_gradient()
         self._smoother = Smoother(model.smoothing_s)
         ambient_motion = None if self._ambient_motion is None else self._ambient_motion.memory
         self.memory = EstimatorMemory(
             *(self._tracker.memory, self._touch.memory, self._smoother.memory, ambient_motion),
             silicone=self._silicone.memory,
+            hidden_gradient=self._hidden_gradient.memory,
         )
-        self._now = NowEstimator.of(baselined, model, self._silicone, rate_hz, lead)
+        self._now = NowEstimator.of(baselined, model, self._silicone, self._hidden_gradient, rate_hz, lead)
         if self._now is not None:
             self.memory.now = self._now.memory
         self.detection_limit_n = 0.0
@@ -99,6 +104,7 @@ class Estimator:
                 model,
                 self._touch,
                 self._silicone,
+                self._hidden_gradient,
                 baselined.change_error,
                 baselined.repeats_allowed,
                 stopped_us,
@@ -138,7 +144,7 @@ class Estimator:
         self.memory = memory
         self._tracker.recall(memory.tracker)
         self._touch.memory, self._smoother.memory = memory.touch, memory.smoother
-        self._silicone.memory = memory.silicone
+        self._silicone.memory, self._hidden_gradient.memory = memory.silicone, memory.hidden_gradient
         if self._ambient_motion is not None and memory.ambient_motion is not None:
             self._ambient_motion.memory = memory.ambient_motion
         if self._now is not None and memory.now is not None:
@@ -227,7 +233,9 @@ class Estimator:
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours, missing)
         if self._ambient_motion is not None:
             track = self._ambient_motion.judge(track, field, deviation)
-        if not self.baselined.at_rest:
+        if self.baselined.at_rest:
+            track = self._hidden_gradient.judge(track, elapsed_s)
+        else:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":
             self._touch.unseen()

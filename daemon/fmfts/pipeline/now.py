@@ -26,6 +26,7 @@ from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
 from fmfts.pipeline.fast.now_parameters import NowParameters
 from fmfts.pose import AMBIENT, LOG_MOMENT, PoseEstimate, State, change_from, displacement, tangent_basis
 from fmfts.pose.change import shortest_rotation
+from fmfts.pose.hidden_gradient import HiddenGradient
 from fmfts.pose.motion import (
     AMBIENT_CHANGE,
     FALSE_INNOVATION,
@@ -113,11 +114,13 @@ class NowEstimator:
         baselined: BaselinedPad,
         model: ContactModel,
         silicone: SiliconeFollower,
+        hidden_gradient: HiddenGradient,
         response: Response,
         rate_hz: float,
         lead: Lead,
     ) -> None:
-        self._baselined, self._model, self._silicone = baselined, model, silicone
+        self._baselined, self._model = baselined, model
+        self._silicone, self._hidden_gradient = silicone, hidden_gradient
         mounting, walk = baselined.mounting, baselined.tracking.walk_per_s[AMBIENT]
         turn = shortest_rotation(mounting.rest.axis, baselined.drawing.rest_axis)
         to_the_pose = to_pose(product(turn, tangent_basis(mounting.rest.axis))[:2])
@@ -149,16 +152,17 @@ class NowEstimator:
         baselined: BaselinedPad,
         model: ContactModel | NoContactModel,
         silicone: SiliconeFollower,
+        hidden_gradient: HiddenGradient,
         rate_hz: float,
         lead: Lead,
     ) -> Self | None:
-        """silicone: follows this pad's loads. None if the pad's response, or its rest, is not known."""
+        """silicone, hidden_gradient: follow this pad. None if the pad's response, or its rest, is not known."""
         if isinstance(model, NoContactModel) or model.response is None or not baselined.at_rest:
             return None
         response = model.response if model.has_shear else model.response.without_shear()
         if response.coefficient.shape[2] > MOST_MONOMIALS:
             return None
-        return cls(baselined, model, silicone, response, rate_hz, lead)
+        return cls(baselined, model, silicone, hidden_gradient, response, rate_hz, lead)
 
     @property
     def memory(self) -> NowMemory:
@@ -260,7 +264,7 @@ class NowEstimator:
         baselined, memory = self._baselined, self._filter.memory
         moving = self._at_newest(estimate)
         of_silicone = self._silicone.covariance(change_from(baselined.mounting.rest, moving))
-        moving = baselined.with_calibration_uncertainty(moving, of_silicone)
+        moving = baselined.with_calibration_uncertainty(self._hidden_gradient.widened(moving), of_silicone)
         chi2 = chi2_from_rest(*displacement(moving, baselined.mounting.rest))
         position_m, axis, covariance = baselined.in_nominal_frame(moving)
         contact = self._model.estimate(position_m, axis, covariance, baselined.magnet_off_m)

@@ -82,19 +82,44 @@ static void measure(const fmfts_pose_parameters *parameters, const double *state
     }
 }
 
+/* A covariance over the rest axis's tangents, as one over the estimate's: turned [5][5]. */
+static void turn_back(const fmfts_displacement *d, const double added[5][5], double *turned)
+{
+    double back[5][5];
+    for (int i = 0; i < 5; i++) {
+        for (int j = 0; j < 5; j++) {
+            back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];
+        }
+    }
+    carry(5, (const double(*)[5])back, added, turned);
+}
+
+void fmfts_widen(const fmfts_pose_parameters *parameters, const double *state, const double added[5][5], fmfts_pose *pose)
+{
+    double turned[25];
+    fmfts_displacement d;
+    measure(parameters, state, &d);
+    turn_back(&d, added, turned);
+    for (int i = 0; i < 5; i++) {
+        for (int j = 0; j < 5; j++) {
+            pose->covariance[FMFTS_STEP * i + j] += turned[5 * i + j];
+        }
+    }
+}
+
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
                     const fmfts_pose *pose, fmfts_displacement *d)
 {
-    double added[5][5], turned[25], to_rest[5][5], back[5][5];
+    double added[5][5], turned[25], to_rest[5][5];
     measure(parameters, state, d);
     leftover_covariance(parameters, d->change, state + AMBIENT_VALUE, added);
     fmfts_creep(parameters, memory, d->change, added);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
-            to_rest[i][j] = back[j][i] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];
+            to_rest[i][j] = i < 3 || j < 3 ? i == j : d->turn[i - 3][j - 3];
         }
     }
-    carry(5, (const double(*)[5])back, (const double(*)[5])added, turned);
+    turn_back(d, (const double(*)[5])added, turned);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
             d->covariance[i][j] = pose->covariance[FMFTS_STEP * i + j] + turned[5 * i + j];

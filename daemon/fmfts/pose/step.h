@@ -77,6 +77,15 @@ enum {
     X(creep_share, 1)                                                                                                  \
     X(unseen_gap_s, 1)                                                                                                 \
     X(creep_time_s, FMFTS_DECADES)                                                                                     \
+    X(reference_t, 3)           /* hidden_gradient.py; NaN: not known */                                               \
+    X(reference_strength_t, 1)                                                                                         \
+    X(even_t, 1)                                                                                                       \
+    X(healthy_deviations, 1)                                                                                           \
+    X(fades_s, 1)                                                                                                      \
+    X(strongest_foreign_t, 1)                                                                                          \
+    X(ambient_errors, 1)                                                                                               \
+    X(ambient_error, 3 * FMFTS_CHANGE * FMFTS_LEFTOVERS)                                                               \
+    X(unit_gradient, 25)                                                                                               \
     X(drawn_rest_m, 3)          /* change.py */                                                                        \
     X(drawn_turn, 9)
 
@@ -101,6 +110,7 @@ enum {
     X(lasting_misfit, 1)                                                                                               \
     X(crept, 5 * FMFTS_DECADES)                                                                                        \
     X(pressed, 5)                                                                                                      \
+    X(foreign_t, 1)                                                                                                    \
     X(passed, 1)                /* frames since Python handed the memory over */
 
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
@@ -168,6 +178,17 @@ void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memo
 /* silicone.c: adds to `covariance` what silicone leaves uncertain of the change of pose. */
 void fmfts_creep(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double change[5],
                  double covariance[5][5]);
+
+/* change.c: adds to the covariance of `state`'s pose that of a change of pose, over the rest axis's tangents. */
+void fmfts_widen(const fmfts_pose_parameters *parameters, const double *state, const double added[5][5], fmfts_pose *pose);
+
+/* hidden_gradient.c: notes in `memory` the foreign field that the ambient field shows, and adds to the pose's covariance
+ * what it leaves uncertain. False if it is too strong. */
+bool fmfts_follow_foreign(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, fmfts_pose *pose);
+
+/* hidden_gradient.c: the same addition, to the covariance of another `state`. */
+void fmfts_widen_by_foreign(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
+                            fmfts_pose *pose);
 
 /* change.c: in_nominal_frame. pose [6]: position (× unit_per_m) and axis; covariance [6][6]. */
 void fmfts_draw(const fmfts_pose_parameters *parameters, const double *state, const fmfts_displacement *d,

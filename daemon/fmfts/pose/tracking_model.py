@@ -20,7 +20,8 @@ class TrackingModel:
 
     parts (SIZE,). initial (SIZE,): variance of PRIOR and CONSIDERED parts right after the baseline. walk_per_s (SIZE,):
     growth of that variance per second. moment_per_k, moment_per_k_deviation: change of the log moment per kelvin.
-    unread_warming_k: deviation of the pad's warming since the baseline, until a temperature is read.
+    unread_warming_k: deviation of the pad's warming since the baseline, until a temperature is read. ambient_turns: the
+    ambient field may change by the robot's turning; else only by what is foreign.
     """
 
     parts: Parts
@@ -29,6 +30,7 @@ class TrackingModel:
     moment_per_k: float = 0.0
     moment_per_k_deviation: float = 0.0
     unread_warming_k: float = 0.0
+    ambient_turns: bool = True
 
     @property
     def has_prior(self) -> bool:

@@ -82,7 +82,8 @@ def tracking_model_for(scene: SceneConfig, magnet: MagnetConfig, chip: Chip = DE
         initial[LOG_MOMENT] += square(per_k * HOTTER_K)
         why += f"; it drifts, which a drifting field hides: {abs(per_k) * HOTTER_K:.1%} of it count as unknown"
     unread_k = 0.0 if chip.thermometer is None else UNREAD_WARMING_K
-    return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k), why)
+    turns = scene.ambient == "drifting"
+    return SceneModel(TrackingModel(parts, initial, walk, per_k, abs(per_k) * COEFFICIENT_SHARE, unread_k, turns), why)
 
 
 def scene_model_of(config: PadConfig) -> SceneModel:

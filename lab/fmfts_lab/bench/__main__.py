@@ -25,6 +25,7 @@ from fmfts_lab.bench import (
     resident,
     silicone,
     speed,
+    tools,
     turning,
 )
 
@@ -34,8 +35,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     verbs = parser.add_subparsers(
         required=True,
-        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | neighbours | "
-        "silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | now",
+        metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
+        "neighbours | silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | now",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -97,6 +98,15 @@ def main() -> None:
     verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS)
     verb.add_argument("--verbose", action="store_true", help="also the cases that are named right")
     verb.set_defaults(run=causes.run)
+    verb = verbs.add_parser("tools", help="a magnetic tool passes, is put down, turns: wrong frames, false contacts")
+    verb.add_argument("--pads", type=int, default=1, help="how many pads are built, for each row")
+    verb.add_argument("--scenes", nargs="+", choices=tools.SCENES, default=tools.SCENES)
+    verb.add_argument("--moments", type=float, nargs="+", default=tools.MOMENTS_A_M2, metavar="A_M2")
+    verb.add_argument("--built", choices=tuple(tools.BUILT), default="drawn", help="how chips are turned and gains off")
+    verb.add_argument("--touches", nargs="+", choices=tuple(tools.FINGERS), default=tuple(tools.FINGERS))
+    verb.add_argument("--verbose", action="store_true", help="a row for each way, too")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=tools.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
     verb.set_defaults(run=neighbours.run)

@@ -99,7 +99,8 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
         misses_temperature(&parameters->pose, frame->temperature_c) ||
         !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
         !fmfts_track(&parameters->pose, &next->pose, &field, frame->temperature_c, &pose) ||
-        !fmfts_judge_residuals(&parameters->pose, &next->pose, &field)) {
+        !fmfts_judge_residuals(&parameters->pose, &next->pose, &field) ||
+        !fmfts_follow_foreign(&parameters->pose, &next->pose, &pose)) {
         return FMFTS_NO_NUMBER;
     }
     const double *state = next->pose.state;

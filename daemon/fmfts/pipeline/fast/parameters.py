@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import length
 from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
 from fmfts.common.double_table import DoubleTable
@@ -21,8 +22,9 @@ from fmfts.contact.model import (
 from fmfts.contact.refinement import STEPS
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
-from fmfts.pose import alignment, gate, mean_residuals, tracker
+from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, tracker
 from fmfts.pose.change import shortest_rotation
+from fmfts.pose.hidden_gradient import HiddenGradient
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.silicone import TIMES_S, SiliconeFollower
 from fmfts.pose.state import SIZE
@@ -102,6 +104,18 @@ def put_silicone(parameters: DoubleTable, silicone: SiliconeFollower) -> None:
     parameters.put("creep_share", silicone.creep_share)
     parameters.put("unseen_gap_s", silicone.longest_gap_s)
     parameters.put("creep_time_s", TIMES_S)
+
+
+def put_hidden_gradient(parameters: DoubleTable, hidden: HiddenGradient) -> None:
+    parameters.put("reference_t", hidden.reference_t)
+    parameters.put("reference_strength_t", length(hidden.reference_t))
+    parameters.put("even_t", hidden_gradient.EVEN_T)
+    parameters.put("healthy_deviations", hidden_gradient.HEALTHY)
+    parameters.put("fades_s", hidden_gradient.FADES_S)
+    parameters.put("strongest_foreign_t", hidden.strongest_t)
+    parameters.put("ambient_errors", hidden.ambient_error.shape[-1])
+    parameters.put("ambient_error", hidden.ambient_error)
+    parameters.put("unit_gradient", hidden.unit)
 
 
 def put_contact(

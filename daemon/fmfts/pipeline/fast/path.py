@@ -17,8 +17,16 @@ from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.pipeline.fast.now_parameters import NowParameters, put_now
-from fmfts.pipeline.fast.parameters import put_contact, put_message, put_sensors, put_silicone, put_tracking
+from fmfts.pipeline.fast.parameters import (
+    put_contact,
+    put_hidden_gradient,
+    put_message,
+    put_sensors,
+    put_silicone,
+    put_tracking,
+)
 from fmfts.pipeline.fast.template import Template
+from fmfts.pose.hidden_gradient import HiddenGradient
 from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.early import EarlySample
@@ -131,6 +139,7 @@ class FastPath:
         model: ContactModel,
         touch: TouchDetector,
         silicone: SiliconeFollower,
+        hidden_gradient: HiddenGradient,
         change_error: Array,
         repeats_allowed: Array,
         stopped_us: float,
@@ -149,6 +158,7 @@ class FastPath:
             put_sensors(parameters, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
             put_tracking(parameters, mounting, tracking, rest_temperature_c)
             put_silicone(parameters, silicone)
+            put_hidden_gradient(parameters, hidden_gradient)
             put_contact(parameters, mounting, drawing, change_error, touch, model, detection_limit_n)
             put_message(parameters, mounting, drawing.magnet.remanence_t)
             put_now(parameters, now)

@@ -1,0 +1,205 @@
+"""A foreign field whose gradient looks like a press: its uniform part betrays it, and deviations count it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mounted_world import TOLERANCE, World
+from test_healthy_path import assert_same, python_only
+from test_pipeline import config_of
+
+from fmfts.baseline import make_bare, make_rest
+from fmfts.pad import Pad, rotation_from_vector
+from fmfts.pipeline.configured import load_contact_model
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.fast.compiled import AVAILABLE
+from fmfts.pose import FREE_FIELD, dipole_field, solve
+from fmfts.pose.change import change_from
+from fmfts.pose.field_errors import change_since
+from fmfts.pose.gate import VAGUE_M
+from fmfts.pose.hidden_gradient import (
+    EVEN_T,
+    FADES_S,
+    GRADIENT_PER_T,
+    HEALTHY,
+    HiddenGradient,
+    effect_of_gradient,
+    reference_of,
+)
+from fmfts.pose.state import AMBIENT, State
+from fmfts.pose.track import Track
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts_lab.bench.tapped import tapping, without_baseline
+from fmfts_lab.bench.tool_ways import WAYS, Tool
+from fmfts_lab.bench.tools import BesideTool, Scene, drilled, pad_config
+
+EARTH_T = np.array([2e-5, -1e-5, -4.5e-5])
+NOISE_T = np.full((4, 3), 2e-7)
+
+
+@pytest.fixture
+def pad() -> Pad:
+    return config_of().pad()
+
+
+def follower(pad: Pad, reference_t: np.ndarray = EARTH_T) -> HiddenGradient:
+    rest = State.at_rest(pad)
+    return HiddenGradient(rest, reference_t, np.zeros((8, 3, 0)), effect_of_gradient(pad, rest, NOISE_T, FREE_FIELD))
+
+
+def own_field_t(pad: Pad) -> np.ndarray:
+    rest, magnet = State.at_rest(pad), pad.magnet
+    places, octupole_m2 = pad.sensors.position_m, magnet.modelled_octupole_m2
+    return dipole_field(places, rest.position_m, rest.axis, magnet.strength_t_m3, octupole_m2)
+
+
+def track_in(pad: Pad, change_t: np.ndarray) -> Track:
+    """An untouched pad whose ambient field has changed since its baseline."""
+    rest = State.at_rest(pad)
+    solved = solve(own_field_t(pad), pad, rest, deviation_t=NOISE_T, free=FREE_FIELD)
+    estimate = replace(solved, state=replace(rest, ambient_t=change_t))
+    return Track(estimate, np.ones((4, 3), dtype=bool), "ok", "")
+
+
+def healthy(pad: Pad) -> tuple[float, np.ndarray]:
+    """Deviation (m) of a resting magnet's height, and covariance (3, 3) of the ambient field."""
+    estimate = track_in(pad, np.zeros(3)).estimate
+    assert estimate is not None
+    return float(np.sqrt(estimate.covariance[2, 2])), estimate.covariance[AMBIENT, AMBIENT]
+
+
+def height_sd_m(track: Track) -> float:
+    assert track.estimate is not None
+    return float(np.sqrt(track.estimate.covariance[2, 2]))
+
+
+def test_effect_of_a_gradient_is_what_the_solver_makes_of_it(pad: Pad) -> None:
+    rest = State.at_rest(pad)
+    effect = effect_of_gradient(pad, rest, NOISE_T, FREE_FIELD)
+    for component, (row, column) in enumerate([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2)]):
+        gradient = np.zeros((3, 3))
+        gradient[row, column] = gradient[column, row] = 1e-5
+        gradient[2, 2] -= gradient[0, 0] + gradient[1, 1]
+        field_t = own_field_t(pad) + pad.sensors.position_m @ gradient
+        estimate = solve(field_t, pad, rest, deviation_t=NOISE_T, free=FREE_FIELD)
+        moved = change_from(rest, estimate)
+        expected = effect[:, component] * 1e-5
+        assert moved == pytest.approx(expected, abs=0.02 * np.abs(expected).max() + 1e-9)
+
+
+def test_an_earth_s_field_that_turns_adds_nothing(pad: Pad) -> None:
+    gradient, random = follower(pad), np.random.default_rng(1)
+    for _ in range(50):
+        turned = rotation_from_vector(random.normal(0.0, 1.0, 3)) @ EARTH_T * random.normal(1.0, 0.005)
+        track = track_in(pad, turned - EARTH_T)
+        assert gradient.judge(track, 5e-3) == track
+
+
+def test_a_stronger_field_adds_the_gradient_of_a_dipole_60_mm_away(pad: Pad) -> None:
+    gradient, foreign_t = follower(pad), 1e-5
+    told = gradient.judge(track_in(pad, EARTH_T / np.linalg.norm(EARTH_T) * foreign_t), 5e-3)
+    assert told.health == "ok"
+    unit = EARTH_T / np.linalg.norm(EARTH_T)
+    alone_m, covariance = healthy(pad)
+    seen_t = np.sqrt(foreign_t**2 - HEALTHY**2 * (EVEN_T**2 + unit @ covariance @ unit))
+    assert gradient.memory.foreign_t == pytest.approx(seen_t, rel=1e-9)
+    effect = effect_of_gradient(pad, State.at_rest(pad), NOISE_T, FREE_FIELD)
+    added = GRADIENT_PER_T * seen_t * np.linalg.norm(effect[2])
+    assert height_sd_m(told) == pytest.approx(np.hypot(alone_m, added), rel=1e-6)
+    assert pytest.approx(3.0 / 0.06) == GRADIENT_PER_T
+
+
+def test_what_was_seen_fades_and_is_not_forgotten_at_once(pad: Pad) -> None:
+    gradient, unit = follower(pad), EARTH_T / np.linalg.norm(EARTH_T)
+    first = height_sd_m(gradient.judge(track_in(pad, 1e-5 * unit), 5e-3))
+    at_once = height_sd_m(gradient.judge(track_in(pad, np.zeros(3)), 5e-3))
+    assert first > at_once > 0.99 * first
+    for _ in range(round(10 * FADES_S / 5e-3)):
+        later = height_sd_m(gradient.judge(track_in(pad, np.zeros(3)), 5e-3))
+    assert later < 1.01 * healthy(pad)[0]
+
+
+def test_where_the_robot_stands_still_a_turned_field_is_foreign(pad: Pad) -> None:
+    turned = rotation_from_vector(np.array([0.0, 0.1, 0.0])) @ EARTH_T - EARTH_T
+    assert follower(pad).judge(track_in(pad, turned), 5e-3).estimate is not None
+    still = follower(pad, np.zeros(3))
+    still.judge(track_in(pad, turned), 5e-3)
+    assert still.memory.foreign_t == pytest.approx(np.linalg.norm(turned), rel=0.1)
+
+
+def test_a_field_whose_gradient_could_move_the_magnet_by_a_millimetre_is_disturbed(pad: Pad) -> None:
+    gradient, unit = follower(pad), EARTH_T / np.linalg.norm(EARTH_T)
+    for share, reason in ((0.6, "60% stronger"), (-0.6, "60% weaker")):
+        told = gradient.judge(track_in(pad, share * np.linalg.norm(EARTH_T) * unit), 5e-3)
+        assert (told.health, told.estimate) == ("disturbed", None)
+        assert reason in told.reason
+    effect = effect_of_gradient(pad, State.at_rest(pad), NOISE_T, FREE_FIELD)
+    assert gradient.strongest_t * GRADIENT_PER_T * np.linalg.norm(effect[:3]) == pytest.approx(VAGUE_M)
+
+
+def test_without_a_bare_recording_of_a_turning_pad_nothing_is_concluded(pad: Pad) -> None:
+    unknown = reference_of(pad, NOISE_T, turns=True, is_known=False)
+    track = track_in(pad, 4e-5 * np.array([0.6, 0.0, 0.8]))
+    assert follower(pad, unknown).judge(track, 5e-3) == track
+
+
+@pytest.mark.parametrize("gain", [0.005, 0.05])
+def test_ambient_field_is_as_uncertain_as_claimed(pad: Pad, gain: float) -> None:
+    """Chips that are off read a press and another ambient field as a foreign one; the baseline says by how much."""
+    normalised = []
+    for seed in range(40):
+        world, tolerance = World(pad, np.random.default_rng(seed)), replace(TOLERANCE, gain=gain)
+        world.spoilt(tolerance)
+        before = make_bare(pad, tolerance, world.recorded(world.bare()))
+        _, mounting = make_rest(pad, tolerance, world.recorded(world.field()), before)
+        turned_t = np.array([3e-5, -4e-5, 2e-5])
+        world.earth_t = world.earth_t + turned_t
+        press = np.array([3e-4, -2e-4, -7e-4, 0.08, 0.05, 0, 0, 0, 0])
+        field = mounting.magnet_field(world.field(world.rest.stepped(press)))
+        estimate = solve(field, mounting.mounted(pad), mounting.rest, free=FREE_FIELD)
+        error = estimate.state.ambient_t - turned_t
+        since = change_since(mounting.rest, estimate.state)
+        left_open = np.tensordot(since, mounting.ambient_error(FREE_FIELD), axes=1)
+        covariance = left_open @ left_open.T + np.eye(3) * (1e-7) ** 2
+        normalised.append(error @ np.linalg.solve(covariance, error))
+    # A mean of 40 χ²₃ has a deviation of 0.39.
+    assert 3.0 - 4 * 0.39 < np.mean(normalised) < 3.0 + 4 * 0.39
+
+
+@pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
+@pytest.mark.parametrize("scene", ["steel", "turning"])
+def test_beside_a_tool_c_says_the_same_as_python(scene: Scene) -> None:
+    config, way = pad_config(scene, 1, "drawn"), WAYS[4]
+    model, baseline = load_contact_model(config), simulated_baseline(config)
+    compiled, oracle = without_baseline(config, model), without_baseline(config, model)
+    for pipeline in (compiled, oracle):
+        pipeline.use(baseline)
+    python_only(oracle)
+    source, of_c, foreign_t = BesideTool(config, Tool(way, 0.2, np.random.default_rng(4))), 0, 0.0
+    source.finger = tapping
+    for frame in (frame for batch in source.batches(round(way.seconds * 220)) for frame in batch):
+        answer, expected = compiled.answer(frame), oracle.process(frame)
+        is_packed = isinstance(answer, PackedMessage)
+        assert_same(answer.message if isinstance(answer, PackedMessage) else answer, expected)
+        seen_t = oracle.memory.estimator.hidden_gradient.foreign_t if oracle.memory.estimator else 0.0
+        of_c += is_packed and seen_t > 0.0
+        foreign_t = max(foreign_t, seen_t)
+    assert of_c > 200
+    assert foreign_t > 1e-6
+    own, other = compiled.memory.estimator, oracle.memory.estimator
+    assert own is not None
+    assert other is not None
+    assert own.hidden_gradient.foreign_t == pytest.approx(other.hidden_gradient.foreign_t, rel=1e-6)
+
+
+# Of the ways of `bench tools`, one on which a third of the frames told a contact that was none.
+PUT_DOWN, MOMENT_A_M2 = WAYS[8], 0.055
+
+
+@pytest.mark.parametrize("scene", ["steel", "turning"])
+def test_a_magnetic_tool_is_no_contact_and_no_wrong_answer(scene: Scene) -> None:
+    (cell,) = drilled((scene,), (MOMENT_A_M2,), (PUT_DOWN,), ("rest",), range(1, 2), "drawn")
+    assert cell.health["ok"] > 1000  # that is not for want of answers
+    assert (cell.wrong, cell.wrong_degraded, cell.false_contacts) == (0, 0, 0), cell.line
