@@ -100,7 +100,8 @@ def test_two_pressed_pads_30_mm_apart_stay_right_when_told_of_each_other() -> No
     assert told.wrong == told.false_contacts == 0
     assert len(told.errors) > 500
     assert untold.health["ok"] < 0.9 * untold.frames
-    assert untold.false_contacts > 0
+    # A neighbour that nobody named is a foreign magnet: flagged, or counted in the deviations (hidden_gradient.py).
+    assert untold.wrong == untold.false_contacts == 0
 
 
 def test_a_neighbour_far_away_is_left_out() -> None:

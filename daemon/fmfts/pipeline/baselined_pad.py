@@ -27,7 +27,7 @@ from fmfts.pose import (
 )
 from fmfts.pose.ambient_motion import AmbientMotionDetector
 from fmfts.pose.field_errors import change_since
-from fmfts.pose.hidden_gradient import HiddenGradient, effect_of_gradient, reference_of
+from fmfts.pose.hidden_gradient import STANDS_STILL, HiddenGradient, Reference, effect_of_gradient, reference_of
 
 Array = NDArray[np.float64]
 
@@ -71,11 +71,17 @@ class BaselinedPad:
 
     def hidden_gradient(self) -> HiddenGradient:
         mounting, solved = self.mounting, self.tracking.estimated
-        reference_t = reference_of(
-            self.pad, mounting.offset_t, self.tracking.ambient_turns, mounting.ambient_t is not None
-        )
         effect = effect_of_gradient(self.pad, mounting.rest, mounting.noise_t, solved)
-        return HiddenGradient(mounting.rest, reference_t, mounting.ambient_error(solved), effect)
+        reference = self._earth() if self.tracking.ambient_turns else STANDS_STILL
+        return HiddenGradient(self.pad, mounting.rest, reference, mounting.ambient_error(solved), effect)
+
+    def _earth(self) -> Reference:
+        mounting, turn = self.mounting, self.baseline.turn
+        if turn is None:
+            return reference_of(self.pad, None if mounting.ambient_t is None else mounting.offset_t, None)
+        # An error of `offset_t` is in both, and is none of their difference.
+        turned_t = turn.turn().field_t / mounting.gain - mounting.rest_field_t
+        return reference_of(self.pad, mounting.offset_t, turned_t)
 
     def with_calibration_uncertainty(self, estimate: PoseEstimate, of_silicone: Array) -> PoseEstimate:
         """Add to the covariance what the baseline leaves unknown of the pad, and what silicone does (5, 5)."""

@@ -234,7 +234,7 @@ class Estimator:
         if self._ambient_motion is not None:
             track = self._ambient_motion.judge(track, field, deviation)
         if self.baselined.at_rest:
-            track = self._hidden_gradient.judge(track, elapsed_s)
+            track = self._hidden_gradient.judge(track, elapsed_s, neighbours)
         else:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
         if track.estimate is None or track.health == "disturbed":

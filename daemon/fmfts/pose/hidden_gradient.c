@@ -4,6 +4,17 @@
 #include "model.h"
 #include "step.h"
 
+/* The variance of what turns along with the pad. */
+static double of_iron(const fmfts_pose_parameters *parameters, const double *direction)
+{
+    double square = 0.0, iron_t = parameters->iron_t[0];
+    for (int i = 0; iron_t > 0.0 && i < 3; i++) {
+        double turned = direction[i] - parameters->reference_t[i] / parameters->reference_strength_t[0];
+        square += turned * turned;
+    }
+    return iron_t * iron_t * square;
+}
+
 /* The variance of the strength along the unit vector `direction`. */
 static double variance_along(const fmfts_pose_parameters *parameters, const double change[FMFTS_CHANGE],
                              const double *direction, const fmfts_pose *pose)
@@ -28,7 +39,7 @@ static double variance_along(const fmfts_pose_parameters *parameters, const doub
         }
         of_baseline += error * error;
     }
-    return parameters->even_t[0] * parameters->even_t[0] + of_frame + of_baseline;
+    return parameters->even_t[0] * parameters->even_t[0] + of_frame + of_baseline + of_iron(parameters, direction);
 }
 
 static double foreign_t(const fmfts_pose_parameters *parameters, const double *state, const fmfts_pose *pose)

@@ -79,6 +79,7 @@ enum {
     X(creep_time_s, FMFTS_DECADES)                                                                                     \
     X(reference_t, 3)           /* hidden_gradient.py; NaN: not known */                                               \
     X(reference_strength_t, 1)                                                                                         \
+    X(iron_t, 1)                                                                                                       \
     X(even_t, 1)                                                                                                       \
     X(healthy_deviations, 1)                                                                                           \
     X(fades_s, 1)                                                                                                      \

@@ -6,25 +6,29 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import product
 from typing import Literal
 
 import msgspec
 import numpy as np
 
+from fmfts.baseline import Baseline
+from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.pad import Array
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger
 from fmfts_lab.bench.drills import AS_DRAWN, RATE_HZ, live_finger
-from fmfts_lab.bench.tapped import ManyFrames, pipeline_of, tapping
+from fmfts_lab.bench.tapped import ManyFrames, tapping, without_baseline
 from fmfts_lab.bench.tool_ways import BEGIN_S, WAYS, Tool, Way
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
 
-Scene = Literal["still", "turning", "constant", "steel"]
-SCENES: tuple[Scene, ...] = ("still", "turning", "constant", "steel")
+Scene = Literal["still", "turning", "turned", "constant", "steel"]
+SCENES: tuple[Scene, ...] = ("still", "turning", "turned", "constant", "steel")
 MOMENTS_A_M2 = (0.005, 0.02, 0.055, 0.2)
 Built = Literal["drawn", "machine", "hand"]
 # Chips as drawn and self-tested; chips that a machine placed, and a hand, not self-tested.
@@ -127,8 +131,12 @@ HEADER = (
 
 
 def pad_config(scene: Scene, seed: int, built: Built) -> PadConfig:
-    """still, turning: a drifting field, and what the robot does; steel: a constant one, and steel moves nearby."""
-    turning = TURNING_DEG_PER_S if scene == "turning" else 0.0
+    """What the scene says, and what the robot does.
+
+    still, turning: a drifting field; turned: the robot turns, also for `baseline --turn`. constant: nothing moves,
+    which is not true; steel: the same, but for steel nearby, which is.
+    """
+    turning = TURNING_DEG_PER_S if scene in ("turning", "turned") else 0.0
     constant = scene in ("constant", "steel")
     return PadConfig(
         name="tool",
@@ -138,11 +146,24 @@ def pad_config(scene: Scene, seed: int, built: Built) -> PadConfig:
     )
 
 
+def baseline_of(config: PadConfig, scene: Scene) -> Baseline:
+    """As recorded without a tool."""
+    baseline = simulated_baseline(config)
+    if scene == "turned":
+        request = BaselineRequest(config.pad(), config.tolerance.si(), False, False, turn=True)
+        source = ManyFrames(config)
+        source.tumbling = True
+        frames = [frame for batch in source.batches(round(request.seconds * RATE_HZ)) for frame in batch]
+        baseline, _ = request.make(frames, baseline)
+    return baseline
+
+
 def messages_beside(
-    config: PadConfig, tool: Tool, finger: Finger, seconds: float, model: ContactModel
+    config: PadConfig, baseline: Baseline, tool: Tool, finger: Finger, seconds: float, model: ContactModel
 ) -> tuple[list[ContactMessage], Truth]:
-    """What a pad says while the tool moves beside it; its baseline was recorded without the tool."""
-    pipeline, source = pipeline_of(config, model), BesideTool(config, tool)
+    """What a pad says while the tool moves beside it."""
+    pipeline, source = without_baseline(config, model), BesideTool(config, tool)
+    pipeline.use(baseline)
     source.finger = finger
     answers = [pipeline.answer(frame) for batch in source.batches(round(seconds * RATE_HZ)) for frame in batch]
     messages = [answer.message if isinstance(answer, PackedMessage) else answer for answer in answers]
@@ -159,19 +180,16 @@ def drilled(
 ) -> Iterator[Cell]:
     """Every tool on every way, on each pad."""
     for scene in scenes:
-        model = load_contact_model(pad_config(scene, seeds[0], built))
-        for moment_a_m2 in moments_a_m2:
-            for way in ways:
-                for touch in touches:
-                    cell = Cell(scene, moment_a_m2, way.label, touch)
-                    for seed in seeds:
-                        random = np.random.default_rng([seed, WAYS.index(way), round(moment_a_m2 * 1e6)])
-                        tool = Tool(way, moment_a_m2, random)
-                        messages, truth = messages_beside(
-                            pad_config(scene, seed, built), tool, FINGERS[touch], way.seconds, model
-                        )
-                        cell.saw(messages, truth, FINGERS[touch])
-                    yield cell
+        configs = {seed: pad_config(scene, seed, built) for seed in seeds}
+        baselines = {seed: baseline_of(config, scene) for seed, config in configs.items()}
+        model = load_contact_model(configs[seeds[0]])
+        for moment_a_m2, way, touch in product(moments_a_m2, ways, touches):
+            cell, finger = Cell(scene, moment_a_m2, way.label, touch), FINGERS[touch]
+            for seed, config in configs.items():
+                random = np.random.default_rng([seed, WAYS.index(way), round(moment_a_m2 * 1e6)])
+                tool = Tool(way, moment_a_m2, random)
+                cell.saw(*messages_beside(config, baselines[seed], tool, finger, way.seconds, model), finger)
+            yield cell
 
 
 def run(options: Namespace) -> None:

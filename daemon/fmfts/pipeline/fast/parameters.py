@@ -107,8 +107,9 @@ def put_silicone(parameters: DoubleTable, silicone: SiliconeFollower) -> None:
 
 
 def put_hidden_gradient(parameters: DoubleTable, hidden: HiddenGradient) -> None:
-    parameters.put("reference_t", hidden.reference_t)
-    parameters.put("reference_strength_t", length(hidden.reference_t))
+    parameters.put("reference_t", hidden.reference.field_t)
+    parameters.put("reference_strength_t", length(hidden.reference.field_t))
+    parameters.put("iron_t", hidden.reference.iron_t)
     parameters.put("even_t", hidden_gradient.EVEN_T)
     parameters.put("healthy_deviations", hidden_gradient.HEALTHY)
     parameters.put("fades_s", hidden_gradient.FADES_S)
