@@ -8,7 +8,6 @@ from fmfts.bus.messages import EarlyMessage, FrameMessage
 from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.wire.packets import MAX_SENSORS
 
 
 def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True) -> FrameMessage:
@@ -45,10 +44,10 @@ def early_message(early: EarlySample, pad: str, boot: str, utc_ns: int) -> Early
 
 def early_of(message: EarlyMessage, chip: Chip = DEFAULT_CHIP) -> EarlySample:
     """The sample of a message. chip: of the recorded configuration. ValueError: a number is none that a chip gives."""
-    is_possible = message.sensor in range(MAX_SENSORS) and message.gain_code in range(8) and message.device_time_us >= 0
-    if not is_possible or not all(-32768 <= count <= 32767 for count in message.counts):
+    early = EarlySample(0, message.sensor, message.device_time_us, message.gain_code, message.counts, chip)
+    if not early.is_possible:
         raise ValueError("a sample that no chip gives")
-    return EarlySample(0, message.sensor, message.device_time_us, message.gain_code, message.counts, chip)
+    return early
 
 
 def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHIP) -> Frame:

@@ -22,6 +22,12 @@ class EarlySample:
     chip: Chip = DEFAULT_CHIP
 
     @property
+    def is_possible(self) -> bool:
+        """Whether a source can have given these numbers. Which sensors a pad has, its pipeline knows."""
+        counts_fit = all(-(1 << 15) <= count < 1 << 15 for count in self.counts)
+        return self.sensor >= 0 and self.gain_code in range(8) and self.device_time_us >= 0 and counts_fit
+
+    @property
     def field_t(self) -> NDArray[np.float64]:
         """(3,) field in tesla, in the sensor's own axes, NaN where an axis holds no measurement."""
         counts, largest = np.array(self.counts), self.chip.largest_count
