@@ -176,8 +176,8 @@ def test_pad_that_is_told_of_its_neighbour_answers_more_presses_and_none_wrong(r
     told, untold = tried_beside(near, 6.0, 1)
     assert told.outcome.wrong == untold.outcome.wrong == 0
     assert told.answered > 0.99
-    # `disturbed` while the other's finger moves its magnet, and for a while after: 0.24. With hidden_gradient.py left out
-    # 0.83 are answered here, but in `bench neighbours` 163 frames are then wrong.
+    # `disturbed` while the other's finger moves its magnet, and for a while after. With hidden_gradient.py left
+    # out 0.83 are answered, but in `bench neighbours` 163 frames are then wrong.
     assert 0.1 < untold.answered < 0.5
 
 
