@@ -73,9 +73,12 @@ class PressedSlab:
         self.rest()
 
     def rest(self) -> None:
-        """Forget the last press."""
+        """Forget the last press: what is solved next is the same to the last bit, whatever was solved before."""
         self.displacement_mm = np.zeros_like(self.mesh.points_mm)
         self._factor = self._rest_factor
+        # The elements' pressures are extrapolated from the displacement before: none is left of it the second time.
+        for _ in range(2):
+            self._inner_force(self.displacement_mm)
 
     def solve(self, press: Press) -> tuple[Array, Array]:
         """The magnet's displacement (3,) in m and unit axis (3,), +z at rest.
