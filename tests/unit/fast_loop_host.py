@@ -15,6 +15,7 @@ from fmfts.config import BridgeSource, PadConfig
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.now import Lead
 from fmfts.runtime.fast_loop import send_function
 from fmfts.sensor import Frame
 from fmfts.sensor.patience import BEHIND, IN_TIME
@@ -48,6 +49,9 @@ class Told:
     messages: list[ContactMessage]
     expressed: int
     changes: int = 0
+
+
+LEAD = Lead(1.45e-3, 1.1e-3)
 
 
 def link_of(config: PadConfig) -> tuple[Link, DeviceClock]:
@@ -97,7 +101,7 @@ class Host:
 
     def __init__(self, config: PadConfig, baseline: Baseline, bus: Bus, may_express: bool = True) -> None:
         self.link, self.clock = link_of(config)
-        self.pipeline, self._bus, self._may_express = pipeline_of(config, baseline), bus, may_express
+        self.pipeline, self._bus, self._may_express = pipeline_of(config, baseline, LEAD), bus, may_express
         self.lane: Lane | None = None
         self.told = Told([], 0)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from fast_loop_host import Bus, Host, Told, sample_of
+from fast_loop_host import LEAD, Bus, Host, Told, sample_of
 from test_fast_loop import bus  # noqa: F401  (a fixture)
 from test_link import hello
 
@@ -36,7 +36,6 @@ from fmfts_lab.bench.now_early import EarlyToo, Sent
 
 CONFIG = pad_config("drifting", 5)
 BASELINE = simulated_baseline(CONFIG)
-LEAD = Lead(1.45e-3, 1.1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +43,9 @@ def model() -> ContactModel:
     return load_contact_model(CONFIG)
 
 
-def pipeline_with(model: ContactModel) -> PadPipeline:
+def pipeline_with(model: ContactModel, lead: Lead = LEAD) -> PadPipeline:
     tracking = tracking_model_for(CONFIG.scene, CONFIG.magnet).tracking
-    pipeline = PadPipeline(CONFIG.pad(), model, "early", float(RATE_HZ), tracking, lead=LEAD)
+    pipeline = PadPipeline(CONFIG.pad(), model, "early", float(RATE_HZ), tracking, lead=lead)
     pipeline.use(BASELINE)
     return pipeline
 
@@ -101,6 +100,18 @@ def test_what_frames_say_is_the_same_to_the_last_bit(model: ContactModel) -> Non
             frame = answer(alone, packet)
             assert frame is not None
             assert without(message, "seq", "now") == without(frame, "seq", "now")
+
+
+@pytest.mark.parametrize("in_c", [pytest.param(True, marks=pytest.mark.skipif(not AVAILABLE, reason="no C")), False])
+def test_a_pad_that_publishes_frames_uses_no_other_sample(
+    model: ContactModel, in_c: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not in_c:
+        monkeypatch.setattr(Estimator, "hand_over", lambda *_: None)
+    packets, of_frames = sent_of(tapped, 0.3), Lead(LEAD.frame_s)
+    with_early, alone = (messages_of(pipeline_with(model, of_frames), some) for some in (packets, frames_only(packets)))
+    assert [essence(one) for one in with_early] == [essence(one) for one in alone]
+    assert any(one.now is not None for one in alone)
 
 
 def test_between_frames_only_now_is_another(model: ContactModel) -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from fast_loop_host import Bus, Host, sample_of
+from fast_loop_host import LEAD, Bus, Host, sample_of
 from test_early import BASELINE, CONFIG, answer, frames_only, on_the_wire, pipeline_with, sent_of, tapped
 from test_fast_loop import bus  # noqa: F401  (a fixture)
 from test_link import hello
@@ -102,7 +102,7 @@ def channel_in_touch(bench: Bench) -> EarlySample:
 
 @pytest.mark.parametrize("late", [False, True])
 def test_a_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    with Bench(CONFIG) as bench:
+    with Bench(CONFIG, lead=LEAD) as bench:
         bench.pipeline.use(BASELINE)
         early = channel_in_touch(bench)
         age_ns = OVERDUE_NS + 1_000_000 if late else 1_000_000
@@ -114,7 +114,7 @@ def test_a_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.
 
 def test_recorders_get_no_sample_before_the_state_that_answers_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a new baseline the state goes out with the next frame; a replay still has the old one until then."""
-    with Bench(CONFIG) as bench:
+    with Bench(CONFIG, lead=LEAD) as bench:
         bench.pipeline.use(BASELINE)
         early, recorded, waits = channel_in_touch(bench), list[EarlyMessage](), True
         monkeypatch.setattr(bench.pipeline, "host_time_ns", lambda device_us: time.monotonic_ns())

@@ -16,6 +16,7 @@ from fmfts.bus.messages import ContactMessage, decode_contact
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
+from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
 from fmfts.scene.tracking import tracking_model_for
@@ -26,6 +27,9 @@ from fmfts.simulation.source import Simulated
 from fmfts_client import Endpoints
 
 PERIOD_NS = round(1e9 / 220)
+
+
+NO_LEAD = Lead()
 
 
 def config_of(seed: int = 1, **scene: object) -> PadConfig:
@@ -39,10 +43,11 @@ def config_of(seed: int = 1, **scene: object) -> PadConfig:
     )
 
 
-def pipeline_of(config: PadConfig, baseline: Baseline | None) -> PadPipeline:
+def pipeline_of(config: PadConfig, baseline: Baseline | None, lead: Lead = NO_LEAD) -> PadPipeline:
     pad = config.pad()
     model = ContactModel.load("default", pad)
-    pipeline = PadPipeline(pad, model, "boot", 220.0, tracking_model_for(config.scene, config.magnet).tracking)
+    tracking = tracking_model_for(config.scene, config.magnet).tracking
+    pipeline = PadPipeline(pad, model, "boot", 220.0, tracking, lead)
     if baseline is not None:
         pipeline.use(baseline)
     return pipeline
@@ -148,11 +153,11 @@ def test_touch_from_before_a_silence_does_not_outlast_it(told: bool) -> None:
 class Bench:
     """A channel on a real publisher; what it sends is kept beside."""
 
-    def __init__(self, config: PadConfig, rate_hz: float = 220.0) -> None:
+    def __init__(self, config: PadConfig, rate_hz: float = 220.0, lead: Lead = NO_LEAD) -> None:
         self.sent: list[ContactMessage] = []
         self.source = Simulated(config)
         self.source.finger = no_finger
-        self.pipeline = pipeline_of(config, simulated_baseline(config))
+        self.pipeline = pipeline_of(config, simulated_baseline(config), lead)
         self._publisher = Publisher(Endpoints.from_base(f"ipc://{tempfile.mkdtemp(prefix='fmfts-')}"), "boot")
         send = self._publisher.send_contact
 

@@ -91,7 +91,10 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     if source.publish == "sample" and not isinstance(source, BridgeSource | I2cSource):
         yield ("source", "publish"), 'only a "bridge" or "i2c" gives samples as they come: set publish = "frame"'
     elif source.publish == "sample" and source.trigger != "free":
-        yield ("source", "publish"), 'chips of one trigger have their samples at once: set trigger = "free", or "frame"'
+        yield (
+            ("source", "publish"),
+            'chips of one trigger have their samples at once: set trigger = "free", or publish = "frame"',
+        )
     if isinstance(source, ReplaySource) and not Path(source.file).is_file():
         yield ("source", "file"), "there is no such recording: `fmfts-daemon record FILE.mcap` makes one"
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and not Path(source.mechanics).is_file():

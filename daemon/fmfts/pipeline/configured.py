@@ -58,12 +58,13 @@ def pipeline_of(config: PadConfig, model: ContactModel | NoContactModel, boot: s
 def lead_of(config: PadConfig) -> Lead:
     """How old frames and samples are when their messages are published: the time on the line, and HOST_S."""
     source = config.source
-    if not isinstance(source, BridgeSource):
+    if isinstance(source, BridgeSource):
+        byte_s = LINE_BITS_PER_BYTE / source.baud
+        frame_s, early_s = byte_s * frame_bytes(len(config.geometry.sensors_mm)), byte_s * EARLY_BYTES
+    else:
         # An I2C bus is polled twice a frame, and a sample is taken to be from the middle between two polls.
-        return Lead(HOST_S, 0.25 / source.rate_hz + READ_S + HOST_S)
-    byte_s = LINE_BITS_PER_BYTE / source.baud
-    frame_s = HOST_S + byte_s * frame_bytes(len(config.geometry.sensors_mm))
-    return Lead(frame_s, READ_S + HOST_S + byte_s * EARLY_BYTES)
+        frame_s, early_s = 0.0, 0.25 / source.rate_hz
+    return Lead(HOST_S + frame_s, READ_S + HOST_S + early_s if source.publish == "sample" else 0.0)
 
 
 def feel_neighbours(

@@ -233,10 +233,9 @@ class Estimator:
         track = self._tracker.update(field, deviation, elapsed_s, temperature_c, elsewhere, neighbours, missing)
         if self._ambient_motion is not None:
             track = self._ambient_motion.judge(track, field, deviation)
-        if self.baselined.at_rest:
-            track = self._hidden_gradient.judge(track, elapsed_s, neighbours)
-        else:
+        if not self.baselined.at_rest:
             return Reading("no_baseline", BARE_ONLY, track.used, track.estimate)
+        track = self._hidden_gradient.judge(track, elapsed_s, neighbours)
         if track.estimate is None or track.health == "disturbed":
             self._touch.unseen()
             memory.rested_s = 0.0

@@ -50,8 +50,8 @@ JUMP_PERIODS = 2.5
 
 
 class Lead(NamedTuple):
-    """From when a board makes a frame to when its message is published; and from when a chip has a sample, where that
-    comes before its frame."""
+    """frame_s: from when a board makes a frame to when its message is published. early_s: from when a chip has a sample
+    that comes before its frame; 0: only frames are published."""
 
     frame_s: float = 0.0
     early_s: float = 0.0
@@ -219,7 +219,7 @@ class NowEstimator:
         """Follow a sample that came before its frame. None where it is not used, or contradicts what was predicted, or
         where the contact at the time of publishing is not known."""
         judged = self._judged
-        if judged is None or not np.isfinite(early.field_t).all():
+        if self.parameters.early_lead_us <= 0.0 or judged is None or not np.isfinite(early.field_t).all():
             return None
         ahead_us = early.time_us - int(judged.newest_us.max())
         if not self._filter.is_next(early.sensor, early.time_us) or early.time_us <= judged.newest_us[early.sensor]:

@@ -121,7 +121,9 @@ class Channel:
         Where it says nothing new, nothing is published: the frame that holds it comes soon.
         """
         now_ns = time.monotonic_ns()
-        if self.job is not None or self._lateness.is_late(self.pipeline.host_time_ns(early.device_time_us), now_ns):
+        if self.job is not None or not self._board_is_known():
+            return
+        if self._lateness.is_late(self.pipeline.host_time_ns(early.device_time_us), now_ns):
             return
         if self._publisher.frames_wanted(self.name, now_ns):
             if self._publisher.state_wanted(self.name):  # it goes with the next frame: a replay has the state before

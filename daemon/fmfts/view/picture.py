@@ -198,7 +198,7 @@ def _rate_text(rate_hz: float, status: Status | None) -> str:
         return f"{rate_hz:.1f} Hz"
     frames_hz, nominal_hz = status.rate_hz, status.rate_nominal_hz
     if rate_hz > 1.5 * nominal_hz and frames_hz is not None:
-        return f"{rate_hz:.1f} Hz, of which {frames_hz:.1f} of {nominal_hz:g} frames"
+        return f"{frames_hz:.1f} of {nominal_hz:g} Hz, {rate_hz:.0f} contacts a second"
     return f"{rate_hz:.1f} of {nominal_hz:g} Hz"
 
 

@@ -84,7 +84,8 @@ static fmfts_verdict handle_early(fmfts_lane *lane, const fmfts_early_sample *sa
     const fmfts_pad pad = {lane->parameters, &lane->network, lane->response, lane->response_bytes};
     fmfts_early early = {.sensor = sample->sensor, .time_us = (double)sample->time_us};
     int64_t now_ns = fmfts_now_ns(CLOCK_MONOTONIC);
-    if (sample->pad_index != lane->pad_index || sample->sensor >= (unsigned)lane->parameters->pose.sensors[0] || !fmfts_is_plausible(lane->clock, (int64_t)sample->time_us, arrival_ns)) {
+    if (sample->pad_index != lane->pad_index || sample->sensor >= (unsigned)lane->parameters->pose.sensors[0] ||
+        !fmfts_is_plausible(lane->clock, (int64_t)sample->time_us, arrival_ns)) {
         return FMFTS_FOR_PYTHON;
     }
     if (now_ns - lane->frame_ns - 1000 * ((int64_t)sample->time_us - lane->frame_us) > lane->overdue_ns) {
@@ -111,8 +112,10 @@ fmfts_verdict fmfts_handle_line(fmfts_lane *lane, const uint8_t *line, size_t si
     if (fmfts_read_early_sample(line, size, &early)) {
         return handle_early(lane, &early, arrival_ns);
     }
-    if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample) ||
-        !may_publish(lane, kind = step(lane, &sample)) ||
+    if (!fmfts_read_sample(line, size, &sample) || !is_expected(lane, &sample)) {
+        return FMFTS_FOR_PYTHON;
+    }
+    if (!may_publish(lane, kind = step(lane, &sample)) ||
         !fmfts_host_time(lane->clock, (int64_t)sample.time_us, arrival_ns, &host_ns)) {
         lane->outcome->judged.known = 0; /* the outcome may be of a frame that Python refuses */
         return FMFTS_FOR_PYTHON;

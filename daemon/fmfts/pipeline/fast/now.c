@@ -112,6 +112,11 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
     if (!judged->over_range) {
         memory->now.told_us[0] = time_us;
     }
+    for (int i = 0; i < STATES; i++) {
+        if (!(memory->motion.motion_covariance[(STATES + 1) * i] >= 0.0)) {
+            return false;
+        }
+    }
     memcpy(state, memory->pose.state, sizeof state);
     at_newest(&parameters->pose, &memory->motion, judged->moment, state, &pose);
     fmfts_widen_by_foreign(&parameters->pose, &memory->pose, state, &pose);
@@ -181,7 +186,7 @@ fmfts_news fmfts_early_step(const fmfts_pad *pad, fmfts_memory *memory, const fm
     for (int i = 0; i < (int)parameters->pose.sensors[0]; i++) {
         newest_us = fmax(newest_us, memory->pose.time_us[i]);
     }
-    if (!judged->known || !isfinite(sum) || early->sensor < 0 || early->sensor >= (int)parameters->pose.sensors[0] ||
+    if (!(own->early_lead_us[0] > 0.0) || !judged->known || !isfinite(sum) || early->sensor < 0 || early->sensor >= (int)parameters->pose.sensors[0] ||
         !fmfts_is_next(&parameters->motion, &memory->motion, early->sensor, early->time_us) ||
         early->time_us <= memory->pose.time_us[early->sensor] ||
         early->time_us - newest_us > own->longest_lead_s[0] * 1e6) {
