@@ -122,8 +122,20 @@ class Silicone:
 
 
 @dataclass(frozen=True, slots=True)
+class RestingMagnet:
+    """A magnet, and where it rests in the unloaded pad."""
+
+    magnet: Magnet
+    rest_position_m: Array
+    rest_axis: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Pad:
-    """One pad with the nominal places of its drawing. The baseline estimates the places of the mounted pad."""
+    """One pad with the nominal places of its drawing. The baseline estimates the places of the mounted pad.
+
+    other_magnets: those besides the first, of a pad that holds several.
+    """
 
     name: str
     sensors: SensorArray
@@ -132,6 +144,12 @@ class Pad:
     rest_axis: Array
     chip: Chip = DEFAULT_CHIP  # each of the sensors is one
     silicone: Silicone = Silicone()
+    other_magnets: tuple[RestingMagnet, ...] = ()
+
+    @property
+    def magnets(self) -> tuple[RestingMagnet, ...]:
+        """All of them, in the order of the configuration."""
+        return (RestingMagnet(self.magnet, self.rest_position_m, self.rest_axis), *self.other_magnets)
 
     @property
     def dimensions(self) -> Dimensions:
@@ -144,6 +162,13 @@ class Pad:
             "magnet.rest_mm": self.rest_position_m * 1e3,
             "magnet.rest_axis": self.rest_axis,
         }
+        for number, other in enumerate(self.other_magnets, 1):
+            numbers |= {
+                f"magnet[{number}].diameter_mm": [other.magnet.diameter_m * 1e3],
+                f"magnet[{number}].length_mm": [other.magnet.length_m * 1e3],
+                f"magnet[{number}].rest_mm": other.rest_position_m * 1e3,
+                f"magnet[{number}].rest_axis": other.rest_axis,
+            }
         return {name: tuple(round(float(value), 6) + 0.0 for value in values) for name, values in numbers.items()}
 
     @property
@@ -159,6 +184,10 @@ class Pad:
                 [self.magnet.diameter_m, self.magnet.length_m],
                 self.rest_position_m,
                 self.rest_axis,
+                *(
+                    np.concatenate([[one.magnet.diameter_m, one.magnet.length_m], one.rest_position_m, one.rest_axis])
+                    for one in self.other_magnets
+                ),
             ]
         )
         canonical = ",".join(f"{value + 0.0:.9f}" for value in np.round(numbers, 9) + 0.0)

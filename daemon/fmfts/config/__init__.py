@@ -16,7 +16,18 @@ from fmfts.arithmetic.matrix import length, lengths
 from fmfts.config.collect import CollectConfig
 from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat
 from fmfts.config.section import Section as _Section
-from fmfts.pad import DriftLimits, Magnet, Pad, Placement, SensorArray, Silicone, Tolerance, rotation_from_vector
+from fmfts.pad import (
+    Array,
+    DriftLimits,
+    Magnet,
+    Pad,
+    Placement,
+    RestingMagnet,
+    SensorArray,
+    Silicone,
+    Tolerance,
+    rotation_from_vector,
+)
 from fmfts.sensor.chips import CHIPS, ChipName
 from fmfts.sensor.wire.packets import MAX_PADS
 
@@ -118,6 +129,12 @@ class MagnetConfig(_Section, frozen=True):
     rest_axis: Vector = (0, 0, 1)
     temperature_coefficient_per_k: Annotated[float, Meta(ge=-0.01, le=0.01)] = -0.0012
 
+    def resting(self, sensors_m: Array) -> RestingMagnet:
+        """The same facts in SI. sensors_m (N, 3): places of the pad's sensors."""
+        axis, rest = np.array(self.rest_axis, dtype=float), np.array(self.rest_mm, dtype=float) * 1e-3
+        magnet = Magnet(self.diameter_mm * 1e-3, self.length_mm * 1e-3, self.remanence_t)
+        return RestingMagnet(magnet.seen_from(float(lengths(sensors_m - rest).min())), rest, axis / length(axis))
+
 
 class ToleranceConfig(_Section, frozen=True):
     """Standard deviations of a pad's building errors: the priors of the baseline's estimate."""
@@ -201,6 +218,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     source: SourceConfig
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
     magnet: MagnetConfig = field(default_factory=MagnetConfig)
+    other_magnets: tuple[MagnetConfig, ...] = ()  # of [[pad.magnet]], those besides the first
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
     silicone: SiliconeConfig = field(default_factory=SiliconeConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
@@ -215,16 +233,16 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         if self.geometry.sensor_rotations_deg:
             vectors = np.deg2rad(np.array(self.geometry.sensor_rotations_deg, dtype=float))
             sensors = SensorArray(positions, np.array([rotation_from_vector(vector) for vector in vectors]))
-        axis, rest = np.array(self.magnet.rest_axis, dtype=float), np.array(self.magnet.rest_mm, dtype=float) * 1e-3
-        magnet = Magnet(self.magnet.diameter_mm * 1e-3, self.magnet.length_mm * 1e-3, self.magnet.remanence_t)
+        first, *others = (one.resting(positions) for one in (self.magnet, *self.other_magnets))
         return Pad(
             name=self.name,
             sensors=sensors,
-            magnet=magnet.seen_from(float(lengths(positions - rest).min())),
-            rest_position_m=rest,
-            rest_axis=axis / length(axis),
+            magnet=first.magnet,
+            rest_position_m=first.rest_position_m,
+            rest_axis=first.rest_axis,
             chip=CHIPS[self.source.chip],
             silicone=self.silicone.si(),
+            other_magnets=tuple(others),
         )
 
 

@@ -20,6 +20,7 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 
 ENVIRONMENT = "FMFTS_CONFIG"
+OTHER_MAGNET = re.compile(r"other_magnets\[(\d+)\]")
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
@@ -38,7 +39,7 @@ def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> t
 
 
 def _loaded(file: Path) -> Config:
-    data = _read(file)
+    data = _first_magnet_apart(_read(file))
     converted = convert(data)
     wrong, config = list(converted.wrong), converted.config
     if config is not None:
@@ -49,8 +50,17 @@ def _loaded(file: Path) -> Config:
             if not converted.is_mended(keys)
         ]
     if config is None or wrong:
-        raise ConfigError(_told(file, wrong))
+        raise ConfigError(OTHER_MAGNET.sub(lambda found: f"magnet[{int(found[1]) + 1}]", _told(file, wrong)))
     return config
+
+
+def _first_magnet_apart(data: dict[str, Any]) -> dict[str, Any]:
+    """[[pad.magnet]], several tables, as the first magnet and the others: a pad of one magnet has one table."""
+    pads = data.get("pad")
+    for pad in pads if isinstance(pads, list) else []:
+        if isinstance(pad, dict) and isinstance(magnets := pad.get("magnet"), list) and magnets:
+            pad["magnet"], pad["other_magnets"] = magnets[0], magnets[1:]
+    return data
 
 
 def is_there_any(environ: Mapping[str, str] = os.environ) -> bool:

@@ -28,7 +28,7 @@ class Slab:
     """The standard pad. Lengths in m from the slab's bottom face upwards, moduli in Pa.
 
     The silicone is a Mooney–Rivlin solid, W = C10 (Ī1 − 3) + C01 (Ī2 − 3) + K/2 (J − 1)². The bottom face of the rim is
-    fixed, the bottom within it free; the magnet is rigid.
+    fixed, the bottom within it free; the magnets, all of one size, are rigid. magnets_m: (x, y) of each one's centre.
     """
 
     width_m: float = 40e-3
@@ -41,10 +41,13 @@ class Slab:
     c10_pa: float = 0.162416e6
     c01_pa: float = 0.040604e6
     bulk_pa: float = 20.30201e6
+    magnets_m: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
 
     def __post_init__(self) -> None:
         """Raises ValueError, which names the first impossible length or modulus."""
         for name in self.__slots__:
+            if name == "magnets_m":
+                continue
             value = getattr(self, name)
             if not (np.isfinite(value) and (value > 0.0 or (name == "c01_pa" and value == 0.0))):
                 raise ValueError(f"{name} = {value:g}: must be positive")
@@ -54,8 +57,9 @@ class Slab:
                 f"a magnet of {self.magnet_length_m * 1e3:g} mm, centred {self.magnet_height_m * 1e3:g} mm above the "
                 f"slab's bottom, does not lie inside a slab of {self.thickness_m * 1e3:g} mm"
             )
-        if not 2.0 * self.magnet_diameter_m < self.width_m - 2.0 * self.rim_m:
-            raise ValueError("the span within the rim must be over twice the magnet's diameter")
+        farthest_m = max(abs(along) for place in self.magnets_m for along in place)
+        if not 2.0 * (farthest_m + self.magnet_diameter_m) < self.width_m - 2.0 * self.rim_m:
+            raise ValueError("within the rim, silicone as wide as half the magnet's diameter must surround each magnet")
         if not self.reach_m > 0.0:
             raise ValueError(f"a patch of {self.patch_diameter_m * 1e3:g} mm does not fit within the rim")
 

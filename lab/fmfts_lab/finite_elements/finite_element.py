@@ -12,6 +12,7 @@ acceleration (J. ACM 12 (1965) 547), until a new one costs less time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import felupe
@@ -58,10 +59,14 @@ class MooneyRivlin:
 
 
 class PressedSlab:
-    """A meshed slab. Each press starts from the solution of the last one."""
+    """A meshed slab. Each press starts from the solution of the last one.
 
-    def __init__(self, slab: Slab, element_m: float = ELEMENT_M) -> None:
-        self.slab = slab
+    patience: iterations with one factorised tangent. Several magnets make the slab's answer so uneven that far from
+    rest an old tangent leads nowhere.
+    """
+
+    def __init__(self, slab: Slab, element_m: float = ELEMENT_M, patience: int = PATIENCE) -> None:
+        self.slab, self._patience = slab, patience
         self.mesh = SlabMesh.of(slab, element_m)
         mesh = felupe.Mesh(self.mesh.points_mm, self.mesh.cells, "hexahedron")
         stiffness = np.where(self.mesh.magnet_cells, MAGNET_STIFFNESS, 1.0)
@@ -81,12 +86,16 @@ class PressedSlab:
             self._inner_force(self.displacement_mm)
 
     def solve(self, press: Press) -> tuple[Array, Array]:
-        """The magnet's displacement (3,) in m and unit axis (3,), +z at rest.
+        """The first magnet's displacement (3,) in m and unit axis (3,), +z at rest.
 
         ArithmeticError if no equilibrium is found: the press is too hard for this slab.
         """
+        return self.solve_all([press])[0]
+
+    def solve_all(self, presses: Sequence[Press]) -> list[tuple[Array, Array]]:
+        """As `solve`, of each magnet, under presses at once."""
         free = self._free
-        load = self.mesh.load(self.slab, press).reshape(-1)[free]
+        load = np.sum([self.mesh.load(self.slab, press) for press in presses], axis=0).reshape(-1)[free]
         u = self.displacement_mm.reshape(-1).copy()
         mixing = Anderson()
         for iteration in range(1, ITERATIONS + 1):
@@ -95,12 +104,12 @@ class PressedSlab:
                 break
             if np.linalg.norm(residual) <= RESIDUAL * np.linalg.norm(load) + NO_LOAD:
                 self.displacement_mm = u.reshape(-1, 3)
-                return self.mesh.magnet_pose(self.displacement_mm)
-            if iteration % PATIENCE == 0:
+                return [self.mesh.magnet_pose(self.displacement_mm, i) for i in range(len(self.slab.magnets_m))]
+            if iteration % self._patience == 0:
                 self._factor, mixing = self._factorised_tangent(u.reshape(-1, 3)), Anderson()
             u[free] = mixing.next(u[free], self._factor.solve(residual))
         self._factor = self._rest_factor
-        raise ArithmeticError(f"the finite elements found no equilibrium in {ITERATIONS} iterations: {press}")
+        raise ArithmeticError(f"the finite elements found no equilibrium in {ITERATIONS} iterations: {presses}")
 
     def linear(self, load: Array) -> Array:
         """Displacement (P, 3) in mm under nodal forces `load` (P, 3) in N, for small strains."""

@@ -26,8 +26,8 @@ SI = np.array([1.0 / MM, 1.0 / MM, 1.0 / MM, 1.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Influence:
-    """response (T, 3, 5): movement of the magnet by 1 N along x, y, z at each point of the top face: displacement in m,
-    and x and y of the unit axis."""
+    """response (T, 3, 5): movement of the first magnet by 1 N along x, y, z at each point of the top face: displacement
+    in m, and x and y of the unit axis."""
 
     slab: Slab
     mesh: SlabMesh
@@ -57,12 +57,12 @@ class Influence:
         return Mechanics.from_terms(grid_m, np.inf, LINEAR, pressed)
 
 
-def magnet_loads(mesh: SlabMesh) -> Array:
-    """(5, P, 3) nodal forces whose work is the magnet's displacement along x, y, z and the turn of its axis to x and y.
+def magnet_loads(mesh: SlabMesh, magnet: int = 0) -> Array:
+    """(5, P, 3) nodal forces whose work is a magnet's displacement along x, y, z and the turn of its axis to x and y.
 
     They are `SlabMesh.magnet_pose` linearised: the mean, and the rotation with the least squares.
     """
-    points = np.unique(mesh.cells[mesh.magnet_cells])
+    points = np.unique(mesh.cells[mesh.magnet_of == magnet])
     arm = mesh.points_mm[points] - mesh.points_mm[points].mean(axis=0)
     inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
     loads = np.zeros((5, *mesh.points_mm.shape))

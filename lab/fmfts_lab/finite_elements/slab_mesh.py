@@ -1,4 +1,4 @@
-"""A mesh of hexahedra for a slab with a magnet inside: straight grid lines, bent round the magnet. In mm."""
+"""A mesh of hexahedra for a slab with magnets inside: straight grid lines, bent round each magnet. In mm."""
 
 from __future__ import annotations
 
@@ -19,13 +19,16 @@ MOST_POINTS = 25_000
 
 @dataclass(frozen=True, slots=True)
 class SlabMesh:
-    """P points (x slowest, z fastest), C cells of eight points, and the grid lines in the plane and in height."""
+    """P points (x slowest, z fastest), C cells of eight points, and the grid lines in the plane and in height.
+
+    magnet_cells (C,): those of any magnet. magnet_of (C,): whose, from 0; −1 for silicone.
+    """
 
     points_mm: Array
     cells: NDArray[np.intp]
     line_mm: Array
     height_mm: Array
-    magnet_cells: NDArray[np.bool_]
+    magnet_of: NDArray[np.intp]
     fixed_points: NDArray[np.bool_]
 
     @classmethod
@@ -34,7 +37,10 @@ class SlabMesh:
         radius, half_width = MM * slab.magnet_diameter_m / 2.0, MM * slab.width_m / 2.0
         span = half_width - MM * slab.rim_m
         bottom, top = (MM * (slab.magnet_height_m + sign * slab.magnet_length_m / 2.0) for sign in (-1, 1))
-        line = _divided([-half_width, -span, -radius, radius, span, half_width], MM * element_m)
+        edges = {
+            along + side for place in MM * np.array(slab.magnets_m) for along in place for side in (-radius, radius)
+        }
+        line = _divided(sorted({-half_width, -span, span, half_width} | edges), MM * element_m)
         height = _divided([0.0, bottom, top, MM * slab.thickness_m], MM * element_m)
 
         points_asked = len(line) ** 2 * len(height)
@@ -53,12 +59,22 @@ class SlabMesh:
         ]
         cells = np.stack(corner, axis=1)
         centre = points[cells].mean(axis=1)
-        magnet = np.all(np.abs(centre[:, :2]) < radius, axis=1) & (centre[:, 2] > bottom) & (centre[:, 2] < top)
+        within = (centre[:, 2] > bottom) & (centre[:, 2] < top)
+        magnet = np.full(len(cells), -1)
+        for number, place in enumerate(MM * np.array(slab.magnets_m)):
+            magnet[within & np.all(np.abs(centre[:, :2] - place) < radius, axis=1)] = number
         fixed = (points[:, 2] == 0.0) & np.any(np.abs(points[:, :2]) >= span - 1e-9, axis=1)
 
         whole = np.interp(points[:, 2], [0.0, bottom, top, MM * slab.thickness_m], [0.0, 1.0, 1.0, 0.0])
-        points[:, :2] += whole[:, None] * (_rounded(points[:, :2], radius, line) - points[:, :2])
+        for place in MM * np.array(slab.magnets_m):
+            away = points[:, :2] - place
+            near = np.all(np.abs(away) <= 2.0 * radius + 1e-9, axis=1)
+            points[near, :2] += whole[near, None] * (_rounded(away[near], radius, line - place[0]) - away[near])
         return cls(points, cells, line, height, magnet, fixed)
+
+    @property
+    def magnet_cells(self) -> NDArray[np.bool_]:
+        return np.asarray(self.magnet_of >= 0)
 
     def load(self, slab: Slab, press: Press) -> Array:
         """Nodal forces (P, 3) in N of a traction spread evenly over the patch on the undeformed top face."""
@@ -85,9 +101,9 @@ class SlabMesh:
         count = len(self.line_mm)
         return values[self._top()].reshape(count, count, *values.shape[1:])
 
-    def magnet_pose(self, displacement_mm: Array) -> tuple[Array, Array]:
-        """Displacement (3,) in m of the magnet's centre, and its unit axis (3,): the nearest rigid motion."""
-        points = np.unique(self.cells[self.magnet_cells])
+    def magnet_pose(self, displacement_mm: Array, magnet: int = 0) -> tuple[Array, Array]:
+        """Displacement (3,) in m of a magnet's centre, and its unit axis (3,): the nearest rigid motion."""
+        points = np.unique(self.cells[self.magnet_of == magnet])
         before, moved = self.points_mm[points], displacement_mm[points]
         centred, after = before - before.mean(axis=0), before + moved
         left, _, right = np.linalg.svd(centred.T @ (after - after.mean(axis=0)))

@@ -128,8 +128,8 @@ def solve_into(
     end the file is in the order of `presses`, the same with any number of workers.
     Slab and element size are kept beside it as .json. ValueError if they differ, or if that file is missing.
     """
-    _require_same(path, json.dumps({"slab": asdict(slab), "element_m": element_m}, indent=1) + "\n")
-    _drop_incomplete_line(path)
+    require_same(path, made_of(slab, element_m))
+    drop_incomplete_line(path)
     rows = {tuple(row[:5]): row for row in csv.reader(path.read_text().splitlines())} if path.exists() else {}
     missing = [press for press in presses if tuple(press_columns(press)) not in rows]
     places = [list(group) for _, group in groupby(missing, key=lambda press: (press.x_m, press.y_m))]
@@ -177,7 +177,15 @@ def _write_in_order(path: Path, presses: Sequence[Press], rows: dict[tuple[str, 
     beside.replace(path)
 
 
-def _require_same(path: Path, made_of: str) -> None:
+def made_of(slab: Slab, element_m: float) -> str:
+    """What stands beside a table of presses. Tables of one magnet were made before there were several."""
+    facts = asdict(slab)
+    if slab.magnets_m == Slab().magnets_m:
+        del facts["magnets_m"]
+    return json.dumps({"slab": facts, "element_m": element_m}, indent=1) + "\n"
+
+
+def require_same(path: Path, made_of: str) -> None:
     beside = path.with_suffix(".json")
     if beside == path:
         raise ValueError(f"{path}: a table of presses ends in .csv")
@@ -188,7 +196,7 @@ def _require_same(path: Path, made_of: str) -> None:
     beside.write_text(made_of)
 
 
-def _drop_incomplete_line(path: Path) -> None:
+def drop_incomplete_line(path: Path) -> None:
     """Remove the line that an interrupted run was writing."""
     if path.exists():
         content = path.read_bytes()

@@ -1,0 +1,263 @@
+"""The mounted pad with several magnets as it really is: rest poses and moments of all, places and gains of the sensors.
+
+As `mounting.py` for one magnet: the maximum a posteriori over everything that mounting and manufacture leave open, with
+the tolerances as priors, from the field at rest. Four magnets over eight sensors have 123 unknowns and 24 values,
+so most of them stay as uncertain as their tolerances. What stays uncertain is kept as the errors that it causes in a
+change of the field (`FieldErrors`), which every estimate of fingers takes into account.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import exp, square
+from fmfts.arithmetic.matrix import eigen, inverse, product, solve
+from fmfts.baseline import sensitivity
+from fmfts.baseline.recording import BaselineError, Recording
+from fmfts.baseline.sensitivity import Sensitivity, split
+from fmfts.baseline.unknowns import AMBIENT_DEVIATION_T, STANDING_AMBIENT_T
+from fmfts.common.chi2 import quantile
+from fmfts.pad import Pad, SensorArray, Tolerance
+from fmfts.pose import FieldErrors
+from fmfts.pose.magnets import CHANGE, Magnets, field_and_slope, rest_frames, sum_of_fields
+
+Array = NDArray[np.float64]
+
+OF_MAGNET = 6  # unknowns of each: position, tilt, log moment
+FALSE_REFUSAL = 1e-5  # the probability of refusing a pad that is within its tolerances
+ITERATIONS, SETTLED = 30, 1e-6  # the search ends when no step is larger, in prior deviations
+# The typical change of a magnet's pose by a press, for which the errors of a change are computed.
+TYPICAL_CHANGE = np.array([2e-5, 2e-5, 4e-4, 3e-2, 3e-2])
+# A press moves each magnet down; the errors are those of a change half way.
+HALF_A_PRESS = np.array([0.0, 0.0, -2e-4, 0.0, 0.0])
+MOST_CAUSES = 48  # independent causes of errors that are kept; what is left out is a hundredth of the variance
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayMounting:
+    """A pad of M magnets and N sensors as it is mounted.
+
+    magnets: at rest. frames (M, 3, 3): see `rest_frames`. gain (N, 3), sensors: of the chips as built. offset_t (N, 3):
+    the field at rest, along the sensors' axes, without the magnets': the ambient field, and what no parameter explains.
+    rest_field_t (N, 3): of the magnets at rest. noise_t (N, 3): of one sample. errors: of a change of the field, by
+    what the recording left uncertain. log_moment (M,). rest_covariance (6M, 6M): of position, tilt and log moment of
+    each. chi2: misfit, priors included, of `measurements` values. misfit_t (N, 3). ambient_t, ambient_deviation_t (3,):
+    from the bare recording, None without one.
+    """
+
+    magnets: Magnets
+    frames: Array
+    gain: Array
+    sensors: SensorArray
+    offset_t: Array
+    rest_field_t: Array
+    noise_t: Array
+    errors: FieldErrors
+    log_moment: Array
+    rest_covariance: Array
+    chi2: float
+    measurements: int
+    misfit_t: Array
+    ambient_t: Array | None
+    ambient_deviation_t: Array | None
+
+    def magnet_field(self, measured_t: Array) -> Array:
+        """The magnets' field along the sensors' axes from the measured one, both (N, 3)."""
+        return measured_t / self.gain - self.offset_t
+
+    def remanence_t(self, pad: Pad) -> float:
+        """The mean strength of the magnets, as the remanence of magnets of the sizes in the drawing."""
+        return float(np.mean([one * exp(log) for one, log in zip(_remanences(pad), self.log_moment, strict=True)]))
+
+    def remanences_t(self, pad: Pad) -> list[float]:
+        """As remanence_t, of each magnet."""
+        return [one * exp(log) for one, log in zip(_remanences(pad), self.log_moment.tolist(), strict=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayUnknowns:
+    """Of each magnet its place, tilt and log moment (6M), ambient field (3), sensor places (3N), sensitivities (9N), in
+    prior deviations from the drawing and from `sensitivity` (9N,). deviation (U,): these, in SI. precision (U, U)."""
+
+    pad: Pad
+    drawn: Magnets
+    frames: Array
+    deviation: Array
+    sensitivity: Array
+    precision: Array
+
+    @classmethod
+    def of(cls, pad: Pad, tolerance: Tolerance, ambient_free: bool, measured: Sensitivity) -> Self:
+        drawn, count = Magnets.drawn(pad), len(pad.sensors)
+        each = np.array(
+            [tolerance.magnet_position_m] * 3 + [tolerance.magnet_tilt_rad] * 2 + [tolerance.remanence], dtype=float
+        )
+        spread = np.sqrt(np.diagonal(measured.covariance))
+        deviation = np.concatenate(
+            [
+                np.tile(each, len(drawn)),
+                np.full(3, AMBIENT_DEVIATION_T if ambient_free else STANDING_AMBIENT_T),
+                np.full(3 * count, tolerance.sensor_position_m),
+                spread,
+            ]
+        )
+        precision = np.eye(len(deviation))
+        free = np.flatnonzero(spread > 0.0)
+        places = len(deviation) - 9 * count + free
+        scaled = measured.covariance[np.ix_(free, free)] / spread[free] / spread[free, None]
+        precision[np.ix_(places, places)] = inverse(scaled)
+        return cls(pad, drawn, rest_frames(drawn.axis), deviation, measured.mean, precision)
+
+    @property
+    def of_magnets(self) -> int:
+        return OF_MAGNET * len(self.drawn)
+
+    def unpack(self, scaled: Array) -> tuple[Magnets, Array, Array, Array]:
+        """Magnets, ambient field (3,), sensor places (N, 3) and sensitivity matrices (N, 3, 3)."""
+        count, first = len(self.pad.sensors), self.of_magnets
+        values = self.deviation * scaled
+        own = values[:first].reshape(-1, OF_MAGNET)
+        magnets = self.drawn.stronger(own[:, 5]).changed(own[:, :CHANGE].ravel(), self.frames)
+        places = self.pad.sensors.position_m + values[first + 3 : first + 3 + 3 * count].reshape(count, 3)
+        matrix = sensitivity.matrices(self.sensitivity + values[first + 3 + 3 * count :])
+        return magnets, values[first : first + 3], places, matrix
+
+    def predict(self, magnets: Magnets, ambient_t: Array, places: Array, matrix: Array) -> tuple[Array, Array]:
+        """Field (N, 3) as the chips report it, and its derivative (3N, U) in SI."""
+        count, first = len(places), self.of_magnets
+        drawn_axes = SensorArray(places, self.pad.sensors.axes)
+        to_sensor = self.pad.sensors.axes.transpose(0, 2, 1)
+        own, slope = field_and_slope(magnets, self.frames, drawn_axes)
+        field = own + product(to_sensor, ambient_t)
+        columns = np.zeros((count, 3, len(self.deviation)))
+        by_pose = slope.reshape(count, 3, -1, CHANGE)
+        for number in range(len(magnets)):
+            at = OF_MAGNET * number
+            columns[:, :, at : at + CHANGE] = by_pose[:, :, number]
+            alone = Magnets(*(value[number : number + 1] for value in _values(magnets)))
+            columns[:, :, at + 5] = drawn_axes.to_sensor(sum_of_fields(alone, places))
+        columns[:, :, first : first + 3] = to_sensor
+        # Moving a sensor is moving all magnets the other way.
+        towards = by_pose[:, :, :, :3].sum(axis=2)
+        for sensor, toward in enumerate(towards):
+            at = first + 3 + 3 * sensor
+            columns[sensor, :, at : at + 3] = -toward
+        columns = product(matrix, columns)
+        columns[:, :, first + 3 + 3 * count :] = sensitivity.columns(field)
+        return product(matrix, field[:, :, None])[:, :, 0], columns.reshape(3 * count, -1)
+
+
+def estimate_array_mounting(
+    pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, measured: Sensitivity
+) -> ArrayMounting:
+    """The most probable mounting, from the field at rest and, if it was recorded, the field without the pad.
+
+    BaselineError if no pad within the tolerances explains the field.
+    """
+    unknowns = ArrayUnknowns.of(pad, tolerance, bare is None, measured)
+    data, variance = rest.mean_t, square(rest.mean_deviation_t)
+    if bare is not None:
+        data, variance = data - bare.mean_t, variance + square(bare.mean_deviation_t)
+    weight = 1.0 / np.sqrt(variance.ravel())
+    scaled = np.zeros(len(unknowns.deviation))
+    for _ in range(ITERATIONS):
+        predicted, jacobian = unknowns.predict(*unknowns.unpack(scaled))
+        weighted = weight[:, None] * jacobian * unknowns.deviation
+        normal = product(weighted.T, weighted) + unknowns.precision
+        gradient = product(weighted.T, weight * (data - predicted).ravel()) - product(unknowns.precision, scaled)
+        step = solve(normal, gradient)
+        step *= min(1.0, 2.0 / max(float(np.abs(step).max()), SETTLED))
+        scaled = scaled + step
+        if np.abs(step).max() < SETTLED:
+            break
+    magnets, ambient_t, places, matrix = unknowns.unpack(scaled)
+    predicted, _ = unknowns.predict(magnets, ambient_t, places, matrix)
+    misfit = data - predicted
+    chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
+    limit = quantile(FALSE_REFUSAL, data.size)
+    if chi2 > limit:
+        worst = np.unravel_index(int(np.argmax(np.abs(misfit))), misfit.shape)
+        raise BaselineError(
+            f"the field does not fit an unloaded pad: χ² = {chi2:.0f}, where tolerances, gains and noise explain at "
+            f"most {limit:.0f}; worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}. Is something on the pad, a "
+            "magnet missing or upside down, or are [[pad.magnet]] and sensors_mm those of another pad?"
+        )
+    covariance = inverse(normal)
+    gain, axes = split(matrix, pad.sensors.axes)
+    sensors = SensorArray(places, axes)
+    rest_field = sensors.to_sensor(sum_of_fields(magnets, places))
+    ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
+    first, scale = unknowns.of_magnets, unknowns.deviation
+    in_si = covariance * scale * scale[:, None]
+    return ArrayMounting(
+        magnets=magnets,
+        frames=rest_frames(magnets.axis),
+        gain=gain,
+        sensors=sensors,
+        offset_t=rest.mean_t / gain - rest_field,
+        rest_field_t=rest_field,
+        noise_t=rest.noise_t,
+        errors=_errors(unknowns, scaled, covariance),
+        log_moment=(scale * scaled)[:first].reshape(-1, OF_MAGNET)[:, 5],
+        rest_covariance=in_si[:first, :first],
+        chi2=chi2,
+        measurements=data.size,
+        misfit_t=misfit,
+        ambient_t=ambient,
+        ambient_deviation_t=ambient_deviation,
+    )
+
+
+def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldErrors:
+    """The errors of a change of the field; at rest the baseline absorbs them, so only those of the change count."""
+    magnets, _, places, matrix = unknowns.unpack(scaled)
+    gain = split(matrix, unknowns.pad.sensors.axes)[0].ravel()
+    frames, none = rest_frames(magnets.axis), np.zeros(3)
+    size = CHANGE * len(magnets)
+    half = np.tile(HALF_A_PRESS, len(magnets))
+    turned = np.empty((size, gain.size, len(scaled)))
+    for direction in range(size):
+        step = np.zeros(size)
+        step[direction] = TYPICAL_CHANGE[direction % CHANGE] / 2.0
+        less, more = (
+            unknowns.predict(magnets.changed(half + sign * step, frames), none, places, matrix)[1]
+            for sign in (-1.0, 1.0)
+        )
+        turned[direction] = (more - less) * unknowns.deviation / gain[:, None]
+    count = len(places)
+    by_axes = sensitivity.matrices(np.eye(9 * count)).reshape(count, 3, 3, -1)
+    by_field = product(unknowns.pad.sensors.axes[:, None], by_axes).reshape(3 * count, 3, -1) / gain[:, None, None]
+    # The field's part of the causes, in units in which each has one deviation.
+    all_by_field = np.zeros((gain.size, 3, len(scaled)))
+    all_by_field[:, :, -9 * count :] = by_field * unknowns.deviation[-9 * count :]
+    # The covariance of these errors, with the typical changes as weights, has a few large directions: they are kept.
+    value, vectors = eigen(covariance)
+    root = vectors * np.sqrt(np.maximum(value, 0.0))
+    by_pose = product(turned.reshape(-1, len(scaled)), root)
+    all_by_field = product(all_by_field.reshape(-1, len(scaled)), root)
+    rows = np.concatenate([by_pose, all_by_field * (AMBIENT_DEVIATION_T / 10.0)])
+    power, causes = eigen(product(rows.T, rows))
+    kept = causes[:, np.argsort(power, kind="stable")[::-1][:MOST_CAUSES]]
+    typical = np.tile(TYPICAL_CHANGE, len(magnets))[:, None, None]
+    return FieldErrors(
+        product(by_pose, kept).reshape(size, gain.size, -1) / typical,
+        product(all_by_field, kept).reshape(gain.size, 3, -1),
+    )
+
+
+def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
+    """The uniform ambient field (3,), and its deviation (3,) from the differences between the sensors."""
+    seen = pad.sensors.to_pad(bare.mean_t)
+    return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
+
+
+def _remanences(pad: Pad) -> list[float]:
+    return [one.magnet.remanence_t for one in pad.magnets]
+
+
+def _values(magnets: Magnets) -> tuple[Array, Array, Array, Array]:
+    return magnets.position_m, magnets.axis, magnets.strength_t_m3, magnets.octupole_m2

@@ -1,0 +1,180 @@
+"""How presses change the poses of all magnets of a pad: a table of presses, one finger each.
+
+Cubic B-splines over the place, times powers of the normal force, so that an unloaded pad is exactly at rest; shear adds
+a term that is linear in it:
+
+    change(x, y, F, S) = Σ_ij B_i(x) B_j(y) (Σ_t c_ijt F^(t+1) + Σ_a s_ija S_a)
+
+Several fingers at once change the poses by the sum of what each does alone; docs/several.md has how far that holds.
+Beyond the largest force of the table the change continues along its tangent. A place beyond the table counts as on its
+edge. Units are those of the contact models: mm, N, and components of the axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import product
+from fmfts.common.reading import damage_told, read_regular
+
+Array = NDArray[np.float64]
+CHANGE = 5
+FORMAT = "fmfts array response 1"
+LARGEST_BYTES = 16_000_000
+
+
+class ResponseError(ValueError):
+    """The file holds no response of several magnets."""
+
+
+class Pressed(NamedTuple):
+    """What one finger does to P = 5M numbers of pose: change (P,); slope (P, 3) by x, y and the force; by_shear (P, 2);
+    and laplacian (P,), ∂²/∂x² + ∂²/∂y² of the change, which tells what a wider patch would do."""
+
+    change: Array
+    slope: Array
+    by_shear: Array
+    laplacian: Array
+
+
+class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The file, in msgpack. coefficient, shear: little-endian doubles; shape: of the coefficients."""
+
+    format: str
+    geometry_hash: str
+    first_mm: float
+    spacing_mm: float
+    scale_n: float
+    shape: tuple[int, int, int, int]
+    coefficient: bytes
+    shear: bytes
+
+
+@dataclass(frozen=True)
+class ArrayResponse:
+    """first_mm, spacing_mm: the knots along x and along y, X of them. scale_n: the table's largest normal force.
+
+    coefficient (X + 2, X + 2, T, P): of F, F² … F^T. shear (X + 2, X + 2, 2, P): per newton along x and y.
+    geometry_hash: of the pad that it was made for.
+    """
+
+    first_mm: float
+    spacing_mm: float
+    scale_n: float
+    coefficient: Array
+    shear: Array
+    geometry_hash: str
+
+    @property
+    def last_mm(self) -> float:
+        return self.first_mm + self.spacing_mm * float(len(self.coefficient) - 3)
+
+    @cached_property
+    def _patches(self) -> Array:
+        """(X − 1, X − 1, 16, (T + 2) · P): the coefficients of each cell, those of the shear last."""
+        both = np.concatenate([self.coefficient, self.shear], axis=2)
+        both = both.reshape(*both.shape[:2], -1)
+        cells = both.shape[0] - 3
+        patches = [both[i : i + 4, j : j + 4].reshape(16, -1) for i in range(cells) for j in range(cells)]
+        return np.array(patches).reshape(cells, cells, 16, -1)
+
+    def pressed(self, x_mm: float, y_mm: float, force_n: float) -> Pressed:
+        """What a finger does without shear; see Pressed."""
+        column, (x0, x1, x2) = self._stencil(x_mm)
+        row, (y0, y1, y2) = self._stencil(y_mm)
+        weight = np.array(
+            [
+                [a * b for a in x0 for b in y0],
+                [a * b for a in x1 for b in y0],
+                [a * b for a in x0 for b in y1],
+                [a * d + c * b for a, c in zip(x0, x2, strict=True) for b, d in zip(y0, y2, strict=True)],
+            ]
+        )
+        terms, numbers = self.coefficient.shape[2:]
+        table = product(weight, self._patches[column, row]).reshape(4, terms + 2, numbers)
+        value, slope = self._powers(force_n)
+        of_force = product(value, table[:, :terms])
+        by_force = product(slope, table[:1, :terms])
+        return Pressed(
+            of_force[0], np.stack([of_force[1], of_force[2], by_force[0]], axis=1), table[0, terms:].T, of_force[3]
+        )
+
+    def _powers(self, force_n: float) -> tuple[Array, Array]:
+        """F, F² …, and their derivatives; above scale_n the powers follow their tangents."""
+        inside, terms = min(force_n, self.scale_n), self.coefficient.shape[2]
+        value, slope = np.empty(terms), np.empty(terms)
+        power = 1.0
+        for term in range(terms):
+            slope[term] = (term + 1) * power
+            power *= inside
+            value[term] = power + slope[term] * (force_n - inside)
+        return value, slope
+
+    def _stencil(self, along_mm: float) -> tuple[int, tuple[tuple[float, ...], ...]]:
+        """The cell, and the four cubic B-splines that cover the place: their values, slopes and second derivatives."""
+        cells = self.coefficient.shape[0] - 3
+        place = min(max((along_mm - self.first_mm) / self.spacing_mm, 0.0), float(cells))
+        cell = min(int(place), cells - 1)
+        u, h = place - cell, self.spacing_mm
+        v = 1.0 - u
+        return cell, (
+            (
+                v * v * v / 6.0,
+                (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
+                (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
+                u * u * u / 6.0,
+            ),
+            (
+                -v * v / 2.0 / h,
+                (3.0 * u * u - 4.0 * u) / 2.0 / h,
+                -(3.0 * v * v - 4.0 * v) / 2.0 / h,
+                u * u / 2.0 / h,
+            ),
+            (v / (h * h), (3.0 * u - 2.0) / (h * h), (3.0 * v - 2.0) / (h * h), u / (h * h)),
+        )
+
+    def encoded(self) -> bytes:
+        """The content of a file that `read` reads."""
+        stored = _Stored(
+            FORMAT,
+            self.geometry_hash,
+            self.first_mm,
+            self.spacing_mm,
+            self.scale_n,
+            self.coefficient.shape,
+            np.ascontiguousarray(self.coefficient, "<f8").tobytes(),
+            np.ascontiguousarray(self.shear, "<f8").tobytes(),
+        )
+        return msgspec.msgpack.encode(stored)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file. Raises OSError where it cannot be read, ResponseError where it is no such response."""
+        content = read_regular(path, LARGEST_BYTES)
+        with damage_told(ResponseError, f"{path}: is no response of several magnets"):
+            stored = msgspec.msgpack.decode(content, type=_Stored)
+            if stored.format != FORMAT:
+                raise ValueError(f"its format is {stored.format!r}, not {FORMAT!r}")
+            width, depth, terms, numbers = stored.shape
+            if depth != width or width < 5 or terms < 1 or numbers < 1 or numbers % CHANGE:
+                raise ValueError("its table has an impossible size")
+            response = cls(
+                stored.first_mm,
+                stored.spacing_mm,
+                stored.scale_n,
+                np.frombuffer(stored.coefficient, "<f8").reshape(stored.shape),
+                np.frombuffer(stored.shear, "<f8").reshape(width, width, 2, numbers),
+                stored.geometry_hash,
+            )
+            if not (np.isfinite(response.coefficient).all() and np.isfinite(response.shear).all()):
+                raise ValueError("its table contains NaN or infinity")
+            if not (response.spacing_mm > 0.0 and response.scale_n > 0.0 and np.isfinite(response.first_mm)):
+                raise ValueError("its knots or its largest force are impossible")
+            return response

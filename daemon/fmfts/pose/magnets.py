@@ -1,0 +1,130 @@
+"""Several magnets in one pad: their poses, and the field of all of them together, with its derivatives.
+
+The field is the sum of the magnets' fields; `dipole.py` has the equation of one. A change of pose is five numbers for
+each magnet, as for a single one: its displacement, and the x and y of its axis in axes in which it points along +z at
+rest (mechanics move the axis of a magnet that lies upside down like that of any other).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import exp
+from fmfts.arithmetic.matrix import lengths, product
+from fmfts.pad import Pad, SensorArray
+from fmfts.pose.dipole import dipole_derivatives, dipole_field
+from fmfts.pose.state import tangent_basis
+
+Array = NDArray[np.float64]
+CHANGE = 5  # numbers of a magnet's change of pose
+
+
+@dataclass(frozen=True, slots=True)
+class Magnets:
+    """M magnets. position_m (M, 3), axis (M, 3) unit vectors of their moments, strength_t_m3 (M,), octupole_m2 (M,)."""
+
+    position_m: Array
+    axis: Array
+    strength_t_m3: Array
+    octupole_m2: Array
+
+    @classmethod
+    def drawn(cls, pad: Pad) -> Self:
+        """As in the drawing, at rest."""
+        magnets = pad.magnets
+        return cls(
+            np.array([one.rest_position_m for one in magnets]),
+            np.array([one.rest_axis for one in magnets]),
+            np.array([one.magnet.strength_t_m3 for one in magnets]),
+            np.array([one.magnet.modelled_octupole_m2 for one in magnets]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.position_m)
+
+    def stronger(self, log_moment: Array) -> Self:
+        """With other moments. log_moment (M,): ln of the ratio."""
+        ratio = np.array([exp(one) for one in log_moment.tolist()])
+        return replace(self, strength_t_m3=self.strength_t_m3 * ratio)
+
+    def changed(self, change: Array, frames: Array) -> Self:
+        """After a change of pose (5M,), in m and components of the axis. frames (M, 3, 3): `rest_frames` of these."""
+        moved = change.reshape(-1, CHANGE)
+        tilt = moved[:, 3:]
+        upright = np.sqrt(np.maximum(1.0 - (tilt * tilt).sum(axis=1), 0.0))
+        local = np.concatenate([tilt, upright[:, None]], axis=1)
+        axis = product(frames, local[:, :, None])[:, :, 0]
+        return replace(self, position_m=self.position_m + moved[:, :3], axis=axis)
+
+
+def rest_frames(axis: Array) -> Array:
+    """(M, 3, 3) rotations whose third column is the axis at rest: the shortest from +z, or from −z for one that points
+    down. So x and y of the changed axis are those of the pad, but for the small tilt at rest."""
+    frames = []
+    for one in axis:
+        sign = 1.0 if one[2] >= 0.0 else -1.0
+        basis = tangent_basis(sign * one)
+        frames.append(np.column_stack([sign * basis[:, 0], sign * basis[:, 1], one]))
+    return np.array(frames)
+
+
+def field_of(magnets: Magnets, sensors: SensorArray) -> Array:
+    """(N, 3) the field at the sensors, along their axes, in T."""
+    return sensors.to_sensor(sum_of_fields(magnets, sensors.position_m))
+
+
+def sum_of_fields(magnets: Magnets, place_m: Array) -> Array:
+    """(N, 3) the field at `place_m` (N, 3), in pad axes, in T."""
+    return _summed(
+        [
+            dipole_field(place_m, position, axis, strength, octupole)
+            for position, axis, strength, octupole in _each(magnets)
+        ]
+    )
+
+
+def field_and_slope(magnets: Magnets, frames: Array, sensors: SensorArray) -> tuple[Array, Array]:
+    """The field (N, 3) along the sensors' axes, and its derivative (3N, 5M) by the changes of pose."""
+    to_sensor = sensors.axes.transpose(0, 2, 1)
+    fields, slopes = [], []
+    for (position, axis, strength, octupole), frame in zip(_each(magnets), frames, strict=True):
+        field, by_position, by_axis = dipole_derivatives(sensors.position_m, position, axis, strength, octupole)
+        local = product(frame.T, axis)
+        # ∂axis/∂(m, n) = frame · (1, 0, −m/w; 0, 1, −n/w), with w = √(1 − m² − n²).
+        by_tilt = frame[:, :2] - frame[:, 2:] * (local[:2] / max(float(local[2]), 1e-3))
+        fields.append(field)
+        slopes.append(np.concatenate([by_position, product(by_axis, by_tilt)], axis=2))
+    field = product(to_sensor, _summed(fields)[:, :, None])[:, :, 0]
+    slope = product(to_sensor, np.concatenate(slopes, axis=2))
+    return field, slope.reshape(3 * len(sensors), -1)
+
+
+def _each(magnets: Magnets) -> zip[tuple[Array, Array, float, float]]:
+    return zip(
+        magnets.position_m,
+        magnets.axis,
+        magnets.strength_t_m3.tolist(),
+        magnets.octupole_m2.tolist(),
+        strict=True,
+    )
+
+
+def _summed(terms: Sequence[Array]) -> Array:
+    """One after the other, in the order of the magnets."""
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def magnet_spacing_m(magnets: Magnets) -> float:
+    """The least distance between two magnets; infinite for a single one."""
+    gaps = [
+        float(lengths(magnets.position_m[i] - magnets.position_m[j])) for i in range(len(magnets)) for j in range(i)
+    ]
+    return min(gaps, default=float("inf"))

@@ -1,0 +1,156 @@
+"""What fingers do to the field of a pad with several magnets, and how wrong that may be.
+
+The unknowns are the fingers themselves: x, y and the force of each. The magnets' poses follow from them by the table of
+presses (`ArrayResponse`), and the field from the poses. All else that changes the field is not solved but considered:
+it widens the covariance of the field, and so the deviations of what is solved (Schmidt 1966):
+
+    C = noise + A A' σ_A² + m m' σ_m² + E E' + P (S S' (μF)² + w w' σ_w² + (ε·change)² + D D' σ_D²) P'
+
+A: the ambient field, along each axis. m: all moments together (temperature). E: what the baseline left uncertain, for
+this change of poses (`FieldErrors`). P: the field's slope by the poses; S: what shear of a finger does, of a deviation
+of μ times its force; w: what a wider or narrower patch does; ε: errors of the table, and of adding up fingers. D: a
+press's place is told from where each magnet rests, and that is known to σ_D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import cholesky, product
+from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.contact.array_response import ArrayResponse, Pressed
+from fmfts.pad import Pad
+from fmfts.pose.magnets import field_and_slope, field_of
+
+Array = NDArray[np.float64]
+
+FINGER = 3  # unknowns of one: x and y in mm, and its normal force in N
+MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the response's units to SI, for each magnet
+
+# A patch that is wider or narrower than the calibrated 6 mm changes the mean of x² over it: by 1.1 mm² for a patch of
+# 4 or 8 mm, by 4 mm² for one of 10 mm. Half of that times the Laplacian is the change.
+PATCH_MM2 = 1.0
+SMALLEST_M = 1e-9
+# Of the table, relative: docs/results/several.md.
+RESPONSE_ERROR = 0.005
+# Adding up fingers errs by 15 µm of 800 at 2 × 0.5 N, by 40 µm at 2 × 1 N (docs/results/several.md): with the product
+# of two forces.
+SUM_ERROR_PER_N = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Deviations of what else changes the field. ambient_t: of the ambient field since the baseline, along each axis.
+    moment: relative, of all moments together. friction: shear of a finger over its force."""
+
+    ambient_t: float
+    moment: float
+    friction: float
+
+
+class Predicted(NamedTuple):
+    """field (3N,): its change since rest. slope (3N, 3K): by the fingers. by_pose (3N, 5M). change (5M,): of the poses,
+    in SI. pressed: what each finger does alone, in the response's units."""
+
+    field_t: Array
+    slope: Array
+    by_pose: Array
+    change: Array
+    pressed: tuple[Pressed, ...]
+
+
+class FieldModel:
+    """The fields of one mounted pad under fingers (K, 3): x and y in mm, force in N."""
+
+    def __init__(self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene) -> None:
+        self.mounting, self.response, self.scene = mounting, response, scene
+        self._si = np.tile(MM, len(mounting.magnets))
+        count = len(mounting.sensors)
+        self._at_rest = field_of(mounting.magnets, mounting.sensors).ravel()
+        self.by_ambient = mounting.sensors.axes.transpose(0, 2, 1).reshape(3 * count, 3)
+        drawn = np.array([one.rest_position_m for one in pad.magnets])
+        self._off_mm = (mounting.magnets.position_m - drawn)[:, :2] * 1e3
+        place = mounting.rest_covariance.reshape(len(drawn), 6, len(drawn), 6)[:, :2, :, :2]
+        self._off_root_mm = 1e3 * cholesky(
+            place.reshape(2 * len(drawn), -1) + SMALLEST_M * SMALLEST_M * np.eye(2 * len(drawn))
+        )
+        self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
+
+    def predict(self, fingers: Array) -> Predicted:
+        """The change of the field by `fingers` (K, 3)."""
+        if not len(fingers):
+            nothing = np.zeros(len(self._si))
+            return Predicted(
+                np.zeros(len(self._at_rest)), np.zeros((len(self._at_rest), 0)), self._rest_slope, nothing, ()
+            )
+        pressed = tuple(self.response.pressed(x, y, force) for x, y, force in fingers.tolist())
+        change = np.zeros(len(self._si))
+        for one in pressed:
+            change = change + one.change - self._shifted(one, self._off_mm)
+        change = change * self._si
+        mounting = self.mounting
+        moved = mounting.magnets.changed(change, mounting.frames)
+        field, by_pose = field_and_slope(moved, mounting.frames, mounting.sensors)
+        by_finger = np.concatenate([one.slope for one in pressed], axis=1) * self._si[:, None]
+        return Predicted(field.ravel() - self._at_rest, product(by_pose, by_finger), by_pose, change, pressed)
+
+    def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
+        """C (3N, 3N) of the class's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient
+        field, as far as it is known, which chips that are turned read wrong."""
+        scene = self.scene
+        columns = [
+            scene.ambient_t * self.by_ambient,
+            scene.moment * (predicted.field_t + self._at_rest)[:, None],
+            self.mounting.errors.at(predicted.change, ambient_t),
+        ]
+        if len(fingers):
+            causes = []
+            for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True):
+                causes += [scene.friction * force * one.by_shear, 0.5 * PATCH_MM2 * one.laplacian[:, None]]
+            by_pose = predicted.by_pose * self._si
+            moved = [self._by_place(one) for one in predicted.pressed]
+            causes.append(product(_summed(moved), self._off_root_mm))
+            columns.append(product(by_pose, np.concatenate(causes, axis=1)))
+            columns.append(by_pose * self._response_error(fingers, predicted))
+        factor = np.concatenate(columns, axis=1)
+        covariance: Array = product(factor, factor.T)
+        covariance[range(len(variance_t2)), range(len(variance_t2))] += variance_t2
+        return covariance
+
+    def _shifted(self, one: Pressed, off_mm: Array) -> Array:
+        """(5M,) how much more the magnets move in the drawing's places than `off_mm` (M, 2) beside them."""
+        slope = one.slope.reshape(len(off_mm), -1, FINGER)
+        shifted: Array = (slope[:, :, 0] * off_mm[:, :1] + slope[:, :, 1] * off_mm[:, 1:]).ravel()
+        return shifted
+
+    def _by_place(self, one: Pressed) -> Array:
+        """(5M, 2M) derivative of a change by the magnets' places, in mm."""
+        count = len(self._off_mm)
+        slope = one.slope.reshape(count, -1, FINGER)
+        by_place = np.zeros((count, slope.shape[1], count, 2))
+        for magnet in range(count):
+            by_place[magnet, :, magnet] = -slope[magnet, :, :2]
+        return by_place.reshape(count * slope.shape[1], 2 * count)
+
+    def _response_error(self, fingers: Array, predicted: Predicted) -> Array:
+        """(5M,) deviation of each number of pose, in the response's units."""
+        variance = np.zeros(len(self._si))
+        for one in predicted.pressed:
+            variance = variance + square(RESPONSE_ERROR * one.change)
+        for i, one in enumerate(predicted.pressed):
+            for j, other in enumerate(predicted.pressed[:i]):
+                both = np.abs(one.change) * fingers[j, 2] + np.abs(other.change) * fingers[i, 2]
+                variance = variance + square(0.5 * SUM_ERROR_PER_N * both)
+        return np.sqrt(variance)
+
+
+def _summed(terms: list[Array]) -> Array:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
