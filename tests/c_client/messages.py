@@ -34,7 +34,8 @@ BY_HINT: dict[str, st.SearchStrategy[Any]] = {
 def built(kind: type[Any], **fixed: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     """Structs of `kind`, its fields drawn by their annotations."""
     hints = {name: hint for base in kind.__mro__ for name, hint in getattr(base, "__annotations__", {}).items()}
-    names = [field.name for field in msgspec.structs.fields(kind)]
+    # The C client does not read what only pads with several magnets send.
+    names = [field.name for field in msgspec.structs.fields(kind) if "UnsetType" not in hints[field.name]]
     return st.builds(kind, **{name: fixed[name] if name in fixed else BY_HINT[hints[name]] for name in names})
 
 

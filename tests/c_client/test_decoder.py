@@ -24,7 +24,8 @@ from unit.bus_messages import contact_message
 LONGEST_REASON = 255
 HEALTHS = get_args(Health)
 
-FIELDS = sorted(field.name for field in msgspec.structs.fields(ContactMessage))
+OF_SEVERAL = ("contacts", "more", "poses")  # the C client does not read what only pads with several magnets send
+FIELDS = sorted(field.name for field in msgspec.structs.fields(ContactMessage) if field.name not in OF_SEVERAL)
 POSE_FIELDS = sorted(field.name for field in msgspec.structs.fields(PoseMessage))
 GOLDEN = encode(contact_message(t_sample_ns=1, t_publish_ns=2, utc_ns=3))
 
@@ -46,7 +47,8 @@ def expected(message: dict[str, Any]) -> dict[str, Any]:
     contact = Contact.from_message(message)
     plain: dict[str, Any] = json.loads(msgspec.json.encode(contact))
     plain["reason"] = cut(plain["reason"])
-    del plain["v"], plain["clock_ahead_s"]
+    for name in ("v", "clock_ahead_s", *OF_SEVERAL):
+        del plain[name]
     return plain | {"measured": contact.valid}
 
 

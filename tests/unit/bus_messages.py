@@ -5,7 +5,15 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from fmfts.bus.messages import ContactMessage, EventMessage, FrameMessage, NowMessage, PoseMessage, StatusMessage
+from fmfts.bus.messages import (
+    ContactMessage,
+    EventMessage,
+    FingerMessage,
+    FrameMessage,
+    NowMessage,
+    PoseMessage,
+    StatusMessage,
+)
 
 BOOT = "b00t"
 
@@ -62,6 +70,43 @@ def contact_message(**changes: Any) -> ContactMessage:
         "baseline": "2025-01-01T00:00:00Z-abcd",
     }
     return ContactMessage(**(values | changes))
+
+
+def finger_message(number: int, **changes: Any) -> FingerMessage:
+    """A finger of 0.6 N at (−4, 2) mm, without shear."""
+    values: dict[str, Any] = dict.fromkeys(FingerMessage.__struct_fields__) | {
+        "id": number,
+        "x_m": -0.004,
+        "x_sd_m": 0.0003,
+        "y_m": 0.002,
+        "y_sd_m": 0.0004,
+        "force_n": 0.6,
+        "force_sd_n": 0.04,
+    }
+    return FingerMessage(**(values | changes))
+
+
+def fingers_message(*fingers: FingerMessage, **changes: Any) -> ContactMessage:
+    """Of a pad with two magnets: touched by these fingers, and the resultant of them."""
+    poses = [pose_message(position_m=(x_m, 0.0, 0.0104)) for x_m in (-0.006, 0.006)]
+    values: dict[str, Any] = {"contacts": list(fingers), "more": False, "pose": None, "poses": poses, "model": "none"}
+    return contact_message(**(values | _resultant(fingers) | changes))
+
+
+def two_fingers() -> tuple[FingerMessage, FingerMessage]:
+    """0.6 N at (−4, 2) mm, and 0.9 N at (6, −1) mm with shear along x."""
+    shear = {"shear_x_n": 0.1, "shear_x_sd_n": 0.02, "shear_y_n": 0.0, "shear_y_sd_n": 0.03}
+    return finger_message(3), finger_message(4, x_m=0.006, y_m=-0.001, force_n=0.9, **shear)
+
+
+def _resultant(fingers: tuple[FingerMessage, ...]) -> dict[str, Any]:
+    if not fingers:
+        nowhere = dict.fromkeys(("x_m", "x_sd_m", "y_m", "y_sd_m"))
+        return {"contact": False, "force_n": 0.0, "now": None} | nowhere
+    force_n = sum(finger.force_n for finger in fingers)
+    x_m = sum(finger.force_n * finger.x_m for finger in fingers) / force_n
+    y_m = sum(finger.force_n * finger.y_m for finger in fingers) / force_n
+    return {"contact": True, "force_n": force_n, "x_m": x_m, "y_m": y_m, "now": None}
 
 
 def now_message(t_ns: int, **changes: Any) -> NowMessage:

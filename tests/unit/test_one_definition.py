@@ -81,7 +81,8 @@ def in_c_client(table: str) -> list[tuple[str, str]]:
 
 
 def due(kind: type[msgspec.Struct], *before: str) -> list[tuple[str, str]]:
-    pairs = list(kind.__annotations__.items())
+    # The C client does not read what only pads with several magnets send.
+    pairs = [(name, hint) for name, hint in kind.__annotations__.items() if "UnsetType" not in hint]
     named = [
         (name, name.upper() if name in ("pose", "now") else TEXTS.get(name, KIND_OF.get(hint, "FIELD WORD")))
         for name, hint in pairs

@@ -1,7 +1,7 @@
 """Clients of fmfts-daemon: `Client` for a controller, `Subscription` for all messages, `request` for commands."""
 
 from fmfts_client.client import ALIVE_S, Client
-from fmfts_client.contact import Contact, Event, Pose, Status
+from fmfts_client.contact import Contact, Event, Finger, Pose, Status
 from fmfts_client.control import ControlError, RefusedError, UnreachableError, request
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.fields import SCHEMA_VERSION, MessageError, SchemaError
@@ -20,6 +20,7 @@ __all__ = [
     "EndpointError",
     "Endpoints",
     "Event",
+    "Finger",
     "Message",
     "MessageError",
     "Now",

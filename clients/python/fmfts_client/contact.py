@@ -15,7 +15,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Pose:
-    """Pose of the magnet in pad axes (origin in the sensor plane, z toward the finger)."""
+    """Pose of a magnet in pad axes (origin in the sensor plane, z toward the finger)."""
 
     position_m: Vector
     position_sd_m: Vector
@@ -27,6 +27,23 @@ class Pose:
     ambient_sd_t: Optional[Vector]
     residual_t: float
     chi2: float
+
+
+@dataclass(frozen=True)
+class Finger:
+    """One finger on a pad with several magnets. `id` stays while the finger does. Shear: None if not known."""
+
+    id: int
+    x_m: float
+    x_sd_m: float
+    y_m: float
+    y_sd_m: float
+    force_n: float
+    force_sd_n: float
+    shear_x_n: Optional[float]
+    shear_x_sd_n: Optional[float]
+    shear_y_n: Optional[float]
+    shear_y_sd_n: Optional[float]
 
 
 @dataclass(frozen=True)
@@ -65,6 +82,13 @@ class Contact:
     baseline: Optional[str]
     # The contact when this was published; None where it is not known, and from a daemon that does not send it.
     now: Optional[Now] = field(default=None, metadata=MAY_BE_MISSING)
+    # Each finger of a pad with several magnets; (): no contact; None: cannot tell, or a pad with one magnet. Place,
+    # force and shear above are the resultant of all fingers.
+    contacts: Optional[tuple[Finger, ...]] = field(default=None, metadata=MAY_BE_MISSING)
+    # Is there more than two fingers explain? None: a pad with one magnet, which never tells.
+    more: Optional[bool] = field(default=None, metadata=MAY_BE_MISSING)
+    # Pose of each magnet, of a pad with several; `pose` is None there.
+    poses: Optional[tuple[Pose, ...]] = field(default=None, metadata=MAY_BE_MISSING)
     # By how much this machine's monotonic clock is ahead of that of the times above; None: not known.
     clock_ahead_s: Optional[float] = field(default=0.0, metadata=NOT_SENT)
 
@@ -88,6 +112,14 @@ class Contact:
         known = self.health == "ok" and self.contact is not None and self.force_n is not None
         placed = not self.contact or (self.x_m is not None and self.y_m is not None)
         return known and placed and not self.over_range
+
+    @property
+    def tells_fingers(self) -> bool:
+        """Does this pad have several magnets, so that it tells `contacts` where it can?
+
+        Of any other pad `contacts` is always None, and two fingers look like one.
+        """
+        return self.more is not None
 
     def at(self, t_ns: Optional[int] = None) -> Optional[Now]:
         """The contact carried on to `t_ns` of this machine's monotonic clock; None: to this instant.

@@ -33,7 +33,7 @@ class _Message(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoseMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """The magnet's pose in a ContactMessage."""
+    """A magnet's pose in a ContactMessage."""
 
     position_m: Vector
     position_sd_m: Vector
@@ -45,6 +45,22 @@ class PoseMessage(msgspec.Struct, frozen=True, kw_only=True):
     ambient_sd_t: Vector | None
     residual_t: float
     chi2: float
+
+
+class FingerMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """One finger on a pad with several magnets, in a ContactMessage. `id` stays the same while the finger stays."""
+
+    id: int
+    x_m: float
+    x_sd_m: float
+    y_m: float
+    y_sd_m: float
+    force_n: float
+    force_sd_n: float
+    shear_x_n: float | None
+    shear_x_sd_n: float | None
+    shear_y_n: float | None
+    shear_y_sd_n: float | None
 
 
 class NowMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,7 +90,11 @@ class NowMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContactMessage(_Message, frozen=True, kw_only=True):
-    """`contact/<pad>`: one per frame, and at least ten a second while the source is silent."""
+    """`contact/<pad>`: one per frame, and at least ten a second while the source is silent.
+
+    Of a pad with several magnets place, force and shear are the resultant of its `contacts`, and `pose` is null. A pad
+    with one magnet leaves `contacts`, `more` and `poses` out, so that its messages are as short as ever, and the same.
+    """
 
     seq: int
     t_sample_ns: int
@@ -98,8 +118,11 @@ class ContactMessage(_Message, frozen=True, kw_only=True):
     force_min_n: float | None
     displacement_m: float | None = None
     displacement_sd_m: float | None = None
+    contacts: list[FingerMessage] | msgspec.UnsetType | None = msgspec.UNSET
+    more: bool | msgspec.UnsetType = msgspec.UNSET
     now: NowMessage | None = None
     pose: PoseMessage | None
+    poses: list[PoseMessage] | msgspec.UnsetType | None = msgspec.UNSET
     sensors_ok: int
     solver: Solver
     model: str
@@ -113,6 +136,13 @@ NO_ESTIMATE: dict[str, None] = dict.fromkeys(
         *("displacement_m", "displacement_sd_m", "now", "pose"),
     )
 )
+# The same of a pad with several magnets.
+NO_ESTIMATE_OF_SEVERAL: dict[str, bool | None] = {
+    **NO_ESTIMATE,
+    "contacts": None,
+    "more": False,
+    "poses": None,
+}
 
 
 class EventMessage(_Message, frozen=True, kw_only=True):
@@ -230,6 +260,12 @@ def encode_facts(facts: dict[str, Any]) -> bytes:
     return _encoder.encode(facts)
 
 
+def without_estimate(message: ContactMessage, **changes: Any) -> ContactMessage:
+    """`message` without what was estimated, and with `changes`. It keeps the keys of its kind of pad."""
+    nothing = NO_ESTIMATE if message.contacts is msgspec.UNSET else NO_ESTIMATE_OF_SEVERAL
+    return msgspec.structs.replace(message, **nothing, **changes)
+
+
 def not_finite_field(value: object, path: str = "") -> str:
     """Path of the first NaN or infinity in a message, map or list; "" where there is none."""
     if isinstance(value, float):
@@ -256,6 +292,7 @@ _contact_numbers = _getter(ContactMessage, "float")
 _pose_numbers = _getter(PoseMessage, "float")
 _pose_vectors = _getter(PoseMessage, "Vector")
 _now_numbers = _getter(NowMessage, "float")
+_finger_numbers = _getter(FingerMessage, "float")
 
 
 def _numbers_are_finite(message: AnyMessage) -> bool:
@@ -266,7 +303,16 @@ def _numbers_are_finite(message: AnyMessage) -> bool:
     if (now := message.now) is not None:
         total += sum(filter(None, _now_numbers(now)))
     if (pose := message.pose) is not None:
-        total += sum(_pose_numbers(pose))
-        for vector in filter(None, _pose_vectors(pose)):
-            total += sum(vector)
+        total += _sum_of_pose(pose)
+    if message.contacts:  # neither unset nor null nor empty
+        total += sum(sum(filter(None, _finger_numbers(finger))) for finger in message.contacts)
+    if message.poses:
+        total += sum(map(_sum_of_pose, message.poses))
     return math.isfinite(total)
+
+
+def _sum_of_pose(pose: PoseMessage) -> float:
+    total: float = sum(_pose_numbers(pose))
+    for vector in filter(None, _pose_vectors(pose)):
+        total += sum(vector)
+    return total

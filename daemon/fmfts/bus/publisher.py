@@ -6,12 +6,10 @@ import logging
 from collections.abc import Iterable
 from pathlib import Path
 
-import msgspec
 import zmq
 
 from fmfts.bus.keys import ServerKey
 from fmfts.bus.messages import (
-    NO_ESTIMATE,
     AnyMessage,
     ContactMessage,
     EarlyMessage,
@@ -22,6 +20,7 @@ from fmfts.bus.messages import (
     StatusMessage,
     encode,
     not_finite_field,
+    without_estimate,
 )
 from fmfts.bus.server import BoundSocket
 from fmfts_client.endpoints import Endpoints
@@ -213,6 +212,4 @@ def _prefixes(topic: str) -> list[bytes]:
 
 def _without_estimate(message: ContactMessage, reason: str) -> ContactMessage:
     temperature_c = None if not_finite_field(message.temperature_c) else message.temperature_c
-    return msgspec.structs.replace(
-        message, **NO_ESTIMATE, health="lost", reason=reason, over_range=False, temperature_c=temperature_c
-    )
+    return without_estimate(message, health="lost", reason=reason, over_range=False, temperature_c=temperature_c)

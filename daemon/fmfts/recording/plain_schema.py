@@ -6,12 +6,14 @@ may be null is left out of a recorded message where it is null, instead of being
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import msgspec
 
 Schema = dict[str, Any]
+Change = Callable[[dict[str, Any], type[msgspec.Struct]], dict[str, Any]]
 
 
 @cache
@@ -54,22 +56,27 @@ def _may_be_null(schema: Schema) -> bool:
 
 def without_nulls(body: dict[str, Any], kind: type[msgspec.Struct]) -> dict[str, Any]:
     """A message as its plain schema wants it: without keys that are null, in it and in its structs."""
-    nested = _structs_in(kind)
-    return {
-        name: without_nulls(value, nested[name]) if name in nested and isinstance(value, dict) else value
-        for name, value in body.items()
-        if value is not None
-    }
+    return {name: value for name, value in _in_structs(body, kind, without_nulls).items() if value is not None}
 
 
 def with_nulls(body: dict[str, Any], kind: type[msgspec.Struct]) -> dict[str, Any]:
     """The inverse of without_nulls; leaves a message that has its nulls as it is."""
+    absent = _nullable(kind)
+    if not any(name in body for name in _may_be_left_out(kind)):
+        absent = tuple(name for name in absent if name not in _may_be_left_out(kind))
+    return dict.fromkeys(absent) | _in_structs(body, kind, with_nulls)
+
+
+def _in_structs(body: dict[str, Any], kind: type[msgspec.Struct], change: Change) -> dict[str, Any]:
+    """`body` with all its structs, and those in its lists, changed."""
     nested = _structs_in(kind)
-    known = {
-        name: with_nulls(value, nested[name]) if name in nested and isinstance(value, dict) else value
-        for name, value in body.items()
-    }
-    return dict.fromkeys(_nullable(kind)) | known
+    return {name: _changed(value, nested[name], change) if name in nested else value for name, value in body.items()}
+
+
+def _changed(value: Any, kind: type[msgspec.Struct], change: Change) -> Any:
+    if isinstance(value, dict):
+        return change(value, kind)
+    return [_changed(each, kind, change) for each in value] if isinstance(value, list) else value
 
 
 @cache
@@ -78,12 +85,19 @@ def _nullable(kind: type[msgspec.Struct]) -> tuple[str, ...]:
 
 
 @cache
+def _may_be_left_out(kind: type[msgspec.Struct]) -> tuple[str, ...]:
+    """The keys that only messages of one sort have: all of them, of which at least one is never null, or none."""
+    return tuple(each.encode_name for each in msgspec.structs.fields(kind) if each.default is msgspec.UNSET)
+
+
+@cache
 def _structs_in(kind: type[msgspec.Struct]) -> dict[str, type[msgspec.Struct]]:
     found = {}
     for each in _fields(kind):
         for one in getattr(each.type, "types", (each.type,)):
-            if isinstance(one, msgspec.inspect.StructType):
-                found[each.encode_name] = one.cls
+            item = getattr(one, "item_type", one)
+            if isinstance(item, msgspec.inspect.StructType):
+                found[each.encode_name] = item.cls
     return found
 
 
