@@ -167,7 +167,7 @@ static bool is_text(const struct item *item, const char *text)
 
 /* ---- the schema: docs/messages.md ---- */
 
-enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE, NOW };
+enum kind { INTEGER, NUMBER, FLAG, TOUCH, HEALTH, SENTENCE, WORD, VECTOR, POSE, NOW, FINGERS, POSES };
 
 enum { ALWAYS = -1 }; /* instead of the offset of `known`: the value must not be null */
 
@@ -176,10 +176,11 @@ struct field {
     enum kind kind;
     ptrdiff_t known;
     size_t value;
+    bool may_be_missing; /* from daemons of before, or of some pads */
 };
 
-#define FIELD(kind, of, name) {#name, kind, ALWAYS, offsetof(struct of, name)}
-#define NULLABLE(kind, of, name) {#name, kind, offsetof(struct of, name.known), offsetof(struct of, name.value)}
+#define FIELD(kind, of, name) {#name, kind, ALWAYS, offsetof(struct of, name), false}
+#define NULLABLE(kind, of, name) {#name, kind, offsetof(struct of, name.known), offsetof(struct of, name.value), false}
 
 static const struct field pose_fields[] = {
     FIELD(VECTOR, fmfts_pose, position_m),
@@ -192,6 +193,20 @@ static const struct field pose_fields[] = {
     NULLABLE(VECTOR, fmfts_pose, ambient_sd_t),
     FIELD(NUMBER, fmfts_pose, residual_t),
     FIELD(NUMBER, fmfts_pose, chi2),
+};
+
+static const struct field finger_fields[] = {
+    FIELD(INTEGER, fmfts_finger, id),
+    FIELD(NUMBER, fmfts_finger, x_m),
+    FIELD(NUMBER, fmfts_finger, x_sd_m),
+    FIELD(NUMBER, fmfts_finger, y_m),
+    FIELD(NUMBER, fmfts_finger, y_sd_m),
+    FIELD(NUMBER, fmfts_finger, force_n),
+    FIELD(NUMBER, fmfts_finger, force_sd_n),
+    NULLABLE(NUMBER, fmfts_finger, shear_x_n),
+    NULLABLE(NUMBER, fmfts_finger, shear_x_sd_n),
+    NULLABLE(NUMBER, fmfts_finger, shear_y_n),
+    NULLABLE(NUMBER, fmfts_finger, shear_y_sd_n),
 };
 
 static const struct field now_fields[] = {
@@ -244,8 +259,11 @@ static const struct field contact_fields[] = {
     NULLABLE(NUMBER, fmfts_contact, force_min_n),
     NULLABLE(NUMBER, fmfts_contact, displacement_m),
     NULLABLE(NUMBER, fmfts_contact, displacement_sd_m),
-    {"now", NOW, offsetof(struct fmfts_contact, now.known), offsetof(struct fmfts_contact, now)}, /* old daemons: none */
-    {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose)},
+    {"contacts", FINGERS, offsetof(struct fmfts_contact, contacts.known), offsetof(struct fmfts_contact, contacts), true},
+    {"more", FLAG, offsetof(struct fmfts_contact, more.known), offsetof(struct fmfts_contact, more.value), true},
+    {"now", NOW, offsetof(struct fmfts_contact, now.known), offsetof(struct fmfts_contact, now), true},
+    {"pose", POSE, offsetof(struct fmfts_contact, pose.known), offsetof(struct fmfts_contact, pose), false},
+    {"poses", POSES, offsetof(struct fmfts_contact, poses.known), offsetof(struct fmfts_contact, poses), true},
     FIELD(INTEGER, fmfts_contact, sensors_ok),
     FIELD(WORD, fmfts_contact, solver),
     FIELD(WORD, fmfts_contact, model),
@@ -254,6 +272,7 @@ static const struct field contact_fields[] = {
 
 enum {
     POSE_COUNT = sizeof pose_fields / sizeof *pose_fields,
+    FINGER_COUNT = sizeof finger_fields / sizeof *finger_fields,
     NOW_COUNT = sizeof now_fields / sizeof *now_fields,
     CONTACT_COUNT = sizeof contact_fields / sizeof *contact_fields
 };
@@ -338,16 +357,36 @@ static bool read_touch(const struct item *item, enum fmfts_touch *touch)
     return known || item->type == NIL;
 }
 
+static void set_all_unknown(const struct field *fields, int count, char *into);
+
 /* Sets the numbers of an unknown value to NaN, so that nobody uses them by mistake. */
 static void set_unknown(enum kind kind, char *value)
 {
     int numbers = kind == NUMBER ? 1 : kind == VECTOR ? 3 : 0;
     for (int i = 0; i < numbers; i++)
         ((double *)(void *)value)[i] = NAN;
-    for (int i = 0; kind == POSE && i < POSE_COUNT; i++)
-        set_unknown(pose_fields[i].kind, value + pose_fields[i].value);
-    for (int i = 0; kind == NOW && i < NOW_COUNT; i++)
-        set_unknown(now_fields[i].kind, value + now_fields[i].value);
+    if (kind == POSE)
+        set_all_unknown(pose_fields, POSE_COUNT, value);
+    if (kind == NOW)
+        set_all_unknown(now_fields, NOW_COUNT, value);
+    if (kind == FINGERS) {
+        struct fmfts_fingers *fingers = (void *)value;
+        memset(fingers, 0, sizeof *fingers);
+        for (int i = 0; i < FMFTS_MAX_FINGERS; i++)
+            set_all_unknown(finger_fields, FINGER_COUNT, (char *)&fingers->finger[i]);
+    }
+    if (kind == POSES) {
+        struct fmfts_poses *poses = (void *)value;
+        memset(poses, 0, sizeof *poses);
+        for (int i = 0; i < FMFTS_MAX_MAGNETS; i++)
+            set_all_unknown(pose_fields, POSE_COUNT, (char *)&poses->pose[i]);
+    }
+}
+
+static void set_all_unknown(const struct field *fields, int count, char *into)
+{
+    for (int i = 0; i < count; i++)
+        set_unknown(fields[i].kind, into + fields[i].value);
 }
 
 static bool read_map(struct reader *reader, const struct item *map, const struct field *fields, int count, void *into,
@@ -370,6 +409,42 @@ static bool read_now(struct reader *reader, const struct item *item, struct fmft
     bool told = now->force_n.known && now->force_sd_n.known && now->force_rate_n_per_s.known &&
                 now->force_rate_sd_n_per_s.known;
     return told || fail(why, "now.force_n is not a finite number");
+}
+
+/* Fingers beyond FMFTS_MAX_FINGERS must be right, too, and are then let go. */
+static bool read_fingers(struct reader *reader, const struct item *list, struct fmfts_fingers *fingers,
+                         char why[FMFTS_TEXT_SIZE])
+{
+    set_unknown(FINGERS, (char *)fingers);
+    if (list->type != ARRAY)
+        return false;
+    for (uint64_t left = list->bits; left > 0; left--) {
+        struct item map;
+        struct fmfts_finger spare;
+        bool has_place = fingers->count < FMFTS_MAX_FINGERS;
+        struct fmfts_finger *finger = has_place ? &fingers->finger[fingers->count] : &spare;
+        if (!read_item(reader, &map) || !read_map(reader, &map, finger_fields, FINGER_COUNT, finger, why))
+            return false;
+        fingers->count += has_place;
+    }
+    return true;
+}
+
+static bool read_poses(struct reader *reader, const struct item *list, struct fmfts_poses *poses,
+                       char why[FMFTS_TEXT_SIZE])
+{
+    set_unknown(POSES, (char *)poses);
+    if (list->type != ARRAY)
+        return false;
+    for (uint64_t left = list->bits; left > 0; left--) {
+        struct item map;
+        struct fmfts_pose spare;
+        bool has_place = poses->count < FMFTS_MAX_MAGNETS;
+        if (!read_item(reader, &map) || !read_pose(reader, &map, has_place ? &poses->pose[poses->count] : &spare, why))
+            return false;
+        poses->count += has_place;
+    }
+    return true;
 }
 
 static bool read_value(struct reader *reader, const struct item *item, enum kind kind, void *value,
@@ -396,6 +471,10 @@ static bool read_value(struct reader *reader, const struct item *item, enum kind
         return read_pose(reader, item, value, why);
     case NOW:
         return read_now(reader, item, value, why);
+    case FINGERS:
+        return read_fingers(reader, item, value, why);
+    case POSES:
+        return read_poses(reader, item, value, why);
     }
     return false;
 }
@@ -404,7 +483,7 @@ static bool read_field(struct reader *reader, const struct field *field, char *i
 {
     static const char *const wanted[] = {
         "an integer of 64 bits", "a finite number",       "true or false", "true, false or null", "text", "text",
-        "text of 64 bytes",      "three finite numbers", "a map", "a map"};
+        "text of 64 bytes",      "three finite numbers", "a map", "a map", "a list of maps", "a list of maps"};
     struct item item;
     if (!read_item(reader, &item))
         return fail(why, "cut off, or no msgpack, at %s", field->name);
@@ -452,7 +531,7 @@ static bool read_map(struct reader *reader, const struct item *map, const struct
         expected = index + 1;
     }
     for (int i = 0; i < count; i++)
-        if (!(seen >> i & 1) && fields[i].kind != NOW)
+        if (!(seen >> i & 1) && !fields[i].may_be_missing)
             return fail(why, "%s is missing", fields[i].name);
     return true;
 }
@@ -500,6 +579,8 @@ enum fmfts_result fmfts_decode(const void *body, size_t size, struct fmfts_conta
     struct fmfts_contact read;
     memset(&read, 0, sizeof read);
     set_unknown(NOW, (char *)&read.now);
+    set_unknown(FINGERS, (char *)&read.contacts);
+    set_unknown(POSES, (char *)&read.poses);
     if (!read_map(&reader, &map, contact_fields, CONTACT_COUNT, &read, why))
         return FMFTS_REFUSED;
     read.clock_ahead_s.known = true;

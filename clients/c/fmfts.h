@@ -18,6 +18,8 @@ enum {
     FMFTS_SCHEMA_VERSION = 1,
     FMFTS_ALIVE_MS = 300, /* three missing messages: the daemon sends 10 or more a second even without hardware */
     FMFTS_WORD_SIZE = 65, /* size of names and hashes, with the closing zero; longer ones are refused */
+    FMFTS_MAX_FINGERS = 4, /* places for fingers; those beyond them are left out */
+    FMFTS_MAX_MAGNETS = 9, /* places for poses of a pad with several magnets; those beyond them are left out */
     FMFTS_TEXT_SIZE = 256 /* size of sentences, with the closing zero; longer ones are cut */
 };
 
@@ -59,7 +61,12 @@ struct fmfts_word {
     char value[FMFTS_WORD_SIZE];
 };
 
-/* Pose of the magnet. Use it only if `known` is true. */
+struct fmfts_flag {
+    bool known;
+    bool value;
+};
+
+/* Pose of a magnet. Use it only if `known` is true. */
 struct fmfts_pose {
     bool known;
     double position_m[3];
@@ -72,6 +79,27 @@ struct fmfts_pose {
     struct fmfts_vector ambient_sd_t;
     double residual_t;
     double chi2;
+};
+
+/* One finger on a pad with several magnets. */
+struct fmfts_finger {
+    int64_t id; /* the same while the finger stays */
+    double x_m, x_sd_m, y_m, y_sd_m;
+    double force_n, force_sd_n;
+    struct fmfts_number shear_x_n, shear_x_sd_n, shear_y_n, shear_y_sd_n;
+};
+
+/* The fingers that touch: if `known` is true, `count` of them, and 0 is no contact. What is beyond them is NaN. */
+struct fmfts_fingers {
+    bool known;
+    int count;
+    struct fmfts_finger finger[FMFTS_MAX_FINGERS];
+};
+
+struct fmfts_poses {
+    bool known;
+    int count;
+    struct fmfts_pose pose[FMFTS_MAX_MAGNETS];
 };
 
 /* The contact when its message was published, how it goes on (per second), and the deviations. Use it only if `known` is true,
@@ -104,7 +132,12 @@ struct fmfts_contact {
     struct fmfts_number force_min_n; /* if over_range: the force is at least this */
     /* How far the magnet is from rest. Known only of a pad without a contact model, which knows no place and no force. */
     struct fmfts_number displacement_m, displacement_sd_m;
-    struct fmfts_pose pose;
+    /* Of a pad with several magnets: each finger. Not known where the daemon cannot tell, and of a pad with one magnet, which
+     * takes two fingers for one. Place, force and shear above are the resultant of all fingers. */
+    struct fmfts_fingers contacts;
+    struct fmfts_flag more; /* two fingers do not explain the frame; known only of a pad with several magnets */
+    struct fmfts_pose pose; /* not known of a pad with several magnets */
+    struct fmfts_poses poses; /* of each magnet, of a pad with several */
     int64_t sensors_ok; /* bit i: sensor i was used */
     char solver[FMFTS_WORD_SIZE];
     char model[FMFTS_WORD_SIZE];

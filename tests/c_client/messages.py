@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from hypothesis import strategies as st
 
-from fmfts.bus.messages import ContactMessage, NowMessage, PoseMessage
+from fmfts.bus.messages import ContactMessage, FingerMessage, NowMessage, PoseMessage
 
 # The daemon's encoder adds them all up to see that they are finite.
 LARGEST = 1e300
@@ -34,15 +34,24 @@ BY_HINT: dict[str, st.SearchStrategy[Any]] = {
 def built(kind: type[Any], **fixed: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     """Structs of `kind`, its fields drawn by their annotations."""
     hints = {name: hint for base in kind.__mro__ for name, hint in getattr(base, "__annotations__", {}).items()}
-    # The C client does not read what only pads with several magnets send.
-    names = [field.name for field in msgspec.structs.fields(kind) if "UnsetType" not in hints[field.name]]
+    names = [field.name for field in msgspec.structs.fields(kind)]
     return st.builds(kind, **{name: fixed[name] if name in fixed else BY_HINT[hints[name]] for name in names})
 
 
 poses = built(PoseMessage)
 nows = built(NowMessage)
 reasons = st.text(characters, max_size=400)
-contacts = built(ContactMessage, v=st.just(1), reason=reasons, pose=poses | st.none(), now=nows | st.none())
+unset = st.just(msgspec.UNSET)
+contacts = built(
+    ContactMessage,
+    v=st.just(1),
+    reason=reasons,
+    pose=poses | st.none(),
+    now=nows | st.none(),
+    contacts=unset | st.none() | st.lists(built(FingerMessage), max_size=6),
+    more=unset | st.booleans(),
+    poses=unset | st.none() | st.lists(poses, max_size=2),
+)
 
 # Any value of msgpack.
 anything = st.recursive(

@@ -52,10 +52,10 @@ static void show_pose(const struct fmfts_pose *pose)
     if (!pose->known) {
         if (!isnan(pose->position_m[2]) || !isnan(pose->remanence_t) || pose->ambient_t.known)
             abort();
-        printf("\"pose\": null, ");
+        printf("null");
         return;
     }
-    printf("\"pose\": {");
+    printf("{");
     vector("position_m", true, pose->position_m);
     vector("position_sd_m", true, pose->position_sd_m);
     vector("axis", true, pose->axis);
@@ -63,7 +63,50 @@ static void show_pose(const struct fmfts_pose *pose)
     vector("ambient_sd_t", pose->ambient_sd_t.known, pose->ambient_sd_t.value);
     printf("\"axis_sd_rad\": %.17g, \"remanence_t\": %.17g, \"remanence_sd_t\": %.17g, ", pose->axis_sd_rad,
            pose->remanence_t, pose->remanence_sd_t);
-    printf("\"residual_t\": %.17g, \"chi2\": %.17g}, ", pose->residual_t, pose->chi2);
+    printf("\"residual_t\": %.17g, \"chi2\": %.17g}", pose->residual_t, pose->chi2);
+}
+
+static void show_poses(const struct fmfts_poses *poses)
+{
+    for (int i = poses->count; i < FMFTS_MAX_MAGNETS; i++)
+        if (poses->pose[i].known || !isnan(poses->pose[i].position_m[0]))
+            abort();
+    if (!poses->known && poses->count)
+        abort();
+    printf("\"poses\": %s", poses->known ? "[" : "null");
+    for (int i = 0; i < poses->count; i++) {
+        printf(i ? ", " : "");
+        show_pose(&poses->pose[i]);
+    }
+    printf(poses->known ? "], " : ", ");
+}
+
+static void show_finger(const struct fmfts_finger *finger)
+{
+    printf("{");
+    optional("shear_x_n", &finger->shear_x_n);
+    optional("shear_x_sd_n", &finger->shear_x_sd_n);
+    optional("shear_y_n", &finger->shear_y_n);
+    optional("shear_y_sd_n", &finger->shear_y_sd_n);
+    printf("\"x_m\": %.17g, \"x_sd_m\": %.17g, \"y_m\": %.17g, \"y_sd_m\": %.17g, ", finger->x_m, finger->x_sd_m,
+           finger->y_m, finger->y_sd_m);
+    printf("\"force_n\": %.17g, \"force_sd_n\": %.17g, \"id\": %" PRId64 "}", finger->force_n, finger->force_sd_n,
+           finger->id);
+}
+
+static void show_fingers(const struct fmfts_fingers *fingers)
+{
+    for (int i = fingers->count; i < FMFTS_MAX_FINGERS; i++)
+        if (!isnan(fingers->finger[i].force_n) || fingers->finger[i].shear_x_n.known)
+            abort();
+    if (!fingers->known && fingers->count)
+        abort();
+    printf("\"contacts\": %s", fingers->known ? "[" : "null");
+    for (int i = 0; i < fingers->count; i++) {
+        printf(i ? ", " : "");
+        show_finger(&fingers->finger[i]);
+    }
+    printf(fingers->known ? "], " : ", ");
 }
 
 static void show_now(const char *name, const struct fmfts_now *now)
@@ -125,8 +168,13 @@ void show_contact(const struct fmfts_contact *contact)
     optional("force_min_n", &contact->force_min_n);
     optional("displacement_m", &contact->displacement_m);
     optional("displacement_sd_m", &contact->displacement_sd_m);
+    show_fingers(&contact->contacts);
+    printf("\"more\": %s, ", !contact->more.known ? "null" : contact->more.value ? "true" : "false");
     show_now("now", &contact->now);
+    printf("\"pose\": ");
     show_pose(&contact->pose);
+    printf(", ");
+    show_poses(&contact->poses);
     integer("sensors_ok", contact->sensors_ok);
     show_text("solver", contact->solver);
     show_text("model", contact->model);

@@ -17,17 +17,21 @@ from hypothesis import strategies as st
 
 from c_client.built import CLIENT, HERE, NEW, REFUSED, ROOT, SANITIZED, WRONG_VERSION, Talker, build, need, run
 from c_client.messages import anything, contacts
-from fmfts.bus.messages import ContactMessage, Health, PoseMessage, encode
+from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage, encode
 from fmfts_client import Contact, MessageError, SchemaError
-from unit.bus_messages import contact_message
+from unit.bus_messages import contact_message, finger_message, fingers_message, pose_message, two_fingers
 
 LONGEST_REASON = 255
 HEALTHS = get_args(Health)
 
-OF_SEVERAL = ("contacts", "more", "poses")  # the C client does not read what only pads with several magnets send
-FIELDS = sorted(field.name for field in msgspec.structs.fields(ContactMessage) if field.name not in OF_SEVERAL)
+OF_SEVERAL = ("contacts", "more", "poses")  # only of pads with several magnets
+MAX_FINGERS, MAX_MAGNETS = 4, 9
+FIELDS = sorted(field.name for field in msgspec.structs.fields(ContactMessage))
+FINGER_FIELDS = sorted(field.name for field in msgspec.structs.fields(FingerMessage))
 POSE_FIELDS = sorted(field.name for field in msgspec.structs.fields(PoseMessage))
+GOLDEN_MESSAGES = ROOT / "tests/data/messages"
 GOLDEN = encode(contact_message(t_sample_ns=1, t_publish_ns=2, utc_ns=3))
+GOLDEN_OF_FINGERS = encode(fingers_message(*two_fingers(), t_sample_ns=1, t_publish_ns=2, utc_ns=3))
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +51,9 @@ def expected(message: dict[str, Any]) -> dict[str, Any]:
     contact = Contact.from_message(message)
     plain: dict[str, Any] = json.loads(msgspec.json.encode(contact))
     plain["reason"] = cut(plain["reason"])
-    for name in ("v", "clock_ahead_s", *OF_SEVERAL):
-        del plain[name]
+    for name, places in (("contacts", MAX_FINGERS), ("poses", MAX_MAGNETS)):
+        plain[name] = plain[name] and plain[name][:places]
+    del plain["v"], plain["clock_ahead_s"]
     return plain | {"measured": contact.valid}
 
 
@@ -102,6 +107,54 @@ def test_what_the_python_client_refuses_in_a_pose_the_c_client_refuses(
         agree(c_client, msgpack.packb(message))
 
 
+@given(st.sampled_from(FINGER_FIELDS), anything, st.integers(0, 5))
+@settings(max_examples=80)
+def test_what_the_python_client_refuses_in_a_finger_the_c_client_refuses(
+    c_client: Talker, name: str, value: Any, which: int
+) -> None:
+    """Also in one of those for which there is no place."""
+    fingers = [finger_message(number) for number in range(6)]
+    message = msgpack.unpackb(encode(fingers_message(*fingers)))
+    message["contacts"][which][name] = value
+    agree(c_client, msgpack.packb(message))
+
+
+@given(st.sampled_from(OF_SEVERAL), anything | st.lists(anything, max_size=3))
+@settings(max_examples=80)
+def test_lists_that_are_none_are_refused_by_both(c_client: Talker, name: str, value: Any) -> None:
+    agree(c_client, msgpack.packb(msgpack.unpackb(encode(fingers_message(*two_fingers()))) | {name: value}))
+
+
+@pytest.mark.parametrize("name", [path.stem for path in sorted(GOLDEN_MESSAGES.glob("*.msgpack"))])
+def test_golden_messages_are_read_as_their_json_says(c_client: Talker, name: str) -> None:
+    """tests/unit/test_finger_messages.py asks the same of the Python client."""
+    wanted = json.loads((GOLDEN_MESSAGES / f"{name}.json").read_text())
+    told = read(c_client.decode((GOLDEN_MESSAGES / f"{name}.msgpack").read_bytes()))
+    assert {field: told.get(field) for field in wanted if field != "v"} == {
+        field: value for field, value in wanted.items() if field != "v"
+    }
+    assert all(told[field] is None for field in OF_SEVERAL if field not in wanted)
+
+
+def test_fingers_and_magnets_without_a_place_are_left_out(c_client: Talker) -> None:
+    fingers = [finger_message(number) for number in range(7)]
+    message = fingers_message(*fingers, poses=[pose_message(chi2=float(number)) for number in range(12)])
+    told = read(c_client.decode(encode(message)))
+    assert [finger["id"] for finger in told["contacts"]] == [0, 1, 2, 3]
+    assert [pose["chi2"] for pose in told["poses"]] == list(range(9))
+    assert told["force_n"] == pytest.approx(7 * 0.6)
+
+
+def test_of_keys_that_come_twice_the_last_counts(c_client: Talker) -> None:
+    """As in Python. Nothing may stay of the first list."""
+    body = encode(fingers_message(*two_fingers()))
+    pairs = int.from_bytes(body[1:3], "big")
+    for last, known in (([], []), (None, None)):
+        twice = body[:1] + (pairs + 1).to_bytes(2, "big") + body[3:] + msgpack.packb("contacts") + msgpack.packb(last)
+        assert msgpack.unpackb(twice)["contacts"] == last
+        assert read(c_client.decode(twice))["contacts"] == known
+
+
 def agree(c_client: Talker, payload: bytes) -> None:
     answer = c_client.decode(payload)
     try:
@@ -120,7 +173,7 @@ def agree(c_client: Talker, payload: bytes) -> None:
             assert read(answer) == wanted
 
 
-@pytest.mark.parametrize("name", [name for name in FIELDS if name not in ("v", "now")])
+@pytest.mark.parametrize("name", [name for name in FIELDS if name not in ("v", "now", *OF_SEVERAL)])
 def test_key_that_is_absent_is_named_and_not_taken_for_null(c_client: Talker, name: str) -> None:
     message = msgpack.unpackb(encode(contact_message()))
     del message[name]
@@ -148,18 +201,20 @@ def test_bytes_that_are_no_message_are_refused(c_client: Talker, payload: bytes)
     assert c_client.decode(payload)["result"] in (REFUSED, WRONG_VERSION)
 
 
-def test_message_that_is_cut_off_or_too_long_is_refused_at_every_byte(c_client: Talker) -> None:
-    payload = encode(contact_message(temperature_c=None, reason="häßlich"))
+@pytest.mark.parametrize("message", [contact_message, lambda **changes: fingers_message(*two_fingers(), **changes)])
+def test_message_that_is_cut_off_or_too_long_is_refused_at_every_byte(c_client: Talker, message: Any) -> None:
+    payload = encode(message(temperature_c=None, reason="häßlich"))
     for size in range(len(payload)):
         assert c_client.decode(payload[:size])["result"] == REFUSED, size
     assert c_client.decode(payload + b"\xc0")["result"] == REFUSED
     assert c_client.decode(payload)["result"] == NEW
 
 
+@pytest.mark.parametrize("golden", [GOLDEN, GOLDEN_OF_FINGERS], ids=["one magnet", "several"])
 @given(st.data())
 @settings(max_examples=150)
-def test_damaged_byte_gives_what_it_gives_in_python(c_client: Talker, data: st.DataObject) -> None:
-    payload = bytearray(GOLDEN)
+def test_damaged_byte_gives_what_it_gives_in_python(c_client: Talker, golden: bytes, data: st.DataObject) -> None:
+    payload = bytearray(golden)
     payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
     try:
         unpacked = msgpack.unpackb(bytes(payload))

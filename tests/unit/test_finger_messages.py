@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from pathlib import Path
@@ -26,7 +27,7 @@ from fmfts.bus.messages import (
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Contact, Endpoints, MessageError
 
-# Encoded before messages had any of these fields: tests/data/messages/README.md.
+# What is what: README.md there.
 GOLDEN = Path(__file__).parents[1] / "data" / "messages"
 TIMES = {"t_sample_ns": 1_000_000_000, "t_publish_ns": 1_004_600_000, "utc_ns": 1_767_225_600_000_000_000}
 NOT_NUMBERS = (math.nan, math.inf, -math.inf)
@@ -59,6 +60,35 @@ def test_a_pad_with_one_magnet_sends_the_bytes_that_it_always_sent() -> None:
     touch = contact_message(**TIMES, now=now_message(1_004_500_000))
     assert encode(touch) == (GOLDEN / "one-magnet.msgpack").read_bytes()
     assert encode(lost_message()) == (GOLDEN / "one-magnet-lost.msgpack").read_bytes()
+
+
+def golden_fingers() -> dict[str, ContactMessage]:
+    poses = [
+        pose_message(position_m=(-0.006, 0.0, 0.0104)),
+        pose_message(position_m=(0.006, 0.0, 0.0104), ambient_t=None),
+    ]
+    return {
+        "two-fingers": fingers_message(*two_fingers(), **TIMES, poses=poses),
+        "no-finger": fingers_message(**TIMES, poses=poses),
+        "cannot-tell": without_estimate(
+            fingers_message(*two_fingers(), **TIMES, more=True), health="lost", reason="no pose fits"
+        ),
+    }
+
+
+@pytest.mark.parametrize("name", golden_fingers())
+def test_a_pad_with_several_magnets_sends_the_golden_bytes(name: str) -> None:
+    assert encode(golden_fingers()[name]) == (GOLDEN / f"{name}.msgpack").read_bytes()
+
+
+@pytest.mark.parametrize("name", [path.stem for path in sorted(GOLDEN.glob("*.msgpack"))])
+def test_golden_messages_are_read_as_their_json_says(name: str) -> None:
+    """tests/c_client/test_decoder.py asks the same of the C client."""
+    wanted = json.loads((GOLDEN / f"{name}.json").read_text())
+    contact = Contact.from_message(msgpack.unpackb((GOLDEN / f"{name}.msgpack").read_bytes()))
+    told = json.loads(msgspec.json.encode(contact))
+    assert {field: told.get(field) for field in wanted} == wanted
+    assert all(told[field] is None for field in OF_SEVERAL if field not in wanted)
 
 
 @pytest.mark.parametrize("name", ["one-magnet", "one-magnet-lost"])

@@ -15,7 +15,7 @@ from typing import get_args
 import msgspec
 import pytest
 
-from fmfts.bus.messages import ContactMessage, Health, NowMessage, PoseMessage
+from fmfts.bus.messages import ContactMessage, FingerMessage, Health, NowMessage, PoseMessage
 from fmfts.config import BridgeSource
 from fmfts.pipeline.fast.compiled import NUMBERS
 from fmfts.pipeline.fast.template import INTEGERS
@@ -46,6 +46,8 @@ KIND_OF = {
 }
 # Text of 64 bytes, but for sentences: those may be longer.
 TEXTS = {"reason": "FIELD SENTENCE"}
+# Maps, lists of maps, and what only some pads send: written without a macro.
+OTHER_KINDS = {"pose": "POSE", "now": "NOW", "contacts": "FINGERS", "more": "FLAG", "poses": "POSES"}
 
 
 def constants(path: Path) -> dict[str, int]:
@@ -81,19 +83,19 @@ def in_c_client(table: str) -> list[tuple[str, str]]:
 
 
 def due(kind: type[msgspec.Struct], *before: str) -> list[tuple[str, str]]:
-    # The C client does not read what only pads with several magnets send.
-    pairs = [(name, hint) for name, hint in kind.__annotations__.items() if "UnsetType" not in hint]
-    named = [
-        (name, name.upper() if name in ("pose", "now") else TEXTS.get(name, KIND_OF.get(hint, "FIELD WORD")))
-        for name, hint in pairs
-    ]
+    pairs = list(kind.__annotations__.items())
+    named = [(name, OTHER_KINDS.get(name) or TEXTS.get(name, KIND_OF.get(hint, "FIELD WORD"))) for name, hint in pairs]
     return [*((name, "FIELD WORD") for name in before), *named]
 
 
 @pytest.mark.parametrize(
     ("table", "fields"),
-    [("contact_fields", due(ContactMessage, "pad", "boot")), ("pose_fields", due(PoseMessage))],
-    ids=["contact", "pose"],
+    [
+        ("contact_fields", due(ContactMessage, "pad", "boot")),
+        ("pose_fields", due(PoseMessage)),
+        ("finger_fields", due(FingerMessage)),
+    ],
+    ids=["contact", "pose", "finger"],
 )
 def test_c_client_has_the_daemons_fields_in_the_daemons_order(table: str, fields: list[tuple[str, str]]) -> None:
     """The order is what makes looking one up cheap."""

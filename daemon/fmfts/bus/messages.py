@@ -262,8 +262,8 @@ def encode_facts(facts: dict[str, Any]) -> bytes:
 
 def without_estimate(message: ContactMessage, **changes: Any) -> ContactMessage:
     """`message` without what was estimated, and with `changes`. It keeps the keys of its kind of pad."""
-    nothing = NO_ESTIMATE if message.contacts is msgspec.UNSET else NO_ESTIMATE_OF_SEVERAL
-    return msgspec.structs.replace(message, **nothing, **changes)
+    nothing: dict[str, Any] = dict(NO_ESTIMATE if message.contacts is msgspec.UNSET else NO_ESTIMATE_OF_SEVERAL)
+    return msgspec.structs.replace(message, **(nothing | changes))
 
 
 def not_finite_field(value: object, path: str = "") -> str:
