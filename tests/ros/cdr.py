@@ -7,6 +7,7 @@ byte is padding where rosbags reads the same message whatever its value.
 from __future__ import annotations
 
 import sys
+from array import array
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PointStamped, Quaternion, Transform, TransformStamped, Vector3, Wrench, WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -27,9 +29,16 @@ STATUS = DiagnosticStatus(
     level=DiagnosticStatus.ERROR, name="fmfts: left", message="disconnected: no port", hardware_id="686f",
     values=[KeyValue(key="rate_hz", value="0"), KeyValue(key="reason", value="µT")],
 )  # fmt: skip
+FIELDS = [
+    PointField(name="x", offset=0, datatype=PointField.FLOAT32, count=1),
+    PointField(name="id", offset=4, datatype=PointField.UINT32, count=1),
+]
+CLOUD = PointCloud2(header=HEADER, height=1, width=2, fields=FIELDS, point_step=8, row_step=16, is_dense=True)
+CLOUD.data = array("B", range(16))
 EXAMPLES = {
     "geometry_msgs/msg/WrenchStamped": WrenchStamped(header=HEADER, wrench=Wrench(force=FORCE, torque=TORQUE)),
     "geometry_msgs/msg/PointStamped": POINT,
+    "sensor_msgs/msg/PointCloud2": CLOUD,
     "diagnostic_msgs/msg/DiagnosticArray": DiagnosticArray(header=HEADER, status=[STATUS, DiagnosticStatus()]),
     "tf2_msgs/msg/TFMessage": TFMessage(
         transforms=[TransformStamped(header=HEADER, child_frame_id="left", transform=TURN)]

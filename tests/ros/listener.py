@@ -7,6 +7,7 @@ a service.
 from __future__ import annotations
 
 import json
+import struct
 import sys
 import threading
 import time
@@ -19,6 +20,7 @@ from geometry_msgs.msg import PointStamped, WrenchStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2, PointField
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
@@ -26,6 +28,7 @@ SENSOR_DATA = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 TYPES = {
     "geometry_msgs/msg/WrenchStamped": (WrenchStamped, SENSOR_DATA),
     "geometry_msgs/msg/PointStamped": (PointStamped, SENSOR_DATA),
+    "sensor_msgs/msg/PointCloud2": (PointCloud2, SENSOR_DATA),
     "diagnostic_msgs/msg/DiagnosticArray": (DiagnosticArray, QoSProfile(depth=100)),
     "tf2_msgs/msg/TFMessage": (TFMessage, QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)),
 }
@@ -46,6 +49,12 @@ def shown(message: Any) -> dict[str, Any]:
         return {"force": [force.x, force.y, force.z], "torque": [torque.x, torque.y, torque.z]}
     if isinstance(message, PointStamped):
         return {"point": [message.point.x, message.point.y, message.point.z]}
+    if isinstance(message, PointCloud2):
+        kinds = {PointField.FLOAT32: "f", PointField.UINT32: "I"}
+        form = "<" + "".join(kinds[each.datatype] for each in message.fields)
+        names = [each.name for each in message.fields]
+        points = [dict(zip(names, values, strict=True)) for values in struct.iter_unpack(form, bytes(message.data))]
+        return {"points": points, "width": message.width, "point_step": message.point_step}
     if isinstance(message, DiagnosticArray):
         statuses = [
             {"name": each.name, "level": ord(each.level), "message": each.message, "hardware_id": each.hardware_id,

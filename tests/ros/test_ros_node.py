@@ -10,16 +10,22 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
 import pytest
 
+from background import repeating
 from emulator.priority import put_ahead
 from end_to_end.firmware_in_the_loop import PressedPad
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
+from fmfts.bus.control import ControlServer
+from fmfts.bus.publisher import Publisher
 from fmfts.pad import Pad
-from fmfts_client import Contact
+from fmfts_client import Contact, Endpoints
+from unit.bus_messages import fingers_message, two_fingers
 
 HERE = Path(__file__).parent
 PLACES = [Path(place) for place in os.environ["FMFTS_ROS"].split(os.pathsep)]
@@ -256,6 +262,32 @@ def test_node_survives_the_daemons_death_and_the_daemon_the_nodes(
         contact = daemon.wait_for(lambda contact: contact.pad == "2" and contact.health == "ok")
         assert daemon.wait_for(lambda later: later.pad == "2" and later.seq > contact.seq + RATE_HZ)
         assert daemon.process.poll() is None
+
+
+def test_fingers_of_a_pad_with_several_magnets_arrive_as_a_point_cloud(
+    place: Path, tmp_path: Path, listener: RosProcess
+) -> None:
+    """A bus with messages that were made up stands for the daemon."""
+    base = f"ipc://{tmp_path}"
+    shape = {"pad": "demo", "placement_m": [0.0] * 3, "placement_rotation": np.eye(3).tolist()}
+    shape |= {"rest_position_m": [0.0, 0.0, 0.0105]}
+    publisher, control = Publisher(Endpoints.from_base(base), "b00t"), ControlServer(f"{base}/control")
+    with closing(publisher), closing(control):
+
+        def turn() -> None:
+            publisher.send_contact("demo", fingers_message(*two_fingers()))
+            for request in control.poll():
+                request.reply(pads=[shape])
+
+        with repeating(turn, 0.01), node(place, base, tmp_path):
+            cloud = listener.wait_for(lambda said: said.get("topic") == "/fmfts/demo/contacts")
+            wrench = listener.wait_for(lambda said: said.get("topic") == "/fmfts/demo/wrench")
+    one, two = cloud["points"]
+    assert (cloud["frame"], one["id"], two["id"]) == ("demo", 3, 4)
+    assert [one[axis] for axis in "xyz"] == pytest.approx([-0.004, 0.002, 0.0105])
+    assert (one["force_n"], two["force_n"]) == pytest.approx((0.6, 0.9))
+    assert math.isnan(one["shear_x_n"])
+    assert wrench["force"][2] == pytest.approx(-1.5), "the resultant"
 
 
 def test_without_a_daemon_the_diagnostics_say_so(place: Path, tmp_path: Path, listener: RosProcess) -> None:

@@ -27,6 +27,8 @@ def verdict(contact: Contact | None, silence_s: float, why_silent: str) -> tuple
     if contact.over_range:
         at_least = "" if contact.force_min_n is None else f" (at least {contact.force_min_n:.2f} N)"
         return max(level, WARN), f"pressed harder than its calibration knows{at_least}; no wrench is published"
+    if level == OK and contact.more:
+        return WARN, "two fingers do not explain what is felt; no contacts are published"
     return level, f"{contact.health}: {contact.reason}" if contact.reason else contact.health
 
 
@@ -39,6 +41,8 @@ def status_of(
     if contact is not None:
         values.update(health=contact.health, reason=contact.reason, sample_age_s=round(contact.sample_age_s, 3))
         values.update({key: getattr(contact, key) for key in SHOWN})
+        if contact.tells_fingers:
+            values.update(fingers=None if contact.contacts is None else len(contact.contacts), more=contact.more)
     if status is not None:
         values.update({key: getattr(status, key) for key in SHOWN_OF_STATUS})
         values["sensor_faults"] = "; ".join(status.sensor_faults)

@@ -8,9 +8,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from fmfts_client import ALIVE_S, Contact, Status
 from geometry_msgs.msg import PointStamped, WrenchStamped
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 
 from fmfts_ros.diagnosis import status_of, verdict
+from fmfts_ros.fingers import finger_cloud
 from fmfts_ros.messages import contact_point, has_force, wrench
 
 # Sensor data: nothing is sent again. The history covers 0.2 s in which the other side gets no processor time.
@@ -28,12 +31,14 @@ class RosPad:
         self.height_m = float("nan")
         self.contact: Contact | None = None
         self.status: Status | None = None
+        self._node = node
         self._unknown_shear = unknown_shear
         self._heard_s = time.monotonic()
         self._sample_ns = 0
         self._verdict = (b"", "")
         self._wrench = node.create_publisher(WrenchStamped, f"~/{name}/wrench", SENSOR_DATA)
         self._point = node.create_publisher(PointStamped, f"~/{name}/contact_point", SENSOR_DATA)
+        self._fingers: Publisher | None = None  # a pad with one magnet has no such topic
 
     @property
     def silence_s(self) -> float:
@@ -45,7 +50,7 @@ class RosPad:
         return self.silence_s > ALIVE_S
 
     def take(self, contact: Contact) -> None:
-        """Publish a contact's force and place, where it has them, and unless it is old or was published before.
+        """Publish force, place and fingers of a contact that is new and not old, where it has them.
 
         While its source is silent, the daemon repeats a contact with the time of the last sample.
         """
@@ -58,6 +63,15 @@ class RosPad:
         point = contact_point(contact, self.frame, self.height_m)
         if point is not None:
             self._point.publish(point)
+        if contact.tells_fingers:
+            self._publish_fingers(contact)
+
+    def _publish_fingers(self, contact: Contact) -> None:
+        if self._fingers is None:
+            self._fingers = self._node.create_publisher(PointCloud2, f"~/{self.name}/contacts", SENSOR_DATA)
+        cloud = finger_cloud(contact, self.frame, self.height_m)
+        if cloud is not None:
+            self._fingers.publish(cloud)
 
     def has_new_verdict(self, why_silent: str) -> bool:
         """Has level or health changed since this was asked last? Numbers in sentences do not count."""
