@@ -75,9 +75,9 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
             return Replayed(by_index)
         case SimulatedSource():
-            from fmfts.simulation.source import Simulated
+            from fmfts.simulation.array import simulated_pad
 
-            return Simulated(first, neighbours_of(first, pads))
+            return simulated_pad(first, neighbours_of(first, pads))
 
 
 def on_board(pad: PadConfig) -> PadOnBoard:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp, square
-from fmfts.arithmetic.matrix import eigen, inverse, product, solve
+from fmfts.arithmetic.matrix import eigen, inverse, lengths, product, solve
 from fmfts.baseline import sensitivity
 from fmfts.baseline.recording import BaselineError, Recording
 from fmfts.baseline.sensitivity import Sensitivity, split
@@ -190,7 +190,7 @@ def estimate_array_mounting(
     gain, axes = split(matrix, pad.sensors.axes)
     sensors = SensorArray(places, axes)
     rest_field = sensors.to_sensor(sum_of_fields(magnets, places))
-    ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
+    ambient, ambient_deviation = (None, None) if bare is None else ambient_of(pad, bare)
     first, scale = unknowns.of_magnets, unknowns.deviation
     in_si = covariance * scale * scale[:, None]
     return ArrayMounting(
@@ -210,6 +210,20 @@ def estimate_array_mounting(
         ambient_t=ambient,
         ambient_deviation_t=ambient_deviation,
     )
+
+
+def moved_m(before: ArrayMounting, recording: Recording) -> Array:
+    """(3,) how far the magnet that moved most has gone since `before`, the ambient field aside, to first order."""
+    change = (before.magnet_field(recording.mean_t) - before.rest_field_t).ravel()
+    slope = field_and_slope(before.magnets, before.frames, before.sensors)[1]
+    by_ambient = before.sensors.axes.transpose(0, 2, 1).reshape(change.size, 3)
+    scale = np.concatenate([np.tile([1e-3, 1e-3, 1e-3, 0.1, 0.1], len(before.magnets)), np.full(3, 1e-4)])
+    weighted = np.concatenate([slope, by_ambient], axis=1) * scale / recording.mean_deviation_t.ravel()[:, None]
+    normal = product(weighted.T, weighted) + np.eye(len(scale))
+    solved = scale * solve(normal, product(weighted.T, change / recording.mean_deviation_t.ravel()))
+    moved = solved[: CHANGE * len(before.magnets)].reshape(-1, CHANGE)[:, :3]
+    farthest: Array = moved[int(np.argmax(lengths(moved)))]
+    return farthest
 
 
 def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldErrors:
@@ -249,7 +263,7 @@ def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldE
     )
 
 
-def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
+def ambient_of(pad: Pad, bare: Recording) -> tuple[Array, Array]:
     """The uniform ambient field (3,), and its deviation (3,) from the differences between the sensors."""
     seen = pad.sensors.to_pad(bare.mean_t)
     return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))

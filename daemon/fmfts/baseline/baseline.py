@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length
+from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting, moved_m
 from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
 from fmfts.baseline.file_format import StoredGains, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
@@ -28,6 +29,7 @@ FORMAT = 1
 Array = NDArray[np.float64]
 Kind = Literal["bare", "rest"]
 LARGEST_BYTES = 4_000_000
+AnyMounting = Mounting | ArrayMounting
 
 
 class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -71,6 +73,18 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         nothing_fits = f"pad '{self.pad}': no pad explains what the baseline holds: record it again, --bare and --rest"
         with damage_told(BaselineError, nothing_fits):
             return self._mounting(pad)
+
+    def array_mounting(self, pad: Pad) -> ArrayMounting:
+        """As `mounting`, of a pad with several magnets. BaselineError if rest is not recorded, or does not fit."""
+        if self.rest is None:
+            raise BaselineError(f"pad '{self.pad}': rest is not recorded: `fmfts-daemon baseline --rest`, untouched")
+        with damage_told(BaselineError, f"pad '{self.pad}': no pad explains what the baseline holds: record it again"):
+            known = self._at_rest(pad, self.rest)
+            return estimate_array_mounting(pad, known.tolerance, known.rest, known.bare, known.measured)
+
+    def any_mounting(self, pad: Pad) -> AnyMounting:
+        """The mounting of a pad with one magnet or with several."""
+        return self.array_mounting(pad) if pad.other_magnets else self.mounting(pad)
 
     def require_sensors(self, sensors: int) -> None:
         """BaselineError unless each recording is one of so many sensors."""
@@ -153,7 +167,7 @@ def make_rest(
     before: Baseline | None,
     replaced: bool = False,
     gains: StoredGains | None = None,
-) -> tuple[Baseline, Mounting]:
+) -> tuple[Baseline, AnyMounting]:
     """A baseline of the mounted, unloaded pad, with the bare recording of `before`. BaselineError if it does not fit.
 
     Unless the pad was `replaced`, its magnet must be where it was before: else a load would become the new zero. The
@@ -163,26 +177,28 @@ def make_rest(
     baseline = _baseline(pad, tolerance, bare, StoredRecording.of(recording), before).tested(gains)
     if before is not None and before.rest is not None and not replaced:
         baseline = msgspec.structs.replace(baseline, refine=before.refine).sealed()
-    mounting = baseline.mounting(pad)
+    mounting = baseline.any_mounting(pad)
     if before is not None and before.rest is not None and not replaced:
         _require_unmoved(pad, tolerance, before, recording)
     return baseline, mounting
 
 
-def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
+def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, AnyMounting]:
     """`before`, which must have a rest recording, with the gains measured by turning the unloaded robot."""
     require_rest(before, "--turn")
     assert before is not None
     with solvable("the sensors do not see one field turn: leave the pad untouched, keep steel away, and turn again"):
         stored = StoredTurn.of(Turn.of(means))
         baseline = msgspec.structs.replace(before, turn=stored).sealed()
-        return baseline, baseline._mounting(pad)
+        return baseline, baseline.array_mounting(pad) if pad.other_magnets else baseline._mounting(pad)
 
 
 def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:
     """`before`, which must have a rest recording, with sensor places and gains estimated from unlabelled presses."""
     rest = require_rest(before, "--refine")
     assert before is not None
+    if pad.other_magnets:
+        raise BaselineError("a pad with several magnets has no --refine: --turn tells the chips' gains and rotations")
     plain = msgspec.structs.replace(before, refine=None)
     with solvable("the presses fit no pad: keep steel and other magnets away, and press again"):
         fields = pick(plain._at_rest(pad, rest), plain.mounting(pad), means)
@@ -201,15 +217,18 @@ def require_rest(before: Baseline | None, option: str) -> StoredRecording:
 
 def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
     """BaselineError if the magnet, solved with the last baseline, has moved; the ambient field may have turned."""
-    last = before.mounting(pad)
-    estimate = solve(
-        last.magnet_field(recording.mean_t),
-        last.mounted(pad),
-        last.rest,
-        deviation_t=recording.mean_deviation_t,
-        free=FREE_FIELD,
-    )
-    moved = estimate.position_m - last.rest.position_m
+    last = before.any_mounting(pad)
+    if isinstance(last, ArrayMounting):
+        moved = moved_m(last, recording)
+    else:
+        estimate = solve(
+            last.magnet_field(recording.mean_t),
+            last.mounted(pad),
+            last.rest,
+            deviation_t=recording.mean_deviation_t,
+            free=FREE_FIELD,
+        )
+        moved = estimate.position_m - last.rest.position_m
     if not length(moved) < tolerance.magnet_position_m:
         x, y, z = moved * 1e3
         raise BaselineError(

@@ -22,7 +22,8 @@ from fmfts.baseline import (
     means,
     summarise,
 )
-from fmfts.baseline.baseline import require_rest
+from fmfts.baseline.array_mounting import ArrayMounting, ambient_of
+from fmfts.baseline.baseline import AnyMounting, require_rest
 from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.file_format import StoredGains
@@ -49,7 +50,7 @@ class Recorded:
     """A baseline that is stored and may be used."""
 
     baseline: Baseline
-    mounting: Mounting
+    mounting: AnyMounting | None  # None of several magnets before rest was recorded
     path: Path
     gained: dict[str, float]
 
@@ -111,7 +112,7 @@ class BaselineRequest:
                 raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
             self._require_own(before)
 
-    def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
+    def make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
         """Make a baseline from the frames. BaselineError, with the pad's name, if they are not good enough.
 
         A `before` of other sensors is left out; `turn` and `refine`, which only add to it, are refused.
@@ -131,7 +132,7 @@ class BaselineRequest:
         if not before.origin.agrees_with(self.origin):
             raise ForeignError(foreign(self.pad.name, before.origin, self.origin))
 
-    def _make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, Mounting]:
+    def _make(self, frames: Sequence[Frame], before: Baseline | None) -> tuple[Baseline, AnyMounting | None]:
         try:
             if self.turn:
                 return make_turn(self.pad, means(frames), before)
@@ -140,7 +141,7 @@ class BaselineRequest:
             recording = summarise(frames)
             if self.bare:
                 baseline = make_bare(self.pad, self.tolerance, recording, before, self.gains)
-                return baseline, baseline.mounting(self.pad)
+                return baseline, None if self.pad.other_magnets else baseline.mounting(self.pad)
             return make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains)
         except BaselineError as error:
             raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
@@ -153,7 +154,7 @@ class BaselineRequest:
         tested = replace(self, gains=stored_gains(self.pad, self.origin))
         baseline, mounting = tested.make(frames, before)
         gained: dict[str, float] = {}
-        if before is not None and (self.turn or self.refine):
+        if before is not None and (self.turn or self.refine) and isinstance(mounting, Mounting):
             was, now = (accuracy(known, self.pad) for known in (before.mounting(self.pad), mounting))
             gained = {f"{when}_{name}": facts[name] for name in now for when, facts in (("was", was), ("now", now))}
         return Recorded(baseline, mounting, store(baseline, self.pad), gained)
@@ -166,10 +167,11 @@ def restore(pad: Pad, origin: Origin | None = None) -> Recorded:
     cannot be stored.
     """
     baseline = previous(pad, origin)
-    return Recorded(baseline, baseline.mounting(pad), store(baseline, pad), {})
+    bare_array = pad.other_magnets and baseline.rest is None
+    return Recorded(baseline, None if bare_array else baseline.any_mounting(pad), store(baseline, pad), {})
 
 
-def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
+def _report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[str, Any]:
     """The facts about a new baseline, for the person who asked for it."""
     recording = baseline.rest or baseline.bare
     assert recording is not None
@@ -184,10 +186,12 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
         "noise_t": float(np.sqrt(np.mean(square(np.array(recording.noise_t))))),
         "noise_per_axis_t": recording.noise_t,
     }
-    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
-        facts["ambient_t"] = mounting.ambient_t.tolist()
-        facts["ambient_sd_t"] = mounting.ambient_deviation_t.tolist()
-    if baseline.rest is not None:
+    if baseline.bare is not None:
+        ambient_t, deviation_t = ambient_of(pad, baseline.bare.recording())
+        facts |= {"ambient_t": ambient_t.tolist(), "ambient_sd_t": deviation_t.tolist()}
+    if isinstance(mounting, ArrayMounting):
+        facts |= _of_several(baseline, mounting, pad)
+    elif mounting is not None and baseline.rest is not None:
         deviation = np.sqrt(np.diagonal(mounting.rest_covariance))
         remanence_t = mounting.remanence_t(pad)
         facts |= {
@@ -204,6 +208,22 @@ def _report(baseline: Baseline, mounting: Mounting, pad: Pad) -> dict[str, Any]:
             "could_gain": prospects(mounting, pad) if baseline.turn is None and baseline.refine is None else [],
         }
     return facts
+
+
+def _of_several(baseline: Baseline, mounting: ArrayMounting, pad: Pad) -> dict[str, Any]:
+    deviation = np.sqrt(np.diagonal(mounting.rest_covariance)).reshape(-1, 6)
+    remanences_t = mounting.remanences_t(pad)
+    return {
+        "with_bare": baseline.bare is not None,
+        "remanence_t": mounting.remanence_t(pad),
+        "remanence_sd_t": float(deviation[:, 5].max()) * max(remanences_t),
+        "remanences_t": remanences_t,
+        "rest_positions_m": mounting.magnets.position_m.tolist(),
+        "rest_position_m": mounting.magnets.position_m.mean(axis=0).tolist(),
+        "rest_position_sd_m": deviation[:, :3].max(axis=0).tolist(),
+        "chi2": mounting.chi2,
+        "measurements": mounting.measurements,
+    }
 
 
 def _gains_from(baseline: Baseline) -> str:

@@ -13,6 +13,7 @@ from fmfts.common import exit_codes
 def run(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
     from fmfts.contact import ModelError, NoContactModel
+    from fmfts.contact.array_model import ArrayModel
     from fmfts.contact.model import SHEAR_UNKNOWN
     from fmfts.runtime.daemon import load_models
 
@@ -35,6 +36,8 @@ def run(options: argparse.Namespace) -> int:
                 print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)
                 continue
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")
+            if isinstance(model, ArrayModel):
+                continue
             if (warning := other_silicone(pad)) is not None:
                 print(f"{pad.name}: warning: {warning}", file=sys.stderr)
             if model.shear_is_unknown:

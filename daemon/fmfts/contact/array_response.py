@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple, Self
 
 import msgspec
@@ -22,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import product
-from fmfts.common.reading import damage_told, read_regular
+from fmfts.common.reading import damage_told
 
 Array = NDArray[np.float64]
 CHANGE = 5
@@ -154,11 +153,14 @@ class ArrayResponse:
         )
         return msgspec.msgpack.encode(stored)
 
+    @property
+    def magnets(self) -> int:
+        return int(self.coefficient.shape[3]) // CHANGE
+
     @classmethod
-    def read(cls, path: Path) -> Self:
-        """Read a file. Raises OSError where it cannot be read, ResponseError where it is no such response."""
-        content = read_regular(path, LARGEST_BYTES)
-        with damage_told(ResponseError, f"{path}: is no response of several magnets"):
+    def of(cls, content: bytes, whose: str) -> Self:
+        """Of a file's content. ResponseError where it is no such response. whose: the file's name, for the error."""
+        with damage_told(ResponseError, f"{whose}: is no response of several magnets"):
             stored = msgspec.msgpack.decode(content, type=_Stored)
             if stored.format != FORMAT:
                 raise ValueError(f"its format is {stored.format!r}, not {FORMAT!r}")

@@ -16,12 +16,18 @@ from fmfts.bus.frame_message import early_of, frame_of
 from fmfts.bus.messages import ContactMessage, EarlyMessage, FrameMessage, StateMessage
 from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig
-from fmfts.contact import ContactModel, ModelError, NoContactModel
+from fmfts.contact import ModelError
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
-from fmfts.pipeline.configured import feel_neighbours, load_contact_model, pipeline_of
+from fmfts.pipeline.configured import (
+    AnyModel,
+    Pipeline,
+    feel_neighbours,
+    load_array_model,
+    load_contact_model,
+    pipeline_of,
+)
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore
 from fmfts.pose import SOLVER
 from fmfts.recording.file import RecordingError, is_whole, read
@@ -98,7 +104,7 @@ class Replay:
         self.path = path
         self.comparison = Comparison()
         self._model_paths = (*SHIPPED_PATHS, *model_paths)
-        self._pipelines: dict[str, PadPipeline] = {}
+        self._pipelines: dict[str, Pipeline] = {}
         self._boot = ""
         self._first: dict[str, dict[str, StateMessage]] = {}  # boot → pad → first state
         self._silences: dict[tuple[str, str, int], ContactMessage] = {}
@@ -149,7 +155,7 @@ class Replay:
             "sha256": self._digest.hexdigest(),  # of all replayed contacts; the same on every processor
         }
 
-    def _replayed(self, pipeline: PadPipeline, message: FrameMessage | EarlyMessage) -> Iterator[ContactMessage]:
+    def _replayed(self, pipeline: Pipeline, message: FrameMessage | EarlyMessage) -> Iterator[ContactMessage]:
         while (silence := self._silences.get((self._boot, message.pad, pipeline.messages + 1))) is not None:
             contact = pipeline.absent(silence.health, silence.reason)
             self.comparison.replayed(contact)
@@ -205,13 +211,14 @@ class Replay:
         for state in states:
             self._put(state)
 
-    def _model(self, config: PadConfig, state: StateMessage) -> ContactModel | NoContactModel:
+    def _model(self, config: PadConfig, state: StateMessage) -> AnyModel:
         """The contact model with the recorded hash. Never opens a path that is written in the recording."""
         if state.model == NO_MODEL:
             return no_model_for(config.contact.model)
+        model: AnyModel
         for path in self._model_paths:
             try:
-                model = load_contact_model(config, path)
+                model = load_array_model(config, path) if config.other_magnets else load_contact_model(config, path)
             except ModelError:
                 continue
             if model.hash == state.model:

@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
+from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.contact import ContactModel, NoContactModel, OtherPadError
+from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
-from fmfts.scene.tracking import scene_model_of
+from fmfts.scene.tracking import (
+    AMBIENT_DEVIATION_T,
+    COEFFICIENT_SHARE,
+    HOTTER_K,
+    MOMENT_DEVIATION,
+    UNREAD_WARMING_K,
+    scene_model_of,
+)
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
+from fmfts.several.field_model import Scene
 
+AnyModel = ContactModel | NoContactModel | ArrayModel
+Pipeline = PadPipeline | SeveralPipeline
+DEFAULT_MODEL = "default"
+# The ambient field since the baseline, along each axis, while a robot turns in the Earth's field: a pad with several
+# magnets solves it anew in each frame.
+TURNING_T = 1e-4
 # From a frame's last byte to its message, at the median, with a pad that is the only one (docs/results/latency.md).
 HOST_S = 0.3e-3
 # From the end of a conversion to when it is read: the way over the chip's bus, and the turns of the others.
@@ -32,12 +50,19 @@ def load_contact_model(config: PadConfig, path: str | None = None) -> ContactMod
     )
 
 
-def contact_model_of(config: PadConfig) -> ContactModel | NoContactModel:
+def load_array_model(config: PadConfig, path: str) -> ArrayModel:
+    """The contact model at `path` of a pad with several magnets. ModelError if it cannot serve this pad."""
+    return ArrayModel.load(ARRAY_PATH if path == DEFAULT_MODEL else Path(path), config.pad())
+
+
+def contact_model_of(config: PadConfig) -> AnyModel:
     """The configured contact model. No model where the file asks for "none", or for a shipped one that does not fit.
 
-    ModelError if another file is configured and cannot serve this pad.
+    ModelError if another file is configured and cannot serve this pad, or if a pad with several magnets has none.
     """
     name = config.contact.model
+    if config.other_magnets:
+        return load_array_model(config, name)
     if name == NO_MODEL:
         return no_model_for(name)
     try:
@@ -48,10 +73,13 @@ def contact_model_of(config: PadConfig) -> ContactModel | NoContactModel:
         return no_model_for(name)
 
 
-def pipeline_of(config: PadConfig, model: ContactModel | NoContactModel, boot: str) -> PadPipeline:
+def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     """A pipeline, still without a baseline. boot: written into each of its messages."""
-    tracking = scene_model_of(config).tracking
     rate_hz = float(config.source.rate_hz)
+    if isinstance(model, ArrayModel):
+        per_k = config.magnet.temperature_coefficient_per_k
+        return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k)
+    tracking = scene_model_of(config).tracking
     return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config))
 
 
@@ -67,12 +95,22 @@ def lead_of(config: PadConfig) -> Lead:
     return Lead(HOST_S + frame_s, READ_S + HOST_S + early_s if source.publish == "sample" else 0.0)
 
 
+def several_scene_of(config: PadConfig) -> Scene:
+    """What else changes the field of a pad with several magnets."""
+    moves = config.scene.ambient == "drifting" or config.scene.steel_nearby
+    warming_k = HOTTER_K if config.scene.remanence == "drifting" else COEFFICIENT_SHARE * UNREAD_WARMING_K
+    per_k = config.magnet.temperature_coefficient_per_k
+    moment = float(root_of_squares(MOMENT_DEVIATION, per_k * warming_k))
+    return Scene(TURNING_T if moves else AMBIENT_DEVIATION_T, moment, config.contact.friction)
+
+
 def feel_neighbours(
-    config: PadConfig, configs: Sequence[PadConfig], pipelines: Mapping[str, PadPipeline]
+    config: PadConfig, configs: Sequence[PadConfig], pipelines: Mapping[str, Pipeline]
 ) -> list[SceneNeighbour]:
     """Tell the pipeline of `config` which neighbours it feels. Returns all neighbours that `config` names."""
     neighbours = list(neighbours_around(config, configs))
     for neighbour in neighbours:
-        if neighbour.is_felt:
-            pipelines[config.name].feel(pipelines[neighbour.name], neighbour.placement)
+        one, other = pipelines[config.name], pipelines[neighbour.name]
+        if neighbour.is_felt and isinstance(one, PadPipeline) and isinstance(other, PadPipeline):
+            one.feel(other, neighbour.placement)
     return neighbours

@@ -175,7 +175,7 @@ class MessageWriter:
             health=reading.health,
             reason=reading.reason,
             **estimates,
-            sensors_ok=_mask(reading.used),
+            sensors_ok=mask_of(reading.used),
             solver=SOLVER,
             model=self._model,
             baseline=None if baseline is None else baseline.id,
@@ -263,6 +263,6 @@ def _vector(values: Array) -> Vector:
     return x, y, z
 
 
-def _mask(used: NDArray[np.bool_]) -> int:
+def mask_of(used: NDArray[np.bool_]) -> int:
     """Bit i is set if every axis of sensor i is used."""
     return sum(1 << sensor for sensor in np.flatnonzero(used.all(axis=1)).tolist())

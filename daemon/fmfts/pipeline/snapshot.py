@@ -15,7 +15,9 @@ from fmfts.bus.messages import StateMessage
 from fmfts.common.memory import convert, decode, encode
 from fmfts.config import PadConfig
 from fmfts.pipeline import snapshot_v1
+from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
+from fmfts.pipeline.several_pipeline import SeveralMemory, SeveralPipeline
 from fmfts.pose import SOLVER
 
 FORMAT = 2
@@ -31,7 +33,7 @@ class Snapshot(msgspec.Struct):
     memory: msgspec.Raw
 
 
-def state_message(pipeline: PadPipeline, config: PadConfig, boot: str) -> StateMessage:
+def state_message(pipeline: Pipeline, config: PadConfig, boot: str) -> StateMessage:
     """All that a replay needs besides the frames that follow."""
     baseline = pipeline.baseline
     return StateMessage(
@@ -46,7 +48,7 @@ def state_message(pipeline: PadPipeline, config: PadConfig, boot: str) -> StateM
     )
 
 
-def snapshot(pipeline: PadPipeline) -> bytes:
+def snapshot(pipeline: Pipeline) -> bytes:
     """The pipeline's memory as bytes. Afterwards Python judges the next frame, here as in a replay: both stay equal."""
     return msgspec.msgpack.encode(Snapshot(FORMAT, msgspec.Raw(encode(pipeline.memory))))
 
@@ -58,7 +60,7 @@ def follow(pipeline: PadPipeline, baseline: Baseline, mounting: Mounting) -> Non
     pipeline.recall(memory)
 
 
-def restore(pipeline: PadPipeline, content: bytes) -> None:
+def restore(pipeline: Pipeline, content: bytes) -> None:
     """Continue as the pipeline whose `snapshot` this is. Configuration and baseline must be the same.
 
     BadMemoryError, and nothing changes, if the memory does not fit this pipeline.
@@ -66,7 +68,10 @@ def restore(pipeline: PadPipeline, content: bytes) -> None:
     if len(content) > LARGEST:
         raise BadMemoryError(f"{len(content)} bytes: more than any pipeline remembers")
     try:
-        pipeline.recall(_read(content))
+        if isinstance(pipeline, SeveralPipeline):
+            pipeline.recall(decode(_unwrapped(content), SeveralMemory))
+        else:
+            pipeline.recall(_read(content))
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError) as error:
         raise BadMemoryError(f"the state is not one of this version: {type(error).__name__}: {error}") from error
 
@@ -75,7 +80,11 @@ def _read(content: bytes) -> PipelineMemory:
     values = msgspec.msgpack.decode(content)
     if isinstance(values, dict) and "format" not in values:
         return convert(snapshot_v1.converted(values), PipelineMemory)
+    return decode(_unwrapped(content), PipelineMemory)
+
+
+def _unwrapped(content: bytes) -> bytes:
     wrapped = msgspec.msgpack.decode(content, type=Snapshot)
     if wrapped.format != FORMAT:
         raise ValueError(f"format {wrapped.format}, but this version reads only 1 and {FORMAT}: update fmfts")
-    return decode(wrapped.memory, PipelineMemory)
+    return bytes(wrapped.memory)

@@ -6,13 +6,14 @@ import logging
 import time
 from typing import overload
 
-from fmfts.baseline import Baseline
+from fmfts.baseline import Baseline, Mounting
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.bus.frame_message import early_message, frame_message
 from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
+from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind, Lane
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -33,7 +34,7 @@ class Channel:
     """Passes one pad's frames through its pipeline, and publishes the results. is_recorded: all frames are wanted."""
 
     def __init__(
-        self, source: Source, pad_index: int, pipeline: PadPipeline, publisher: Publisher, boot: str, rate_hz: float
+        self, source: Source, pad_index: int, pipeline: Pipeline, publisher: Publisher, boot: str, rate_hz: float
     ) -> None:
         self.name = pipeline.pad.name
         self.source = source
@@ -149,7 +150,7 @@ class Channel:
         """If C handles the frames: take them back and account for those that C handled. `frame` gets the next ones."""
         if self._lane is None:
             return
-        ended = self.pipeline.end(self._lane)
+        ended = self.pipeline.end(self._lane) if isinstance(self.pipeline, PadPipeline) else None
         self._lane = None
         if self._lateness.count_left_out():
             self._last_frame_ns = time.monotonic_ns()
@@ -170,7 +171,9 @@ class Channel:
         self._board = self.source.state.board.get("uid")  # who gives a baseline has compared it
         mounting = self.pipeline.use(baseline)
         self._rebaselining = None
-        if self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None:
+        follows = self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None
+        if follows and isinstance(self.pipeline, PadPipeline) and isinstance(mounting, Mounting):
+            assert self.config is not None
             self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, self.config.rebaseline.si())
         self._publisher.state_changed(self.name)
 

@@ -26,9 +26,10 @@ from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
-from fmfts.contact import ContactModel, ModelError, NoContactModel
+from fmfts.contact import ModelError, NoContactModel
+from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Pad
-from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
+from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.recording.baseline import recorded_baseline
 from fmfts.runtime.channel import Channel
@@ -82,6 +83,10 @@ class Daemon:
                 )
                 if pad.rebaseline.enabled:
                     log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
+                continue
+            if isinstance(model, ArrayModel):
+                told = f"{len(pad.other_magnets) + 1} magnets, up to two fingers"
+                log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
                 continue
             by = model.inference.by
             log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
@@ -251,15 +256,15 @@ class Daemon:
             self._schedule.review()
         return bool(requests)
 
-    def _channel(
-        self, config: PadConfig, source: Source, pad_index: int, model: ContactModel | NoContactModel
-    ) -> Channel:
-        pipeline, scene = pipeline_of(config, model, self._boot), scene_model_of(config)
+    def _channel(self, config: PadConfig, source: Source, pad_index: int, model: AnyModel) -> Channel:
+        pipeline = pipeline_of(config, model, self._boot)
         pad = pipeline.pad
-        log.info("pad '%s': %s", pad.name, scene.why)
-        for text in observability_warnings(pad, scene.tracking):
-            log.warning("pad '%s': %s", pad.name, text)
-        if not isinstance(model, NoContactModel) and (doubt := other_silicone(config)) is not None:
+        if not pad.other_magnets:
+            scene = scene_model_of(config)
+            log.info("pad '%s': %s", pad.name, scene.why)
+            for text in observability_warnings(pad, scene.tracking):
+                log.warning("pad '%s': %s", pad.name, text)
+        if not isinstance(model, NoContactModel | ArrayModel) and (doubt := other_silicone(config)) is not None:
             log.warning("pad '%s': %s", pad.name, doubt)
         channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, float(config.source.rate_hz))
         channel.config, channel.origin = config, origin_of(config)
@@ -282,12 +287,13 @@ class Daemon:
         except BaselineError as error:
             log.error("%s", error)
             pipeline.refuse(str(error))
-        advised = advice(config, self._pads, model.response, pipeline.mounting)
-        if advised is not None:
-            log.info("pad '%s': %s", pad.name, advised)
+        if isinstance(pipeline, PadPipeline) and not isinstance(model, ArrayModel):
+            advised = advice(config, self._pads, model.response, pipeline.mounting)
+            if advised is not None:
+                log.info("pad '%s': %s", pad.name, advised)
         return channel
 
-    def _introduce_neighbours(self, pipelines: dict[str, PadPipeline]) -> None:
+    def _introduce_neighbours(self, pipelines: dict[str, Pipeline]) -> None:
         for pad in self._pads:
             for neighbour in feel_neighbours(pad, self._pads, pipelines):
                 log.info("pad '%s': %s", pad.name, neighbour.why)
@@ -320,9 +326,9 @@ def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
         return None
 
 
-def load_models(config: Config) -> dict[str, ContactModel | NoContactModel]:
+def load_models(config: Config) -> dict[str, AnyModel]:
     """The contact models by pad; pads of the same structure share one. ModelError if a model's file cannot be used."""
-    loaded: dict[tuple[object, ...], ContactModel | NoContactModel] = {}
+    loaded: dict[tuple[object, ...], AnyModel] = {}
     models = {}
     wrong: list[str] = []
     for pad in config.pad:

@@ -19,7 +19,9 @@ from fmfts.bus.messages import StatusMessage
 from fmfts.common.names import no_such_pad
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
-from fmfts.contact import ContactModel, NoContactModel
+from fmfts.contact import NoContactModel
+from fmfts.contact.array_model import ArrayModel
+from fmfts.pipeline.configured import AnyModel
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.pending import Pending, fail_internally
@@ -179,10 +181,17 @@ class Verbs:
         return self._channels[pad]
 
 
-def _range_of(model: ContactModel | NoContactModel) -> dict[str, object]:
+def _range_of(model: AnyModel) -> dict[str, object]:
     """The places and forces that the contact model was calibrated for."""
     if isinstance(model, NoContactModel):
         return {}
+    if isinstance(model, ArrayModel):
+        along_m = [model.response.first_mm * 1e-3, model.response.last_mm * 1e-3]
+        return {
+            "calibrated_x_m": along_m,
+            "calibrated_y_m": along_m,
+            "calibrated_force_n": model.response.scale_n,
+        }
     envelope = model.facts.envelope
     return {
         "calibrated_x_m": [value * 1e-3 for value in envelope.x_mm],

@@ -99,6 +99,12 @@ class FieldModel:
         by_finger = np.concatenate([one.slope for one in pressed], axis=1) * self._si[:, None]
         return Predicted(field.ravel() - self._at_rest, product(by_pose, by_finger), by_pose, change, pressed)
 
+    def by_finger(self, predicted: Predicted) -> Array:
+        """(5M, 3K) the derivative of the change of the poses by the fingers."""
+        slopes = [one.slope for one in predicted.pressed] or [np.zeros((len(self._si), 0))]
+        by_finger: Array = np.concatenate(slopes, axis=1) * self._si[:, None]
+        return by_finger
+
     def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
         """C (3N, 3N) of the class's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient
         field, as far as it is known, which chips that are turned read wrong."""

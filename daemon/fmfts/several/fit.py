@@ -153,6 +153,12 @@ class Fitter:
                 starts.append(pair)
         return starts
 
+    def sizes(self, root: Array, measured: Measured) -> Array:
+        """(places,) by how much a finger of 1 N at each place of the grid would raise χ²."""
+        templates, _ = self._white(root, measured)
+        size: Array = (templates * templates).sum(axis=1)
+        return size
+
     def _white(self, root: Array, measured: Measured) -> tuple[Array, Array]:
         templates = solve_lower(root, np.ascontiguousarray(self._templates[:, measured.used].T)).T
         return templates, solve_lower(root, measured.field_t[measured.used])

@@ -8,6 +8,7 @@ from fmfts.baseline import Baseline
 from fmfts.baseline.request import DURATION_S, BaselineRequest
 from fmfts.config import PadConfig
 from fmfts.sensor.frame import Frame
+from fmfts.simulation.array import SimulatedArray, simulated_pad
 from fmfts.simulation.finger import no_finger
 from fmfts.simulation.source import Simulated
 
@@ -23,6 +24,8 @@ def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> B
 def hold_still(source: Simulated, mounted: bool) -> None:
     """Stop everything, as a person does for a baseline: nothing touches any pad, and the robot stands still."""
     source.finger = no_finger
+    if isinstance(source, SimulatedArray):
+        source.second_finger = None
     for neighbour in source.neighbours:
         neighbour.finger = no_finger
     source.turning_rad_per_s = 0.0
@@ -30,7 +33,7 @@ def hold_still(source: Simulated, mounted: bool) -> None:
 
 
 def _frames(config: PadConfig, beside: Sequence[PadConfig], mounted: bool) -> list[Frame]:
-    source = Simulated(config, beside)
+    source = simulated_pad(config, beside)
     hold_still(source, mounted)
     period_ns = round(1e9 / config.source.rate_hz)
     frames: list[Frame] = []

@@ -100,6 +100,39 @@ class ScriptedFinger:
         return begun[-1].at(within_s)
 
 
+MEETING_S = 10.0  # after which two fingers that meet begin again
+
+
+class MeetingFingers:
+    """Two fingers: one presses and stays, the other comes, slides up to it, and goes away again.
+
+    They are 15 mm apart at first and 4 mm at the nearest, where no pad tells them as two.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._staying_n, self._coming_n = np.random.default_rng((seed, 2)).uniform(0.6, 1.0, 2).tolist()
+
+    def staying(self, time_s: float) -> Touch:
+        return Touch(-6e-3, -1e-3, self._staying_n * _eased(_within(time_s), 0.5, 9.0))
+
+    def coming(self, time_s: float) -> Touch:
+        within_s = _within(time_s)
+        near = min(max((within_s - 1.8) / 2.5, 0.0), 1.0) - min(max((within_s - 4.8) / 2.5, 0.0), 1.0)
+        return Touch(9e-3 - 11e-3 * near, 2e-3 * (1.0 - near), self._coming_n * _eased(within_s, 1.5, 8.0))
+
+
+def _within(time_s: float) -> float:
+    """The time since the last beginning of MeetingFingers; before the first one, a time before it."""
+    since_s = time_s - UNLOADED_AT_START_S
+    return since_s if since_s < 0.0 else since_s % MEETING_S
+
+
+def _eased(time_s: float, begin_s: float, end_s: float, ramp_s: float = 0.3) -> float:
+    """From 0 to 1 after `begin_s`, and back to 0 at `end_s`."""
+    rise = min(max(min(time_s - begin_s, end_s - time_s) / ramp_s, 0.0), 1.0)
+    return (1.0 - cos(pi * rise)) / 2.0
+
+
 def finger_of(source: SimulatedSource) -> Finger:
     """The finger that the config names."""
     return ScriptedFinger(source.seed, source.finger_friction) if source.finger == "script" else no_finger

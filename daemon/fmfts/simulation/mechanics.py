@@ -44,7 +44,7 @@ class Mechanics:
     @classmethod
     def from_terms(cls, grid_m: Array, largest_force_n: float, exponents: NDArray[np.intp], terms: Array) -> Self:
         """Make it from the polynomial's terms (X, X, T, 5) on an evenly spaced grid (X,), X ≥ 5, for both x and y."""
-        spline = np.linalg.inv(_spline_collocation(len(grid_m)))[:, 1:-1]
+        spline = np.linalg.inv(spline_collocation(len(grid_m)))[:, 1:-1]
         coefficient = np.einsum("ai,bj,ijpc->abpc", spline, spline, terms)
         return cls(float(grid_m[0]), float(grid_m[1] - grid_m[0]), len(grid_m), largest_force_n, exponents, coefficient)
 
@@ -91,7 +91,7 @@ class Mechanics:
         return cell[:, None] + np.arange(4), weight
 
 
-def _spline_collocation(count: int) -> Array:
+def spline_collocation(count: int) -> Array:
     """Matrix (count+2, count+2): B-spline coefficients → values at the knots, not-a-knot conditions at both ends."""
     matrix = np.zeros((count + 2, count + 2))
     for knot in range(count):

@@ -61,14 +61,7 @@ class Simulated:
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
         random = seeded(source, "pad")
         try:
-            mechanics = mechanics_of(config, source)
-            self._built = (
-                MountedPad.exact(drawing, mechanics)
-                if perfect
-                else MountedPad.built(
-                    drawing, random, mechanics, config.tolerance.si().sensor_rotation_rad, config.tolerance.cross_axis
-                )
-            )
+            self._built = self._build(config, source, random, perfect)
             self.neighbours = [
                 NeighbourMagnet.beside(config, other, other.source)
                 for other in beside
@@ -104,6 +97,16 @@ class Simulated:
         self._delivered = np.full(len(drawing.sensors), np.iinfo(np.int64).min)
         self._counts = np.zeros((len(drawing.sensors), 3), dtype=np.int16)
         self._selftest: dict[str, object] | None = None
+
+    def _build(
+        self, config: PadConfig, source: SimulatedSource, random: np.random.Generator, perfect: bool
+    ) -> MountedPad:
+        """ValueError where the pad model cannot be used."""
+        drawing, mechanics = config.pad(), mechanics_of(config, source)
+        if perfect:
+            return MountedPad.exact(drawing, mechanics)
+        rotation_rad = config.tolerance.si().sensor_rotation_rad
+        return MountedPad.built(drawing, random, mechanics, rotation_rad, config.tolerance.cross_axis)
 
     @property
     def built(self) -> MountedPad:

@@ -33,6 +33,7 @@ def mountings(
     both, mounting = bare_and_rest(built, drawing, tolerance, random, noise_t, gains=gains)
     turn, presses = _turned(built, random, noise_t), _pressed(built, random, noise_t)
     turned, after_turn = make_turn(drawing, turn, both)
+    assert isinstance(after_turn, Mounting)  # of one magnet
     refined, refined_after_turn = (make_refined(drawing, presses, before)[1] for before in (both, turned))
     return dict(zip(KINDS, (alone, mounting, after_turn, refined, refined_after_turn), strict=True))
 
@@ -52,7 +53,10 @@ def bare_and_rest(
 
     bare = recording(built.sensed(np.tile(built.ambient_t, (len(drawing.sensors), 1))))
     before = make_bare(drawing, tolerance, bare, gains=gains) if with_bare else None
-    return make_rest(drawing, tolerance, recording(pressed_field(built, 0.0, 0.0, 0.0)), before, gains=gains)
+    rest = recording(pressed_field(built, 0.0, 0.0, 0.0))
+    baseline, mounting = make_rest(drawing, tolerance, rest, before, gains=gains)
+    assert isinstance(mounting, Mounting)  # of one magnet
+    return baseline, mounting
 
 
 def selftested(built: MountedPad, random: np.random.Generator) -> StoredGains:

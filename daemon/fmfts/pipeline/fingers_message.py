@@ -1,0 +1,154 @@
+"""From a reading of several fingers to its message: each finger, and their resultant in the fields of one contact."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import product
+from fmfts.baseline import Baseline
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, FingerMessage, PoseMessage, Vector
+from fmfts.pipeline.contact_message import mask_of
+from fmfts.pose import SOLVER
+from fmfts.several.count import resultant
+from fmfts.several.estimator import FingersEstimator, FingersReading
+from fmfts.several.field_model import FINGER
+from fmfts.several.fit import Fit
+
+Array = NDArray[np.float64]
+
+
+class FingersWriter:
+    """Makes the messages of one pad with several magnets, and numbers them."""
+
+    def __init__(self, pad: str, boot: str, model: str) -> None:
+        self._pad, self._boot, self._model = pad, boot, model
+        self.number = 0
+        self.sampled_ns = 0
+
+    def message(
+        self,
+        reading: FingersReading,
+        sampled_ns: int | None,
+        temperature_c: float | None,
+        estimator: FingersEstimator | None,
+        baseline: Baseline | None,
+    ) -> ContactMessage:
+        """The message of a reading. sampled_ns: host time of the sample; None, without a frame, repeats the last."""
+        self.sampled_ns = self.sampled_ns if sampled_ns is None else sampled_ns
+        self.number += 1
+        estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False, "contacts": None, "poses": None}
+        if reading.fit is not None and estimator is not None:
+            estimates |= _estimates(reading, reading.fit, estimator)
+            estimates["poses"] = _poses(reading.fit, estimator)
+        return ContactMessage(
+            pad=self._pad,
+            boot=self._boot,
+            seq=self.number,
+            t_sample_ns=self.sampled_ns,
+            t_publish_ns=time.monotonic_ns(),
+            utc_ns=time.time_ns(),
+            temperature_c=temperature_c,
+            health=reading.health,
+            reason=reading.reason,
+            **estimates,
+            more=reading.more,
+            sensors_ok=mask_of(reading.used),
+            solver=SOLVER,
+            model=self._model,
+            baseline=None if baseline is None else baseline.id,
+        )
+
+
+def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> dict[str, Any]:
+    """Beyond the table's range there is only a lower bound of the force. Without a finger there is no place."""
+    if reading.over_range:
+        force_n = float(np.minimum(fit.fingers[:, 2], estimator.response.scale_n).sum())
+        return {"contact": True, "over_range": True, "force_min_n": force_n}
+    if not len(fit.fingers):
+        return {"contact": False, "contacts": [], "force_n": 0.0, "force_sd_n": estimator.quiet_force_sd_n}
+    whole, deviation = resultant(fit.fingers), resultant_deviation(fit)
+    return {
+        "contact": True,
+        "contacts": [
+            _finger(number, finger, sd)
+            for number, finger, sd in zip(reading.ids, fit.fingers, fit.deviation, strict=True)
+        ],
+        **_place_and_force(whole, deviation),
+    }
+
+
+def _finger(number: int, finger: Array, deviation: Array) -> FingerMessage:
+    return FingerMessage(
+        id=number,
+        shear_x_n=None,
+        shear_x_sd_n=None,
+        shear_y_n=None,
+        shear_y_sd_n=None,
+        **_place_and_force(finger, deviation),
+    )
+
+
+def _place_and_force(finger: Array, deviation: Array) -> dict[str, float]:
+    """From mm to m."""
+    (x, y, force), (x_sd, y_sd, force_sd) = finger.tolist(), deviation.tolist()
+    return {
+        "x_m": x * 1e-3,
+        "x_sd_m": x_sd * 1e-3,
+        "y_m": y * 1e-3,
+        "y_sd_m": y_sd * 1e-3,
+        "force_n": max(force, 0.0),
+        "force_sd_n": force_sd,
+    }
+
+
+def resultant_deviation(fit: Fit) -> Array:
+    """(3,) of the resultant's place and force: with w the share of a finger, ∂x/∂x_k = w_k, ∂x/∂F_k = (x_k − x)/F."""
+    whole, count = resultant(fit.fingers), len(fit.fingers)
+    force = max(float(whole[2]), 1e-9)
+    slope = np.zeros((FINGER, count, FINGER))
+    for number, (x, y, part) in enumerate(fit.fingers.tolist()):
+        slope[0, number] = part / force, 0.0, (x - whole[0]) / force
+        slope[1, number] = 0.0, part / force, (y - whole[1]) / force
+        slope[2, number, 2] = 1.0
+    flat = slope.reshape(FINGER, -1)
+    variance = np.diagonal(product(flat, fit.covariance, flat.T))
+    deviation: Array = np.sqrt(np.maximum(variance, 0.0))
+    return deviation
+
+
+def _poses(fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
+    """The pose of each magnet that goes with the fingers: of the table of presses, not solved by itself."""
+    mounting = estimator.mounting
+    magnets, covariance, residual_t = estimator.poses(fit)
+    ambient, ambient_deviation = None, None
+    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
+        ambient = _vector(mounting.ambient_t + fit.ambient_t)
+        ambient_deviation = _vector(mounting.ambient_deviation_t)
+    remanences_t = mounting.remanences_t(estimator.pad)
+    deviation = np.sqrt(np.maximum(np.diagonal(mounting.rest_covariance), 0.0)).reshape(-1, 6)
+    return [
+        PoseMessage(
+            position_m=_vector(position),
+            position_sd_m=_vector(np.sqrt(moved[:3] * moved[:3] + rest[:3] * rest[:3])),
+            axis=_vector(axis),
+            axis_sd_rad=float(np.sqrt(moved[3:] * moved[3:] + rest[3:5] * rest[3:5]).max()),
+            remanence_t=remanence_t,
+            remanence_sd_t=float(rest[5]) * remanence_t,
+            ambient_t=ambient,
+            ambient_sd_t=ambient_deviation,
+            residual_t=residual_t,
+            chi2=fit.chi2,
+        )
+        for position, axis, moved, rest, remanence_t in zip(
+            magnets.position_m, magnets.axis, covariance, deviation, remanences_t, strict=True
+        )
+    ]
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,195 @@
+"""The whole job of one pad with several magnets: frame → field → fingers → message.
+
+It has the interface of `PadPipeline`, so that the daemon, a replay and a recorder do not know which of the two it is.
+Its frames are judged in Python, which calls the compiled fit; no lane hands them to C from a board's bytes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.bus.messages import ContactMessage, Health
+from fmfts.common.memory import require_alike
+from fmfts.contact.array_model import ArrayModel
+from fmfts.pad import Pad
+from fmfts.pipeline.fingers_message import FingersWriter
+from fmfts.pipeline.pad_pipeline import NO_BASELINE
+from fmfts.pose import Alignment, repeats_allowed
+from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
+from fmfts.sensor import Frame
+from fmfts.sensor.early import EarlySample
+from fmfts.sensor.missing import missing_sensors
+from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
+from fmfts.several.field_model import Scene
+
+BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
+
+
+@dataclass(slots=True)
+class SeveralMemory:
+    """As PipelineMemory, of a pad with several magnets."""
+
+    alignment: AlignmentMemory
+    fingers: FingersMemory | None
+    number: int
+    sampled_ns: int
+    why_no_estimator: str
+
+
+class SeveralPipeline:
+    """Makes a message of each frame of one pad with several magnets.
+
+    magnet_per_k: temperature coefficient of the remanence.
+    """
+
+    def __init__(
+        self,
+        pad: Pad,
+        model: ArrayModel,
+        boot: str,
+        rate_hz: float,
+        scene: Scene,
+        magnet_per_k: float,
+    ) -> None:
+        self.pad = pad
+        self._model = model
+        self._rate_hz = rate_hz
+        self._scene, self._magnet_per_k = scene, magnet_per_k
+        self._alignment = Alignment(len(pad.sensors), period_us=1e6 / rate_hz)
+        self._estimator: FingersEstimator | None = None
+        self._why_none = NO_BASELINE
+        self._baseline: Baseline | None = None
+        self._writer = FingersWriter(pad.name, boot, model.hash)
+        self._missing: dict[int, str] = {}
+        self._frame_times = 0, 0
+
+    @property
+    def baseline(self) -> Baseline | None:
+        return self._baseline
+
+    @property
+    def messages(self) -> int:
+        """The number of the last message."""
+        return self._writer.number
+
+    @property
+    def model(self) -> ArrayModel:
+        return self._model
+
+    @property
+    def model_hash(self) -> str:
+        return self._model.hash
+
+    @property
+    def missing(self) -> dict[int, str]:
+        """Sensor (from 0) → why it could not be used in the last frame; empty while frames are absent."""
+        return self._missing
+
+    @property
+    def detection_limit_n(self) -> float:
+        return 0.0
+
+    @property
+    def mounting(self) -> ArrayMounting | None:
+        return None if self._estimator is None else self._estimator.mounting
+
+    def use(self, baseline: Baseline, mounting: ArrayMounting | None = None) -> ArrayMounting | None:
+        """From the next frame on, subtract this baseline. BaselineError if it does not fit the pad.
+
+        Returns the mounting; None, and nothing is told yet, if only a bare recording is there.
+        """
+        self._estimator, self._baseline = None, baseline
+        if baseline.rest is None:
+            self._why_none = BARE_ONLY
+            return None
+        try:
+            mounting = mounting or baseline.array_mounting(self.pad)
+        except BaselineError:
+            self._baseline = None
+            raise
+        rest = baseline.rest
+        self._estimator = FingersEstimator(
+            self.pad,
+            mounting,
+            self._model.response,
+            self._scene,
+            self._rate_hz,
+            repeats_allowed(mounting.noise_t, self.pad.chip.step_t[rest.gain_code]),
+            self._magnet_per_k,
+            rest.temperature_c,
+        )
+        return mounting
+
+    def refuse(self, reason: str) -> None:
+        """Publish `reason` in every message: there is a baseline, but it cannot be used."""
+        self._estimator = self._baseline = None
+        self._why_none = reason
+
+    def process(self, frame: Frame) -> ContactMessage:
+        """Make the message of one frame."""
+        self._frame_times = frame.device_time_us, frame.host_time_ns
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed)
+        if frame.valid.any() and self._alignment.memory.without_news <= MOST_WITHOUT_NEWS:
+            sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
+        else:
+            sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one
+        estimator = self._estimator
+        if estimator is None:
+            self._missing = missing_sensors(frame, None)
+            reading = FingersReading("no_baseline", self._why_none, frame.usable)
+        else:
+            self._missing = missing_sensors(frame, aligned.repeats > estimator.repeats_allowed)
+            reading = estimator.read(aligned, frame.temperature_c, self._missing)
+        return self._writer.message(reading, sampled_ns, frame.temperature_c, estimator, self._baseline)
+
+    def answer(self, frame: Frame) -> ContactMessage:
+        return self.process(frame)
+
+    def host_time_ns(self, device_time_us: int) -> int:
+        """The host's time of the board's, near the last frame."""
+        frame_us, frame_ns = self._frame_times
+        return frame_ns + 1000 * (device_time_us - frame_us)
+
+    def early(self, early: EarlySample) -> None:
+        """A sample that comes before its frame says nothing new: there is no `now` of several fingers."""
+
+    def begin(self, clock: bytearray, topic: bytes, pad_index: int, overdue_ns: int) -> None:
+        """No C handles the frames of such a pad from the board's bytes."""
+
+    @property
+    def memory(self) -> SeveralMemory:
+        """What the pipeline remembers between two frames."""
+        estimator = self._estimator
+        return SeveralMemory(
+            self._alignment.memory,
+            None if estimator is None else estimator.memory,
+            *(self._writer.number, self._writer.sampled_ns),
+            self._why_none,
+        )
+
+    def recall(self, memory: SeveralMemory) -> None:
+        """Continue from the memory of another pipeline of the same configuration and baseline.
+
+        ValueError, and nothing changes, if the memory does not fit this pipeline.
+        """
+        require_alike(memory, self.memory)
+        self._alignment.memory = memory.alignment
+        if self._estimator is not None and memory.fingers is not None:
+            self._estimator.recall(memory.fingers)
+        self._writer.number, self._writer.sampled_ns = memory.number, memory.sampled_ns
+        self._why_none = memory.why_no_estimator
+
+    def hand_back(self) -> None:
+        """Nothing is lent to C."""
+
+    def absent(self, health: Health, reason: str) -> ContactMessage:
+        """The message to publish while no frame can be used. It ends the touch: whoever touched may be gone."""
+        if self._estimator is not None:
+            self._estimator.forget_touch()
+        self._missing = {}
+        reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
+        return self._writer.message(reading, None, None, self._estimator, self._baseline)

@@ -1,0 +1,167 @@
+"""How many fingers press: the smallest number that explains the frame, with hysteresis, and which finger is which.
+
+A finger is added where it lowers χ² by more than a threshold, tested with what the fingers before leave uncertain
+(shear, patch, table: field_model.py), so that a wide or sliding finger is not taken for two. A finger is taken away
+when its force has been within its deviation of zero for some frames, or when it came so near to the other one that they
+cannot be told apart: a wide patch looks the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import length
+from fmfts.common.chi2 import quantile
+from fmfts.several.field_model import FINGER
+from fmfts.several.fit import APART_MM, GRID_FORCE_N, Fit, Fitter, Measured
+
+Array = NDArray[np.float64]
+
+MOST_FINGERS = 2
+# By so much a second finger must lower χ². Of 2,250 frames of one finger (patches of 2 to 10 mm, shear) the largest
+# gain was 15.5; extrapolated, one in a million reaches 45 (docs/results/several.md).
+SECOND_GAIN = 45.0
+# The first finger may be anywhere: as many places as fingers can be told apart.
+PLACES = 50
+SMALLEST_SHARE = 0.05  # a second finger has at least this share of the force
+# A finger goes when, for so many frames in a row, its force is less than so many deviations, or it is too near.
+RELEASE_DEVIATIONS, RELEASE_FRAMES = 3.0, 5
+TOGETHER_MM = 6.5  # nearer than this two become one; two are told from APART_MM on
+
+
+@dataclass(slots=True)
+class CounterMemory:
+    """count: fingers in the last frame. places (MOST_FINGERS, 3): theirs first, in mm and N. ids (MOST_FINGERS,): who
+    they are. next_id: of the next new finger. doubtful_frames: for how many frames in a row one of them has been too
+    weak, or two too near.
+    """
+
+    count: int = 0
+    places: Array = field(default_factory=lambda: np.zeros((MOST_FINGERS, FINGER)))
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(MOST_FINGERS, dtype=np.int64))
+    next_id: int = 1
+    doubtful_frames: int = 0
+
+    @property
+    def fingers(self) -> Array:
+        """(count, 3)."""
+        return self.places[: self.count]
+
+    def put(self, fingers: Array, ids: Sequence[int]) -> None:
+        self.count = len(fingers)
+        self.places[: self.count], self.ids[: self.count] = fingers, ids
+
+    def copy(self) -> CounterMemory:
+        return CounterMemory(self.count, self.places.copy(), self.ids.copy(), self.next_id, self.doubtful_frames)
+
+
+class Counted(NamedTuple):
+    """fit: of the fingers that there are. ids: of each. cold: the number was changed, or tried to be."""
+
+    fit: Fit
+    ids: tuple[int, ...]
+    cold: bool
+
+
+class FingerCounter:
+    """Follows the fingers of one pad from frame to frame. rate_hz, false_contacts_per_hour: of an untouched pad."""
+
+    def __init__(self, fitter: Fitter, rate_hz: float, false_contacts_per_hour: float = 1.0) -> None:
+        self._fitter = fitter
+        per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
+        self._first_gain = quantile(min(per_frame / PLACES, 0.01), FINGER)
+        self.memory = CounterMemory()
+
+    def forget(self) -> None:
+        """No finger presses any more, or nobody knows."""
+        self.memory.count = self.memory.doubtful_frames = 0
+
+    def detection_limit_n(self, noise_t: Array) -> float:
+        """The least force (N) that is felt wherever it presses on the pad's inner part, by noise_t (N, 3) alone."""
+        fitter, nobody = self._fitter, np.zeros((0, FINGER))
+        quiet = Measured(np.zeros(noise_t.size), (noise_t * noise_t).ravel(), np.ones(noise_t.size, dtype=np.bool_))
+        size = fitter.sizes(fitter.whitener(nobody, quiet, np.zeros(3)), quiet)
+        return float(GRID_FORCE_N * np.sqrt(self._first_gain / size.min()))
+
+    def update(self, measured: Measured, ambient_t: Array) -> Counted:
+        """The fingers of the next frame. SingularError where the values determine nothing."""
+        memory = self.memory
+        fit, ids = self._fitter.fit(memory.fingers, measured, ambient_t), memory.ids[: memory.count].tolist()
+        cold = False
+        # Another finger lowers χ² by at most all of it.
+        if not ids and fit.chi2 > self._first_gain:
+            cold = True
+            if (found := self._first(fit, measured, ambient_t)) is not None:
+                fit, ids, memory.doubtful_frames = found, [self._new_id()], 0
+        if len(ids) == 1 and fit.chi2 > SECOND_GAIN:
+            cold = True
+            if (pair := self._second(fit, measured, ambient_t)) is not None:
+                ids, memory.doubtful_frames = self._split(fit, pair, ids[0]), 0
+                fit = pair
+        fit, ids = self._fewer(fit, ids, measured, ambient_t)
+        memory.put(fit.fingers, ids)
+        return Counted(fit, tuple(ids), cold)
+
+    def _first(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
+        root = self._fitter.whitener(before.fingers, measured, ambient_t)
+        start, promised = self._fitter.best_single(root, measured)
+        # Between the places of the grid it may be better than at the best of them, but not by so much.
+        if promised < 0.5 * self._first_gain:
+            return None
+        found = self._fitter.fit(start, measured, ambient_t)
+        gain = before.chi2 - self._fitter.chi2_with(root, found.fingers, measured)
+        return found if gain > self._first_gain else None
+
+    def _second(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
+        root = self._fitter.whitener(before.fingers, measured, ambient_t)
+        found = [self._fitter.fit(pair, measured, ambient_t) for pair in self._fitter.best_pairs(root, measured)]
+        found = [one for one in found if are_two(one.fingers)]
+        if not found:
+            return None
+        best = min(found, key=lambda one: one.chi2)
+        gain = before.chi2 - self._fitter.chi2_with(root, best.fingers, measured)
+        return best if gain > SECOND_GAIN else None
+
+    def _split(self, one: Fit, pair: Fit, id_of_one: int) -> list[int]:
+        """The finger that was there keeps its id: the one of the two that is nearer to it."""
+        first, other = (length((finger - one.fingers[0])[:2]) for finger in pair.fingers)
+        return [id_of_one, self._new_id()] if first <= other else [self._new_id(), id_of_one]
+
+    def _new_id(self) -> int:
+        self.memory.next_id += 1
+        return self.memory.next_id - 1
+
+    def _fewer(self, fit: Fit, ids: list[int], measured: Measured, ambient_t: Array) -> tuple[Fit, list[int]]:
+        """Take away a finger that has been doubtful for long enough."""
+        memory, count = self.memory, len(ids)
+        if not count:
+            return fit, ids
+        weakest = int(np.argmin(fit.fingers[:, 2]))
+        weak = fit.fingers[weakest, 2] < RELEASE_DEVIATIONS * fit.deviation[weakest, 2]
+        near = count > 1 and length((fit.fingers[0] - fit.fingers[1])[:2]) < TOGETHER_MM
+        memory.doubtful_frames = memory.doubtful_frames + 1 if weak or near else 0
+        if memory.doubtful_frames < RELEASE_FRAMES:
+            return fit, ids
+        memory.doubtful_frames = 0
+        left = resultant(fit.fingers)[None] if count > 1 else np.zeros((0, FINGER))
+        stronger = [ids[int(np.argmax(fit.fingers[:, 2]))]] if count > 1 else []
+        return self._fitter.fit(left, measured, ambient_t), stronger
+
+
+def are_two(fingers: Array) -> bool:
+    """Whether two fingers (2, 3) are far enough apart, and the weaker one strong enough, to be told as two."""
+    forces = fingers[:, 2]
+    apart = length((fingers[0] - fingers[1])[:2]) >= APART_MM
+    return bool(apart and forces.min() > SMALLEST_SHARE * forces.sum())
+
+
+def resultant(fingers: Array) -> Array:
+    """(3,) the place where all of the force would press, and its sum."""
+    force = fingers[:, 2].sum()
+    place = (fingers[:, :2] * fingers[:, 2:]).sum(axis=0) / max(float(force), 1e-9)
+    return np.append(place, force)

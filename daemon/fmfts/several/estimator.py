@@ -1,0 +1,261 @@
+"""One pad with several magnets that has a baseline: field → fingers. Each step runs only if the one before is sound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import SingularError, product
+from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.bus.messages import Health
+from fmfts.common.chi2 import quantile
+from fmfts.contact.array_response import ArrayResponse
+from fmfts.pad import Pad
+from fmfts.pose import Aligned
+from fmfts.pose.magnets import CHANGE, Magnets
+from fmfts.several.count import CounterMemory, FingerCounter
+from fmfts.several.field_model import FINGER, FieldModel, Scene
+from fmfts.several.fit import Fit, Fitter, Measured
+
+Array = NDArray[np.float64]
+
+# A frame is not explained when its χ² is larger than one in so many healthy ones has it.
+UNEXPLAINED = 1e-6
+FREE_FIELD = 3  # values that the ambient field takes
+# So many values more than unknowns are needed to notice that something is wrong.
+SPARE = 4
+# After so many frames in a row in which a sensor that was left out agrees again, it is used again.
+AGREES_FRAMES = 20
+# A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
+AGREES = 1e-3
+CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less than the table's width
+# A gap after which fingers are searched anew.
+LONGEST_GAP_S = 0.05
+
+
+@dataclass(slots=True)
+class FingersMemory:
+    """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
+
+    left_out: a sensor that contradicts all others, −1 for none. agrees_frames: for how many frames it has not. last_us:
+    the board's time of the last frame.
+    """
+
+    counter: CounterMemory
+    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
+    left_out: int = -1
+    agrees_frames: int = 0
+    last_us: int | None = None
+
+
+class FingersReading(NamedTuple):
+    """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
+
+    more: two fingers do not explain the frame.
+    """
+
+    health: Health
+    reason: str
+    used: NDArray[np.bool_]
+    fit: Fit | None = None
+    ids: tuple[int, ...] = ()
+    more: bool = False
+    over_range: bool = False
+
+
+class FingersEstimator:
+    """Field → fingers of a pad that has a baseline.
+
+    repeats_allowed (N, 3): of an axis that is not stuck. magnet_per_k: temperature coefficient of the remanence;
+    temperature_c: at the baseline, None if it is not known.
+    """
+
+    def __init__(
+        self,
+        pad: Pad,
+        mounting: ArrayMounting,
+        response: ArrayResponse,
+        scene: Scene,
+        rate_hz: float,
+        repeats_allowed: Array,
+        magnet_per_k: float,
+        temperature_c: float | None,
+    ) -> None:
+        self.pad, self.mounting, self.response, self.scene = pad, mounting, response, scene
+        self.repeats_allowed = repeats_allowed
+        self._magnet_per_k, self._temperature_c = magnet_per_k, temperature_c
+        self._last_c = temperature_c
+        self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
+        self._counter = FingerCounter(self.fitter, rate_hz)
+        self.memory = FingersMemory(self._counter.memory)
+        self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
+
+    @property
+    def quiet_force_sd_n(self) -> float:
+        """Deviation (N) of no force: what may press and not be felt, where it is felt least."""
+        return self._quiet_force_sd_n
+
+    def poses(self, fit: Fit) -> tuple[Magnets, Array, float]:
+        """The magnets as `fit` has them, the deviations (M, 5) of their poses by those of the fingers, and the rms of
+        the residual."""
+        model, mounting = self.fitter.model, self.mounting
+        predicted = model.predict(fit.fingers)
+        magnets = mounting.magnets.changed(predicted.change, mounting.frames)
+        by_finger = model.by_finger(predicted)
+        variance = np.diagonal(product(by_finger, fit.covariance, by_finger.T))
+        residual_t = float(np.sqrt(np.mean(square(fit.misfit_t))))
+        return magnets, np.sqrt(np.maximum(variance, 0.0)).reshape(-1, CHANGE), residual_t
+
+    def recall(self, memory: FingersMemory) -> None:
+        """Go on from the memory of another estimator of the same pad, baseline and scene."""
+        self.memory = memory
+        self._counter.memory = memory.counter
+
+    def forget_touch(self) -> None:
+        self._counter.forget()
+
+    def read(self, aligned: Aligned, temperature_c: float | None, missing: Mapping[int, str]) -> FingersReading:
+        """Judge one aligned frame. missing: what is wrong with sensors that cannot be used."""
+        memory = self.memory
+        elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
+        memory.last_us = aligned.time_us
+        if elapsed_s > LONGEST_GAP_S:
+            self._counter.forget()
+        there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
+        measured = self._measured(aligned, temperature_c, there)
+        left_out, used = memory.left_out, there.copy()
+        if left_out >= 0:
+            used[left_out] = False
+        if used.sum() < FREE_FIELD + 2 * FINGER + SPARE:
+            self._counter.forget()
+            return FingersReading("lost", _too_few(missing, used), used)
+        try:
+            return self._judged(measured, used, there, missing)
+        except SingularError:
+            self._counter.forget()
+            return FingersReading("lost", "the sensors that are left do not tell where the fingers are", used)
+
+    def _judged(
+        self,
+        measured: Measured,
+        used: NDArray[np.bool_],
+        there: NDArray[np.bool_],
+        missing: Mapping[int, str],
+    ) -> FingersReading:
+        memory = self.memory
+        before = memory.counter.copy()
+        counted = self._counter.update(_of(measured, used), memory.ambient_t)
+        fit = counted.fit
+        if fit.chi2 > self._limit(used, fit):
+            other = self._without_a_sensor(measured, used, before)
+            if other is None:
+                return self._unexplained(fit, counted.ids, used)
+            memory.left_out, memory.agrees_frames = other, 0
+            used = used.copy()
+            used[memory.left_out] = False
+            counted = self._counter.update(_of(measured, used), memory.ambient_t)
+            fit = counted.fit
+        elif memory.left_out >= 0:
+            self._try_again(measured, there, fit)
+        memory.ambient_t = fit.ambient_t
+        health, reason = self._health(used, missing)
+        over = self._is_over_range(fit)
+        return FingersReading(health, reason, used, fit, counted.ids, over_range=over)
+
+    def _limit(self, used: NDArray[np.bool_], fit: Fit) -> float:
+        freedom = int(used.sum()) - FREE_FIELD - FINGER * len(fit.fingers)
+        return quantile(UNEXPLAINED, max(freedom, 1))
+
+    def _without_a_sensor(self, measured: Measured, used: NDArray[np.bool_], before: CounterMemory) -> int | None:
+        """The one sensor without which the fingers that were there explain the frame; None where that is not one."""
+        memory, explains = self.memory, []
+        if memory.left_out >= 0:
+            return None
+        for sensor in np.flatnonzero(used.any(axis=1)).tolist():
+            others = used.copy()
+            others[sensor] = False
+            if others.sum() < FREE_FIELD + 2 * FINGER + SPARE:
+                continue
+            fit = self.fitter.fit(before.fingers, _of(measured, others), memory.ambient_t)
+            if fit.chi2 <= self._limit(others, fit):
+                explains.append((fit.chi2, sensor))
+        self._counter.memory = memory.counter = before
+        return min(explains)[1] if explains else None
+
+    def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
+        """Use a sensor that was left out again, when it has agreed for long enough."""
+        memory = self.memory
+        again = self.fitter.fit(fit.fingers, _of(measured, there), memory.ambient_t)
+        agrees = again.chi2 - fit.chi2 < quantile(AGREES, max(int(there[memory.left_out].sum()), 1))
+        memory.agrees_frames = memory.agrees_frames + 1 if agrees and there[memory.left_out].any() else 0
+        if memory.agrees_frames >= AGREES_FRAMES:
+            memory.left_out, memory.agrees_frames = -1, 0
+
+    def _unexplained(self, fit: Fit, ids: tuple[int, ...], used: NDArray[np.bool_]) -> FingersReading:
+        count = len(fit.fingers)
+        if count == 2 and self._third_helps(fit, used):
+            reason = "two fingers do not explain the field: there may be more; places and forces are not told"
+            return FingersReading("degraded", reason, used, None, ids, more=True)
+        self._counter.forget()
+        reason = (
+            f"no fingers explain the field (χ² = {fit.chi2:.0f}): steel or a magnet nearby, a bad chip, or a press "
+            "that the pad was not calibrated for"
+        )
+        return FingersReading("disturbed", reason, used)
+
+    def _third_helps(self, fit: Fit, used: NDArray[np.bool_]) -> bool:
+        """Whether a third finger anywhere would take away most of what two leave unexplained."""
+        rest = Measured(fit.misfit_t, self._variance, used.ravel())
+        root = self.fitter.whitener(fit.fingers, rest, self.memory.ambient_t)
+        _, gain = self.fitter.best_single(root, rest)
+        return gain > 0.5 * (fit.chi2 - self._limit(used, fit))
+
+    def _measured(self, aligned: Aligned, temperature_c: float | None, there: NDArray[np.bool_]) -> Measured:
+        """The change of the magnets' field since the baseline, at the baseline's temperature."""
+        self._last_c = self._last_c if temperature_c is None else temperature_c
+        warmer_k = 0.0 if self._temperature_c is None or self._last_c is None else self._last_c - self._temperature_c
+        mounting = self.mounting
+        own = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)) / (1.0 + self._magnet_per_k * warmer_k)
+        noise = mounting.noise_t * aligned.noise_share / mounting.gain
+        bend = np.where(np.isfinite(aligned.bend_t), aligned.bend_t, 0.0)
+        self._variance = (square(noise) + square(bend)).ravel()
+        return Measured((own - mounting.rest_field_t).ravel(), self._variance, there.ravel())
+
+    def _health(self, used: NDArray[np.bool_], missing: Mapping[int, str]) -> tuple[Health, str]:
+        if used.all():
+            return "ok", ""
+        told = [f"sensor {sensor + 1}: {why}" for sensor, why in missing.items()]
+        if self.memory.left_out >= 0:
+            told.append(
+                f"sensor {self.memory.left_out + 1} contradicts all others, and is left out: a bad chip or steel"
+            )
+        axes = [f"{sensor + 1}{'xyz'[axis]}" for sensor, axis in np.argwhere(~used).tolist()]
+        return "degraded", "; ".join(told) or f"axes {', '.join(axes)} are saturated or stuck, and are left out"
+
+    def _is_over_range(self, fit: Fit) -> bool:
+        """Beyond the table, in force or in place, the place and the force are not known. The place of a weak finger is
+        so uncertain that the search may end at the table's edge."""
+        response = self.response
+        return any(
+            force > response.scale_n
+            or (
+                force > CERTAIN_DEVIATIONS * force_sd
+                and (min(x, y) <= response.first_mm or max(x, y) >= response.last_mm)
+            )
+            for (x, y, force), force_sd in zip(fit.fingers.tolist(), fit.deviation[:, 2].tolist(), strict=True)
+        )
+
+
+def _of(measured: Measured, used: NDArray[np.bool_]) -> Measured:
+    return Measured(measured.field_t, measured.variance_t2, used.ravel())
+
+
+def _too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:
+    told = [f"sensor {sensor + 1}: {why}" for sensor, why in missing.items()]
+    return f"only {int(used.sum())} values are left, too few for two fingers; " + "; ".join(told)
