@@ -47,6 +47,13 @@ def contact(index: int, **changed: Any) -> dict[str, Any]:
     return fields | changed
 
 
+FINGER = {
+    "id": 3, "x_m": -4e-3, "x_sd_m": 1e-4, "y_m": 2e-3, "y_sd_m": 1e-4, "force_n": 0.6, "force_sd_n": 0.02,
+    "shear_x_n": None, "shear_x_sd_n": None, "shear_y_n": None, "shear_y_sd_n": None,
+}  # fmt: skip
+SEVERAL = contact(300, pose=None, poses=[POSE, POSE], contacts=[FINGER, FINGER | {"id": 4}], more=False)
+
+
 def drawn(*contacts: dict[str, Any]) -> list[Any]:
     scene = PadScene.of_state("left", msgspec.to_builtins(CONFIG))
     return [each for one in contacts for each in scene.contact(one)]
@@ -86,7 +93,9 @@ def as_protobuf(value: Any) -> Any:
 
 def test_the_sdk_knows_every_field_of_the_drawings() -> None:
     seen = set()
-    for each in drawn(contact(0), contact(100, health="degraded", reason="sensor 3"), contact(200, contact=False)):
+    for each in drawn(
+        contact(0), contact(100, health="degraded", reason="sensor 3"), contact(200, contact=False), SEVERAL
+    ):
         if each.schema.startswith("foxglove."):
             kind, body = sdk_type(each.schema), msgspec.to_builtins(each.message)
             parsed = json_format.ParseDict(
@@ -95,7 +104,12 @@ def test_the_sdk_knows_every_field_of_the_drawings() -> None:
             assert {field.name for field in kind.DESCRIPTOR.fields} == body.keys(), "and none of its fields is missing"
             assert parsed.ByteSize() > 0
             seen.add(each.schema)
-    assert seen == {"foxglove.SceneUpdate", "foxglove.PoseInFrame", "foxglove.FrameTransform"}
+    assert seen == {
+        "foxglove.SceneUpdate",
+        "foxglove.PoseInFrame",
+        "foxglove.PosesInFrame",
+        "foxglove.FrameTransform",
+    }
 
 
 def test_every_part_of_an_entity_has_all_fields_of_the_sdks() -> None:
@@ -109,7 +123,7 @@ def test_every_part_of_an_entity_has_all_fields_of_the_sdks() -> None:
                 for each in found if isinstance(found, (list, tuple)) else [found]:
                     compare(each, field.message_type)
 
-    for each in drawn(contact(0, health="degraded", reason="sensor 3")):
+    for each in drawn(contact(0, health="degraded", reason="sensor 3"), SEVERAL):
         if each.schema.startswith("foxglove."):
             compare(msgspec.to_builtins(each.message), sdk_type(each.schema).DESCRIPTOR)
 

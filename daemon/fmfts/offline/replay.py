@@ -75,7 +75,9 @@ class Comparison:
         if one == two:
             self.identical += 1
         else:
-            self.different.append((contact.pad, contact.seq, [name for name in one if one[name] != two[name]]))
+            # A key may be in one alone: pads with several magnets have more of them.
+            names = [name for name in one | two if name not in one or name not in two or one[name] != two[name]]
+            self.different.append((contact.pad, contact.seq, names))
 
     @property
     def alone(self) -> int:

@@ -115,6 +115,12 @@ class PoseInFrame(msgspec.Struct, frozen=True, kw_only=True):
     pose: Pose
 
 
+class PosesInFrame(msgspec.Struct, frozen=True, kw_only=True):
+    timestamp: Time
+    frame_id: str
+    poses: tuple[Pose, ...]
+
+
 class FrameTransform(msgspec.Struct, frozen=True, kw_only=True):
     timestamp: Time
     parent_frame_id: str

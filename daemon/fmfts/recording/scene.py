@@ -10,6 +10,7 @@ import msgspec
 
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
+from fmfts.recording.finger_columns import FingerColumns
 from fmfts.recording.foxglove import (
     Arrow,
     Box,
@@ -20,6 +21,7 @@ from fmfts.recording.foxglove import (
     FrameTransform,
     Pose,
     PoseInFrame,
+    PosesInFrame,
     Quaternion,
     SceneUpdate,
     Text,
@@ -71,6 +73,7 @@ class PadScene:
     def __init__(self, pad: str, facts: dict[str, Any]) -> None:
         self._pad, self._facts = pad, facts
         self._shown_ns = self._placed_ns = 0
+        self._columns = FingerColumns()
 
     @classmethod
     def of_state(cls, pad: str, config: dict[str, Any]) -> PadScene:
@@ -94,9 +97,14 @@ class PadScene:
         absent = {"magnet", "contact", "health"} - {each.id for each in entities}
         yield self._update(time, entities, sorted(absent))
         if (pose := body["pose"]) is not None:
-            placed = Pose(position=vector(pose["position_m"]), orientation=turning(TOWARD_FINGER, pose["axis"]))
-            message = PoseInFrame(timestamp=time, frame_id=self._pad, pose=placed)
+            message = PoseInFrame(timestamp=time, frame_id=self._pad, pose=_placed(pose))
             yield Drawn(f"magnet/{self._pad}", "foxglove.PoseInFrame", message)
+        if poses := body.get("poses"):
+            magnets = PosesInFrame(timestamp=time, frame_id=self._pad, poses=tuple(map(_placed, poses)))
+            yield Drawn(f"magnets/{self._pad}", "foxglove.PosesInFrame", magnets)
+        if (contacts := body.get("contacts")) is not None:
+            fingers = self._columns.fingers(time, self._pad, contacts, bool(body.get("more")))
+            yield Drawn(f"fingers/{self._pad}", "fmfts.fingers", fingers)
         if body["force_n"] is not None and not body["over_range"]:
             wrench = Wrench(
                 timestamp=time, frame_id=self._pad, force_z_n=-body["force_n"],
@@ -141,31 +149,57 @@ class PadScene:
         return Entity(timestamp=time, frame_id=self._pad, id="pad", cubes=(box, *chips))
 
     def _magnet(self, time: Time, body: dict[str, Any]) -> Entity | None:
-        pose = body["pose"]
-        if pose is None:
+        """The magnet, or all of a pad with several."""
+        poses = body.get("poses") or [each for each in (body["pose"],) if each is not None]
+        if not poses:
             return None
         diameter_m, length_m = self._facts["magnet_diameter_m"], self._facts["magnet_length_m"]
-        placed = Pose(position=vector(pose["position_m"]), orientation=turning(TOWARD_FINGER, pose["axis"]))
-        magnet = Cylinder(pose=placed, size=Vector3(x=diameter_m, y=diameter_m, z=length_m), color=MAGNET)
-        size = vector([2 * ELLIPSOID_DEVIATIONS * part for part in pose["position_sd_m"]])
-        ellipsoid = Box(pose=Pose(position=placed.position), size=size, color=UNCERTAIN)
-        return Entity(timestamp=time, frame_id=self._pad, id="magnet", cylinders=(magnet,), spheres=(ellipsoid,))
+        shape = Vector3(x=diameter_m, y=diameter_m, z=length_m)
+        magnets = tuple(Cylinder(pose=_placed(pose), size=shape, color=MAGNET) for pose in poses)
+        ellipsoids = tuple(
+            Box(
+                pose=Pose(position=vector(pose["position_m"])),
+                size=vector([2 * ELLIPSOID_DEVIATIONS * part for part in pose["position_sd_m"]]),
+                color=UNCERTAIN,
+            )
+            for pose in poses
+        )
+        return Entity(timestamp=time, frame_id=self._pad, id="magnet", cylinders=magnets, spheres=ellipsoids)
 
     def _touch(self, time: Time, body: dict[str, Any]) -> Entity | None:
-        if not body["contact"] or body["x_m"] is None or body["y_m"] is None:
+        """Each finger where they are told, else the one contact; the resultant of two fingers is where none is."""
+        fingers = body.get("contacts")
+        touches = [body] if fingers is None and body["contact"] else fingers or []
+        touches = [each for each in touches if each["x_m"] is not None and each["y_m"] is not None]
+        if not touches:
             return None
-        place = Vector3(x=body["x_m"], y=body["y_m"], z=self._height_m)
-        cylinders: tuple[Cylinder, ...] = ()
-        if body["x_sd_m"] is not None and body["y_sd_m"] is not None:
-            across = [2 * ELLIPSE_DEVIATIONS * body[key] for key in ("x_sd_m", "y_sd_m")]
-            size = Vector3(x=across[0], y=across[1], z=1e-4)
-            cylinders = (Cylinder(pose=Pose(position=place, orientation=Quaternion()), size=size, color=UNCERTAIN),)
-        arrows = () if body["force_n"] is None or body["over_range"] else (self._arrow(place, body),)
-        return Entity(timestamp=time, frame_id=self._pad, id="contact", cylinders=cylinders, arrows=arrows)
+        forces_known = body["force_n"] is not None and not body["over_range"]
+        return Entity(
+            timestamp=time,
+            frame_id=self._pad,
+            id="contact",
+            cylinders=tuple(self._ellipse(each) for each in touches if None not in (each["x_sd_m"], each["y_sd_m"])),
+            arrows=tuple(self._arrow(each) for each in touches) if forces_known else (),
+            texts=() if fingers is None else tuple(self._number(each) for each in fingers),
+        )
 
-    def _arrow(self, place: Vector3, body: dict[str, Any]) -> Arrow:
+    def _place(self, touch: dict[str, Any]) -> Vector3:
+        return Vector3(x=touch["x_m"], y=touch["y_m"], z=self._height_m)
+
+    def _ellipse(self, touch: dict[str, Any]) -> Cylinder:
+        across = [2 * ELLIPSE_DEVIATIONS * touch[key] for key in ("x_sd_m", "y_sd_m")]
+        size = Vector3(x=across[0], y=across[1], z=1e-4)
+        return Cylinder(pose=Pose(position=self._place(touch), orientation=Quaternion()), size=size, color=UNCERTAIN)
+
+    def _number(self, finger: dict[str, Any]) -> Text:
+        """The finger's id, below its place: above is the arrow."""
+        place = Vector3(x=finger["x_m"], y=finger["y_m"], z=self._height_m / 2)
+        return Text(pose=Pose(position=place), font_size=0.003, color=TOUCH, text=str(finger["id"]))
+
+    def _arrow(self, touch: dict[str, Any]) -> Arrow:
         """The force; its head is where the finger touches. Shear that is not known is not drawn."""
-        force = [body["shear_x_n"] or 0.0, body["shear_y_n"] or 0.0, -body["force_n"] or -1e-9]
+        place = self._place(touch)
+        force = [touch["shear_x_n"] or 0.0, touch["shear_y_n"] or 0.0, -touch["force_n"] or -1e-9]
         tail = [end - ARROW_M_PER_N * part for end, part in zip((place.x, place.y, place.z), force, strict=True)]
         length_m = ARROW_M_PER_N * sum(part * part for part in force) ** 0.5
         return Arrow(
@@ -175,11 +209,20 @@ class PadScene:
         )  # fmt: skip
 
     def _health(self, time: Time, body: dict[str, Any]) -> Entity | None:
-        if body["health"] == "ok" and not body["over_range"]:
+        words = body["health"]
+        if words == "ok" and body["over_range"]:
+            words = "pressed harder than its calibration knows"
+        elif words == "ok" and body.get("more"):
+            words = "two fingers do not explain what is felt"
+        if words == "ok":
             return None
-        words = "pressed harder than its calibration knows" if body["health"] == "ok" else body["health"]
         text = Text(
             pose=Pose(position=Vector3(z=2 * self._height_m)), font_size=0.004, color=WARNING,
             text=f"{self._pad}: {words}" + (f": {body['reason']}" if body["reason"] else ""),
         )  # fmt: skip
         return Entity(timestamp=time, frame_id=self._pad, id="health", texts=(text,))
+
+
+def _placed(pose: dict[str, Any]) -> Pose:
+    """Of a magnet, as Foxglove has it: z along its moment."""
+    return Pose(position=vector(pose["position_m"]), orientation=turning(TOWARD_FINGER, pose["axis"]))
