@@ -18,9 +18,10 @@ from rich.live import Live
 from rich.text import Text
 
 from fmfts.common import exit_codes
-from fmfts.view.picture import Places, render_contact
+from fmfts.view.picture import render_contact
 from fmfts.view.places import sensor_places
 from fmfts.view.silence import NoSuchPadError, require_pad, why_nothing_came
+from fmfts.view.surface import Places
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import (
     Contact,

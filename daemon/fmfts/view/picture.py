@@ -10,7 +10,6 @@ import io
 import math
 import re
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console, RenderableType
@@ -20,19 +19,16 @@ from rich.text import Text
 
 from fmfts.common import exit_codes
 from fmfts.view.history import History
+from fmfts.view.places import sensor_places
+from fmfts.view.surface import FULL_BAR_N, Places, force_style, surface
 from fmfts.view.tally import displacement_text
-from fmfts_client import Client, Contact, EndpointError, SchemaError, Status
+from fmfts_client import Client, Contact, EndpointError, Finger, Pose, SchemaError, Status
 from fmfts_client.endpoints import for_client
 
-Places = Sequence[tuple[float, float]]
-
-HALF_WIDTH_M = 0.020  # the bus does not tell the pad's size; a contact farther out is drawn at the edge
 HALF_COLUMNS = 20  # a column is 1 mm wide; a row is twice as high
 WIDTH, COMPACT_WIDTH = 77, 57  # columns of a picture with figures beside the surface
 LEGEND = (("●", "contact"), ("▒", "magnet"), ("□", "sensor"))
-FULL_BAR_N = 5.0
 BAR_COLUMNS = 20
-MAGNET_RADIUS_M = 0.002
 
 
 def render_contact(
@@ -53,13 +49,13 @@ def render_contact(
     """
     compact = compact or width < WIDTH
     half_columns = HALF_COLUMNS // 2 if compact else HALF_COLUMNS
-    surface = _surface(contact, half_columns, sensors_m)
+    seen = surface(contact, half_columns, sensors_m)
     figures = _figures(contact, status, rate_hz, arrival_s, history)
     table = Table.grid(padding=(0, 1))
     if width >= (COMPACT_WIDTH if compact else WIDTH):
-        table.add_row(surface, figures)
+        table.add_row(seen, figures)
     else:
-        table.add_row(surface)
+        table.add_row(seen)
         table.add_row(figures)
     source = "" if status is None else f": {status.source}"
     title = Text(f"pad {contact.pad}{source}", no_wrap=True, overflow="ellipsis")
@@ -102,60 +98,6 @@ def _health_style(health: str) -> str:
     return {"ok": "green", "degraded": "yellow"}.get(health, "red")
 
 
-def _force_style(contact: Contact) -> str:
-    force_n = contact.force_n or 0.0
-    if contact.over_range:
-        return "bold white on red"
-    return "green" if force_n < 1.0 else "yellow" if force_n < 2.5 else "red"
-
-
-def _surface(contact: Contact, half_columns: int, sensors_m: Places = ()) -> Text:
-    """The pad from above: x to the right, y up."""
-    column_m = HALF_WIDTH_M / half_columns
-    cells: dict[tuple[int, int], tuple[str, str]] = {}
-    for x_m, y_m in sensors_m:
-        cells[round(x_m / column_m), round(y_m / (2 * column_m))] = ("□", "bright_black")
-    if contact.pose is not None:
-        x_m, y_m, _ = contact.pose.position_m
-        cells |= dict.fromkeys(_disc(x_m, y_m, MAGNET_RADIUS_M, column_m), ("▒", "blue"))
-    if contact.contact is not False and contact.x_m is not None and contact.y_m is not None:
-        radius_m = 0.001 + 0.001 * min(contact.force_n or contact.force_min_n or 0.0, FULL_BAR_N)
-        mark = ("▲" if contact.over_range else "●", _force_style(contact))
-        cells |= dict.fromkeys(_disc(contact.x_m, contact.y_m, radius_m, column_m), mark)
-    text = Text()
-    half_rows = half_columns // 2
-    for row in range(half_rows, -half_rows - 1, -1):
-        for column in range(-half_columns, half_columns + 1):
-            text.append(*cells.get((column, row), (_ground(column, row, half_columns), "bright_black")))
-        text.append("\n" if row > -half_rows else "")
-    return text
-
-
-def _ground(column: int, row: int, half_columns: int) -> str:
-    """The background: a cross in the middle, and dots every 10 mm in a full picture."""
-    if column == row == 0:
-        return "+"
-    return "·" if column % (half_columns // 2) == 0 and row % (half_columns // 4) == 0 else " "
-
-
-def _disc(x_m: float, y_m: float, radius_m: float, column_m: float) -> list[tuple[int, int]]:
-    """Cells (column, row) of a disc, always with the cell of its centre."""
-    half_columns = round(HALF_WIDTH_M / column_m)
-    middle = round(x_m / column_m), round(y_m / (2 * column_m))
-    column = min(max(middle[0], -half_columns), half_columns)
-    row = min(max(middle[1], -half_columns // 2), half_columns // 2)
-    reach = math.ceil(radius_m / column_m)
-    near = [
-        (column + i, row + j)
-        for i in range(-reach, reach + 1)
-        for j in range(-reach, reach + 1)
-        if math.hypot(i * column_m, 2 * j * column_m) <= radius_m
-        and abs(column + i) <= half_columns
-        and abs(row + j) <= half_columns // 2
-    ]
-    return [*near, (column, row)]
-
-
 def _figures(
     contact: Contact,
     status: Status | None,
@@ -170,17 +112,24 @@ def _figures(
     if contact.reason:
         figures.add_row("", Text(contact.reason, "yellow" if contact.health == "ok" else "red"))
     figures.add_row("contact", {True: "yes", False: "no", None: "not known"}[contact.contact])
-    figures.add_row("force", Text(force_text(contact), _force_style(contact)))
+    figures.add_row("force", Text(force_text(contact), force_style(contact)))
     figures.add_row("", _bar(contact))
     if history is not None:
         figures.add_row("past 10 s", Text(history.blocks(), "cyan"))
-    for name, value, deviation in (("x", contact.x_m, contact.x_sd_m), ("y", contact.y_m, contact.y_sd_m)):
-        figures.add_row(name, _with_deviation(value, deviation, 1e3, 2, "mm"))
+    if contact.more:
+        figures.add_row("", Text("two fingers do not explain this", "yellow"))
+    if contact.contacts:
+        for finger in contact.contacts:
+            _add_finger(figures, finger)
+    else:
+        _add_place(figures, contact)
     if contact.displacement_m is not None:
         figures.add_row("moved", displacement_text(contact))
-    if contact.shear_x_n is not None and contact.shear_y_n is not None:
-        figures.add_row("shear", f"{contact.shear_x_n:+.2f} {contact.shear_y_n:+.2f} N")
-    _add_pose(figures, contact)
+    if contact.poses:
+        for number, pose in enumerate(contact.poses, 1):
+            figures.add_row(f"magnet {number}", " ".join(f"{value * 1e3:.2f}" for value in pose.position_m) + " mm")
+    else:
+        _add_pose(figures, contact.pose)
     figures.add_row("rate", "–" if rate_hz is None else _rate_text(rate_hz, status))
     sending_ms = (contact.t_publish_ns - contact.t_sample_ns) * 1e-6
     figures.add_row("latency", f"{sending_ms:.2f} ms to publish" if contact.t_sample_ns else "–")
@@ -202,8 +151,24 @@ def _rate_text(rate_hz: float, status: Status | None) -> str:
     return f"{rate_hz:.1f} of {nominal_hz:g} Hz"
 
 
-def _add_pose(figures: Table, contact: Contact) -> None:
-    pose = contact.pose
+def _add_place(figures: Table, contact: Contact) -> None:
+    for name, value, deviation in (("x", contact.x_m, contact.x_sd_m), ("y", contact.y_m, contact.y_sd_m)):
+        figures.add_row(name, _with_deviation(value, deviation, 1e3, 2, "mm"))
+    _add_shear(figures, contact)
+
+
+def _add_finger(figures: Table, finger: Finger) -> None:
+    figures.add_row(f"finger {finger.id}", _with_deviation(finger.force_n, finger.force_sd_n, 1.0, 2, "N"))
+    figures.add_row("", f"x {finger.x_m * 1e3:+.1f}, y {finger.y_m * 1e3:+.1f} mm")
+    _add_shear(figures, finger)
+
+
+def _add_shear(figures: Table, touch: Contact | Finger) -> None:
+    if touch.shear_x_n is not None and touch.shear_y_n is not None:
+        figures.add_row("shear", f"{touch.shear_x_n:+.2f} {touch.shear_y_n:+.2f} N")
+
+
+def _add_pose(figures: Table, pose: Pose | None) -> None:
     if pose is None:
         figures.add_row("magnet", "–")
         return
@@ -216,7 +181,7 @@ def _add_pose(figures: Table, contact: Contact) -> None:
 def _bar(contact: Contact) -> Text:
     force_n = contact.force_min_n if contact.over_range else contact.force_n
     filled = 0 if force_n is None else min(max(round(force_n / FULL_BAR_N * BAR_COLUMNS), 0), BAR_COLUMNS)
-    return Text("█" * filled, _force_style(contact)) + Text("░" * (BAR_COLUMNS - filled), "bright_black")
+    return Text("█" * filled, force_style(contact)) + Text("░" * (BAR_COLUMNS - filled), "bright_black")
 
 
 def as_svg(renderable: RenderableType, title: str) -> str:
@@ -246,8 +211,6 @@ def main() -> int:
     if contact is None:
         print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
         return exit_codes.UNAVAILABLE
-    from fmfts.view.places import sensor_places  # it imports this module
-
     sensors_m = sensor_places(for_client()).get(options.pad, ())
     picture = render_contact(contact, status, rate_hz, arrival_s, sensors_m=sensors_m)
     options.out.write_text(as_svg(picture, "fmfts-daemon listen"), encoding="utf-8")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmfts.view.picture import Places
+from fmfts.view.surface import Places
 from fmfts_client import ControlError, EndpointError, Endpoints, request
 
 ANSWER_S = 0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 
 from fmfts.view.history import History
-from fmfts_client import ALIVE_S, Contact, Status
+from fmfts_client import ALIVE_S, Contact, Finger, Status
 
 WINDOW_NS = 1_000_000_000
 LATENCIES_KEPT = 100_000  # seven minutes at 220 Hz
@@ -126,10 +126,14 @@ def now_line(tally: Tally) -> str:
         parts.append("contact not known")
     elif not contact.contact:
         parts.append("no contact")
+    elif contact.contacts and len(contact.contacts) > 1:
+        parts.append(" and ".join(_finger_text(finger) for finger in contact.contacts))
     elif contact.force_n is not None and contact.x_m is not None and contact.y_m is not None:
         parts.append(f"{contact.force_n:.2f} N at ({contact.x_m * 1e3:+.1f}, {contact.y_m * 1e3:+.1f}) mm")
     else:
         parts.append("contact")
+    if contact.more:
+        parts.append("two fingers do not explain this")
     if contact.displacement_m is not None:
         parts.append(f"magnet {displacement_text(contact)} from rest")
     if tally.rate_hz is not None:
@@ -141,6 +145,11 @@ def now_line(tally: Tally) -> str:
     if contact.reason and healthy:
         parts.append(contact.reason)
     return "  ".join(parts)
+
+
+def _finger_text(finger: Finger) -> str:
+    place = f"({finger.x_m * 1e3:+.1f}, {finger.y_m * 1e3:+.1f}) mm"
+    return f"finger {finger.id}: {finger.force_n:.2f} N at {place}"
 
 
 def shown_number(contact: Contact) -> float | None:
