@@ -39,7 +39,29 @@ export function forceText(contact) {
   }
 }
 
+// What touches: the fingers of a pad with several magnets where they are told, else the contact as one. The resultant of
+// two fingers is a place where no finger is.
+export function touchesOf(contact) {
+  if (Array.isArray(contact?.contacts)) return contact.contacts;
+  return contact?.contact && known(contact.x_m) && known(contact.y_m) ? [contact] : [];
+}
+
+// The magnets' poses: one, or those of a pad with several.
+export function posesOf(contact) {
+  return contact?.poses ?? (contact?.pose ? [contact.pose] : []);
+}
+
+const severalFingers = (contact) => touchesOf(contact).length > 1;
+
+// "finger 3: 0.60 N ± 0.04 at x −4.0 mm, y 2.0 mm; finger 4: …", or "" where no two are told.
+export function fingersText(contact) {
+  if (!severalFingers(contact)) return "";
+  const words = (finger) => `finger ${finger.id}: ${withDeviation(finger.force_n, finger.force_sd_n, "N", 2)} at x ${shown(finger.x_m * 1e3, 1)} mm, y ${shown(finger.y_m * 1e3, 1)} mm`;
+  return contact.contacts.map(words).join("; ");
+}
+
 export function placeText(contact) {
+  if (severalFingers(contact)) return "";
   if (!contact || contact.contact === false || !known(contact.x_m) || !known(contact.y_m)) return "";
   return `x ${shown(contact.x_m * 1e3, 1)} mm, y ${shown(contact.y_m * 1e3, 1)} mm`;
 }
@@ -48,7 +70,8 @@ export function placeText(contact) {
 export function sentence(contact) {
   if (!contact) return "nothing arrives";
   const place = placeText(contact);
-  const touch = `${forceText(contact)}${place ? ` at ${place}` : ""}`;
+  const fingers = fingersText(contact);
+  const touch = `${forceText(contact)}${place ? ` at ${place}` : fingers ? `: ${fingers}` : ""}${contact.more ? "; two fingers do not explain it" : ""}`;
   return contact.health === "ok" ? touch : `${contact.health.replace("_", " ")}: ${touch}`;
 }
 

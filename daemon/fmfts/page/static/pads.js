@@ -1,8 +1,9 @@
 // What the page knows of each pad: its shape, its newest messages, and what was before.
 
-import { known } from "./numbers.js";
+import { touchesOf } from "./numbers.js";
 
 const FINE_S = 13, COARSE_S = 610, BIN_S = 0.2, RATE_S = 1.0, MOST_EVENTS = 400;
+const NOBODY = Symbol("nobody"); // no finger's id: that of a contact is undefined
 export const SILENT_S = 0.3; // three messages: the daemon sends ten a second, also while the hardware is silent
 
 const DRAWING = { sensors_m: [], rest_position_m: [0, 0, 0.012], rest_axis: [0, 0, 1], magnet_diameter_m: 0.002, magnet_length_m: 0.002 };
@@ -63,7 +64,8 @@ export class PadState {
     this.ages = new Rows(FINE_S);
     this.events = [];
     this.lost = 0;
-    this.trail = [];
+    this.trail = []; // [t, x, y, finger]
+    this.columns = [NOBODY, NOBODY]; // ids of fingers
     this.sent = []; // {t, seq} of the last second
     this.frozen = null;
   }
@@ -76,11 +78,20 @@ export class PadState {
     this.arrived = performance.now() / 1e3;
     this.sent.push({ t, seq: Number(contact.seq) });
     while (this.sent[0].t < t - RATE_S) this.sent.shift();
-    const row = { t, contact, rate: this.rate() };
+    const touches = touchesOf(contact);
+    const row = { t, contact, rate: this.rate(), places: this.inColumns(touches) };
     this.fine.push(row);
     this.bin(row);
-    if (known(contact.x_m) && contact.contact) this.trail.push([t, contact.x_m, contact.y_m]);
+    for (const { id, x_m, y_m } of touches) this.trail.push([t, x_m, y_m, id]);
     while (this.trail.length && (this.trail[0][0] < t - 0.8 || !contact.contact)) this.trail.shift();
+  }
+
+  // Two places, for the traces: a finger stays in one for as long as it touches.
+  inColumns(touches) {
+    const stay = this.columns.map((id) => touches.find((touch) => touch.id === id) ?? null);
+    for (const touch of touches) if (!stay.includes(touch) && stay.includes(null)) stay[stay.indexOf(null)] = touch;
+    this.columns = stay.map((touch) => (touch ? touch.id : NOBODY));
+    return stay;
   }
 
   // One row each BIN_S for the long view, with the hardest touch of its time.
@@ -88,7 +99,7 @@ export class PadState {
     const last = this.coarse.rows.at(-1);
     if (!last || row.t - last.t >= BIN_S) return this.coarse.push(row);
     const force = ({ contact }) => (contact.over_range ? Infinity : contact.contact ? contact.force_n ?? 0 : 0);
-    if (force(row) > force(last)) Object.assign(last, { contact: row.contact });
+    if (force(row) > force(last)) Object.assign(last, { contact: row.contact, places: row.places });
   }
 
   takeGhost(ghost) {

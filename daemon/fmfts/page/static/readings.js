@@ -1,6 +1,6 @@
 // The newest numbers as text: force, place, sensors, and facts of the pad.
 
-import { forceText, known, placeText, shown, touchOf, withDeviation } from "./numbers.js";
+import { fingersText, forceText, known, placeText, posesOf, shown, touchOf, withDeviation } from "./numbers.js";
 import { sensorStates } from "./pads.js";
 
 const element = (id) => document.getElementById(id);
@@ -27,6 +27,7 @@ export function showReadings(pad, contact, ageMs) {
 }
 
 function placeWords(contact) {
+  if (fingersText(contact)) return fingersText(contact);
   if (!placeText(contact)) return "place not known";
   const shear = known(contact.shear_x_n) ? `; shear ${shown(contact.shear_x_n, 2)}, ${shown(contact.shear_y_n, 2)} N` : "";
   return `x ${withDeviation(contact.x_m, contact.x_sd_m, "mm", 1, 1e3)}, y ${withDeviation(contact.y_m, contact.y_sd_m, "mm", 1, 1e3)}${shear}`;
@@ -57,15 +58,17 @@ function showSensors(pad, contact) {
   });
 }
 
+const ofEach = (poses, words) => (poses.length ? poses.map(words).join("; ") : "not known");
+
 function showFacts(pad, contact, ageMs) {
-  const { status } = pad, pose = contact?.pose, contactsHz = pad.rate();
+  const { status } = pad, poses = posesOf(contact), [pose] = poses, contactsHz = pad.rate();
   const nominalHz = pad.shape.rate_nominal_hz ?? status?.rate_nominal_hz ?? 0;
   // With publish = "sample" there are more contacts than frames.
   const rate = contactsHz > 1.5 * nominalHz && known(status?.rate_hz) ? status.rate_hz : contactsHz;
   const ambient = pose?.ambient_t;
   const facts = {
-    Magnet: pose ? `${withDeviation(pose.remanence_t, pose.remanence_sd_t, "T", 3)}` : "not known",
-    Tilt: pose ? `${shown(Math.atan2(Math.hypot(pose.axis[0], pose.axis[1]), Math.abs(pose.axis[2])) * DEGREES, 1)} ± ${shown(pose.axis_sd_rad * DEGREES, 1)}°` : "not known",
+    Magnet: ofEach(poses, (each) => withDeviation(each.remanence_t, each.remanence_sd_t, "T", 3)),
+    Tilt: ofEach(poses, ({ axis: [x, y, z], axis_sd_rad: sd }) => `${shown(Math.atan2(Math.hypot(x, y), Math.abs(z)) * DEGREES, 1)} ± ${shown(sd * DEGREES, 1)}°`),
     "Field on top": ambient ? `${shown(Math.hypot(...ambient) * 1e6, 0)} µT` : "–",
     Temperature: known(contact?.temperature_c) ? `${shown(contact.temperature_c, 1)} °C` : "–",
     Rate: rate === null ? "–" : `${shown(rate, 0)} of ${shown(nominalHz, 0)} Hz`,

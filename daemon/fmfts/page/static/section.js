@@ -1,6 +1,6 @@
 // The pad cut through the magnet (x to the right, z up), and the magnet alone, enlarged around its place at rest.
 
-import { known, shown, touchOf } from "./numbers.js";
+import { known, posesOf, shown, touchesOf, touchOf } from "./numbers.js";
 import { begin, colour, disc, faded, halfSide, hatch, label, slab } from "./paint.js";
 import { sensorStates } from "./pads.js";
 
@@ -31,15 +31,17 @@ export function drawSection(canvas, pad, contact) {
     ctx.fillStyle = colour[states[number] === "good" ? "ok" : states[number] === "left out" ? "warn" : states[number] === "not known" ? "muted" : "bad"];
     faded(ctx, 0.85, () => ctx.fill());
   });
-  const [rx, , rz] = contact?.pose?.position_m ?? shape.rest_position_m;
-  if (contact?.pose) drawCylinder(ctx, rx * scale, -rz * scale, shape, contact.pose.axis, scale);
-  else {
+  const poses = posesOf(contact);
+  for (const { position_m: [x, , z], axis } of poses) drawCylinder(ctx, x * scale, -z * scale, shape, axis, scale);
+  if (!poses.length) {
     hatch(ctx, () => rect(-half, bottom, half, top), colour.veil, 12, 0.35);
     label(ctx, contact ? "pose not known" : "nothing arrives", 0, (-(bottom + top) / 2) * scale, { px: 13, weight: 650, fill: colour.bad });
   }
-  if (contact && ["touch", "over"].includes(touchOf(contact)) && known(contact.x_m)) drawForce(ctx, contact, top, scale);
+  const over = touchOf(contact) === "over";
+  for (const touch of touchesOf(contact)) drawForce(ctx, touch, over, over ? contact.force_min_n : touch.force_n, top, scale);
   label(ctx, "sensors", half * scale, -0.0022 * scale - 6, { px: 11, align: "right" });
-  label(ctx, `z ${shown(rz * 1e3, 2)} mm`, -half * scale, (-top * scale) - 9, { px: 11.5, align: "left" });
+  const heights = (poses.length ? poses.map((pose) => pose.position_m) : [shape.rest_position_m]).map(([, , z]) => shown(z * 1e3, 2));
+  label(ctx, `z ${heights.join(", ")} mm`, -half * scale, (-top * scale) - 9, { px: 11.5, align: "left" });
 }
 
 // North's half in its own colour, turned as the magnet's axis is in this plane.
@@ -55,8 +57,7 @@ function drawCylinder(ctx, x, y, shape, axis, scale) {
   ctx.restore();
 }
 
-function drawForce(ctx, contact, top, scale) {
-  const over = contact.over_range, force = over ? contact.force_min_n : contact.force_n;
+function drawForce(ctx, contact, over, force, top, scale) {
   const x = contact.x_m * scale, tip = -top * scale, tall = Math.max((force ?? 0.5) * ARROW_M_PER_N * scale, 8);
   const tone = over ? colour.bad : colour.contact;
   if (known(contact.x_sd_m)) {
@@ -83,9 +84,11 @@ let lens = LENSES_M[1], wideUntil = 0;
 // Returns the half width of the enlarged view in m, for its caption.
 export function drawLens(canvas, pad, contact) {
   const [ctx, width, height] = begin(canvas);
-  const { shape } = pad, pose = contact?.pose;
-  const offset = pose ? pose.position_m.map((value, axis) => value - shape.rest_position_m[axis]) : [0, 0, 0];
-  const needed = LENSES_M.find((half) => Math.hypot(...offset) < 0.8 * half) ?? LENSES_M.at(-1);
+  const poses = posesOf(contact), rests = pad.shape.rest_positions_m ?? [pad.shape.rest_position_m];
+  // How far each magnet is from its rest; nothing where the rests of several are not told.
+  const moved = poses.length === rests.length ? poses.map(({ position_m, position_sd_m }, number) => ({ offset: position_m.map((value, axis) => value - rests[number][axis]), position_sd_m })) : [];
+  const farthest = Math.max(0, ...moved.map(({ offset }) => Math.hypot(...offset)));
+  const needed = LENSES_M.find((half) => farthest < 0.8 * half) ?? LENSES_M.at(-1);
   if (needed >= lens || performance.now() > wideUntil) {
     lens = needed;
     wideUntil = performance.now() + LENS_HOLD_MS;
@@ -110,8 +113,8 @@ export function drawLens(canvas, pad, contact) {
     ctx.strokeStyle = colour.grid;
     ctx.lineWidth = 1;
     ctx.stroke();
-    if (pose) drawMoved(ctx, offset[across] * scale, -offset[up] * scale, pose.position_sd_m[across] * scale, pose.position_sd_m[up] * scale);
-    else label(ctx, "not known", 0, 0, { px: 12, weight: 650, fill: colour.bad });
+    for (const { offset, position_sd_m } of moved) drawMoved(ctx, offset[across] * scale, -offset[up] * scale, position_sd_m[across] * scale, position_sd_m[up] * scale);
+    if (!moved.length) label(ctx, "not known", 0, 0, { px: 12, weight: 650, fill: colour.bad });
     ctx.restore();
     label(ctx, caption, cx, height / 2 - r + 12, { px: 10.5 });
     label(ctx, nameAcross, cx + r - 8, height / 2 + 9, { px: 10.5 });

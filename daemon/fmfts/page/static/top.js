@@ -1,6 +1,6 @@
 // The pad from above, to scale: outline, sensors, magnet, contact with its uncertainty. x to the right, y up.
 
-import { known, touchOf, shown } from "./numbers.js";
+import { known, posesOf, touchesOf, touchOf, shown } from "./numbers.js";
 import { begin, colour, disc, faded, forceRadius, halfSide, hatch, label } from "./paint.js";
 import { sensorStates } from "./pads.js";
 
@@ -32,7 +32,7 @@ export function drawPad(ctx, pad, contact, scale, full) {
   if (full && shape.calibrated_x_m) drawCalibrated(ctx, shape, scale);
   drawSensors(ctx, pad, contact, scale, full);
   if (!contact || UNSEEN.includes(contact.health)) drawVeil(ctx, outline, contact, half, full);
-  if (contact?.pose) drawMagnet(ctx, pad, contact.pose, scale, full);
+  for (const pose of posesOf(contact)) drawMagnet(ctx, pad, pose, scale, full);
   if (full && contact) drawTrail(ctx, pad, scale);
   if (contact) drawContact(ctx, contact, scale, half, full);
   if (pad.ghost && contact) drawGhost(ctx, pad.ghost, scale, half, full);
@@ -150,14 +150,18 @@ function drawTrail(ctx, pad, scale) {
   if (trail.length < 2) return;
   ctx.strokeStyle = colour.contact;
   ctx.lineWidth = 2;
-  for (let i = 1; i < trail.length; i++) {
+  const last = new Map(); // by finger
+  trail.forEach(([, x, y, finger], i) => {
+    const from = last.get(finger);
+    last.set(finger, [x, y]);
+    if (!from) return;
     faded(ctx, (0.35 * i) / trail.length, () => {
       ctx.beginPath();
-      ctx.moveTo(trail[i - 1][1] * scale, -trail[i - 1][2] * scale);
-      ctx.lineTo(trail[i][1] * scale, -trail[i][2] * scale);
+      ctx.moveTo(from[0] * scale, -from[1] * scale);
+      ctx.lineTo(x * scale, -y * scale);
       ctx.stroke();
     });
-  }
+  });
 }
 
 function drawContact(ctx, contact, scale, half, full) {
@@ -167,11 +171,17 @@ function drawContact(ctx, contact, scale, half, full) {
   }
   if (touch === "none" && full) label(ctx, "no contact", 0, half - 16, { px: 13 });
   if (touch === "none" || touch === "unknown") return;
-  const placed = known(contact.x_m) && known(contact.y_m);
-  const x = (placed ? contact.x_m : 0) * scale, y = -(placed ? contact.y_m : 0) * scale;
-  if (touch === "over") return drawOver(ctx, contact, x, y, scale, half, full, placed);
-  if (!placed) return void label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
-  const radius = forceRadius(contact.force_n ?? 0) * scale;
+  const touches = touchesOf(contact);
+  if (touch === "over") {
+    if (!touches.length) drawOver(ctx, contact, 0, 0, scale, half, full, false);
+    touches.forEach((each, number) => drawOver(ctx, contact, each.x_m * scale, -each.y_m * scale, scale, half, full, true, number === 0));
+  } else if (touches.length) touches.forEach((each) => drawTouch(ctx, each, scale, half, full));
+  else label(ctx, "touched", 0, full ? half - 16 : 0, { px: full ? 15 : 10, weight: 700, fill: colour.contact });
+}
+
+// One finger, or the contact; a finger has its number.
+function drawTouch(ctx, contact, scale, half, full) {
+  const x = contact.x_m * scale, y = -contact.y_m * scale, radius = forceRadius(contact.force_n ?? 0) * scale;
   disc(ctx, x, y, Math.max(radius, 2));
   ctx.fillStyle = colour.contact;
   faded(ctx, 0.5, () => ctx.fill());
@@ -191,11 +201,12 @@ function drawContact(ctx, contact, scale, half, full) {
   }
   if (!full) return;
   cross(ctx, x, y, 5);
-  const text = known(contact.force_n) ? `${shown(contact.force_n, 2)} N` : "force not known";
+  const number = known(contact.id) ? `${contact.id}: ` : "";
+  const text = `${number}${known(contact.force_n) ? `${shown(contact.force_n, 2)} N` : "force not known"}`;
   label(ctx, text, ...beside(x, y, Math.max(radius, 2 * (contact.y_sd_m ?? 0) * scale), half), { px: 18, weight: 700, fill: colour.ink });
 }
 
-function drawOver(ctx, contact, x, y, scale, half, full, placed) {
+function drawOver(ctx, contact, x, y, scale, half, full, placed, named = true) {
   const radius = placed ? forceRadius(contact.force_min_n ?? 1) * scale * 1.25 : half * 0.8;
   hatch(ctx, () => disc(ctx, x, y, radius), colour.bad, full ? 9 : 5, 0.8, 2);
   disc(ctx, x, y, radius);
@@ -204,7 +215,7 @@ function drawOver(ctx, contact, x, y, scale, half, full, placed) {
   ctx.lineWidth = full ? 3 : 1.5;
   ctx.stroke();
   ctx.setLineDash([]);
-  if (full) label(ctx, `▲ more than ${known(contact.force_min_n) ? shown(contact.force_min_n, 2) : "?"} N`, ...beside(x, y, radius, half), { px: 18, weight: 700, fill: colour.bad });
+  if (full && named) label(ctx, `▲ more than ${known(contact.force_min_n) ? shown(contact.force_min_n, 2) : "?"} N`, ...beside(x, y, radius, half), { px: 18, weight: 700, fill: colour.bad });
 }
 
 // Where a fixed baseline puts the magnet and the contact; it believes itself in any field.

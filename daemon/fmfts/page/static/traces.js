@@ -1,13 +1,14 @@
 // Force, place, residual, age and rate over time (uPlot), with events as marks.
 
 import uPlot from "./vendor/uPlot.esm.js";
-import { known } from "./numbers.js";
+import { known, posesOf } from "./numbers.js";
 import { colour, font } from "./paint.js";
 
 const force = ({ contact }) => (contact.contact === false ? 0 : contact.over_range ? contact.force_min_n : contact.force_n);
 // An edge of the band; without contact there is none, because the deviation is then of what could be felt.
 const edge = (row, sign) => (row.contact.contact && known(row.contact.force_n) && known(row.contact.force_sd_n) ? Math.max(force(row) + sign * 2 * row.contact.force_sd_n, 0) : null);
 const orNull = (value) => (known(value) ? value : null);
+const worst = (values) => (values.length ? Math.max(...values) : null);
 const mm = (value) => (known(value) ? value * 1e3 : null);
 
 // Each trace: title, unit, and its lines; `band`: the lines before it are the band's upper and lower edge.
@@ -20,10 +21,12 @@ const TRACES = [
     ["ghost", null, "ghost"],
   ], least: [0, 0.5] },
   { title: "Place", note: "mm; x solid, y dashed", height: 92, lines: [
-    ["x", (row) => (row.contact.contact ? mm(row.contact.x_m) : null), "contact"],
-    ["y", (row) => (row.contact.contact ? mm(row.contact.y_m) : null), "ellipse"],
+    ["x", (row) => mm(row.places[0]?.x_m), "contact"],
+    ["y", (row) => mm(row.places[0]?.y_m), "ellipse"],
+    ["x of another finger", (row) => mm(row.places[1]?.x_m), "accent"],
+    ["y of another finger", (row) => mm(row.places[1]?.y_m), "north"],
   ], least: [-10, 10] },
-  { title: "Residual", note: "χ²", height: 92, lines: [["χ²", (row) => orNull(row.contact.pose?.chi2), "contact"]], least: [0, 20] },
+  { title: "Residual", note: "χ²", height: 92, lines: [["χ²", (row) => orNull(worst(posesOf(row.contact).map((pose) => pose.chi2))), "contact"]], least: [0, 20] },
   { title: "Age when drawn", note: "ms, of the sample", height: 92, lines: [["age", (row) => row.age_ms, "contact"]], rows: "ages", least: [0, 50] },
   { title: "Rate", note: "messages a second", height: 92, lines: [["rate", (row) => orNull(row.rate), "contact"]], least: [0, 240] },
 ];
@@ -69,7 +72,7 @@ export class Traces {
   line(name, tone) {
     const bare = { points: { show: false }, spanGaps: false };
     if (tone === "band") return { ...bare, label: name, width: 0, stroke: "transparent" };
-    const dashed = name === "ghost" ? [4, 4] : name === "y" ? [6, 4] : undefined;
+    const dashed = name === "ghost" ? [4, 4] : name.startsWith("y") ? [6, 4] : undefined;
     return { ...bare, label: name, stroke: () => colour[tone], width: tone === "bad" ? 3 : 1.6, dash: dashed };
   }
 

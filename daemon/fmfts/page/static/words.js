@@ -18,7 +18,8 @@ export function wordsOf(contact, status, linkState, replay) {
   }
   const faults = (status?.sensor_faults ?? []).filter((fault) => !contact.reason.includes(fault));
   const known = Object.entries(advice.reasons).find(([words]) => contact.reason.includes(words));
-  const reason = [contact.reason, ...faults].filter(Boolean).join("; ");
+  const more = contact.more ? "two fingers do not explain what is felt: there are more, or something else presses" : "";
+  const reason = [contact.reason, more, ...faults].filter(Boolean).join("; ");
   const help = known ? known[1] : contact.health === "ok" && !faults.length ? "" : advice.health[contact.health === "ok" ? "degraded" : contact.health] ?? "";
   return { health: contact.health, word: contact.health.replace("_", " "), reason, advice: help };
 }
