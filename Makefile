@@ -1,4 +1,5 @@
-# make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAPER=1: the
+# make demo    install into .venv, run the simulated pad, show its contacts    (SECONDS=10 ends by itself; PAD=array
+#              FINGERS=2: four magnets, two fingers that meet and part; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: an hour for each chip
@@ -58,7 +59,7 @@ else ifneq ($(FIRMWARE),)
 else ifneq ($(HAND),)
 	@$(call until_interrupted,$(BIN)/python tests/end_to_end/hand_demo.py $(if $(SECONDS),--seconds $(SECONDS)))
 else
-	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)))
+	@$(call until_interrupted,$(BIN)/python -m fmfts.cli.demo $(if $(SECONDS),--seconds $(SECONDS)) $(if $(PAD),--pad $(PAD)) $(if $(FINGERS),--fingers $(FINGERS)))
 endif
 
 chips-for-a-day: $(VENV)/.installed-test

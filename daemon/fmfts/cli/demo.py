@@ -113,6 +113,10 @@ def add_to(verb: AddVerb) -> None:
 
 def _add_seconds(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=seconds, help="end after this time; else Ctrl-C ends it")
+    parser.add_argument("--pad", choices=["standard", "array"], default="standard", help="array: four magnets")
+    parser.add_argument(
+        "--fingers", type=int, choices=[1, 2], default=1, help="2: two that meet and part (--pad array)"
+    )
 
 
 def _quietly(options: argparse.Namespace) -> int:
@@ -131,17 +135,30 @@ def main() -> int:
 
 def _demo(options: argparse.Namespace) -> int:
     from fmfts.cli.page_beside import page_beside
-    from fmfts.config.example import EXAMPLE_PATH
     from fmfts.view.listen import listen
 
     end_on_signals()
     with (
         tempfile.TemporaryDirectory(prefix="fmfts-demo-") as folder,
-        running_daemon(options.config or EXAMPLE_PATH, Path(folder)) as base,
+        running_daemon(options.config or _config(options, Path(folder)), Path(folder)) as base,
         page_beside(Path(folder), base) as page_line,
     ):
         print(page_line(), flush=True)
         return listen(None, options.seconds, endpoint=base)
+
+
+def _config(options: argparse.Namespace, folder: Path) -> Path:
+    """The configuration of the standard pad that was asked for."""
+    from fmfts.config.example import ARRAY_PATH, EXAMPLE_PATH
+
+    if options.pad == "standard":
+        if options.fingers == 2:
+            raise SystemExit("demo: one magnet tells one finger only: --pad array has four (docs/several.md)")
+        return EXAMPLE_PATH
+    config = folder / "array.toml"
+    text = ARRAY_PATH.read_text(encoding="utf-8")
+    config.write_text(text.replace("fingers = 1 ", f"fingers = {options.fingers} "), encoding="utf-8")
+    return config
 
 
 if __name__ == "__main__":

@@ -12,11 +12,13 @@ from fmfts.config import (
     BridgeSource,
     Config,
     I2cSource,
+    MagnetConfig,
     PadConfig,
     ReplaySource,
     SimulatedSource,
     collect,
 )
+from fmfts.config.several_checks import MAGNETS_APART_MM, Key, several_problems
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
@@ -25,7 +27,6 @@ from fmfts.sensor.wire.packets import MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
-Key = str | int
 Problem = tuple[tuple[Key, ...], str]  # the path of keys to a value, and what is wrong with it
 
 FEWEST_SENSORS = 3
@@ -34,7 +35,6 @@ FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: a larger n
 SENSOR_SPACING_MM = 1.0
 FIRST_MUX = 0x70
 MOST_NEIGHBOURS = 3  # the solver's state holds four magnets
-MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
 
 
 def problems_in(config: Config) -> list[Problem]:
@@ -63,7 +63,13 @@ def _of_pads(config: Config) -> Iterator[Problem]:
     if not config.pad:
         yield ("pad",), "at least one [[pad]] is needed"
     for number, pad in enumerate(config.pad):
-        checks: tuple[Callable[[PadConfig], Iterator[Problem]], ...] = (_source, _sensors, _rest, _model)
+        checks: tuple[Callable[[PadConfig], Iterator[Problem]], ...] = (
+            _source,
+            _sensors,
+            _rest,
+            _model,
+            several_problems,
+        )
         for check in checks:
             for keys, text in check(pad):
                 yield ("pad", number, *keys), text
@@ -154,21 +160,27 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
 
 
 def _rest(pad: PadConfig) -> Iterator[Problem]:
-    rest, axis = pad.magnet.rest_mm, pad.magnet.rest_axis
+    yield from _rest_of(pad, pad.magnet, ("magnet",))
+    for number, magnet in enumerate(pad.other_magnets):
+        yield from _rest_of(pad, magnet, ("other_magnets", number))
+
+
+def _rest_of(pad: PadConfig, magnet: MagnetConfig, where: tuple[Key, ...]) -> Iterator[Problem]:
+    rest, axis = magnet.rest_mm, magnet.rest_axis
     if max(map(abs, axis)) < 1e-6:
-        yield ("magnet", "rest_axis"), "a direction is needed, and this has none"
-    half_mm = min(pad.magnet.diameter_mm, pad.magnet.length_mm) / 2.0
+        yield (*where, "rest_axis"), "a direction is needed, and this has none"
+    half_mm = min(magnet.diameter_mm, magnet.length_mm) / 2.0
     if rest[2] - max((place[2] for place in pad.geometry.sensors_mm), default=0.0) < half_mm:
         yield (
-            ("magnet", "rest_mm"),
+            (*where, "rest_mm"),
             f"the magnet rests above the sensors: its z must be greater than theirs by {half_mm:g} mm, half its size",
         )
     distance_mm = min((math.dist(rest, place) for place in pad.geometry.sensors_mm), default=math.inf)
     if distance_mm < CLOSEST_MM:
-        yield ("magnet", "rest_mm"), f"at least {CLOSEST_MM} mm from every sensor, not {distance_mm:.3g} mm"
+        yield (*where, "rest_mm"), f"at least {CLOSEST_MM} mm from every sensor, not {distance_mm:.3g} mm"
     if distance_mm > FARTHEST_MM:
         yield (
-            ("magnet", "rest_mm"),
+            (*where, "rest_mm"),
             f"the nearest sensor is {distance_mm:.3g} mm away and would feel next to nothing (these are millimetres)",
         )
 

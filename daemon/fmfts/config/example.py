@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 EXAMPLE_PATH = Path(__file__).with_name("example.toml")
+ARRAY_PATH = Path(__file__).with_name("array.toml")  # the second standard pad
 FIRST_PAD = "# One [[pad]] table for each pad."
 GEOMETRY, OTHER_SOURCES = "[pad.geometry]", "# --- A pad behind an STM32 board"
 # Of a further pad; its other keys are explained with the first one.

@@ -230,7 +230,7 @@ class FingersEstimator:
     def _health(self, used: NDArray[np.bool_], missing: Mapping[int, str]) -> tuple[Health, str]:
         if used.all():
             return "ok", ""
-        told = [f"sensor {sensor + 1}: {why}" for sensor, why in missing.items()]
+        told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
         if self.memory.left_out >= 0:
             told.append(
                 f"sensor {self.memory.left_out + 1} contradicts all others, and is left out: a bad chip or steel"
@@ -257,5 +257,5 @@ def _of(measured: Measured, used: NDArray[np.bool_]) -> Measured:
 
 
 def _too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:
-    told = [f"sensor {sensor + 1}: {why}" for sensor, why in missing.items()]
+    told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
     return f"only {int(used.sum())} values are left, too few for two fingers; " + "; ".join(told)

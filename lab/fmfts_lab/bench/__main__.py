@@ -23,6 +23,7 @@ from fmfts_lab.bench import (
     now,
     overload,
     resident,
+    several,
     silicone,
     speed,
     tools,
@@ -36,7 +37,8 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
-        "neighbours | silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | now",
+        "neighbours | silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | "
+        "now | several",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -65,6 +67,15 @@ def main() -> None:
     verb.add_argument("--warm-minutes", type=float, default=10.0, help="in which a pad warms by 20 K; 0: none")
     verb.add_argument("--warm-pads", type=int, default=1, help="how many pads are warmed")
     verb.set_defaults(run=turning.run)
+    verb = verbs.add_parser("several", help="two fingers on four magnets: told apart, how well, and never one as two")
+    verb.add_argument("--frames", type=int, default=400, help="of two fingers, for each row")
+    verb.add_argument("--one-finger", type=int, default=2000, help="frames of one finger, for each row")
+    verb.add_argument(
+        "--gains", type=int, default=1000, help="of so many of them the gain of a second finger is computed"
+    )
+    verb.add_argument("--speed", action="store_true", help="only the time of a frame")
+    verb.add_argument("--repeats", type=int, default=400, help="frames that are timed")
+    verb.set_defaults(run=several.run)
     verb = verbs.add_parser("moment", help="what following the moment at rest would bring, and what it would hide")
     verb.set_defaults(run=moment.run)
     verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")

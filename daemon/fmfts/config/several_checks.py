@@ -1,0 +1,37 @@
+"""What is wrong with the configuration of a pad with several magnets, besides what is checked of every pad."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.contact.no_model import NO_MODEL
+
+MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
+Key = str | int
+
+
+def several_problems(pad: PadConfig) -> Iterator[tuple[tuple[Key, ...], str]]:
+    """What a pad with several magnets cannot do yet, and what only such a pad can."""
+    source, places = pad.source, [one.rest_mm for one in (pad.magnet, *pad.other_magnets)]
+    if not pad.other_magnets:
+        if isinstance(source, SimulatedSource) and source.fingers == 2:
+            yield ("source", "fingers"), "one magnet tells one finger only: the pad of docs/several.md has four"
+        return
+    for second, place in enumerate(places[1:]):
+        if min(math.dist(place, other) for other in places[: second + 1]) < MAGNETS_APART_MM:
+            yield ("other_magnets", second, "rest_mm"), f"another magnet is within {MAGNETS_APART_MM:g} mm of it"
+    if pad.scene.neighbours:
+        yield (
+            ("scene", "neighbours"),
+            "a pad with several magnets does not model its neighbours: set steel_nearby = true",
+        )
+    if pad.contact.model in (NO_MODEL, "shear"):
+        yield ("contact", "model"), 'a pad with several magnets needs "default", or the file of a model made for it'
+    if source.publish == "sample":
+        yield ("source", "publish"), 'a pad with several magnets tells nothing between frames: set publish = "frame"'
+    if isinstance(source, SimulatedSource) and (source.imperfections or source.finger_shape != "round"):
+        yield ("source", "imperfections"), "they are simulated with one magnet only: leave them, and finger_shape, out"
+    if pad.rebaseline.enabled:
+        yield ("rebaseline", "enabled"), "the baseline of a pad with several magnets follows no drift: set it to false"

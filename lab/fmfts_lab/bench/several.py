@@ -1,0 +1,205 @@
+"""Two fingers on a pad with four magnets: told apart how often, how accurately; and how often one is told as two."""
+
+from __future__ import annotations
+
+import time
+from argparse import Namespace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmfts.pad import Array, Tolerance
+from fmfts.several.count import SECOND_GAIN, Counted, resultant
+from fmfts.several.field_model import FINGER
+from fmfts.several.fit import Measured
+from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, world
+from fmfts_lab.finite_elements.array_model import DATA, read_presses
+
+WITHIN_MM = 11.0  # fingers press within this of the middle, along x and y
+FRAMES_OF_A_PAD = 20
+WRONG = 5.0  # deviations
+NOTHING = np.zeros(3)
+
+
+@dataclass(slots=True)
+class Tally:
+    """The results of one row. errors (…, 3): of each finger, mm and N; deviations: as told."""
+
+    frames: int = 0
+    told: int = 0
+    third: int = 0
+    errors: list[Array] = field(default_factory=list)
+    deviations: list[Array] = field(default_factory=list)
+
+    def row(self, name: str) -> str:
+        if not self.errors:
+            return f"| {name} | {self.told / self.frames:.1%} of {self.frames} | | | | | |"
+        error, deviation = np.concatenate(self.errors), np.concatenate(self.deviations)
+        place = np.hypot(error[:, 0], error[:, 1])
+        force = np.sqrt(np.mean(np.square(error[:, 2])))
+        off = np.abs(error / deviation)
+        return (
+            f"| {name} | {self.told / self.frames:.1%} of {self.frames} | {np.median(place):.2f} "
+            f"| {np.quantile(place, 0.9):.2f} | {force:.3f} | {off.max():.1f} | {(off > WRONG).any(axis=1).sum()} |"
+        )
+
+
+HEAD = (
+    "| | told as two | place, median mm | p90 mm | force, rms N | worst, deviations | wrong |\n"
+    "| --- | --- | --- | --- | --- | --- | --- |"
+)
+
+
+def run(options: Namespace) -> None:
+    if options.speed:
+        _speed(options)
+        return
+    print(HEAD)
+    for name, tolerance, forces, apart_mm in (
+        ("as drawn, 1 + 1 N, 9 mm apart", EXACT, (1.0, 1.0), 9.0),
+        ("as drawn, 1 + 1 N, 12 mm apart", EXACT, (1.0, 1.0), 12.0),
+        ("as drawn, 2 + 0.2 N, 20 mm apart", EXACT, (2.0, 0.2), 20.0),
+        ("as built, 1 + 1 N, 12 mm apart", BUILT, (1.0, 1.0), 12.0),
+        ("as built, 1 + 1 N, 15 mm apart", BUILT, (1.0, 1.0), 15.0),
+        ("as built, 2 + 0.2 N, 20 mm apart", BUILT, (2.0, 0.2), 20.0),
+        ("by hand, gains 5 %, 1 + 1 N, 15 mm apart", BY_HAND, (1.0, 1.0), 15.0),
+    ):
+        print(_two(options, tolerance, forces, apart_mm).row(name), flush=True)
+    print(_solved(options).row("as drawn, pairs solved by finite elements, 0.4 to 2 N in all"), flush=True)
+    print(
+        "\n| one finger | told as two | largest gain of a second | p99.9 | place, rms mm | force, rms N | "
+        "beside one finger alone | worst, deviations | wrong |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+    )
+    for name, tolerance in (("as drawn", EXACT), ("as built", BUILT), ("by hand, gains 5 %", BY_HAND)):
+        print(_one(options, name, tolerance), flush=True)
+
+
+def _two(options: Namespace, tolerance: Tolerance, forces: tuple[float, float], apart_mm: float) -> Tally:
+    tally = Tally()
+    for one in _worlds(options.frames, tolerance, options.seed):
+        for _ in range(FRAMES_OF_A_PAD):
+            places = _apart(one.random, apart_mm)
+            presses = [Press(x, y, force) for (x, y), force in zip(places.tolist(), forces, strict=True)]
+            counted = _counted(one, one.measured(one.pressed(presses)))
+            _add(tally, counted, np.array([press[:3] for press in presses]))
+    return tally
+
+
+def _solved(options: Namespace) -> Tally:
+    """Pairs that finite elements solved at once: how fingers add up is not the table's."""
+    tally, one = Tally(), world(options.seed, EXACT)
+    presses, changes = read_presses(DATA / "test-pairs.csv", 2)
+    for pair, change in zip(presses, changes, strict=True):
+        si = change.reshape(-1, 5) * [1e-3, 1e-3, 1e-3, 1.0, 1.0]
+        counted = _counted(one, one.measured(si.ravel()))
+        _add(tally, counted, pair[:, :3])
+    return tally
+
+
+def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
+    """One finger: patches of 4 to 8 mm, friction up to 0.3, 0.1 to 2 N."""
+    gains, told, frames = [], 0, 0
+    errors, alone, off = [], [], []
+    for one in _worlds(options.one_finger, tolerance, options.seed + 1):
+        for _ in range(FRAMES_OF_A_PAD):
+            random = one.random
+            force, angle = random.uniform(0.1, 2.0), random.uniform(0.0, 2.0 * np.pi)
+            shear = force * random.uniform(0.0, 0.3) * np.array([np.cos(angle), np.sin(angle)])
+            x, y = random.uniform(-WITHIN_MM, WITHIN_MM, 2).tolist()
+            press = Press(x, y, force, float(shear[0]), float(shear[1]), random.uniform(4.0, 8.0))
+            measured = one.measured(one.pressed([press]))
+            counted, truth = _counted(one, measured), np.array(press[:3])
+            frames, told = frames + 1, told + (len(counted.fit.fingers) == 2)
+            fit = one.fitter.fit(truth[None], measured, NOTHING)
+            alone.append(fit.fingers[0] - truth)
+            if len(counted.fit.fingers):
+                error = resultant(counted.fit.fingers) - truth
+                errors.append(error)
+                if len(counted.fit.fingers) == 1:
+                    off.append(error / counted.fit.deviation[0])
+            if frames <= options.gains:
+                gains.append(_gain_of_second(one, measured))
+    error, reference, worst = np.array(errors), np.array(alone), np.abs(np.array(off))
+    return (
+        f"| {name} | {told} of {frames} | {max(gains):.1f} of {len(gains)} (limit {SECOND_GAIN:g}) "
+        f"| {np.quantile(gains, 0.999):.1f} | {_rms(error[:, :2]):.3f} | {_rms(error[:, 2:]):.4f} "
+        f"| {_rms(error[:, :2]) / _rms(reference[:, :2]):.3f}, {_rms(error[:, 2:]) / _rms(reference[:, 2:]):.3f} "
+        f"| {worst.max():.1f} | {(worst > WRONG).any(axis=1).sum()} |"
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values).sum(axis=1))))
+
+
+def _gain_of_second(one: World, measured: Measured) -> float:
+    """By how much the best second finger lowers χ², tested as the counter does."""
+    fitter = one.fitter
+    nobody = np.zeros((0, FINGER))
+    first = fitter.fit(fitter.best_single(fitter.whitener(nobody, measured, NOTHING), measured)[0], measured, NOTHING)
+    root = fitter.whitener(first.fingers, measured, NOTHING)
+    pairs = [fitter.fit(pair, measured, NOTHING) for pair in fitter.best_pairs(root, measured)]
+    if not pairs:
+        return 0.0
+    best = min(pairs, key=lambda pair: pair.chi2)
+    return max(first.chi2 - fitter.chi2_with(root, best.fingers, measured), 0.0)
+
+
+def _counted(one: World, measured: Measured) -> Counted:
+    """Of one frame alone, without what was before."""
+    return one.counter().update(measured, NOTHING)
+
+
+def _add(tally: Tally, counted: Counted, truth: Array) -> None:
+    tally.frames += 1
+    found, deviation = counted.fit.fingers, counted.fit.deviation
+    tally.third += len(found) > 2
+    if len(found) != 2:
+        return
+    tally.told += 1
+    straight, crossed = found - truth, found[::-1] - truth
+    if np.abs(crossed[:, :2]).sum() < np.abs(straight[:, :2]).sum():
+        straight, deviation = crossed, deviation[::-1]
+    tally.errors.append(straight)
+    tally.deviations.append(deviation)
+
+
+def _worlds(frames: int, tolerance: Tolerance, seed: int) -> Iterator[World]:
+    for number in range(-(-frames // FRAMES_OF_A_PAD)):
+        yield world(1000 * seed + number, tolerance)
+
+
+def _apart(random: np.random.Generator, apart_mm: float) -> Array:
+    """Two places (2, 2), so far apart, on the pad's inner part."""
+    while True:
+        one, angle = random.uniform(-WITHIN_MM, WITHIN_MM, 2), random.uniform(0.0, 2.0 * np.pi)
+        other = one + apart_mm * np.array([np.cos(angle), np.sin(angle)])
+        if np.abs(other).max() <= WITHIN_MM:
+            return np.array([one, other])
+
+
+def _speed(options: Namespace) -> None:
+    """Milliseconds of a frame, least and p99 of many, in one run."""
+    one = world(options.seed, BUILT)
+    quiet: list[Press] = []
+    single, pair = [Press(3.0, -4.0, 1.0)], [Press(-6.0, -2.0, 1.0), Press(8.0, 1.0, 0.7)]
+    print("| frame | median ms | p99 ms | least ms |\n| --- | --- | --- | --- |")
+    for name, presses, warm in (
+        ("no finger", quiet, True),
+        ("one finger, warm", single, True),
+        ("two fingers, warm", pair, True),
+        ("a finger appears", single, False),
+        ("two fingers appear", pair, False),
+    ):
+        change, counter = one.pressed(presses), one.counter()
+        times = []
+        for _ in range(options.repeats):
+            measured = one.measured(change)
+            if not warm:
+                counter.forget()
+            begun = time.perf_counter()
+            counter.update(measured, NOTHING)
+            times.append(time.perf_counter() - begun)
+        told = np.array(times[1:]) * 1e3
+        print(f"| {name} | {np.median(told):.3f} | {np.quantile(told, 0.99):.3f} | {told.min():.3f} |", flush=True)
