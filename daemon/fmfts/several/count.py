@@ -109,17 +109,13 @@ class FingerCounter:
 
     def _first(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
         root = self._fitter.whitener(before.fingers, measured, ambient_t)
-        start, promised = self._fitter.best_single(root, measured)
-        # Between the places of the grid it may be better than at the best of them, but not by so much.
-        if promised < 0.5 * self._first_gain:
-            return None
-        found = self._fitter.fit(start, measured, ambient_t)
-        gain = before.chi2 - self._fitter.chi2_with(root, found.fingers, measured)
-        return found if gain > self._first_gain else None
+        start, gain = self._fitter.best_single(root, measured)
+        return self._fitter.fit(start, measured, ambient_t) if gain > self._first_gain else None
 
     def _second(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
         root = self._fitter.whitener(before.fingers, measured, ambient_t)
-        found = [self._fitter.fit(pair, measured, ambient_t) for pair in self._fitter.best_pairs(root, measured)]
+        starts = self._fitter.best_seconds(root, before, measured) + self._fitter.best_pairs(root, measured)
+        found = [self._fitter.fit(pair, measured, ambient_t) for pair in starts]
         found = [one for one in found if are_two(one.fingers)]
         if not found:
             return None

@@ -153,6 +153,35 @@ class Fitter:
                 starts.append(pair)
         return starts
 
+    def best_seconds(self, root: Array, one: Fit, measured: Measured, most: int = STARTS) -> list[Array]:
+        """The best fingers of the grid beside `one`, which may move a little for each: pairs (2, 3), the best first.
+
+        A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
+        only as its share of a press of 1 N. root: of C at `one`.
+        """
+        templates, _ = self._white(root, measured)
+        predicted = self.model.predict(one.fingers)
+        used = measured.used
+        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
+        slope = solve_lower(root, predicted.slope[used])
+        # What a small move of the first finger explains as well is no sign of a second one.
+        inner = solve(product(slope.T, slope), product(slope.T, np.column_stack([templates.T, white])))
+        left = np.column_stack([templates.T, white]) - product(slope, inner)
+        templates, white = left[:, :-1].T, left[:, -1]
+        along, size = product(templates, white), (templates * templates).sum(axis=1)
+        apart = self.places[:, :2] - one.fingers[0, :2]
+        far = (apart * apart).sum(axis=1) >= APART_MM * APART_MM
+        gain = np.where((along > 0.0) & far, along * along / size, 0.0)
+        starts: list[Array] = []
+        for best in np.argsort(-gain, kind="stable"):
+            if gain[best] <= 0.0 or len(starts) == most:
+                break
+            place = self.places[best].copy()
+            place[2] *= along[best] / size[best]
+            if all(np.abs(place[:2] - known[1, :2]).max() > 1.5 * GRID_MM for known in starts):
+                starts.append(np.stack([one.fingers[0], place]))
+        return starts
+
     def sizes(self, root: Array, measured: Measured) -> Array:
         """(places,) by how much a finger of 1 N at each place of the grid would raise χ²."""
         templates, _ = self._white(root, measured)
