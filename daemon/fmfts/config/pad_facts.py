@@ -10,7 +10,8 @@ from fmfts.config import PadConfig
 def pad_facts(config: PadConfig) -> dict[str, Any]:
     """What the configuration says of a pad's shape, in SI; the unit is in each key."""
     pad, placement = config.pad(), config.placement.si()
-    return {
+    several = {"rest_positions_m": [one.rest_position_m.tolist() for one in pad.magnets]} if pad.other_magnets else {}
+    return several | {
         "rate_nominal_hz": float(config.source.rate_hz),
         "geometry_hash": pad.geometry_hash,
         "sensors_m": pad.sensors.position_m.tolist(),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import product
 from fmfts.baseline import Baseline
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, FingerMessage, PoseMessage, Vector
+from fmfts.bus.messages import NO_ESTIMATE_OF_SEVERAL, ContactMessage, FingerMessage, PoseMessage, Vector
 from fmfts.pipeline.contact_message import mask_of
 from fmfts.pose import SOLVER
 from fmfts.several.count import resultant
@@ -40,7 +40,7 @@ class FingersWriter:
         """The message of a reading. sampled_ns: host time of the sample; None, without a frame, repeats the last."""
         self.sampled_ns = self.sampled_ns if sampled_ns is None else sampled_ns
         self.number += 1
-        estimates: dict[str, Any] = NO_ESTIMATE | {"over_range": False, "contacts": None, "poses": None}
+        estimates: dict[str, Any] = NO_ESTIMATE_OF_SEVERAL | {"over_range": False, "more": reading.more}
         if reading.fit is not None and estimator is not None:
             estimates |= _estimates(reading, reading.fit, estimator)
             estimates["poses"] = _poses(reading.fit, estimator)
@@ -55,7 +55,6 @@ class FingersWriter:
             health=reading.health,
             reason=reading.reason,
             **estimates,
-            more=reading.more,
             sensors_ok=mask_of(reading.used),
             solver=SOLVER,
             model=self._model,

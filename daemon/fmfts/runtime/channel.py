@@ -10,7 +10,15 @@ from fmfts.baseline import Baseline, Mounting
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.bus.frame_message import early_message, frame_message
-from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health, StatusMessage, decode_contact
+from fmfts.bus.messages import (
+    ContactMessage,
+    EventKind,
+    EventMessage,
+    Health,
+    StatusMessage,
+    Vector,
+    decode_contact,
+)
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.config import PadConfig
 from fmfts.pipeline.configured import Pipeline
@@ -281,7 +289,7 @@ class Channel:
             latency_p99_s=latency and latency[1],
             latency_max_s=latency and latency[2],
             temperature_c=None if last is None else last.temperature_c,
-            ambient_t=None if last is None or last.pose is None else last.pose.ambient_t,
+            ambient_t=None if last is None else _ambient_of(last),
             gains_from=None if self.pipeline.baseline is None else self.pipeline.baseline.gains_from,
             remanence_t=None if mounting is None else mounting.remanence_t(self.pipeline.pad),
             rest_drift_m=None if self._rebaselining is None else self._rebaselining.size_m,
@@ -331,6 +339,11 @@ class Channel:
         except TypeError:
             self._publisher.state_told(self.name)
             log.exception("pad '%s': its state cannot be recorded, worth reporting", self.name)
+
+
+def _ambient_of(message: ContactMessage) -> Vector | None:
+    pose = message.poses[0] if isinstance(message.poses, list) and message.poses else message.pose
+    return None if pose is None else pose.ambient_t
 
 
 def _place(message: ContactMessage) -> str:

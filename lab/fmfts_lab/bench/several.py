@@ -128,7 +128,7 @@ def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
                 if len(counted.fit.fingers) == 1:
                     off.append(error / counted.fit.deviation[0])
             if frames <= options.gains:
-                gains.append(_gain_of_second(one, measured))
+                gains.append(gain_of_second(one, measured))
     error, reference, worst = np.array(errors), np.array(alone), np.abs(np.array(off))
     return (
         f"| {name} | {told} of {frames} | {max(gains):.1f} of {len(gains)} (limit {SECOND_GAIN:g}) "
@@ -142,7 +142,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values).sum(axis=1))))
 
 
-def _gain_of_second(one: World, measured: Measured) -> float:
+def gain_of_second(one: World, measured: Measured) -> float:
     """By how much the best second finger lowers χ², tested as the counter does."""
     fitter = one.fitter
     nobody = np.zeros((0, FINGER))

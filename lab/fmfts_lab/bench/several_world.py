@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.array_response import CHANGE, ArrayResponse
-from fmfts.pad import Array, Pad, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pad import Array, SensorArray, Tolerance, rotation_from_vector
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.several.count import FingerCounter
 from fmfts.several.field_model import MM, FieldModel, Scene
@@ -90,10 +90,10 @@ class World:
         return np.asarray(self.gain * own)
 
 
-def world(seed: int, tolerance: Tolerance, drawing: Pad | None = None, exact: bool = False) -> World:
-    """A pad built with errors of `tolerance`, and its baseline, bare and rest; `exact`: as drawn, to the tolerance."""
+def world(seed: int, tolerance: Tolerance, friction: float = SCENE.friction) -> World:
+    """A pad built with errors of `tolerance`, and its baseline, bare and rest. friction: that the estimator expects."""
     random = np.random.default_rng((seed, 23))
-    drawing = drawing or array_config().pad()
+    drawing = array_config().pad()
     response = ArrayModel.load(ARRAY_PATH, drawing).response
     drawn, count = Magnets.drawn(drawing), len(drawing.sensors)
     off = np.concatenate(
@@ -127,7 +127,7 @@ def world(seed: int, tolerance: Tolerance, drawing: Pad | None = None, exact: bo
         recorded(bare),
         Sensitivity.untested(count, tolerance),
     )
-    fitter = Fitter(FieldModel(drawing, mounting, response, SCENE))
+    fitter = Fitter(FieldModel(drawing, mounting, response, replace(SCENE, friction=friction)))
     return World(
         magnets,
         rest_frames(magnets.axis),

@@ -1,0 +1,205 @@
+"""A pad with four magnets from its frames to its messages: health, faults, memory, and what a baseline does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from fmfts.baseline import BaselineError
+from fmfts.bus.messages import ContactMessage, decode_contact, encode
+from fmfts.config import PadConfig
+from fmfts.pipeline.configured import contact_model_of, pipeline_of
+from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
+from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
+from fmfts.sensor import Frame
+from fmfts.simulation.array import SimulatedArray
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts_lab.finite_elements.array_model import array_config
+
+CONFIG = array_config(seed=3)
+BASELINE = simulated_baseline(CONFIG)
+PERIOD_NS = round(1e9 / 220)
+LEFT, RIGHT = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.7)
+
+
+def pipeline(config: PadConfig = CONFIG) -> SeveralPipeline:
+    made = pipeline_of(config, contact_model_of(config), "boot")
+    assert isinstance(made, SeveralPipeline)
+    return made
+
+
+def ready() -> SeveralPipeline:
+    made = pipeline()
+    made.use(BASELINE)
+    return made
+
+
+def frames(count: int, finger: Finger = no_finger, second: Finger | None = None) -> Iterator[Frame]:
+    source = SimulatedArray(CONFIG)
+    source.finger, source.second_finger = finger, second
+    for step in range(2 * count):
+        for frame in source.poll(step * PERIOD_NS):
+            if frame.sequence < count:
+                yield frame
+
+
+def told(made: SeveralPipeline, some: Iterator[Frame]) -> list[ContactMessage]:
+    return [made.process(frame) for frame in some]
+
+
+def without(frame: Frame, sensor: int) -> Frame:
+    valid = frame.valid.copy()
+    valid[sensor] = False
+    return replace(frame, valid=valid)
+
+
+def off(frame: Frame, sensor: int, counts: int) -> Frame:
+    changed = frame.counts.copy()
+    changed[sensor, 0] += counts
+    return replace(frame, counts=changed)
+
+
+def test_an_untouched_turning_pad_is_healthy_and_tells_no_finger() -> None:
+    messages = told(ready(), frames(330))
+    assert all(message.health == "ok" and message.contact is False and message.contacts == [] for message in messages)
+    last = messages[-1]
+    assert last.force_n == 0.0
+    assert last.force_sd_n is not None
+    assert 0.005 < last.force_sd_n < 0.2  # what may press unfelt: some 0.05 N over √3
+    assert last.pose is None
+    assert isinstance(last.poses, list)
+    assert len(last.poses) == 4
+
+
+def test_two_fingers_are_told_with_their_resultant() -> None:
+    message = told(ready(), frames(20, LEFT, RIGHT))[-1]
+    assert isinstance(message.contacts, list)
+    one, other = sorted(message.contacts, key=lambda finger: finger.x_m)
+    for finger, true in ((one, (-6e-3, -1e-3, 0.8)), (other, (7e-3, 3e-3, 0.7))):
+        assert abs(finger.x_m - true[0]) < 4.0 * finger.x_sd_m
+        assert abs(finger.y_m - true[1]) < 4.0 * finger.y_sd_m
+        assert abs(finger.force_n - true[2]) < 4.0 * finger.force_sd_n
+    assert message.force_n == pytest.approx(one.force_n + other.force_n)
+    assert message.x_m == pytest.approx(
+        (one.x_m * one.force_n + other.x_m * other.force_n) / (one.force_n + other.force_n)
+    )
+    assert decode_contact(encode(message)) == message
+
+
+def test_the_poses_go_with_the_fingers() -> None:
+    """The magnet at (−6, −6) mm is under the finger: it goes down by 0.4 mm a newton and more, the farthest by less."""
+    made = ready()
+    rest = told(made, frames(5))[-1]
+    pressed = told(ready(), frames(5, steady_finger(-6e-3, -6e-3, 1.0)))[-1]
+    assert isinstance(rest.poses, list)
+    assert isinstance(pressed.poses, list)
+    down = [after.position_m[2] - before.position_m[2] for before, after in zip(rest.poses, pressed.poses, strict=True)]
+    assert down[3] < -4e-4
+    assert down[3] < min(down[:3])
+
+
+def test_a_silent_sensor_degrades_and_two_fingers_are_still_told() -> None:
+    message = told(ready(), (without(frame, 2) for frame in frames(20, LEFT, RIGHT)))[-1]
+    assert (message.health, message.sensors_ok) == ("degraded", 0xFB)
+    assert message.reason == "sensor 3 is silent"
+    assert isinstance(message.contacts, list)
+    assert len(message.contacts) == 2
+
+
+def test_too_few_sensors_are_lost_and_say_why() -> None:
+    some = frames(10, LEFT)
+    message = told(ready(), (without(without(without(without(f, 0), 1), 2), 3) for f in some))[-1]
+    assert (message.health, message.contact, message.contacts) == ("lost", None, None)
+    assert "only 12 values are left" in message.reason
+    assert "sensor 1 is silent" in message.reason
+
+
+@pytest.mark.parametrize("sensor", [0, 5])
+def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agrees(sensor: int) -> None:
+    """60 counts are 4 µT, twenty deviations of its noise."""
+    made, messages = ready(), []
+    for frame in frames(60, LEFT):
+        messages.append(made.process(off(frame, sensor, 60) if 10 <= frame.sequence < 20 else frame))
+    during, after = messages[12:20], messages[-1]
+    assert all(message.health != "ok" or _is_right(message) for message in messages)
+    assert {message.health for message in during} == {"degraded"}
+    assert all(f"sensor {sensor + 1} contradicts all others" in message.reason for message in during)
+    assert all(_is_right(message) for message in during)
+    assert after.health == "ok"
+
+
+def _is_right(message: ContactMessage) -> bool:
+    """Within five deviations of LEFT."""
+    if not isinstance(message.contacts, list) or len(message.contacts) != 1:
+        return False
+    finger = message.contacts[0]
+    error = (
+        (finger.x_m + 6e-3) / finger.x_sd_m,
+        (finger.y_m + 1e-3) / finger.y_sd_m,
+        (finger.force_n - 0.8) / finger.force_sd_n,
+    )
+    return max(map(abs, error)) < 5.0
+
+
+def test_a_magnet_nearby_is_no_finger() -> None:
+    """A field with a gradient that no finger makes: 10 µT that change sign from sensor to sensor."""
+    made, pattern = ready(), np.array([1, -1, 1, -1, -1, 1, 1, -1]) * 140
+    for frame in frames(30, LEFT):
+        changed = frame.counts + (pattern[:, None] * [1, 0, 1]).astype(np.int16)
+        message = made.process(replace(frame, counts=changed) if frame.sequence >= 10 else frame)
+    assert message.health in ("disturbed", "degraded")
+    assert message.contacts is None
+    assert message.force_n is None
+
+
+def test_beyond_the_table_only_a_bound_of_the_force_is_told() -> None:
+    message = told(ready(), frames(8, steady_finger(2e-3, 2e-3, 4.0)))[-1]
+    assert (message.contact, message.over_range, message.contacts, message.force_n) == (True, True, None, None)
+    assert message.force_min_n == pytest.approx(3.0, abs=0.1)
+
+
+def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> None:
+    made = pipeline()
+    first = told(made, frames(2))[-1]
+    assert (first.health, first.contact, first.contacts) == ("no_baseline", None, None)
+    made.use(msgspec.structs.replace(BASELINE, rest=None))
+    assert told(made, frames(2))[-1].reason == BARE_ONLY
+    made.refuse("another pad's")
+    assert told(made, frames(2))[-1].reason == "another pad's"
+
+
+def test_absence_ends_the_touch() -> None:
+    made = ready()
+    before = told(made, frames(8, LEFT))[-1]
+    silent = made.absent("disconnected", "unplugged")
+    assert (silent.health, silent.contact, silent.contacts, silent.more) == ("disconnected", None, None, False)
+    again = told(made, frames(8, LEFT))[-1]
+    assert isinstance(before.contacts, list)
+    assert isinstance(again.contacts, list)
+    assert again.contacts[0].id != before.contacts[0].id
+
+
+def test_a_pipeline_goes_on_from_another_s_memory_with_the_same_answers() -> None:
+    one, some = ready(), list(frames(30, LEFT, RIGHT))
+    for frame in some[:15]:
+        one.process(frame)
+    other, content = ready(), snapshot(one)
+    restore(other, content)
+    for frame in some[15:]:
+        mine, theirs = one.process(frame), other.process(frame)
+        assert msgspec.structs.replace(mine, t_publish_ns=0, utc_ns=0) == msgspec.structs.replace(
+            theirs, t_publish_ns=0, utc_ns=0
+        )
+    with pytest.raises(BadMemoryError):
+        restore(pipeline(), content)  # it has no baseline
+
+
+def test_a_baseline_of_another_number_of_magnets_is_refused() -> None:
+    fewer = msgspec.structs.replace(CONFIG, other_magnets=CONFIG.other_magnets[:2])
+    with pytest.raises(BaselineError):
+        BASELINE.array_mounting(fewer.pad())
