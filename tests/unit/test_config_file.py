@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
 from fmfts.config.conversion import convert
+from fmfts.config.example import ARRAY_PATH
 from fmfts.config.file import ConfigError, load
+from fmfts_lab.finite_elements.array_model import array_config
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
 PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'
@@ -56,6 +58,42 @@ def test_examples_in_the_shipped_file_are_right_when_uncommented(tmp_path: Path)
     assert config.bus.endpoint == "ipc:///run/fmfts"
 
 
+def test_the_second_standard_pad_has_four_magnets_in_tables_of_their_own(tmp_path: Path) -> None:
+    config, _ = load(ARRAY_PATH)
+    pad = config.pad[0]
+    assert pad == msgspec.structs.replace(array_config(), name=pad.name)
+    assert [one.rest_axis[2] for one in (pad.magnet, *pad.other_magnets)] == [1, -1, -1, 1]
+    text = ARRAY_PATH.read_text()
+    assert (
+        load(write(tmp_path, text.replace("\n[[pad.magnet]]", "\n[[pad.magnet]]\nremanence_t = 1.4")))[0].pad[0].pad()
+    )
+
+
+MAGNET = "\n[[pad.magnet]]\nrest_mm = [6, 0, 12]\n"
+OTHER = "[[pad.magnet]]\nrest_mm = [-6, 0, 12]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (PAD + MAGNET + OTHER + "strength = 2\n", "magnet, value 2.strength"),
+        (PAD + MAGNET + OTHER.replace("12", "0.5"), "magnet, value 2.rest_mm = [-6, 0, 0.5]"),
+        (
+            PAD + MAGNET + OTHER.replace("-6", "4"),
+            "magnet, value 2.rest_mm = [4, 0, 12]: another magnet is within 5 mm of it",
+        ),
+        (PAD + "fingers = 2\n", "one magnet tells one finger only"),
+        (PAD + 'imperfections = ["silicone"]\n' + MAGNET + OTHER, "simulated with one magnet only"),
+        (PAD + MAGNET + OTHER + '[pad.contact]\nmodel = "none"\n', "a pad with several magnets needs"),
+        (PAD + MAGNET + OTHER + "[pad.rebaseline]\nenabled = true\n", "follows no drift"),
+    ],
+)
+def test_what_is_wrong_with_several_magnets_is_told_where_it_is_written(
+    tmp_path: Path, text: str, expected: str
+) -> None:
+    assert expected in complaint(tmp_path, text)
+
+
 def all_keys(kind: Any) -> set[str]:
     info = msgspec.inspect.type_info(kind) if isinstance(kind, type) else kind
     if isinstance(info, msgspec.inspect.StructType):
@@ -70,7 +108,7 @@ def test_every_key_is_explained_in_the_shipped_file() -> None:
     text = SHIPPED.read_text()
     keys = all_keys(Config)
     assert {"clock_hz", "uid", "endpoint", "steel_nearby", "sensors_mm"} <= keys, "the walk finds the keys"
-    for key in keys:
+    for key in keys - {"other_magnets"}:  # they are tables [[pad.magnet]]
         assert re.search(rf"^(#+ )?(\[+((pad|collect)\.)?{key}\]|{key} = )", text, flags=re.MULTILINE), key
 
 

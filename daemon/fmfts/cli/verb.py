@@ -90,8 +90,15 @@ def pad_named(config: Config, name: str | None) -> PadConfig:
 
 
 def configured_pad(options: argparse.Namespace) -> PadConfig:
-    """The pad that `--config` and `--pad` name. Raises VerbError."""
-    return pad_named(configuration(options), options.pad)
+    """The pad with one magnet that `--config` and `--pad` name. Raises VerbError."""
+    pad = pad_named(configuration(options), options.pad)
+    if pad.other_magnets:
+        raise VerbError(
+            exit_codes.CONFIG,
+            f"pad {pad.name!r} holds {len(pad.other_magnets) + 1} magnets, and this verb is for pads with one: "
+            "docs/several.md says what such a pad can do",
+        )
+    return pad
 
 
 def configured_or_standard_pad(options: argparse.Namespace) -> PadConfig:

@@ -20,7 +20,7 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 
 ENVIRONMENT = "FMFTS_CONFIG"
-OTHER_MAGNET = re.compile(r"other_magnets\[(\d+)\]")
+OTHER_MAGNET = re.compile(r"other_magnets, value (\d+)")
 DEFAULT_PATHS = (Path("/etc/fmfts/config.toml"), Path("config.toml"), Path("pad.toml"))
 
 
@@ -50,7 +50,7 @@ def _loaded(file: Path) -> Config:
             if not converted.is_mended(keys)
         ]
     if config is None or wrong:
-        raise ConfigError(OTHER_MAGNET.sub(lambda found: f"magnet[{int(found[1]) + 1}]", _told(file, wrong)))
+        raise ConfigError(OTHER_MAGNET.sub(lambda found: f"magnet, value {int(found[1]) + 1}", _told(file, wrong)))
     return config
 
 

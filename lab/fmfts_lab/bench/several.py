@@ -15,6 +15,7 @@ from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.estimator import FREE_FIELD, UNEXPLAINED
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
+from fmfts_lab.bench import several_drills
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, world
 from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
@@ -55,8 +56,8 @@ HEAD = (
 
 
 def run(options: Namespace) -> None:
-    if options.speed:
-        _speed(options)
+    if options.speed or options.drills:
+        (_speed if options.speed else several_drills.run)(options)
         return
     print(HEAD)
     for name, tolerance, forces, apart_mm in (

@@ -14,12 +14,13 @@ from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array, SensorArray, Tolerance, rotation_from_vector
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
+from fmfts.sensor.chips.hmc5983 import HMC5983
 from fmfts.several.count import FingerCounter
 from fmfts.several.field_model import MM, FieldModel, Scene
 from fmfts.several.fit import Fitter, Measured
 from fmfts_lab.finite_elements.array_model import array_config
 
-NOISE_T = 2e-7
+NOISE_T = HMC5983.noise_t
 RATE_HZ = 220.0
 EARTH_T = 5e-5
 BASELINE_FRAMES = 660
