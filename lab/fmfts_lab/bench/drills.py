@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import inf, pi, sin
 from typing import Literal
 
@@ -39,7 +40,7 @@ AXES = "xyz"
 class Fault:
     """kind: its name in the table. sensor: the one that the daemon must name, None if the field itself is foreign.
 
-    counts, field: its effect. valid: whether the sensor still answers.
+    counts, field: its effect. valid: whether the sensor still answers. swapped: two sensors whose wires are exchanged.
     """
 
     kind: str
@@ -47,6 +48,7 @@ class Fault:
     counts: CountFault | None = None
     field: FieldFault | None = None
     valid: bool = True
+    swapped: tuple[int, int] | None = None
 
 
 def pad_config(ambient: Ambient, seed: int) -> PadConfig:
@@ -100,6 +102,8 @@ def record(source: Simulated, finger: Finger, seconds: float) -> list[Frame]:
 
 def spoiled(frames: Sequence[Frame], fault: Fault, begin: int, end: int) -> list[Frame]:
     """The same frames with a sensor's fault in those from `begin` to `end`."""
+    if fault.swapped is not None:
+        return [_exchanged(frame, fault.swapped) if begin <= i < end else frame for i, frame in enumerate(frames)]
     if fault.sensor is None:
         return list(frames)
     before, result = frames[begin - 1].counts, []
@@ -111,6 +115,19 @@ def spoiled(frames: Sequence[Frame], fault: Fault, begin: int, end: int) -> list
             frame = replace(frame, counts=counts, valid=valid)
         result.append(frame)
     return result
+
+
+def _exchanged(frame: Frame, sensors: tuple[int, int]) -> Frame:
+    order = list(range(len(frame.counts)))
+    one, other = sensors
+    order[one], order[other] = other, one
+    return replace(
+        frame,
+        counts=frame.counts[order],
+        age_us=frame.age_us[order],
+        fresh=frame.fresh[order],
+        valid=frame.valid[order],
+    )
 
 
 def sensor_faults(sensors: Sequence[int], axes: Sequence[int]) -> list[Fault]:
@@ -161,6 +178,10 @@ def field_faults() -> list[Fault]:
     faults.append(Fault("steel approaching", field=_steel))
     faults += [Fault(f"field step {step_mg} mG", field=_step(step_mg * 1e-3)) for step_mg in (10, 30, 100)]
     faults += [Fault(f"turning {deg_per_s} deg/s", field=_turning(deg_per_s)) for deg_per_s in (2, 5, 20)]
+    faults += [
+        Fault(f"wires {one + 1} and {other + 1} swapped", swapped=(one, other))
+        for one, other in combinations(range(4), 2)
+    ]
     faults.append(Fault("magnet lost, returned", field=_weaker(1.0, until_s=0.6)))
     faults.append(Fault("demagnetised to half", field=_weaker(0.5)))
     return faults
