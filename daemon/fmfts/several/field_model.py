@@ -23,13 +23,16 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, product
 from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.common.double_table import DoubleTable
 from fmfts.contact.array_response import ArrayResponse, Pressed
 from fmfts.pad import Pad
 from fmfts.pose.magnets import field_and_slope, field_of
+from fmfts.several.compiled import _several, doubles, finite, padded, room
 
 Array = NDArray[np.float64]
 
 FINGER = 3  # unknowns of one: x and y in mm, and its normal force in N
+PRESSED = 7  # numbers of a press for each number of pose: see Pressed
 MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the response's units to SI, for each magnet
 
 # A patch that is wider or narrower than the calibrated 6 mm changes the mean of x² over it: by 1.1 mm² for a patch of
@@ -65,9 +68,14 @@ class Predicted(NamedTuple):
 
 
 class FieldModel:
-    """The fields of one mounted pad under fingers (K, 3): x and y in mm, force in N."""
+    """The fields of one mounted pad under fingers (K, 3): x and y in mm, force in N.
 
-    def __init__(self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene) -> None:
+    compiled: whether C may compute them, where it was built and has room for the pad. The numbers are the same.
+    """
+
+    def __init__(
+        self, pad: Pad, mounting: ArrayMounting, response: ArrayResponse, scene: Scene, compiled: bool = True
+    ) -> None:
         self.mounting, self.response, self.scene = mounting, response, scene
         self._si = np.tile(MM, len(mounting.magnets))
         count = len(mounting.sensors)
@@ -80,9 +88,50 @@ class FieldModel:
             place.reshape(2 * len(drawn), -1) + SMALLEST_M * SMALLEST_M * np.eye(2 * len(drawn))
         )
         self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
+        causes, terms = mounting.errors.by_pose.shape[2], response.coefficient.shape[2]
+        self.compiled = compiled and room(magnets=len(drawn), sensors=count, causes=causes, terms=terms)
+        if self.compiled:
+            # As several.h reads them, and where C computes.
+            self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
 
     def predict(self, fingers: Array) -> Predicted:
         """The change of the field by `fingers` (K, 3)."""
+        if not (self.compiled and room(fingers=len(fingers))):
+            return self.reference_predict(fingers)
+        values, poses, unknowns = len(self._at_rest), len(self._si), FINGER * len(fingers)
+        field, slope, by_pose = np.empty(values), np.empty((values, unknowns)), np.empty((values, poses))
+        change, pressed = np.empty(poses), np.empty((len(fingers), PRESSED * poses))
+        fingers = doubles(fingers)
+        if not _several.predict(self.packed, self.work, fingers, field, slope, by_pose, change, pressed):
+            finite(fingers=fingers)
+        return Predicted(field, slope, by_pose, change, tuple(map(_unpacked, pressed)))
+
+    def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
+        """C (3N, 3N) of the module's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient
+        field, as far as it is known, which chips that are turned read wrong."""
+        if not (self.compiled and room(fingers=len(fingers))):
+            return self.reference_covariance(fingers, predicted, variance_t2, ambient_t)
+        covariance = np.empty((len(self._at_rest), len(self._at_rest)))
+        each = [np.concatenate([part.ravel() for part in one]) for one in predicted.pressed]
+        pressed = np.concatenate(each) if each else np.empty(0)
+        _several.covariance(
+            self.packed,
+            self.work,
+            doubles(fingers),
+            doubles(predicted.field_t),
+            doubles(predicted.slope),
+            doubles(predicted.by_pose),
+            doubles(predicted.change),
+            pressed,
+            doubles(variance_t2),
+            doubles(ambient_t),
+            covariance,
+        )
+        return covariance
+
+    def reference_predict(self, fingers: Array) -> Predicted:
+        """predict() in NumPy."""
+        finite(fingers=fingers)
         if not len(fingers):
             nothing = np.zeros(len(self._si))
             return Predicted(
@@ -105,9 +154,8 @@ class FieldModel:
         by_finger: Array = np.concatenate(slopes, axis=1) * self._si[:, None]
         return by_finger
 
-    def covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
-        """C (3N, 3N) of the class's docstring. variance_t2 (3N,): of noise. ambient_t (3,): the change of the ambient
-        field, as far as it is known, which chips that are turned read wrong."""
+    def reference_covariance(self, fingers: Array, predicted: Predicted, variance_t2: Array, ambient_t: Array) -> Array:
+        """covariance() in NumPy."""
         scene = self.scene
         columns = [
             scene.ambient_t * self.by_ambient,
@@ -153,6 +201,43 @@ class FieldModel:
                 both = np.abs(one.change) * fingers[j, 2] + np.abs(other.change) * fingers[i, 2]
                 variance = variance + square(0.5 * SUM_ERROR_PER_N * both)
         return np.sqrt(variance)
+
+    def _packed(self) -> Array:
+        """All of this as several.h has it."""
+        mounting, response, scene = self.mounting, self.response, self.scene
+        magnets, sensors, errors = mounting.magnets, mounting.sensors, mounting.errors
+        head = DoubleTable(_several.HEAD)
+        for name, number in {
+            "magnets": len(magnets),
+            "sensors": len(sensors),
+            "causes": errors.by_pose.shape[2],
+            "width": len(response.coefficient),
+            "terms": response.coefficient.shape[2],
+            "first_mm": response.first_mm,
+            "spacing_mm": response.spacing_mm,
+            "scale_n": response.scale_n,
+            "ambient_t": scene.ambient_t,
+            "moment": scene.moment,
+            "friction": scene.friction,
+            "patch_mm2": PATCH_MM2,
+            "response_error": RESPONSE_ERROR,
+            "sum_error_per_n": SUM_ERROR_PER_N,
+        }.items():
+            head.put(name, number)
+        head.put("unit", MM)
+        parts = [head.values, magnets.position_m, magnets.strength_t_m3, magnets.octupole_m2, mounting.frames]
+        parts += [sensors.position_m, sensors.axes, self._at_rest, self._rest_slope, padded(self.by_ambient.T)]
+        parts += [self._off_mm, self._off_root_mm, padded(errors.by_pose.swapaxes(1, 2))]
+        parts += [padded(errors.by_field.transpose(1, 2, 0))]
+        parts += [np.concatenate([response.coefficient, response.shear], axis=2)]
+        return np.concatenate([np.ravel(part) for part in parts])
+
+
+def _unpacked(pressed: Array) -> Pressed:
+    """Of one finger, from what C wrote one after the other."""
+    poses = len(pressed) // PRESSED
+    slope, by_shear = pressed[poses : 4 * poses], pressed[4 * poses : 6 * poses]
+    return Pressed(pressed[:poses], slope.reshape(-1, FINGER), by_shear.reshape(-1, 2), pressed[6 * poses :])
 
 
 def _summed(terms: list[Array]) -> Array:

@@ -1,0 +1,153 @@
+/* How wrong the predicted field may be: field_model.py explains it. */
+#include <math.h>
+#include <string.h>
+
+#include "gram.h"
+#include "several.h"
+
+/* sum [count] += Σ weight[i] · rows[i][count], i in order. Four rows at once: the sums stay in registers between them. */
+static void add_rows(size_t rows, size_t count, const double *weight, const double *restrict row, double *restrict sum)
+{
+    size_t i = 0;
+    for (; i + 4 <= rows; i += 4, row += 4 * count) {
+        for (size_t j = 0; j < count; j++) {
+            double here = sum[j] + weight[i] * row[j];
+            here += weight[i + 1] * row[count + j];
+            here += weight[i + 2] * row[2 * count + j];
+            sum[j] = here + weight[i + 3] * row[3 * count + j];
+        }
+    }
+    for (; i < rows; i++, row += count) {
+        for (size_t j = 0; j < count; j++) {
+            sum[j] += weight[i] * row[j];
+        }
+    }
+}
+
+/* FieldErrors.at, by causes: [causes][stride]. Without fingers no pose has changed, and that part is zero. */
+static void lasting(const fmfts_several *model, bool moved, const double *change, const double ambient_t[3], double *out)
+{
+    double by_field[FMFTS_SEVERAL_CAUSES * FMFTS_SEVERAL_VALUES];
+    size_t count = model->causes * model->stride;
+    memset(out, 0, count * sizeof(double));
+    memset(by_field, 0, count * sizeof(double));
+    if (moved) {
+        add_rows(model->poses, count, change, model->by_pose, out);
+    }
+    add_rows(3, count, ambient_t, model->by_field, by_field);
+    for (size_t i = 0; i < count; i++) {
+        out[i] += by_field[i];
+    }
+}
+
+/* What moves the poses besides the fingers' places and forces: [3·fingers + 2·magnets][P]. Returns how many. */
+static size_t moves(const fmfts_several *model, size_t fingers, const double *finger, const fmfts_predicted *predicted,
+                    double *move)
+{
+    size_t poses = model->poses, count = 0, places = 2 * model->magnets;
+    for (size_t f = 0; f < fingers; f++, count += 3) {
+        const double *by_shear = predicted->pressed[f] + 4 * poses, *laplacian = by_shear + 2 * poses;
+        double shear_n = model->head->friction[0] * finger[FMFTS_FINGER * f + 2], wider = 0.5 * model->head->patch_mm2[0];
+        for (size_t p = 0; p < poses; p++) {
+            move[count * poses + p] = shear_n * by_shear[2 * p];
+            move[(count + 1) * poses + p] = shear_n * by_shear[2 * p + 1];
+            move[(count + 2) * poses + p] = wider * laplacian[p];
+        }
+    }
+    for (size_t p = 0; p < poses; p++) {
+        /* A magnet's poses go with its own place alone; all other terms of the sum are zero. */
+        const double *root = model->off_root + 2 * (p / FMFTS_POSE_CHANGE) * places;
+        double by_x = 0.0, by_y = 0.0;
+        for (size_t f = 0; f < fingers; f++) {
+            const double *slope = predicted->pressed[f] + poses + 3 * p;
+            by_x = f ? by_x + -slope[0] : -slope[0];
+            by_y = f ? by_y + -slope[1] : -slope[1];
+        }
+        for (size_t j = 0; j < places; j++) {
+            move[(count + j) * poses + p] = 0.0 + by_x * root[j] + by_y * root[places + j];
+        }
+    }
+    return count + places;
+}
+
+/* Deviation of each number of pose, in the response's units: errors of the table, and of adding up fingers. */
+static void response_error(const fmfts_several *model, size_t fingers, const double *finger,
+                           const fmfts_predicted *predicted, double *deviation)
+{
+    double of_table = model->head->response_error[0], of_sum = 0.5 * model->head->sum_error_per_n[0];
+    for (size_t p = 0; p < model->poses; p++) {
+        double variance = 0.0;
+        for (size_t f = 0; f < fingers; f++) {
+            double error = of_table * predicted->pressed[f][p];
+            variance += error * error;
+        }
+        for (size_t i = 0; i < fingers; i++) {
+            for (size_t j = 0; j < i; j++) {
+                double both = fabs(predicted->pressed[i][p]) * finger[FMFTS_FINGER * j + 2] +
+                              fabs(predicted->pressed[j][p]) * finger[FMFTS_FINGER * i + 2];
+                double error = of_sum * both;
+                variance += error * error;
+            }
+        }
+        deviation[p] = sqrt(variance);
+    }
+}
+
+/* The columns that go through the poses. Returns how many. */
+static size_t through_poses(const fmfts_several *model, size_t fingers, const double *finger,
+                            const fmfts_predicted *predicted, fmfts_several_work *work, double *column)
+{
+    double move[FMFTS_SEVERAL_MOVES * FMFTS_SEVERAL_POSES], deviation[FMFTS_SEVERAL_POSES];
+    size_t poses = model->poses, stride = model->stride;
+    for (size_t p = 0; p < poses; p++) {
+        double unit = model->head->unit[p % FMFTS_POSE_CHANGE], *row = work->by_pose + p * stride;
+        for (size_t v = 0; v < model->values; v++) {
+            row[v] = predicted->by_pose[v * poses + p] * unit;
+        }
+        memset(row + model->values, 0, (stride - model->values) * sizeof(double));
+    }
+    size_t count = moves(model, fingers, finger, predicted, move);
+    memset(column, 0, count * stride * sizeof(double));
+    for (size_t i = 0; i < count; i++) {
+        add_rows(poses, stride, move + i * poses, work->by_pose, column + i * stride);
+    }
+    response_error(model, fingers, finger, predicted, deviation);
+    for (size_t p = 0; p < poses; p++) {
+        for (size_t v = 0; v < stride; v++) {
+            column[(count + p) * stride + v] = work->by_pose[p * stride + v] * deviation[p];
+        }
+    }
+    return count + poses;
+}
+
+void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const double *finger,
+                              const fmfts_predicted *predicted, const double *variance_t2, const double ambient_t[3],
+                              fmfts_several_work *work)
+{
+    size_t values = model->values, stride = model->stride, columns = 3 + 1 + model->causes;
+    double *moment = work->factor + 3 * stride;
+    for (size_t i = 0; i < 3 * stride; i++) {
+        work->factor[i] = model->head->ambient_t[0] * model->by_ambient[i];
+    }
+    for (size_t v = 0; v < stride; v++) {
+        moment[v] = v < values ? model->head->moment[0] * (predicted->field[v] + model->at_rest[v]) : 0.0;
+    }
+    lasting(model, fingers > 0, predicted->change, ambient_t, moment + stride);
+    if (fingers) {
+        columns += through_poses(model, fingers, finger, predicted, work, work->factor + columns * stride);
+    }
+    for (size_t i = 0; i < values; i += FMFTS_LANES) {
+        for (size_t j = 0; j <= i; j += FMFTS_LANES) {
+            double sum[FMFTS_LANES][FMFTS_LANES];
+            fmfts_gram(columns, work->factor + i, stride, work->factor + j, stride, sum);
+            for (size_t a = i; a < i + FMFTS_LANES && a < values; a++) {
+                for (size_t b = j; b < j + FMFTS_LANES && b < values; b++) {
+                    work->covariance[a * values + b] = work->covariance[b * values + a] = sum[a - i][b - j];
+                }
+            }
+        }
+    }
+    for (size_t v = 0; v < values; v++) {
+        work->covariance[v * values + v] += variance_t2[v];
+    }
+}

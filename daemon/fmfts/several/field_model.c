@@ -1,0 +1,38 @@
+/* What fingers do to the field: field_model.py explains it. */
+#include <string.h>
+
+#include "../arithmetic/matrix.h"
+#include "several.h"
+
+void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted)
+{
+    size_t poses = model->poses, unknowns = FMFTS_FINGER * fingers;
+    double by_finger[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_UNKNOWNS], *change = predicted->change;
+    memset(change, 0, poses * sizeof(double));
+    if (!fingers) {
+        memset(predicted->field, 0, model->values * sizeof(double));
+        memcpy(predicted->by_pose, model->rest_slope, model->values * poses * sizeof(double));
+        return;
+    }
+    for (size_t f = 0; f < fingers; f++) {
+        double *pressed = predicted->pressed[f], *slope = pressed + poses;
+        fmfts_press(model, finger + FMFTS_FINGER * f, pressed);
+        for (size_t p = 0; p < poses; p++) {
+            const double *off = model->off_mm + 2 * (p / FMFTS_POSE_CHANGE);
+            double shifted = slope[3 * p] * off[0] + slope[3 * p + 1] * off[1];
+            change[p] = change[p] + pressed[p] - shifted;
+            for (size_t i = 0; i < FMFTS_FINGER; i++) {
+                by_finger[p * unknowns + FMFTS_FINGER * f + i] =
+                    slope[3 * p + i] * model->head->unit[p % FMFTS_POSE_CHANGE];
+            }
+        }
+    }
+    for (size_t p = 0; p < poses; p++) {
+        change[p] *= model->head->unit[p % FMFTS_POSE_CHANGE];
+    }
+    fmfts_fields(model, change, predicted->field, predicted->by_pose);
+    for (size_t v = 0; v < model->values; v++) {
+        predicted->field[v] -= model->at_rest[v];
+    }
+    fmfts_product(model->values, poses, unknowns, predicted->by_pose, by_finger, predicted->slope);
+}

@@ -1,0 +1,70 @@
+/* Looks into what field_model.py has packed. */
+#include <math.h>
+
+#include "several.h"
+
+/* The next `count` doubles of a packed model. */
+static const double *next(const double **at, size_t count)
+{
+    const double *here = *at;
+    *at += count;
+    return here;
+}
+
+static bool sizes_fit(const fmfts_several_head *head)
+{
+    return head->magnets[0] >= 1.0 && head->magnets[0] <= FMFTS_SEVERAL_MAGNETS && head->sensors[0] >= 1.0 &&
+           head->sensors[0] <= FMFTS_SEVERAL_SENSORS && head->causes[0] >= 0.0 &&
+           head->causes[0] <= FMFTS_SEVERAL_CAUSES && head->width[0] >= 4.0 && head->width[0] <= 10000.0 &&
+           head->terms[0] >= 1.0 && head->terms[0] <= FMFTS_SEVERAL_TERMS;
+}
+
+bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model)
+{
+    const fmfts_several_head *head = (const fmfts_several_head *)packed;
+    const size_t numbers = sizeof *head / sizeof(double);
+    if (count < numbers || !sizes_fit(head)) {
+        return false;
+    }
+    size_t magnets = (size_t)head->magnets[0], sensors = (size_t)head->sensors[0], causes = (size_t)head->causes[0];
+    size_t width = (size_t)head->width[0], terms = (size_t)head->terms[0];
+    size_t values = 3 * sensors, poses = FMFTS_POSE_CHANGE * magnets;
+    size_t stride = (values + FMFTS_LANES - 1) / FMFTS_LANES * FMFTS_LANES;
+    const double *at = packed + numbers;
+    *model = (fmfts_several){
+        .head = head,
+        .magnets = magnets,
+        .sensors = sensors,
+        .causes = causes,
+        .width = width,
+        .terms = terms,
+        .values = values,
+        .poses = poses,
+        .stride = stride,
+    };
+    model->position = next(&at, 3 * magnets);
+    model->strength = next(&at, magnets);
+    model->octupole = next(&at, magnets);
+    model->frame = next(&at, 9 * magnets);
+    model->place = next(&at, 3 * sensors);
+    model->axes = next(&at, 9 * sensors);
+    model->at_rest = next(&at, values);
+    model->rest_slope = next(&at, values * poses);
+    model->by_ambient = next(&at, 3 * stride);
+    model->off_mm = next(&at, 2 * magnets);
+    model->off_root = next(&at, 4 * magnets * magnets);
+    model->by_pose = next(&at, poses * causes * stride);
+    model->by_field = next(&at, 3 * causes * stride);
+    model->table = next(&at, width * width * (terms + 2) * poses);
+    return (size_t)(at - packed) == count;
+}
+
+bool fmfts_finite(size_t count, const double *values)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(values[i])) {
+            return false;
+        }
+    }
+    return true;
+}

@@ -1,0 +1,118 @@
+/* A pad with several magnets: what fingers do to its field, and how wrong that may be. The Python file of the same name as
+ * each C file explains it and has the same bits: every sum adds the same terms in the same order.
+ *
+ * Re-entrant: no allocation, no globals. Units are those of the Python. Arrays are row-major and as long as the pad needs;
+ * the sizes below are the most that there is room for. */
+#ifndef FMFTS_SEVERAL_H
+#define FMFTS_SEVERAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "../common/double_table.h"
+
+enum {
+    FMFTS_SEVERAL_MAGNETS = 9,
+    FMFTS_SEVERAL_SENSORS = 16,
+    FMFTS_SEVERAL_FINGERS = 3,
+    FMFTS_SEVERAL_CAUSES = 64,
+    FMFTS_SEVERAL_TERMS = 8,
+    FMFTS_SEVERAL_PLACES = 31 * 31,
+    FMFTS_SEVERAL_STARTS = 8,
+
+    FMFTS_POSE_CHANGE = 5, /* numbers of a magnet's change of pose */
+    FMFTS_FINGER = 3,      /* x, y in mm, force in N */
+    FMFTS_PRESSED = 7,     /* numbers of a press for each number of pose: change 1, slope 3, shear 2, Laplacian 1 */
+    FMFTS_LANES = 4,       /* rows of factors are padded to a multiple of this */
+
+    FMFTS_SEVERAL_VALUES = 3 * FMFTS_SEVERAL_SENSORS,
+    FMFTS_SEVERAL_POSES = FMFTS_POSE_CHANGE * FMFTS_SEVERAL_MAGNETS,
+    FMFTS_SEVERAL_UNKNOWNS = FMFTS_FINGER * FMFTS_SEVERAL_FINGERS,
+    /* Causes that go through the poses: shear and patch of each finger, and the place of each magnet. */
+    FMFTS_SEVERAL_MOVES = 3 * FMFTS_SEVERAL_FINGERS + 2 * FMFTS_SEVERAL_MAGNETS,
+    /* Of the factor of C: ambient field, moment, the baseline's errors, these, and the table's error of each pose. */
+    FMFTS_SEVERAL_COLUMNS = 3 + 1 + FMFTS_SEVERAL_CAUSES + FMFTS_SEVERAL_MOVES + FMFTS_SEVERAL_POSES,
+};
+
+/* The numbers at the head of a packed model; compiled.py reads their names. */
+#define FMFTS_SEVERAL_HEAD(X)                                                                                          \
+    X(magnets, 1)                                                                                                      \
+    X(sensors, 1)                                                                                                      \
+    X(causes, 1)          /* of the baseline's errors */                                                               \
+    X(width, 1)           /* of the table: X + 2 */                                                                    \
+    X(terms, 1)           /* powers of the force */                                                                    \
+    X(first_mm, 1)                                                                                                     \
+    X(spacing_mm, 1)                                                                                                   \
+    X(scale_n, 1)                                                                                                      \
+    X(ambient_t, 1)       /* Scene */                                                                                  \
+    X(moment, 1)                                                                                                       \
+    X(friction, 1)                                                                                                     \
+    X(patch_mm2, 1)       /* field_model.py */                                                                         \
+    X(response_error, 1)                                                                                               \
+    X(sum_error_per_n, 1)                                                                                              \
+    X(unit, FMFTS_POSE_CHANGE) /* from the response's units to SI */
+
+FMFTS_STRUCT(fmfts_several_head, FMFTS_SEVERAL_HEAD)
+
+/* Views into one packed model, in the order in which field_model.py packs it. V: values, 3 for each sensor. P: numbers of
+ * pose, 5 for each magnet. stride: V, padded. */
+typedef struct {
+    const fmfts_several_head *head;
+    size_t magnets, sensors, causes, width, terms, values, poses, stride;
+    const double *position;   /* [magnets][3] at rest */
+    const double *strength;   /* [magnets] */
+    const double *octupole;   /* [magnets] */
+    const double *frame;      /* [magnets][3][3] */
+    const double *place;      /* [sensors][3] */
+    const double *axes;       /* [sensors][3][3] */
+    const double *at_rest;    /* [V] */
+    const double *rest_slope; /* [V][P] */
+    const double *by_ambient; /* [3][stride] */
+    const double *off_mm;     /* [magnets][2] */
+    const double *off_root;   /* [2·magnets][2·magnets] */
+    const double *by_pose;    /* [P][causes][stride] */
+    const double *by_field;   /* [3][causes][stride] */
+    const double *table;      /* [width][width][terms + 2][P] */
+} fmfts_several;
+
+/* Predicted: field [V], slope [V][3·fingers], by_pose [V][P], change [P]; of each finger change [P], slope [P][3], by_shear
+ * [P][2] and laplacian [P], one after the other. */
+typedef struct {
+    double field[FMFTS_SEVERAL_VALUES];
+    double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];
+    double by_pose[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES];
+    double change[FMFTS_SEVERAL_POSES];
+    double pressed[FMFTS_SEVERAL_FINGERS][FMFTS_PRESSED * FMFTS_SEVERAL_POSES];
+} fmfts_predicted;
+
+/* What one Fitter computes in. */
+typedef struct {
+    fmfts_predicted predicted[2];
+    double factor[FMFTS_SEVERAL_COLUMNS * FMFTS_SEVERAL_VALUES]; /* by columns: [columns][stride] */
+    double by_pose[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_VALUES];  /* [P][stride], by the response's units */
+    double covariance[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
+    double root[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
+} fmfts_several_work;
+
+/* packed.c: false if `packed` is no model, or larger than there is room for. */
+bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model);
+
+/* packed.c: whether all are finite. */
+bool fmfts_finite(size_t count, const double *values);
+
+/* press_table.c: what one finger does; pressed as in fmfts_predicted. */
+void fmfts_press(const fmfts_several *model, const double finger[FMFTS_FINGER], double *pressed);
+
+/* magnets.c: field [V] and its slope [V][P] after a change of pose [P], in SI. */
+void fmfts_fields(const fmfts_several *model, const double *change, double *field, double *slope);
+
+/* field_model.c */
+void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted);
+
+/* covariance.c: fills work->covariance [V][V]. */
+void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const double *finger,
+                              const fmfts_predicted *predicted, const double *variance_t2, const double ambient_t[3],
+                              fmfts_several_work *work);
+
+#endif
