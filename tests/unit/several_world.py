@@ -45,9 +45,9 @@ def pad_of(random: np.random.Generator, magnets: int, sensors: int) -> Pad:
     )
 
 
-def response_of(random: np.random.Generator, pad: Pad, knots: int, terms: int) -> ArrayResponse:
+def response_of(random: np.random.Generator, pad: Pad, knots: int, terms: int, reach_mm: float = 14.0) -> ArrayResponse:
     """Each magnet moves down and leans towards a finger; higher powers of the force take a little back."""
-    first_mm, spacing_mm = -14.0, 28.0 / (knots - 1)
+    first_mm, spacing_mm = -reach_mm, 2.0 * reach_mm / (knots - 1)
     along = first_mm + spacing_mm * (np.arange(knots + 2) - 1.0)
     x, y = np.meshgrid(along, along, indexing="ij")
     coefficient = np.empty((knots + 2, knots + 2, terms, 5 * len(pad.magnets)))
@@ -74,7 +74,7 @@ def mounting_of(random: np.random.Generator, pad: Pad, causes: int) -> ArrayMoun
     spread = np.tile([1e-4, 1e-4, 1e-4, 0.02, 0.02, 0.02], len(drawn))
     mixed = np.eye(len(spread)) + 0.1 * random.normal(size=(len(spread), len(spread)))
     root = spread[:, None] * mixed
-    typical = np.tile([1e2, 1e2, 1e2, 1e-3, 1e-3], len(drawn))
+    typical = np.tile([0.5, 0.5, 0.5, 1e-3, 1e-3], len(drawn))  # T/m, T: how a field goes with a pose
     return ArrayMounting(
         magnets=magnets,
         frames=rest_frames(magnets.axis),
@@ -84,7 +84,7 @@ def mounting_of(random: np.random.Generator, pad: Pad, causes: int) -> ArrayMoun
         rest_field_t=field_of(magnets, sensors),
         noise_t=np.full((count, 3), NOISE_T),
         errors=FieldErrors(
-            0.002 * random.normal(size=(5 * len(drawn), 3 * count, causes)) * typical[:, None, None],
+            0.0005 * random.normal(size=(5 * len(drawn), 3 * count, causes)) * typical[:, None, None],
             0.002 * random.normal(size=(3 * count, 3, causes)),
         ),
         log_moment=np.zeros(len(drawn)),
@@ -98,12 +98,18 @@ def mounting_of(random: np.random.Generator, pad: Pad, causes: int) -> ArrayMoun
 
 
 def models_of(
-    seed: int, magnets: int = 4, sensors: int = 8, causes: int = 48, knots: int = 8, terms: int = 2
+    seed: int,
+    magnets: int = 4,
+    sensors: int = 8,
+    causes: int = 48,
+    knots: int = 8,
+    terms: int = 2,
+    reach_mm: float = 14.0,
 ) -> tuple[FieldModel, FieldModel]:
     """The same pad twice: in C, and in NumPy."""
     random = np.random.default_rng(seed)
     pad = pad_of(random, magnets, sensors)
-    response, mounting = response_of(random, pad, knots, terms), mounting_of(random, pad, causes)
+    response, mounting = response_of(random, pad, knots, terms, reach_mm), mounting_of(random, pad, causes)
     return FieldModel(pad, mounting, response, SCENE), FieldModel(pad, mounting, response, SCENE, compiled=False)
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from several_world import fingers_of, models_of
+from several_world import SCENE, fingers_of, measured_of, models_of, mounting_of, pad_of, response_of
 
+from fmfts.arithmetic.matrix import SingularError
+from fmfts.several import fit
 from fmfts.several.compiled import AVAILABLE
-from fmfts.several.field_model import Predicted
+from fmfts.several.field_model import FieldModel, Predicted
+from fmfts.several.fit import STARTS, Fit, Fitter, Measured
 
 COMPILED = pytest.mark.skipif(not AVAILABLE, reason="the estimator of several magnets was not compiled")
 # Magnets, sensors, causes, knots, terms: the usual pad, the least, the most, and sizes that fill no register.
@@ -25,6 +30,31 @@ def bits(*arrays: np.ndarray | float) -> list[bytes]:
 
 def of_predicted(one: Predicted) -> list[bytes]:
     return bits(*one[:4], *(part for pressed in one.pressed for part in pressed))
+
+
+NONE = np.zeros(3)
+
+
+def of_fit(one: Fit) -> list[bytes]:
+    return bits(one.fingers, one.covariance, one.chi2, one.misfit_t, one.ambient_t)
+
+
+@cache
+def fitters_of(*sizes: float) -> tuple[Fitter, Fitter]:
+    """In C, and in NumPy."""
+    model, reference = models_of(1, *sizes)  # type: ignore[arg-type]
+    return Fitter(model), Fitter(reference)
+
+
+def masked(random: np.random.Generator, measured: Measured, trial: int) -> Measured:
+    """All values, without some sensors, without single values; what there is not is NaN."""
+    used = np.ones(len(measured.used), bool)
+    if trial % 3 == 1:
+        used = np.repeat(random.uniform(size=len(used) // 3) < 0.8, 3)
+    elif trial % 3 == 2:
+        used = random.uniform(size=len(used)) < 0.6
+    variance = measured.variance_t2 * random.uniform(0.5, 2.0, len(used))
+    return Measured(np.where(used, measured.field_t, np.nan), np.where(used, variance, np.nan), used)
 
 
 @COMPILED
@@ -72,15 +102,318 @@ def test_more_fingers_than_c_has_room_for_are_computed_in_numpy() -> None:
     assert bits(covariance[0]) == bits(covariance[1])
 
 
+@COMPILED
+@pytest.mark.parametrize("sizes", PADS)
+@pytest.mark.parametrize("beyond", [False, True], ids=["on the table", "beyond it"])
+def test_fit_has_the_same_bits_in_c(sizes: tuple[int, ...], beyond: bool) -> None:
+    fitter, reference = fitters_of(*sizes)
+    assert fitter.compiled
+    assert not reference.compiled
+    random = np.random.default_rng(6)
+    for trial in range(24):
+        true, start = fingers_of(random, trial % 4), fingers_of(random, trial // 4 % 4, beyond)
+        measured = masked(random, measured_of(random, reference.model, true), trial)
+        ambient = random.normal(0.0, 2e-5, 3)
+        there, here = (one.fit(start, measured, ambient) for one in (fitter, reference))
+        assert of_fit(there) == of_fit(here)
+        assert there.fingers.shape == start.shape
+        assert there.covariance.shape == here.covariance.shape
+
+
+@COMPILED
+@pytest.mark.parametrize("sizes", PADS)
+def test_covariance_root_and_chi2_have_the_same_bits_in_c(sizes: tuple[int, ...]) -> None:
+    fitter, reference = fitters_of(*sizes)
+    random = np.random.default_rng(7)
+    for trial in range(24):
+        true, fingers = fingers_of(random, trial % 4), fingers_of(random, trial // 4 % 4)
+        measured = masked(random, measured_of(random, reference.model, true), trial)
+        ambient = random.normal(0.0, 2e-5, 3)
+        there, here = (one.whitener(fingers, measured, ambient) for one in (fitter, reference))
+        assert there.shape == (measured.used.sum(),) * 2
+        assert bits(there) == bits(here)
+        assert fitter.chi2_with(here, true, measured) == reference.chi2_with(here, true, measured)
+
+
+@COMPILED
+@pytest.mark.parametrize("sizes", [*PADS, (9, 16, 64, 12, 8, 30.0)])
+def test_scan_finds_the_same_places_with_the_same_bits_in_c(sizes: tuple[float, ...]) -> None:
+    fitter, reference = fitters_of(*sizes)
+    random = np.random.default_rng(8)
+    found = 0
+    for trial in range(12 if len(sizes) == 5 else 3):
+        measured = masked(random, measured_of(random, reference.model, fingers_of(random, 2)), trial)
+        root = reference.whitener(fingers_of(random, trial % 3), measured, NONE)
+        (there, gain), (here, due) = (one.best_single(root, measured) for one in (fitter, reference))
+        assert bits(there, gain) == bits(here, due)
+        for most in (1, STARTS, 8, 9):
+            pairs, wanted = (one.best_pairs(root, measured, most) for one in (fitter, reference))
+            assert bits(*pairs) == bits(*wanted)
+            assert all(pair.shape == (2, 3) for pair in pairs)
+        found += len(wanted)
+    assert found > 5, "there was nothing to compare"
+
+
+def uniform_along_x() -> tuple[Fitter, Fitter]:
+    """Where a press does the same wherever it is along x: all places of a row gain the same to the last bit."""
+    random = np.random.default_rng(9)
+    pad = pad_of(random, 4, 8)
+    response, mounting = response_of(random, pad, 15, 1), mounting_of(random, pad, 6)
+    first = np.broadcast_to(response.coefficient[:1], response.coefficient.shape).copy()
+    first[:, :, :, 2] *= 1.0 + 0.1 * np.arange(first.shape[1])[None, :, None]
+    response = replace(response, coefficient=first)
+    return (
+        Fitter(FieldModel(pad, mounting, response, SCENE)),
+        Fitter(FieldModel(pad, mounting, response, SCENE, compiled=False)),
+    )
+
+
+@COMPILED
+def test_of_pairs_that_are_equally_good_c_takes_the_first_as_numpy_does() -> None:
+    fitter, reference = uniform_along_x()
+    random = np.random.default_rng(10)
+    measured = measured_of(random, reference.model, np.array([[0.0, -9.0, 1.0], [0.0, 8.0, 1.0]]))
+    root = reference.whitener(np.empty((0, 3)), measured, NONE)
+    assert bits(*fitter.best_single(root, measured)) == bits(*reference.best_single(root, measured))
+    pairs, wanted = (one.best_pairs(root, measured, 8) for one in (fitter, reference))
+    assert len(wanted) == 8
+    assert bits(*pairs) == bits(*wanted)
+    assert fitter.best_single(root, measured)[0][0, 0] == -14.0
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
+def test_fingers_are_found_where_they_press(which: int) -> None:
+    """Two fingers 16 mm apart, from nothing: scan, three fits, and the best of them."""
+    fitter = fitters_of(4, 8, 48, 15, 1)[which]
+    true = np.array([[-8.0, -3.0, 1.0], [7.0, 2.0, 0.8]])
+    measured = measured_of(np.random.default_rng(11), fitter.model, true, ambient_t=0.0)
+    root = fitter.whitener(np.empty((0, 3)), measured, NONE)
+    fits = [fitter.fit(start, measured, NONE) for start in fitter.best_pairs(root, measured)]
+    best = min(fits, key=lambda one: one.chi2)
+    order = np.argsort(best.fingers[:, 0])
+    assert (np.abs(best.fingers[order] - true) < 5.0 * best.deviation[order]).all()
+    assert best.deviation.max() < 1.0
+    assert best.chi2 < 60.0
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
+def test_search_ends_at_the_tables_edge_and_at_its_largest_force(which: int) -> None:
+    fitter = fitters_of(4, 8, 48, 15, 1)[which]
+    measured = measured_of(np.random.default_rng(12), fitter.model, np.array([[13.9, 13.9, 20.0]]))
+    found = fitter.fit(np.array([[1e6, 40.0, 1e300]]), measured, NONE).fingers
+    assert (found <= [14.0, 14.0, 9.0]).all()
+    assert (found >= [-14.0, -14.0, 0.0]).all()
+    assert found[0, 2] == 9.0
+
+
+@COMPILED
+@pytest.mark.parametrize("fingers", [0, 1, 2, 3])
+def test_without_any_value_c_tells_the_same_nothing(fingers: int) -> None:
+    fitter, reference = fitters_of(4, 8, 48, 15, 1)
+    nothing = Measured(np.full(24, np.nan), np.full(24, np.nan), np.zeros(24, bool))
+    start = fingers_of(np.random.default_rng(13), fingers)
+    there, here = (one.fit(start, nothing, NONE) for one in (fitter, reference))
+    assert of_fit(there)[:3] == of_fit(here)[:3]
+    assert bits(there.fingers) == bits(start)
+    assert there.chi2 == 0.0
+    root = fitter.whitener(start, nothing, NONE)
+    assert root.shape == (0, 0)
+    assert bits(*fitter.best_single(root, nothing)) == bits(*reference.best_single(root, nothing))
+    assert fitter.best_pairs(root, nothing) == reference.best_pairs(root, nothing) == []
+    assert fitter.chi2_with(root, start, nothing) == 0.0
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
+def test_number_that_is_not_finite_is_refused_by_name(which: int) -> None:
+    fitter, finger = fitters_of(4, 8, 48, 15, 1)[which], np.array([[1.0, 2.0, 1.0]])
+    good = measured_of(np.random.default_rng(14), fitter.model, finger)
+    root = fitter.whitener(finger, good, NONE)
+    damaged = good.field_t.copy()
+    damaged[5] = np.nan
+    without = replace(good, field_t=damaged)
+    for refused in (
+        lambda: fitter.fit(finger, without, NONE),
+        lambda: fitter.chi2_with(root, finger, without),
+        lambda: fitter.best_single(root, without),
+        lambda: fitter.best_pairs(root, without),
+    ):
+        with pytest.raises(ValueError, match="field_t: number 5 is nan"):
+            refused()
+    broken = replace(good, variance_t2=np.where(np.arange(24) == 7, np.inf, good.variance_t2))
+    for refused in (lambda: fitter.fit(finger, broken, NONE), lambda: fitter.whitener(finger, broken, NONE)):
+        with pytest.raises(ValueError, match="variance_t2: number 7 is inf"):
+            refused()
+    nowhere, whole = finger * np.nan, np.full_like(root, np.nan)
+    for name, refused in {
+        "start": lambda: fitter.fit(nowhere, good, NONE),
+        "ambient_t": lambda: fitter.fit(finger, good, NONE + np.nan),
+        "fingers": lambda: fitter.chi2_with(root, nowhere, good),
+        "root": lambda: fitter.best_pairs(whole, good),
+    }.items():
+        with pytest.raises(ValueError, match=f"{name}: number 0 is nan"):
+            refused()
+    with pytest.raises(ValueError, match="fingers: number 0 is nan"):
+        fitter.whitener(nowhere, good, NONE)
+    with pytest.raises(ValueError, match="root: number 0 is nan"):
+        fitter.chi2_with(whole, finger, good)
+    with pytest.raises(ValueError, match="root: number 0 is nan"):
+        fitter.best_single(whole, good)
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
+def test_what_cannot_be_solved_is_refused_and_says_why(which: int) -> None:
+    fitter, finger = fitters_of(4, 8, 48, 15, 1)[which], np.array([[1.0, 2.0, 1.0]])
+    good = measured_of(np.random.default_rng(15), fitter.model, finger)
+    impossible = replace(good, variance_t2=-np.ones(24))
+    for refused in (lambda: fitter.fit(finger, impossible, NONE), lambda: fitter.whitener(finger, impossible, NONE)):
+        with pytest.raises(SingularError, match="a matrix of 24 × 24 is not positive definite"):
+            refused()
+    endless = np.array([1e300, 0.0, 0.0])
+    with pytest.raises(SingularError, match="a matrix of 24 × 24 is not finite"), np.errstate(all="ignore"):
+        fitter.fit(finger, good, endless)
+    far = replace(good, field_t=np.full(24, 1e306))
+    with pytest.raises(SingularError, match="a matrix of 3 × 3 is not finite"), np.errstate(all="ignore"):
+        fitter.fit(finger, far, NONE)
+
+
+@COMPILED
+@pytest.mark.parametrize(
+    ("constant", "other"),
+    [
+        ("ITERATIONS", 3),
+        ("SETTLED", 10.0),
+        ("ROUNDING", -0.9),  # a step must lower χ² to a tenth
+        ("DAMPING", 0.1),
+        ("DAMPING_FACTOR", 3.0),
+        ("MOST_DAMPING", 1e-5),  # the first step that is refused ends the search
+        ("LONGEST_STEP_MM", 0.5),
+        ("LEAST_STEP_MM", 100.0),
+        ("FLOOR", np.array([1.0, 10.0, 100.0])),
+        ("FARTHEST_LOAD", 0.1),
+    ],
+)
+def test_each_constant_of_the_search_is_the_same_in_c(
+    monkeypatch: pytest.MonkeyPatch, constant: str, other: object
+) -> None:
+    fitter, usual = fitters_of(4, 8, 48, 15, 1)
+    random = np.random.default_rng(20)
+    true = np.array([[-8.0, -3.0, 1.0], [7.0, 2.0, 0.8]])
+    measured = measured_of(random, usual.model, true)
+    starts = [true + random.normal(0.0, [6.0, 6.0, 0.5], (2, 3)) for _ in range(12)]
+    before = [of_fit(fitter.fit(start, measured, NONE)) for start in starts]
+    monkeypatch.setattr(fit, constant, other)
+    there, here = (
+        [of_fit(Fitter(one.model).fit(start, measured, NONE)) for start in starts] for one in (fitter, usual)
+    )
+    assert there == here
+    assert here != before
+
+
+@COMPILED
+def test_finger_that_the_values_say_nothing_of_has_an_infinite_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One without force: where it is makes no difference."""
+    monkeypatch.setattr(fit, "ITERATIONS", 0)
+    monkeypatch.setattr(fit, "FLOOR", np.zeros(3))
+    fitter, reference = (Fitter(one.model) for one in fitters_of(4, 8, 48, 15, 1))
+    start = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 1.0]])
+    measured = measured_of(np.random.default_rng(21), reference.model, start)
+    there, here = (one.fit(start, measured, NONE) for one in (fitter, reference))
+    assert of_fit(there) == of_fit(here)
+    assert np.isinf(there.covariance).all()
+
+
+@COMPILED
+@pytest.mark.parametrize("values", [1, 2, 3])
+def test_few_values_are_scanned_with_the_same_bits_in_c(values: int) -> None:
+    """One value tells no two places apart: only rounding does."""
+    fitter, reference = fitters_of(4, 8, 48, 15, 1)
+    random = np.random.default_rng(22)
+    for trial in range(10):
+        measured = measured_of(random, reference.model, fingers_of(random, 2))
+        measured = replace(measured, used=np.isin(np.arange(24), trial + 3 * np.arange(values)))
+        root = reference.whitener(np.empty((0, 3)), measured, NONE)
+        assert bits(*fitter.best_single(root, measured)) == bits(*reference.best_single(root, measured))
+        assert bits(*fitter.best_pairs(root, measured)) == bits(*reference.best_pairs(root, measured))
+
+
+@COMPILED
+def test_no_pair_is_found_twice_where_a_block_of_c_holds_both_places() -> None:
+    """The places 14 and 15 of a grid 15 wide are at its two ends, and C looks at four places at once."""
+    fitter, reference = fitters_of(4, 8, 48, 15, 1)
+    ends = reference.places[14:16]
+    assert np.abs(ends[0] - ends[1]).max() > 20.0
+    measured = measured_of(np.random.default_rng(23), reference.model, ends, ambient_t=0.0)
+    root = reference.whitener(np.empty((0, 3)), measured, NONE)
+    pairs, wanted = (one.best_pairs(root, measured, 8) for one in (fitter, reference))
+    assert bits(*pairs) == bits(*wanted)
+    assert bits(pairs[0][:, :2]) == bits(ends[:, :2])
+
+
+@COMPILED
+def test_arrays_of_another_pad_are_refused() -> None:
+    fitter, other = fitters_of(4, 8, 48, 15, 1)[0], fitters_of(3, 5, 7, 6, 2)[0]
+    finger = np.array([[1.0, 2.0, 1.0]])
+    measured = measured_of(np.random.default_rng(16), other.model, finger)
+    root = other.whitener(finger, measured, NONE)
+    for refused in (
+        lambda: fitter.fit(finger, measured, NONE),
+        lambda: fitter.fit(finger[:, :2], measured, NONE),
+        lambda: fitter.whitener(finger, measured, NONE),
+        lambda: fitter.chi2_with(root, finger, measured),
+        lambda: fitter.best_single(root, measured),
+        lambda: fitter.best_pairs(root, measured),
+        lambda: other.best_single(root[1:], measured),
+        lambda: other.fit(finger, replace(measured, field_t=np.zeros(16)), NONE),
+        lambda: other.fit(finger, replace(measured, variance_t2=np.ones(16)), NONE),
+        lambda: other.fit(finger, replace(measured, used=np.ones(16, bool)), NONE),
+        lambda: other.fit(finger, measured, np.zeros(2)),
+        lambda: other.whitener(finger, replace(measured, variance_t2=np.ones(16)), NONE),
+        lambda: other.whitener(finger, measured, np.zeros(2)),
+        lambda: other.chi2_with(root, finger, replace(measured, field_t=np.zeros(16))),
+        lambda: other.chi2_with(root[1:], finger, measured),
+        lambda: other.best_pairs(root, replace(measured, field_t=np.zeros(16))),
+    ):
+        with pytest.raises(ValueError, match=r"array \d has \d+ bytes|another size"):
+            refused()
+
+
+@COMPILED
+def test_more_than_c_has_room_for_is_searched_in_numpy() -> None:
+    fitter, reference = fitters_of(4, 8, 48, 15, 1)
+    four = fingers_of(np.random.default_rng(17), 4)
+    measured = measured_of(np.random.default_rng(18), reference.model, four)
+    assert of_fit(fitter.fit(four, measured, NONE)) == of_fit(reference.fit(four, measured, NONE))
+    root = fitter.whitener(four, measured, NONE)
+    assert bits(root) == bits(reference.whitener(four, measured, NONE))
+    assert fitter.chi2_with(root, four, measured) == reference.chi2_with(root, four, measured)
+
+
+@COMPILED
+def test_grid_that_is_too_large_for_c_is_searched_in_numpy() -> None:
+    model, reference = models_of(1, reach_mm=32.0)
+    wide = Fitter(model)
+    assert model.compiled
+    assert not wide.compiled
+    measured = measured_of(np.random.default_rng(19), reference, np.array([[20.0, -5.0, 1.0]]))
+    root = wide.whitener(np.empty((0, 3)), measured, NONE)
+    start, _ = wide.best_single(root, measured)
+    assert np.abs(wide.fit(start, measured, NONE).fingers - [20.0, -5.0, 1.0]).max() < 2.0
+
+
 WITHOUT_C = """
 import sys
 {missing}
-from several_world import models_of
-model, reference = models_of(1)
-assert not model.compiled
 import numpy as np
-fingers = np.array([[1.0, 2.0, 1.0]])
-print(model.predict(fingers).field_t.tobytes().hex())
+from several_world import measured_of, models_of
+from fmfts.several.fit import Fitter
+fitter = Fitter(models_of(1)[0])
+assert not fitter.model.compiled and not fitter.compiled
+none = np.zeros(3)
+measured = measured_of(np.random.default_rng(2), fitter.model, np.array([[1.0, 2.0, 1.0]]))
+root = fitter.whitener(np.empty((0, 3)), measured, none)
+pairs = fitter.best_pairs(root, measured)
+found = fitter.fit(fitter.best_single(root, measured)[0], measured, none)
+print((found.fingers.tobytes() + found.covariance.tobytes() + np.array(pairs).tobytes()).hex())
 """
 
 
@@ -96,5 +429,10 @@ def test_without_the_compiled_part_numpy_says_the_same(missing: str, solver: str
         text=True,
         check=False,
     )
-    field = models_of(1)[0].predict(np.array([[1.0, 2.0, 1.0]])).field_t
-    assert said.stdout.strip() == field.tobytes().hex(), said.stderr
+    fitter = Fitter(models_of(1)[0])
+    measured = measured_of(np.random.default_rng(2), fitter.model, np.array([[1.0, 2.0, 1.0]]))
+    root = fitter.whitener(np.empty((0, 3)), measured, NONE)
+    pairs = fitter.best_pairs(root, measured)
+    found = fitter.fit(fitter.best_single(root, measured)[0], measured, NONE)
+    due = found.fingers.tobytes() + found.covariance.tobytes() + np.array(pairs).tobytes()
+    assert said.stdout.strip() == due.hex(), said.stderr

@@ -6,6 +6,8 @@ HEAD: dict[str, int]
 MOST: dict[str, int]
 WORK_BYTES: int
 LANES: int
+PANEL: int
+SEARCH_HEAD: dict[str, int]
 
 def predict(
     model: NDArray[Any],
@@ -32,3 +34,57 @@ def covariance(
     covariance: NDArray[Any],
     /,
 ) -> None: ...
+def fit(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    search: NDArray[Any],
+    start: NDArray[Any],
+    field: NDArray[Any],
+    variance: NDArray[Any],
+    used: NDArray[Any],
+    ambient: NDArray[Any],
+    fingers: NDArray[Any],
+    covariance: NDArray[Any],
+    misfit: NDArray[Any],
+    found_ambient: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
+def whitener(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    fingers: NDArray[Any],
+    variance: NDArray[Any],
+    used: NDArray[Any],
+    ambient: NDArray[Any],
+    root: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
+def chi2_with(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    root: NDArray[Any],
+    fingers: NDArray[Any],
+    field: NDArray[Any],
+    used: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
+def best_single(
+    search: NDArray[Any],
+    work: NDArray[Any],
+    room: NDArray[Any],
+    root: NDArray[Any],
+    field: NDArray[Any],
+    used: NDArray[Any],
+    finger: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
+def best_pairs(
+    search: NDArray[Any],
+    work: NDArray[Any],
+    room: NDArray[Any],
+    root: NDArray[Any],
+    field: NDArray[Any],
+    used: NDArray[Any],
+    starts: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...

@@ -1,7 +1,7 @@
-/* Looks into what field_model.py has packed. */
+/* Looks into what field_model.py and fit.py have packed. */
 #include <math.h>
 
-#include "several.h"
+#include "fit.h"
 
 /* The next `count` doubles of a packed model. */
 static const double *next(const double **at, size_t count)
@@ -57,6 +57,27 @@ bool fmfts_view_several(const double *packed, size_t count, fmfts_several *model
     model->by_field = next(&at, 3 * causes * stride);
     model->table = next(&at, width * width * (terms + 2) * poses);
     return (size_t)(at - packed) == count;
+}
+
+bool fmfts_view_search(const double *packed, size_t count, size_t values, fmfts_search *search)
+{
+    const fmfts_search_head *head = (const fmfts_search_head *)packed;
+    const size_t numbers = sizeof *head / sizeof(double);
+    if (count < numbers || !(head->places[0] >= 1.0 && head->places[0] <= FMFTS_SEVERAL_PLACES)) {
+        return false;
+    }
+    size_t places = (size_t)head->places[0], panels = (places + FMFTS_PANEL - 1) / FMFTS_PANEL;
+    size_t padded = panels * FMFTS_PANEL;
+    *search = (fmfts_search){
+        .head = head,
+        .places = places,
+        .panels = panels,
+        .values = values,
+        .x_mm = packed + numbers,
+        .y_mm = packed + numbers + padded,
+        .template_t = packed + numbers + 2 * padded,
+    };
+    return count == numbers + (2 + values) * padded;
 }
 
 bool fmfts_finite(size_t count, const double *values)

@@ -92,7 +92,10 @@ typedef struct {
     double factor[FMFTS_SEVERAL_COLUMNS * FMFTS_SEVERAL_VALUES]; /* by columns: [columns][stride] */
     double by_pose[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_VALUES];  /* [P][stride], by the response's units */
     double covariance[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
-    double root[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];
+    double root[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_VALUES];     /* [used][used] */
+    double slope[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_UNKNOWNS];  /* [used][3·fingers], white */
+    double white[FMFTS_SEVERAL_VALUES];                           /* [used] */
+    size_t used, index[FMFTS_SEVERAL_VALUES];                     /* the values that there are */
 } fmfts_several_work;
 
 /* packed.c: false if `packed` is no model, or larger than there is room for. */

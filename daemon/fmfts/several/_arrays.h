@@ -1,0 +1,98 @@
+/* The arrays that Python gives to one call of C. */
+#ifndef FMFTS_SEVERAL_ARRAYS_H
+#define FMFTS_SEVERAL_ARRAYS_H
+
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+
+#include "several.h"
+
+enum { MOST_BUFFERS = 12 };
+
+/* The arrays of one call: a packed model, the work space, what is read, then what is written. */
+typedef struct {
+    Py_buffer buffer[MOST_BUFFERS];
+    int count;
+    fmfts_several model;
+    fmfts_several_work *work;
+    size_t fingers;
+} call;
+
+enum { MODEL, WORK, FIRST };
+
+static inline void release(call *c)
+{
+    for (int i = 0; i < c->count; i++) {
+        PyBuffer_Release(&c->buffer[i]);
+    }
+}
+
+/* Takes the arrays of `args`, `inputs` of them only to read. Raises and returns false where one is no array. */
+static inline bool take(call *c, PyObject *args, int inputs, int all)
+{
+    c->count = 0;
+    if (PyTuple_Size(args) != all) {
+        PyErr_Format(PyExc_TypeError, "%zd arrays, %d expected", PyTuple_Size(args), all);
+        return false;
+    }
+    for (; c->count < all; c->count++) {
+        bool writes = c->count == WORK || c->count >= inputs;
+        PyObject *one = PyTuple_GetItem(args, c->count);
+        if (!one || PyObject_GetBuffer(one, &c->buffer[c->count], writes ? PyBUF_WRITABLE : PyBUF_SIMPLE) < 0) {
+            release(c);
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Whether array `which` has so many bytes; else raises ValueError. */
+static inline bool has(const call *c, int which, size_t bytes)
+{
+    if ((size_t)c->buffer[which].len == bytes) {
+        return true;
+    }
+    PyErr_Format(PyExc_ValueError, "array %d has %zd bytes, %zu expected", which, c->buffer[which].len, bytes);
+    return false;
+}
+
+static inline bool has_doubles(const call *c, int which, size_t doubles)
+{
+    return has(c, which, doubles * sizeof(double));
+}
+
+static inline double *array(const call *c, int which)
+{
+    return c->buffer[which].buf;
+}
+
+/* The model, the work space, and fingers in array `finger`. */
+static inline bool understood(call *c, int finger)
+{
+    const Py_buffer *model = &c->buffer[MODEL], *fingers = &c->buffer[finger];
+    c->work = c->buffer[WORK].buf;
+    c->fingers = (size_t)fingers->len / (FMFTS_FINGER * sizeof(double));
+    if (!fmfts_view_several(model->buf, (size_t)model->len / sizeof(double), &c->model)) {
+        PyErr_SetString(PyExc_ValueError, "the model has another size than there is room for");
+        return false;
+    }
+    if (c->fingers > FMFTS_SEVERAL_FINGERS) {
+        PyErr_Format(PyExc_ValueError, "%zu fingers, at most %d", c->fingers, FMFTS_SEVERAL_FINGERS);
+        return false;
+    }
+    return has(c, WORK, sizeof(fmfts_several_work)) && has_doubles(c, finger, FMFTS_FINGER * c->fingers);
+}
+
+/* _model.c */
+PyObject *fmfts_py_predict(PyObject *module, PyObject *args);
+PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
+
+/* _search.c */
+PyObject *fmfts_py_fit(PyObject *module, PyObject *args);
+PyObject *fmfts_py_whitener(PyObject *module, PyObject *args);
+PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args);
+PyObject *fmfts_py_best_single(PyObject *module, PyObject *args);
+PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args);
+
+#endif

@@ -1,0 +1,183 @@
+/* The search for fingers for Python: fit.py and scan.py call it, and make the arrays. */
+#include "_arrays.h"
+
+#include <string.h>
+
+#include "fit.h"
+
+/* What `search` told: what is wrong, or None; the size of a matrix that is wrong; a number that was found. */
+static PyObject *told(fmfts_refusal refusal, double number)
+{
+    static const char *const wrong[] = {
+        [FMFTS_FINE] = NULL,
+        [FMFTS_NOT_FINITE] = "input",
+        [FMFTS_INDEFINITE] = "positive definite",
+        [FMFTS_INFINITE] = "finite",
+    };
+    return Py_BuildValue("znd", wrong[refusal.kind], (Py_ssize_t)refusal.size, number);
+}
+
+/* How many values there are, by array `which`. */
+static size_t used(const call *c, int which)
+{
+    const uint8_t *values = c->buffer[which].buf;
+    size_t count = 0;
+    for (Py_ssize_t i = 0; i < c->buffer[which].len; i++) {
+        count += values[i] != 0;
+    }
+    return count;
+}
+
+static bool searches(const call *c, int which, size_t values, fmfts_search *search)
+{
+    const Py_buffer *packed = &c->buffer[which];
+    if (values <= FMFTS_SEVERAL_VALUES &&
+        fmfts_view_search(packed->buf, (size_t)packed->len / sizeof(double), values, search)) {
+        return true;
+    }
+    PyErr_SetString(PyExc_ValueError, "the search has another size than the field, or than there is room for");
+    return false;
+}
+
+/* fit(model, work, search, start, field, variance, used, ambient, fingers, covariance, misfit, ambient) */
+PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
+{
+    enum { SEARCH = FIRST, START, FIELD, VARIANCE, USED, AMBIENT, FINGERS, COVARIANCE, MISFIT, FOUND_AMBIENT, ALL };
+    call c;
+    fmfts_search search;
+    PyObject *result = NULL;
+    (void)module;
+    if (!take(&c, args, FINGERS, ALL)) {
+        return NULL;
+    }
+    if (understood(&c, START)) {
+        size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers;
+        if (searches(&c, SEARCH, values, &search) && has_doubles(&c, FIELD, values) && has_doubles(&c, VARIANCE, values) &&
+            has(&c, USED, values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, FINGERS, unknowns) &&
+            has_doubles(&c, COVARIANCE, unknowns * unknowns) && has_doubles(&c, MISFIT, values) &&
+            has_doubles(&c, FOUND_AMBIENT, 3)) {
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf};
+            fmfts_found found = {
+                .fingers = array(&c, FINGERS),
+                .covariance = array(&c, COVARIANCE),
+                .misfit_t = array(&c, MISFIT),
+                .ambient_t = array(&c, FOUND_AMBIENT),
+            };
+            fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, c.fingers, array(&c, START), &measured,
+                                                      array(&c, AMBIENT), c.work, &found);
+            result = told(refusal, found.chi2);
+        }
+    }
+    release(&c);
+    return result;
+}
+
+/* whitener(model, work, fingers, variance, used, ambient, root) */
+PyObject *fmfts_py_whitener(PyObject *module, PyObject *args)
+{
+    enum { FINGERS = FIRST, VARIANCE, USED, AMBIENT, ROOT, ALL };
+    call c;
+    PyObject *result = NULL;
+    (void)module;
+    if (!take(&c, args, ROOT, ALL)) {
+        return NULL;
+    }
+    size_t there = used(&c, USED);
+    if (understood(&c, FINGERS) && has_doubles(&c, VARIANCE, c.model.values) && has(&c, USED, c.model.values) &&
+        has_doubles(&c, AMBIENT, 3) && has_doubles(&c, ROOT, there * there)) {
+        fmfts_measured measured = {.variance_t2 = array(&c, VARIANCE), .used = c.buffer[USED].buf};
+        fmfts_refusal refusal =
+            fmfts_whitener(&c.model, c.fingers, array(&c, FINGERS), &measured, array(&c, AMBIENT), c.work);
+        memcpy(array(&c, ROOT), c.work->root, there * there * sizeof(double));
+        result = told(refusal, 0.0);
+    }
+    release(&c);
+    return result;
+}
+
+/* chi2_with(model, work, root, fingers, field, used) */
+PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args)
+{
+    enum { ROOT = FIRST, FINGERS, FIELD, USED, ALL };
+    call c;
+    PyObject *result = NULL;
+    (void)module;
+    if (!take(&c, args, ALL, ALL)) {
+        return NULL;
+    }
+    size_t there = used(&c, USED);
+    if (understood(&c, FINGERS) && has_doubles(&c, ROOT, there * there) && has_doubles(&c, FIELD, c.model.values) &&
+        has(&c, USED, c.model.values)) {
+        double chi2 = 0.0;
+        fmfts_measured measured = {.field_t = array(&c, FIELD), .used = c.buffer[USED].buf};
+        fmfts_refusal refusal =
+            fmfts_chi2_with(&c.model, array(&c, ROOT), c.fingers, array(&c, FINGERS), &measured, c.work, &chi2);
+        result = told(refusal, chi2);
+    }
+    release(&c);
+    return result;
+}
+
+enum { SCANNED = 0, SCAN_ROOM = FIRST, SCAN_ROOT, SCAN_FIELD, SCAN_USED, SCAN_FOUND, SCAN_ALL };
+
+/* Arrays search, work, room, root, field, used, found: of a scan that fills `found`. */
+static bool scans(call *c, PyObject *args, fmfts_search *search, fmfts_measured *measured)
+{
+    if (!take(c, args, SCAN_FOUND, SCAN_ALL)) {
+        return false;
+    }
+    size_t there = used(c, SCAN_USED), values = (size_t)c->buffer[SCAN_USED].len;
+    c->work = c->buffer[WORK].buf;
+    *measured = (fmfts_measured){.field_t = array(c, SCAN_FIELD), .used = c->buffer[SCAN_USED].buf};
+    if (searches(c, SCANNED, values, search) && has(c, WORK, sizeof(fmfts_several_work)) &&
+        has_doubles(c, SCAN_ROOM, FMFTS_SCAN_DOUBLES(values, search->panels * FMFTS_PANEL)) &&
+        has_doubles(c, SCAN_ROOT, there * there) && has_doubles(c, SCAN_FIELD, values)) {
+        return true;
+    }
+    release(c);
+    return false;
+}
+
+/* best_single(search, work, room, root, field, used, finger): the number is its gain. */
+PyObject *fmfts_py_best_single(PyObject *module, PyObject *args)
+{
+    call c;
+    fmfts_search search;
+    fmfts_measured measured;
+    PyObject *result = NULL;
+    (void)module;
+    if (!scans(&c, args, &search, &measured)) {
+        return NULL;
+    }
+    if (has_doubles(&c, SCAN_FOUND, FMFTS_FINGER)) {
+        double gain = 0.0;
+        bool finite = fmfts_best_single(&search, array(&c, SCAN_ROOT), &measured, c.work, array(&c, SCAN_ROOM),
+                                        array(&c, SCAN_FOUND), &gain);
+        result = told((fmfts_refusal){finite ? FMFTS_FINE : FMFTS_NOT_FINITE, 0}, gain);
+    }
+    release(&c);
+    return result;
+}
+
+/* best_pairs(search, work, room, root, field, used, starts): as many as there is room for. The number is how many. */
+PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args)
+{
+    call c;
+    fmfts_search search;
+    fmfts_measured measured;
+    PyObject *result = NULL;
+    (void)module;
+    if (!scans(&c, args, &search, &measured)) {
+        return NULL;
+    }
+    size_t most = (size_t)c.buffer[SCAN_FOUND].len / (2 * FMFTS_FINGER * sizeof(double)), count = 0;
+    if (most > FMFTS_SEVERAL_STARTS) {
+        PyErr_Format(PyExc_ValueError, "%zu pairs, at most %d", most, FMFTS_SEVERAL_STARTS);
+    } else if (has_doubles(&c, SCAN_FOUND, 2 * FMFTS_FINGER * most)) {
+        bool finite = fmfts_best_pairs(&search, array(&c, SCAN_ROOT), &measured, most, c.work, array(&c, SCAN_ROOM),
+                                       array(&c, SCAN_FOUND), &count);
+        result = told((fmfts_refusal){finite ? FMFTS_FINE : FMFTS_NOT_FINITE, 0}, (double)count);
+    }
+    release(&c);
+    return result;
+}

@@ -1,0 +1,98 @@
+/* The search for the fingers that best explain a field: fit.c and scan.c. */
+#ifndef FMFTS_SEVERAL_FIT_H
+#define FMFTS_SEVERAL_FIT_H
+
+#include "several.h"
+
+enum { FMFTS_PANEL = 16 }; /* so many places of the grid stand beside each other: with all values, they fit into L1 */
+
+/* The numbers at the head of a packed search: fit.py, scan.py. */
+#define FMFTS_SEARCH_HEAD(X)                                                                                           \
+    X(iterations, 1)                                                                                                   \
+    X(settled, 1)                                                                                                      \
+    X(rounding, 1)                                                                                                     \
+    X(damping, 1)                                                                                                      \
+    X(damping_factor, 1)                                                                                               \
+    X(most_damping, 1)                                                                                                 \
+    X(longest_step_mm, 1)                                                                                              \
+    X(least_step_mm, 1)                                                                                                \
+    X(lowest, FMFTS_FINGER)                                                                                            \
+    X(highest, FMFTS_FINGER)                                                                                           \
+    X(floor, FMFTS_FINGER)                                                                                             \
+    X(places, 1)                                                                                                       \
+    X(force_n, 1)                                                                                                      \
+    X(apart_mm, 1)                                                                                                     \
+    X(near_mm, 1)
+
+FMFTS_STRUCT(fmfts_search_head, FMFTS_SEARCH_HEAD)
+
+/* Views into one packed search. Places are padded to whole panels, with templates of zeros. */
+typedef struct {
+    const fmfts_search_head *head;
+    size_t places, panels, values;
+    const double *x_mm, *y_mm;  /* [panels · FMFTS_PANEL] */
+    const double *template_t;   /* [panels][values][FMFTS_PANEL]: what a press at each place does to the field */
+} fmfts_search;
+
+/* As Measured; field_t or variance_t2 may be NULL where they are not asked for. Arrays of all values; used: 1 where there
+ * is one. */
+typedef struct {
+    const double *field_t, *variance_t2;
+    const uint8_t *used;
+} fmfts_measured;
+
+/* As Fit; whoever calls gives the arrays. */
+typedef struct {
+    double *fingers, *covariance, *misfit_t, *ambient_t;
+    double chi2;
+} fmfts_found;
+
+/* Why there is no result. size: of the matrix. */
+typedef struct {
+    enum { FMFTS_FINE, FMFTS_NOT_FINITE, FMFTS_INDEFINITE, FMFTS_INFINITE } kind;
+    size_t size;
+} fmfts_refusal;
+
+/* Room for the scan: white templates [panels][used][FMFTS_PANEL], then for each place its projection, its square, and the
+ * best gain with another place. */
+#define FMFTS_SCAN_DOUBLES(values, padded) (((values) + 3) * (padded))
+
+/* packed.c: false if `packed` is no search for fields of so many values, or larger than there is room for. */
+bool fmfts_view_search(const double *packed, size_t count, size_t values, fmfts_search *search);
+
+/* whitener.c: lists the values that there are in `work`. False where one of them is not finite. */
+bool fmfts_list_used(size_t values, const fmfts_measured *measured, fmfts_several_work *work);
+
+/* whitener.c: overwrites a [n][n] with its lower triangle. False, and what is wrong, where there is none. */
+bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal);
+
+/* whitener.c: work->root [used][used], the lower triangle of C at `finger`. False as above. */
+bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *finger, const fmfts_predicted *predicted,
+                   const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
+                   fmfts_refusal *refusal);
+
+/* whitener.c: white [used] = L⁻¹ · (measured − predicted). Returns its square, χ². */
+double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
+                    const double *predicted_t, double *white);
+
+/* fit.c */
+fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, size_t fingers,
+                                const double *start, const fmfts_measured *measured, const double *ambient_t,
+                                fmfts_several_work *work, fmfts_found *found);
+
+/* whitener.c: as fmfts_root_of, with the prediction at `finger`. */
+fmfts_refusal fmfts_whitener(const fmfts_several *model, size_t fingers, const double *finger,
+                             const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work);
+
+fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, size_t fingers, const double *finger,
+                              const fmfts_measured *measured, fmfts_several_work *work, double *chi2);
+
+/* scan.c. room: FMFTS_SCAN_DOUBLES(values, padded places). root [used][used]. finger [3] and what it gains. */
+bool fmfts_best_single(const fmfts_search *search, const double *root, const fmfts_measured *measured,
+                       fmfts_several_work *work, double *room, double *finger, double *gain);
+
+/* starts [most][2][3]: the best pairs, at different places. count: how many there are. */
+bool fmfts_best_pairs(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t most,
+                      fmfts_several_work *work, double *room, double *starts, size_t *count);
+
+#endif

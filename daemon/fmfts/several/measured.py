@@ -1,0 +1,42 @@
+"""The field that fingers are searched in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import SingularError
+from fmfts.several.compiled import finite
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A field's change since rest (3N,), its variance by noise (3N,), and which values there are (3N,).
+
+    The others may be NaN.
+    """
+
+    field_t: Array
+    variance_t2: Array
+    used: NDArray[np.bool_]
+
+    @property
+    def there(self) -> NDArray[np.bool_]:
+        """`used` as C reads it."""
+        return np.ascontiguousarray(self.used, dtype=np.bool_)
+
+    def checked(self, *names: str, **others: Array) -> None:
+        """ValueError that names a value that there is, of the fields `names`, or a number of `others`, not finite."""
+        finite(**{name: np.where(self.used, getattr(self, name), 0.0) for name in names}, **others)
+
+
+def refuse(wrong: str | None, size: int, measured: Measured, **others: Array) -> None:
+    """Raises what NumPy would have raised, where C says that something is wrong."""
+    if wrong == "input":
+        measured.checked("field_t", "variance_t2", **others)
+    if wrong is not None:
+        raise SingularError(f"a matrix of {size} × {size} is not {wrong}")

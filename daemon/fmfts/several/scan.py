@@ -1,0 +1,147 @@
+"""Tries fingers on a grid: all places, and all pairs of places.
+
+What a finger does to the field is almost in proportion to its force. So each place has one template, the field of a
+press of 1 N, and the best forces at given places follow from least squares. With templates t and a field f that are
+white (L⁻¹·t, L⁻¹·f), a = t·f and s = t·t, one finger lowers χ² by a²/s. For two, with c = t₁·t₂:
+
+    d = s₁s₂ − c²,  first = (a₁s₂ − a₂c)/d,  second = (a₂s₁ − a₁c)/d,  gain = first·a₁ + second·a₂
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.matrix import product, solve, solve_lower
+from fmfts.several.compiled import MOST, _several, doubles
+from fmfts.several.field_model import FieldModel, Predicted
+from fmfts.several.measured import Measured, refuse
+
+Array = NDArray[np.float64]
+
+GRID_MM = 2.0
+GRID_FORCE_N = 1.0
+APART_MM = 8.0  # fingers that are nearer to each other are one: a wide patch looks the same
+STARTS = 3  # so many of the best pairs are followed to their minimum
+NEAR_MM = 1.5 * GRID_MM  # a pair that is nowhere farther than this from a better one leads to the same minimum
+
+
+class Scan:
+    """The grid of one mounted pad. places (G, 3): x, y in mm, and the force. templates (G, 3N)."""
+
+    def __init__(self, model: FieldModel) -> None:
+        response = model.response
+        along = np.arange(response.first_mm, response.last_mm + GRID_MM / 2.0, GRID_MM)
+        self.places = np.array([[x, y, GRID_FORCE_N] for x in along for y in along])
+        self.templates = np.array([model.predict(place[None]).field_t for place in self.places])
+        apart = self.places[:, None, :2] - self.places[None, :, :2]
+        number = np.arange(len(self.places))
+        far = (apart * apart).sum(axis=2) >= APART_MM * APART_MM
+        self.pairs = np.column_stack(np.where(far & (number[:, None] < number)))
+
+    def packed(self) -> tuple[Array, Array]:
+        """Places and templates as fit.h has them, and room for a scan."""
+        missing = -len(self.places) % _several.PANEL
+        places = np.concatenate([self.places[:, :2].T, np.zeros((2, missing))], axis=1)
+        templates = np.concatenate([self.templates, np.zeros((missing, self.templates.shape[1]))])
+        panels = templates.reshape(-1, _several.PANEL, templates.shape[1]).swapaxes(1, 2)
+        room = np.empty((templates.shape[1] + 3) * len(templates))
+        return np.concatenate([places.ravel(), panels.ravel()]), room
+
+    def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
+        """The best finger (1, 3), and by how much it lowers χ²."""
+        templates, white = self.white(root, measured)
+        along = product(templates, white)
+        size = product(templates[:, None, :], templates[:, :, None])[:, 0, 0]
+        size = np.where(size > 0.0, size, 1.0)
+        gain = np.where(along > 0.0, along * along / size, 0.0)
+        best = int(np.argmax(gain))
+        place = self.places[best].copy()
+        place[2] *= along[best] / size[best]
+        return place[None], float(gain[best])
+
+    def best_pairs(self, root: Array, measured: Measured, most: int) -> list[Array]:
+        """The best pairs of fingers (2, 3), at different places, the best first."""
+        templates, white = self.white(root, measured)
+        along, gram = product(templates, white), product(templates, templates.T)
+        one, other = self.pairs.T
+        size = np.diagonal(gram)
+        cross = gram[one, other]
+        determinant = size[one] * size[other] - cross * cross
+        first = along[one] * size[other] - along[other] * cross
+        second = along[other] * size[one] - along[one] * cross
+        good = (first > 0.0) & (second > 0.0) & (determinant > 0.0)
+        whole = np.where(good, determinant, 1.0)
+        gain = np.where(good, (first * along[one] + second * along[other]) / whole, 0.0)
+        starts: list[Array] = []
+        for best in np.argsort(-gain, kind="stable"):
+            if gain[best] <= 0.0 or len(starts) == most:
+                break
+            pair = self.places[[one[best], other[best]]].copy()
+            pair[:, 2] *= first[best] / whole[best], second[best] / whole[best]
+            if all(np.abs(pair[:, :2] - known[:, :2]).max() > NEAR_MM for known in starts):
+                starts.append(pair)
+        return starts
+
+    def best_seconds(
+        self, root: Array, finger: Array, predicted: Predicted, measured: Measured, most: int
+    ) -> list[Array]:
+        """The best fingers beside a first one, `finger` (1, 3), which may move a little for each: pairs (2, 3).
+
+        A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
+        only as its share of a press of 1 N. predicted: of the first finger.
+        """
+        templates, _ = self.white(root, measured)
+        used = measured.used
+        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
+        slope = solve_lower(root, predicted.slope[used])
+        # What a small move of the first finger explains as well is no sign of a second one.
+        both = np.column_stack([templates.T, white])
+        left = both - product(slope, solve(product(slope.T, slope), product(slope.T, both)))
+        along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
+        apart = self.places[:, :2] - finger[0, :2]
+        good = (along > 0.0) & (size > 0.0) & ((apart * apart).sum(axis=1) >= APART_MM * APART_MM)
+        size = np.where(size > 0.0, size, 1.0)
+        gain = np.where(good, along * along / size, 0.0)
+        starts: list[Array] = []
+        for best in np.argsort(-gain, kind="stable"):
+            if gain[best] <= 0.0 or len(starts) == most:
+                break
+            place = self.places[best].copy()
+            place[2] *= along[best] / size[best]
+            if all(np.abs(place[:2] - known[1, :2]).max() > NEAR_MM for known in starts):
+                starts.append(np.stack([finger[0], place]))
+        return starts
+
+    def white(self, root: Array, measured: Measured) -> tuple[Array, Array]:
+        """The templates (G, used) and the field (used,), in units of their own errors."""
+        measured.checked("field_t", root=root)
+        templates = solve_lower(root, np.ascontiguousarray(self.templates[:, measured.used].T)).T
+        return templates, solve_lower(root, measured.field_t[measured.used])
+
+
+class CompiledScan:
+    """The same in C. search, work, room: as several.h and fit.h have them."""
+
+    def __init__(self, reference: Scan, search: Array, work: Array, room: Array) -> None:
+        self._reference, self._search, self._work, self._room = reference, search, work, room
+
+    def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
+        found = np.empty((1, 3))
+        field, there = doubles(measured.field_t), measured.there
+        wrong, size, gain = _several.best_single(
+            self._search, self._work, self._room, doubles(root), field, there, found
+        )
+        refuse(wrong, size, measured, root=root)
+        return found, gain
+
+    def best_pairs(self, root: Array, measured: Measured, most: int) -> list[Array]:
+        if most > MOST["starts"]:
+            return self._reference.best_pairs(root, measured, most)
+        found = np.empty((most, 2, 3))
+        field, there = doubles(measured.field_t), measured.there
+        wrong, size, count = _several.best_pairs(
+            self._search, self._work, self._room, doubles(root), field, there, found
+        )
+        refuse(wrong, size, measured, root=root)
+        return list(found[: int(count)])

@@ -1,0 +1,84 @@
+/* A field in units of its own errors, among the values that there are: fit.py explains it. */
+#include <math.h>
+
+#include "../arithmetic/matrix.h"
+#include "fit.h"
+
+bool fmfts_list_used(size_t values, const fmfts_measured *measured, fmfts_several_work *work)
+{
+    work->used = 0;
+    for (size_t v = 0; v < values; v++) {
+        if (measured->used[v]) {
+            bool finite = (!measured->field_t || isfinite(measured->field_t[v])) &&
+                          (!measured->variance_t2 || isfinite(measured->variance_t2[v]));
+            if (!finite) {
+                return false;
+            }
+            work->index[work->used++] = v;
+        }
+    }
+    return true;
+}
+
+bool fmfts_factored(size_t n, double *a, fmfts_refusal *refusal)
+{
+    bool finite = fmfts_finite(n * n, a);
+    if (finite && fmfts_cholesky(n, a)) {
+        return true;
+    }
+    *refusal = (fmfts_refusal){finite ? FMFTS_INDEFINITE : FMFTS_INFINITE, n};
+    return false;
+}
+
+bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *finger, const fmfts_predicted *predicted,
+                   const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work,
+                   fmfts_refusal *refusal)
+{
+    fmfts_several_covariance(model, fingers, finger, predicted, measured->variance_t2, ambient_t, work);
+    for (size_t i = 0; i < work->used; i++) {
+        for (size_t j = 0; j < work->used; j++) {
+            work->root[i * work->used + j] = work->covariance[work->index[i] * model->values + work->index[j]];
+        }
+    }
+    return fmfts_factored(work->used, work->root, refusal);
+}
+
+double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
+                    const double *predicted_t, double *white)
+{
+    double chi2 = 0.0;
+    for (size_t i = 0; i < work->used; i++) {
+        white[i] = measured->field_t[work->index[i]] - predicted_t[work->index[i]];
+    }
+    fmfts_solve_lower(work->used, 1, root, white);
+    for (size_t i = 0; i < work->used; i++) {
+        chi2 += white[i] * white[i];
+    }
+    return chi2;
+}
+
+fmfts_refusal fmfts_whitener(const fmfts_several *model, size_t fingers, const double *finger,
+                             const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work)
+{
+    fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
+    if (fmfts_list_used(model->values, measured, work) && fmfts_finite(FMFTS_FINGER * fingers, finger) &&
+        fmfts_finite(3, ambient_t)) {
+        refusal.kind = FMFTS_FINE;
+        fmfts_predict(model, fingers, finger, &work->predicted[0]);
+        fmfts_root_of(model, fingers, finger, &work->predicted[0], measured, ambient_t, work, &refusal);
+    }
+    return refusal;
+}
+
+fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, size_t fingers, const double *finger,
+                              const fmfts_measured *measured, fmfts_several_work *work, double *chi2)
+{
+    fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
+    if (fmfts_list_used(model->values, measured, work) && fmfts_finite(FMFTS_FINGER * fingers, finger) &&
+        fmfts_finite(work->used * work->used, root)) {
+        refusal.kind = FMFTS_FINE;
+        fmfts_predict(model, fingers, finger, &work->predicted[0]);
+        *chi2 = fmfts_whiten(work, root, measured, work->predicted[0].field, work->white);
+    }
+    return refusal;
+}
