@@ -235,7 +235,10 @@ class FingersEstimator:
             told.append(
                 f"sensor {self.memory.left_out + 1} contradicts all others, and is left out: a bad chip or steel"
             )
-        axes = [f"{sensor + 1}{'xyz'[axis]}" for sensor, axis in np.argwhere(~used).tolist()]
+        axes = [
+            f"{sensor + 1}{'xyz'[axis]}"
+            for sensor, axis in zip(*(each.tolist() for each in np.where(~used)), strict=True)
+        ]
         return "degraded", "; ".join(told) or f"axes {', '.join(axes)} are saturated or stuck, and are left out"
 
     def _is_over_range(self, fit: Fit) -> bool:
