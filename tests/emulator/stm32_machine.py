@@ -104,7 +104,7 @@ class Machine:
     def polled(self, register: object) -> None:
         """A register was read while its bus event is on its way: a second read in a row waits for it."""
         before, tick = self._polled
-        if before == register and self.clock.now - tick < POLL_TICKS:
+        if before == register and self.clock.now - tick < POLL_TICKS and not self._attend:
             self.clock.now = max(self.clock.now, min(self.clock.due, self._until))
             self._run_due()
         self._polled = (register, self.clock.now)
