@@ -30,6 +30,10 @@ void conversion_seen(struct conversion *conversion, uint64_t seen_us)
     uint64_t period_us = conversion->period_us;
     uint64_t not_ready_us = conversion->not_ready_us, ready_us = conversion->ready_us;
     uint64_t earliest_us = not_ready_us > ready_us ? not_ready_us : ready_us;
+    // The newest conversion is no older than the longest period.
+    uint64_t longest_us = conversion->nominal_us + conversion->nominal_us / PERIOD_TOLERANCE;
+    if (seen_us > earliest_us + longest_us)
+        earliest_us = seen_us - longest_us;
     // 32 bits suffice, because the chip is polled at least every 71 minutes; the STM32 has no 64-bit division.
     uint32_t periods = (uint32_t)(seen_us - conversion->ended_us + period_us / END_TOLERANCE) / conversion->period_us;
     uint64_t predicted_us = conversion->ended_us + (periods ? periods : 1) * period_us;

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "hmc5983.h"
+
 enum {
     STATUS_INTERVAL_US = 1000000,
     STATUS_PAUSE_US = 50000, // least time between two status packets, when sensor states change
@@ -115,14 +117,14 @@ static enum wire_result set(struct device *device, const struct wire_request *re
             return RESULT_OUT_OF_RANGE;
         settings.gain_code = (uint8_t)request->argument;
     } else if (request->type == WIRE_REQUEST_RATE) {
-        if (request->argument < 1 || request->argument > sampler_rate_max(settings.trigger))
+        if (request->argument < 1 || request->argument > sampler_rate_max(sampler, settings.trigger))
             return RESULT_OUT_OF_RANGE;
         settings.rate_hz = request->argument;
     } else {
         if (request->argument > TRIGGER_SIMULTANEOUS)
             return RESULT_OUT_OF_RANGE;
         settings.trigger = (uint8_t)request->argument;
-        uint16_t rate_max = sampler_rate_max(settings.trigger);
+        uint16_t rate_max = sampler_rate_max(sampler, settings.trigger);
         if (settings.rate_hz > rate_max)
             settings.rate_hz = rate_max;
     }

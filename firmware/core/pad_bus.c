@@ -50,6 +50,7 @@ struct sensor_link pad_bus_link(struct sampler *sampler, struct sampler_pad *pad
         .bus = sampler->buses[pad->wiring.bus].route.bus,
         .clock = sampler->clock,
         .config_repairs = &pad->config_repairs,
+        .rate_hz = sampler->settings.rate_hz,
         .gain_code = sampler->settings.gain_code,
         .trigger = sampler->settings.trigger,
     };

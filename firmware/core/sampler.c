@@ -7,6 +7,7 @@ enum {
     LATE_FRAME_US = 50000,
     // The turns of other sensors delay reading a conversion by up to this. With much more its time would be unknown.
     READ_LATENESS_US = 600,
+    READ_US = 680, // one sensor's turn, with its part of the trigger and of the frame
 };
 
 void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus *buses, uint8_t bus_count,
@@ -15,7 +16,7 @@ void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus
     uint64_t now_us = clock_now(clock);
     *sampler = (struct sampler){
         .clock = clock,
-        .settings = {.rate_hz = HMC5983_RATE_HZ, .gain_code = 3, .trigger = TRIGGER_FREE},
+        .settings = {.rate_hz = RATE_MAX_HZ, .gain_code = 3, .trigger = TRIGGER_FREE},
         .pad_count = pad_count,
         .frame_us = now_us,
     };
@@ -33,22 +34,45 @@ void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus
 void sampler_apply(struct sampler *sampler, const struct sampler_settings *settings)
 {
     uint64_t now_us = clock_now(sampler->clock);
-    bool sensors_too = settings->gain_code != sampler->settings.gain_code ||
-                       settings->trigger != sampler->settings.trigger;
+    const struct sampler_settings before = sampler->settings;
+    bool all = settings->gain_code != before.gain_code || settings->trigger != before.trigger;
     sampler->settings = *settings;
     sampler->frame_us = now_us;
     sampler->frame_remainder = 0;
-    for (int p = 0; p < sampler->pad_count && sensors_too; p++) {
+    for (int p = 0; p < sampler->pad_count; p++) {
         struct sampler_pad *pad = &sampler->pads[p];
-        simultaneous_forget(pad);
-        for (int i = 0; i < pad->wiring.sensor_count; i++)
-            sensor_reconfigure(&pad->sensors[i], now_us);
+        if (all)
+            simultaneous_forget(pad);
+        for (int i = 0; i < pad->wiring.sensor_count; i++) {
+            const struct chip *chip = sensor_chip(&pad->sensors[i]);
+            bool other_speed = settings->trigger == TRIGGER_FREE &&
+                               chip_speed_for(chip, settings->rate_hz) != chip_speed_for(chip, before.rate_hz);
+            if (all || other_speed)
+                sensor_reconfigure(&pad->sensors[i], now_us);
+        }
     }
 }
 
-uint16_t sampler_rate_max(enum trigger trigger)
+// Chips that keep a sample while they measure are read then; of the others all are read before the next trigger.
+uint16_t sampler_rate_max(const struct sampler *sampler, enum trigger trigger)
 {
-    return trigger == TRIGGER_FREE ? HMC5983_RATE_HZ : SINGLE_RATE_MAX_HZ;
+    uint32_t rate_hz = RATE_MAX_HZ, sensors = 0;
+    for (int p = 0; p < sampler->pad_count; p++)
+        sensors += sampler->pads[p].wiring.sensor_count;
+    for (int p = 0; p < sampler->pad_count && trigger == TRIGGER_SIMULTANEOUS; p++) {
+        for (int i = 0; i < sampler->pads[p].wiring.sensor_count; i++) {
+            const struct sensor *sensor = &sampler->pads[p].sensors[i];
+            const struct chip_trigger *single = sensor_chip(sensor)->trigger;
+            if (!single || !sensor_is_identified(sensor))
+                continue;
+            uint32_t allowed_hz = single->rate_max_hz;
+            uint32_t bus_hz = 1000000U / (single->wait_us + READ_US * sensors);
+            if (!single->fastest_us && bus_hz < allowed_hz)
+                allowed_hz = bus_hz;
+            rate_hz = allowed_hz < rate_hz ? allowed_hz : rate_hz;
+        }
+    }
+    return (uint16_t)rate_hz;
 }
 
 void sampler_stream(struct sampler *sampler, bool streaming)

@@ -10,11 +10,7 @@
 #include "pad_bus.h"
 #include "wire.h"
 
-enum {
-    // One frame takes 6.47 ms: 6.2 ms of conversion, then one sensor's status and the trigger (107 bits with the mux
-    // selects). The rest is for the processor.
-    SINGLE_RATE_MAX_HZ = 152,
-};
+enum { RATE_MAX_HZ = 220 }; // of frames: the HMC5983's own
 
 void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus *buses, uint8_t bus_count,
                   const struct pad_wiring *pads, uint8_t pad_count);
@@ -23,7 +19,8 @@ void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus
 // settled.
 void sampler_apply(struct sampler *sampler, const struct sampler_settings *settings);
 
-uint16_t sampler_rate_max(enum trigger trigger);
+// With simultaneous triggers it is what the chips allow that were found; frames are fewer where another is found later.
+uint16_t sampler_rate_max(const struct sampler *sampler, enum trigger trigger);
 
 void sampler_stream(struct sampler *sampler, bool streaming);
 

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "hmc5983.h"
 #include "simultaneous.h"
 
 enum { STAGE_CONFIGURE, STAGE_TRIGGER, STAGE_READ };
@@ -21,7 +22,7 @@ void selftest_start(struct selftest *selftest, struct sampler *sampler, uint8_t 
     pad->borrowed = true;
     simultaneous_forget(pad);
     for (int i = 0; i < pad->wiring.sensor_count; i++)
-        selftest->state[i] = sensor_chip(&pad->sensors[i])->has_trigger ? pad->sensors[i].state : SENSOR_SELFTEST_FAILED;
+        selftest->state[i] = sensor_chip(&pad->sensors[i])->has_strap ? pad->sensors[i].state : SENSOR_SELFTEST_FAILED;
 }
 
 static struct sampler_pad *pad_of(const struct selftest *selftest)

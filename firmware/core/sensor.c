@@ -9,7 +9,7 @@ enum {
     STRIKE_PAUSE_US = 1000,
 };
 
-static const uint64_t STALE_PERIODS = 4;
+enum { STALE_PERIODS = 4, STALE_US = 18000 }; // a sample is used until it is older than both
 
 void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us)
 {
@@ -24,7 +24,12 @@ void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us
 
 const struct chip *sensor_chip(const struct sensor *sensor)
 {
-    return chip_kinds[sensor->kind];
+    return chip_places[sensor->place].chip;
+}
+
+struct chip_wires sensor_wires(const struct sensor *sensor, const struct sensor_link *link)
+{
+    return (struct chip_wires){.bus = link->bus, .address = chip_places[sensor->place].address};
 }
 
 void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us)
@@ -33,6 +38,7 @@ void sensor_fail(struct sensor *sensor, enum sensor_state state, uint64_t now_us
     sensor->phase = PHASE_IDENTIFY;
     sensor->has_sample = sensor->fresh = sensor->awaiting = false;
     sensor->strikes = sensor->missed = 0;
+    sensor->doubted = false;
     sensor->temperature_raw = WIRE_TEMPERATURE_UNKNOWN;
     sensor->due_us = now_us + ((uint64_t)BACKOFF_FIRST_US << sensor->failures);
     if (sensor->failures < BACKOFF_DOUBLINGS)
@@ -46,8 +52,6 @@ void sensor_strike(struct sensor *sensor, uint64_t now_us)
     sensor->due_us = now_us + STRIKE_PAUSE_US;
     if (++sensor->strikes >= STRIKES_MAX)
         sensor_fail(sensor, SENSOR_NO_ANSWER, now_us);
-    else if (sensor->phase == PHASE_IDENTIFY) // nobody acknowledged this kind's address: another kind may be there
-        sensor->kind = (uint8_t)((sensor->kind + 1) % CHIP_KINDS);
 }
 
 void sensor_reconfigure(struct sensor *sensor, uint64_t now_us)
@@ -55,7 +59,7 @@ void sensor_reconfigure(struct sensor *sensor, uint64_t now_us)
     sensor->has_sample = sensor->fresh = sensor->awaiting = false;
     if (!sensor_is_running(sensor))
         return;
-    sensor->phase = PHASE_CONFIGURE;
+    sensor->phase = PHASE_RESET;
     sensor->due_us = now_us;
 }
 
@@ -71,8 +75,13 @@ void sensor_await(struct sensor *sensor, uint64_t triggered_us)
 {
     sensor->awaiting = true;
     sensor->confirmed = sensor->overtaken = sensor->fresh = false;
-    sensor->conversion.ended_us = triggered_us + HMC5983_SINGLE_CONVERSION_US;
-    sensor->due_us = triggered_us + HMC5983_SINGLE_WAIT_US;
+    sensor->conversion.ended_us = triggered_us + sensor_chip(sensor)->trigger->conversion_us;
+    sensor->due_us = triggered_us + sensor_chip(sensor)->trigger->wait_us;
+}
+
+bool sensor_is_identified(const struct sensor *sensor)
+{
+    return sensor->phase != PHASE_IDENTIFY;
 }
 
 bool sensor_is_running(const struct sensor *sensor)
@@ -84,5 +93,7 @@ bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t
 {
     if (sensor->state != SENSOR_OK || !sensor->has_sample)
         return false;
-    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->conversion.ended_us + STALE_PERIODS * sensor_chip(sensor)->period_us;
+    uint32_t stale_us = STALE_PERIODS * (uint32_t)sensor->conversion.nominal_us;
+    stale_us = stale_us > STALE_US ? stale_us : STALE_US;
+    return trigger == TRIGGER_SIMULTANEOUS ? sensor->fresh : now_us < sensor->conversion.ended_us + stale_us;
 }

@@ -9,21 +9,21 @@
 #include "bus.h"
 #include "chips/chip.h"
 #include "conversion.h"
-#include "hmc5983.h"
 #include "wire.h"
 
-enum sensor_phase { PHASE_IDENTIFY, PHASE_CONFIGURE, PHASE_RUN, PHASE_CHORE };
+enum sensor_phase { PHASE_IDENTIFY, PHASE_RESET, PHASE_CONFIGURE, PHASE_RUN, PHASE_CHORE };
 
 struct sensor {
     uint8_t state; // enum sensor_state
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
-    uint8_t kind;           // of `chip_kinds`: which it is, or which is tried next
+    uint8_t place;          // of `chip_places`: what it is and where, or what is tried next
     uint8_t strikes;        // transfers without an answer, in a row
     uint8_t failures;       // calls of sensor_fail since the last good sample; set the back-off
     uint8_t missed;         // triggers without a conversion, in a row
     uint8_t ready_survives; // probes in a row that found READY set although the data had been read
     uint8_t unchanged;      // samples in a row with equal bytes while READY never cleared
+    bool doubted; // its identification was wrong the last time
     bool has_sample;
     bool fresh;            // the last sample is in no frame yet
     bool unsent;           // and it was not sent early
@@ -48,6 +48,7 @@ struct sensor_link {
     const struct bus *bus;
     struct clock *clock;
     uint32_t *config_repairs;
+    uint16_t rate_hz; // of frames
     uint8_t gain_code;
     uint8_t trigger; // enum trigger
 };
@@ -76,6 +77,8 @@ void sensor_overtake(struct sensor *sensor, uint64_t triggered_us);
 enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link);
 
 const struct chip *sensor_chip(const struct sensor *sensor);
+struct chip_wires sensor_wires(const struct sensor *sensor, const struct sensor_link *link);
+bool sensor_is_identified(const struct sensor *sensor);
 bool sensor_is_running(const struct sensor *sensor);
 bool sensor_is_valid(const struct sensor *sensor, enum trigger trigger, uint64_t now_us);
 

@@ -6,14 +6,28 @@ enum {
     MISSED_MAX = 3,
     UNCHANGED_MAX = 20,
     POLL_PAUSE_US = 100,
-    SILENCE_US = 50000,        // eleven conversions
-    LATE_CONVERSION_US = 3000, // beyond HMC5983_SINGLE_WAIT_US
+    SILENCE_US = 50000,        // eleven conversions of the HMC5983
+    SILENT_PERIODS = 4,        // of chips slower than that allows
+    LATE_CONVERSION_US = 3000, // beyond the trigger's `wait_us`
     BURST_US = 250,            // six bytes, with some time to spare
     CHORE_INTERVAL_US = 125000,
     READY_SURVIVES = 3, // so many probes in a row show that reading does not clear this chip's READY
 };
 
 static const uint64_t NEVER = UINT64_MAX;
+
+static enum bus_result read_status(const struct sensor *sensor, const struct sensor_link *link,
+                                   struct chip_sample *sample)
+{
+    const struct chip_wires wires = sensor_wires(sensor, link);
+    return sensor_chip(sensor)->read_status(&wires, sample);
+}
+
+static enum bus_result read_counts(const struct sensor *sensor, const struct sensor_link *link, int16_t counts[3])
+{
+    const struct chip_wires wires = sensor_wires(sensor, link);
+    return sensor_chip(sensor)->read_counts(&wires, counts);
+}
 
 void sensor_schedule(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
 {
@@ -33,20 +47,27 @@ static void seen_ready(struct sensor *sensor)
     sensor->suspect = false;
 }
 
+static uint64_t silence_us(const struct sensor *sensor)
+{
+    uint32_t periods_us = SILENT_PERIODS * (uint32_t)sensor->conversion.nominal_us;
+    return periods_us > SILENCE_US ? periods_us : SILENCE_US;
+}
+
 static void not_ready(struct sensor *sensor, const struct sensor_link *link, uint64_t now_us)
 {
-    if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + SILENCE_US)
+    if (link->trigger == TRIGGER_FREE && now_us > sensor->due_us + silence_us(sensor))
         sensor->conversion.ended_us = now_us; // this program polled too late; the chip was not silent
     sensor->conversion.not_ready_us = now_us;
     sensor->unchanged = 0;
     sensor->due_us = now_us + POLL_PAUSE_US;
     if (link->trigger == TRIGGER_FREE) {
-        if (now_us > sensor->conversion.ended_us + SILENCE_US)
+        if (now_us > sensor->conversion.ended_us + silence_us(sensor))
             sensor_fail(sensor, SENSOR_NO_NEW_DATA, now_us);
         return;
     }
     sensor->suspect = true;
-    if (now_us > sensor->conversion.ended_us + HMC5983_SINGLE_WAIT_US - HMC5983_SINGLE_CONVERSION_US + LATE_CONVERSION_US) {
+    const struct chip_trigger *trigger = sensor_chip(sensor)->trigger;
+    if (now_us > sensor->conversion.ended_us + trigger->wait_us - trigger->conversion_us + LATE_CONVERSION_US) {
         sensor->awaiting = false;
         sensor_schedule(sensor, link, now_us);
         if (++sensor->missed >= MISSED_MAX)
@@ -96,9 +117,9 @@ static void accept(struct sensor *sensor, const struct sensor_link *link, const 
 // be a new conversion.
 static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint8_t status = 0;
-    enum bus_result result = sensor_chip(sensor)->read_status(link->bus, &status);
-    if (!(status & HMC5983_READY))
+    struct chip_sample sample = {.status = 0};
+    enum bus_result result = read_status(sensor, link, &sample);
+    if (!(sample.status & CHIP_READY))
         sensor->ready_survives = 0;
     else if (sensor->ready_survives < READY_SURVIVES)
         sensor->ready_survives++;
@@ -107,11 +128,11 @@ static enum bus_result probe_ready(struct sensor *sensor, const struct sensor_li
 
 enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint8_t status = 0;
-    enum bus_result result = sensor_chip(sensor)->read_status(link->bus, &status);
+    struct chip_sample sample = {.status = 0};
+    enum bus_result result = read_status(sensor, link, &sample);
     if (result != BUS_OK)
         return result;
-    sensor->confirmed = status & HMC5983_READY;
+    sensor->confirmed = sample.status & CHIP_READY;
     if (sensor->confirmed)
         seen_ready(sensor);
     else
@@ -124,10 +145,10 @@ enum bus_result sensor_confirm(struct sensor *sensor, const struct sensor_link *
 // suspect.
 static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint64_t changes_us = sensor->overtaken_us + HMC5983_SINGLE_FASTEST_US;
+    uint64_t changes_us = sensor->overtaken_us + sensor_chip(sensor)->trigger->fastest_us;
     int16_t counts[3];
     bool in_time = clock_now(link->clock) + BURST_US < changes_us;
-    enum bus_result result = in_time ? sensor_chip(sensor)->read_counts(link->bus, counts) : BUS_OK;
+    enum bus_result result = in_time ? read_counts(sensor, link, counts) : BUS_OK;
     if (result != BUS_OK)
         return result;
     if (in_time && clock_now(link->clock) < changes_us) {
@@ -141,33 +162,36 @@ static enum bus_result read_overtaken(struct sensor *sensor, const struct sensor
 
 enum bus_result sensor_poll(struct sensor *sensor, const struct sensor_link *link)
 {
-    uint8_t status = 0;
-    int16_t counts[3];
+    const struct chip *chip = sensor_chip(sensor);
+    struct chip_sample sample = {.temperature_raw = WIRE_TEMPERATURE_UNKNOWN};
     if (sensor->overtaken)
         return read_overtaken(sensor, link);
-    enum bus_result result = sensor_chip(sensor)->read_status(link->bus, &status);
+    enum bus_result result = read_status(sensor, link, &sample);
     uint64_t seen_us = clock_now(link->clock);
     if (result != BUS_OK)
         return result;
-    bool ready = status & HMC5983_READY;
+    bool ready = sample.status & CHIP_READY;
     if (ready)
         seen_ready(sensor);
     else
         not_ready(sensor, link, seen_us);
-    if (!ready && !(status & HMC5983_LOCKED))
+    if (!ready && !(sample.status & CHIP_LOCKED))
         return BUS_OK;
-    result = sensor_chip(sensor)->read_counts(link->bus, counts); // also undoes LOCK, when only LOCK is set
+    if (chip->read_counts)
+        result = read_counts(sensor, link, sample.counts); // also undoes LOCK, when only LOCK is set
     if (result != BUS_OK || !ready)
         return result;
+    if (sample.temperature_raw != WIRE_TEMPERATURE_UNKNOWN)
+        sensor->temperature_raw = sample.temperature_raw;
     if (link->trigger == TRIGGER_FREE) {
-        if (!is_new(sensor, counts, seen_us)) {
+        if (!is_new(sensor, sample.counts, seen_us)) {
             sensor->due_us = seen_us + POLL_PAUSE_US;
             return BUS_OK;
         }
         conversion_seen(&sensor->conversion, seen_us);
     }
-    accept(sensor, link, counts);
+    accept(sensor, link, sample.counts);
     if (sensor->unchanged >= UNCHANGED_MAX)
         sensor_fail(sensor, SENSOR_NO_NEW_DATA, seen_us);
-    return sensor->phase == PHASE_CHORE ? probe_ready(sensor, link) : BUS_OK;
+    return sensor->phase == PHASE_CHORE && chip->ready_unsure ? probe_ready(sensor, link) : BUS_OK;
 }

@@ -1,54 +1,99 @@
 #include "sensor_poll.h"
 
+#include <string.h>
+
+enum { DOUBT_US = 1500 };
+
 // A gain code that the chip has not is another chip's: the host will set one when it knows the board.
 static struct chip_setup setup_of(const struct sensor *sensor, const struct sensor_link *link)
 {
     uint8_t last = (uint8_t)(sensor_chip(sensor)->gain_codes - 1);
     return (struct chip_setup){
+        .speed = chip_speed_for(sensor_chip(sensor), link->rate_hz),
         .gain_code = link->gain_code < last ? link->gain_code : last,
         .streams = link->trigger == TRIGGER_FREE,
     };
 }
 
+// Asks at every place where a chip may be, the last known one first. What answers wrongly is asked again before it counts
+// as another chip: it may have been busy, or the bus noisy.
 static enum bus_result identify(struct sensor *sensor, const struct sensor_link *link)
 {
-    enum bus_result result = sensor_chip(sensor)->identify(link->bus, sensor->identification);
-    if (result != BUS_OK)
-        return result;
-    if (sensor_chip(sensor)->is_identification(sensor->identification))
-        sensor->phase = PHASE_CONFIGURE;
-    else
-        sensor_fail(sensor, SENSOR_WRONG_IDENTIFICATION, clock_now(link->clock));
+    bool answered = false;
+    for (int n = 0; n < CHIP_PLACES; n++) {
+        const struct chip_wires wires = sensor_wires(sensor, link);
+        uint8_t identification[3];
+        enum bus_result result = sensor_chip(sensor)->identify(&wires, identification);
+        if (result != BUS_OK && result != BUS_NO_ANSWER)
+            return result;
+        bool known = result == BUS_OK && sensor_chip(sensor)->is_identification(identification);
+        if (result == BUS_OK && (known || !answered))
+            memcpy(sensor->identification, identification, sizeof sensor->identification);
+        if (known) {
+            sensor->phase = PHASE_RESET;
+            sensor->doubted = false;
+            return BUS_OK;
+        }
+        answered |= result == BUS_OK;
+        sensor->place = (uint8_t)((sensor->place + 1) % CHIP_PLACES);
+    }
+    if (!answered)
+        return BUS_NO_ANSWER;
+    uint64_t now_us = clock_now(link->clock);
+    if (sensor->doubted) {
+        sensor_fail(sensor, SENSOR_WRONG_IDENTIFICATION, now_us);
+    } else {
+        sensor->doubted = true;
+        sensor->due_us = now_us + DOUBT_US;
+    }
     return BUS_OK;
 }
 
-// Also reads all six output registers: their sample is old, and reading them undoes a LOCK.
+// Also reads the outputs: their sample is old, and reading them undoes a LOCK.
 static enum bus_result configure(struct sensor *sensor, const struct sensor_link *link)
 {
     const struct chip *chip = sensor_chip(sensor);
+    const struct chip_wires wires = sensor_wires(sensor, link);
     const struct chip_setup setup = setup_of(sensor, link);
     bool held = false;
-    enum bus_result result = chip->set_up(link->bus, &setup);
+    enum bus_result result = chip->set_up(&wires, &setup);
     if (result == BUS_OK)
-        result = chip->check(link->bus, &setup, &held);
-    if (result == BUS_OK)
-        result = chip->read_counts(link->bus, sensor->counts);
+        result = chip->check(&wires, &setup, &held);
+    if (result == BUS_OK && chip->read_counts)
+        result = chip->read_counts(&wires, sensor->counts);
     if (result != BUS_OK)
         return result;
     uint64_t now_us = clock_now(link->clock);
-    if (!held || !(setup.streams || chip->has_trigger)) {
+    if (!held || !(setup.streams || chip->trigger)) {
         sensor_fail(sensor, SENSOR_CONFIG_NOT_HELD, now_us);
         return BUS_OK;
     }
+    uint16_t period_us = chip->speeds[setup.speed].period_us;
     sensor->phase = PHASE_RUN;
     sensor->has_sample = sensor->fresh = sensor->awaiting = sensor->overtaken = false;
     sensor->discard_next = true;
     sensor->unchanged = 0;
-    conversion_restart(&sensor->conversion, chip->period_us, now_us);
-    // The first measurement comes after two periods (data sheet, mode register) and still has the old gain.
-    sensor->settled_us = now_us + chip->period_us * 5U / 2U;
+    conversion_restart(&sensor->conversion, period_us, now_us);
+    // The HMC5983's first measurement comes after two periods (data sheet, mode register) and still has the old gain.
+    sensor->settled_us = now_us + period_us * 5U / 2U;
     sensor_schedule(sensor, link, now_us);
     return BUS_OK;
+}
+
+static enum bus_result reset(struct sensor *sensor, const struct sensor_link *link)
+{
+    const struct chip *chip = sensor_chip(sensor);
+    if (!chip->reset) {
+        sensor->phase = PHASE_CONFIGURE;
+        return configure(sensor, link);
+    }
+    const struct chip_wires wires = sensor_wires(sensor, link);
+    enum bus_result result = chip->reset(&wires);
+    if (result == BUS_OK) {
+        sensor->phase = PHASE_CONFIGURE;
+        sensor->due_us = clock_now(link->clock) + chip->reset_us;
+    }
+    return result;
 }
 
 static enum bus_result do_chore(struct sensor *sensor, const struct sensor_link *link)
@@ -56,11 +101,12 @@ static enum bus_result do_chore(struct sensor *sensor, const struct sensor_link 
     bool held = true;
     enum bus_result result;
     const struct chip *chip = sensor_chip(sensor);
+    const struct chip_wires wires = sensor_wires(sensor, link);
     if (sensor->temperature_next && chip->read_thermometer) {
-        result = chip->read_thermometer(link->bus, &sensor->temperature_raw);
+        result = chip->read_thermometer(&wires, &sensor->temperature_raw);
     } else {
         const struct chip_setup setup = setup_of(sensor, link);
-        result = chip->check(link->bus, &setup, &held);
+        result = chip->check(&wires, &setup, &held);
     }
     if (result != BUS_OK)
         return result;
@@ -79,6 +125,7 @@ enum bus_result sensor_turn(struct sensor *sensor, const struct sensor_link *lin
 {
     static enum bus_result (*const turns[])(struct sensor *, const struct sensor_link *) = {
         [PHASE_IDENTIFY] = identify,
+        [PHASE_RESET] = reset,
         [PHASE_CONFIGURE] = configure,
         [PHASE_RUN] = sensor_poll,
         [PHASE_CHORE] = do_chore,

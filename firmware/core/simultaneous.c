@@ -38,28 +38,44 @@ static void confirm(struct sampler *sampler, struct sampler_pad *pad, int i)
     pad->confirmed_last = (uint8_t)i;
 }
 
-// A mux passes a write to several channels at once, so all sensors of the pad start within one bit time.
-static void trigger(struct sampler *sampler, struct sampler_pad *pad)
+// The channels of all sensors that take the same trigger as sensor `first`; marks these in `done`.
+static uint8_t alike(const struct sampler_pad *pad, int first, uint8_t *done)
 {
     uint8_t channels = 0;
-    pad->triggered = 0;
-    for (int i = 0; i < pad->wiring.sensor_count; i++) {
-        if (!sensor_is_running(&pad->sensors[i]))
+    for (int i = first; i < pad->wiring.sensor_count; i++) {
+        if (!sensor_is_running(&pad->sensors[i]) || pad->sensors[i].place != pad->sensors[first].place)
             continue;
         channels |= (uint8_t)(1 << pad->wiring.channels[i]);
-        pad->triggered |= (uint8_t)(1 << i);
+        *done |= (uint8_t)(1 << i);
     }
+    return channels;
+}
+
+// A mux passes a write to several channels at once, so all sensors of the pad start within one bit time. (Chips of
+// another kind or address, which the host will call wrong, start a write later.)
+static void trigger(struct sampler *sampler, struct sampler_pad *pad)
+{
+    enum bus_result result = BUS_OK;
+    uint8_t done = 0;
+    pad->triggered = 0;
     pad->trigger_due = false;
     pad->ahead = true;
-    if (!channels)
+    for (int i = 0; i < pad->wiring.sensor_count && result == BUS_OK; i++) {
+        const struct sensor *sensor = &pad->sensors[i];
+        if ((done >> i & 1) || !sensor_is_running(sensor))
+            continue;
+        const struct sensor_link link = pad_bus_link(sampler, pad);
+        const struct chip_wires wires = sensor_wires(sensor, &link);
+        const struct chip_trigger *single = sensor_chip(sensor)->trigger;
+        result = pad_bus_reach(sampler, pad, alike(pad, i, &done));
+        if (result == BUS_OK)
+            result = chip_write(&wires, single->bytes, single->count);
+        pad_bus_account(sampler, pad, NULL, result);
+    }
+    if (!done)
         return;
-    enum bus_result result = pad_bus_reach(sampler, pad, channels);
-    if (result == BUS_OK)
-        result = hmc5983_trigger(sampler->buses[pad->wiring.bus].route.bus);
-    pad_bus_account(sampler, pad, NULL, result);
+    pad->triggered = result == BUS_OK ? done : 0;
     pad->triggered_us = clock_now(sampler->clock);
-    if (result != BUS_OK)
-        pad->triggered = 0;
     for (int i = 0; i < pad->wiring.sensor_count; i++)
         sensor_overtake(&pad->sensors[i], pad->triggered_us);
 }
@@ -71,6 +87,20 @@ static void expect_samples(struct sampler_pad *pad)
     for (int i = 0; i < pad->wiring.sensor_count; i++)
         if ((pad->triggered >> i & 1) && sensor_is_running(&pad->sensors[i]))
             sensor_await(&pad->sensors[i], pad->triggered_us);
+}
+
+// Whether the running conversions may have ended, and none of their samples is lost by another trigger.
+static bool may_trigger(const struct sampler_pad *pad, uint64_t now_us)
+{
+    for (int i = 0; i < pad->wiring.sensor_count && pad->converting; i++) {
+        const struct sensor *sensor = &pad->sensors[i];
+        if (!sensor->awaiting)
+            continue;
+        const struct chip_trigger *single = sensor_chip(sensor)->trigger;
+        if (!single->fastest_us || now_us < pad->triggered_us + single->wait_us)
+            return false;
+    }
+    return true;
 }
 
 static bool poll_pad(struct sampler *sampler, struct sampler_pad *pad, uint64_t now_us)
@@ -87,7 +117,7 @@ static bool poll_pad(struct sampler *sampler, struct sampler_pad *pad, uint64_t 
     }
     if (!pad->trigger_due || pad->frame_due || sampler->buses[pad->wiring.bus].retry_us > now_us)
         return false;
-    if (pad->converting && now_us < pad->triggered_us + HMC5983_SINGLE_WAIT_US)
+    if (!may_trigger(pad, now_us))
         return false;
     int unconfirmed = pad->converting ? sensor_to_confirm(pad) : -1;
     if (unconfirmed < 0)

@@ -2,8 +2,6 @@
 
 #include <string.h>
 
-#include "../core/hmc5983.h"
-
 enum {
     BIT_NS = 2500, // 400 kHz
     BYTE_NS = 9 * BIT_NS,
@@ -22,7 +20,7 @@ uint32_t bench_now_us(void *context)
 }
 
 // Visits the chips on all connected channels of all muxes of the bus. A wrong driver may talk to several at once.
-typedef void visitor(struct emulated_chip *chip, void *argument);
+typedef void visitor(struct emulated_part *part, void *argument);
 
 static int visit_chips(struct emulated_bus *bus, visitor *visit, void *argument)
 {
@@ -30,11 +28,11 @@ static int visit_chips(struct emulated_bus *bus, visitor *visit, void *argument)
     for (int s = 0; s < bus->switch_count; s++) {
         struct emulated_switch *sw = &bus->switches[s];
         for (int channel = 0; channel < SWITCH_CHANNELS && sw->present; channel++) {
-            struct emulated_chip *chip = sw->chips[channel];
-            if (!chip || !chip->present || !(sw->channels >> channel & 1))
+            struct emulated_part *part = sw->chips[channel];
+            if (!part || !part->present || !(sw->channels >> channel & 1) || part->address != bus->address)
                 continue;
-            emulated_chip_advance(chip, bus->bench->now_ns);
-            visit(chip, argument);
+            part->kind->advance(part, bus->bench->now_ns);
+            visit(part, argument);
             answers++;
         }
     }
@@ -49,20 +47,20 @@ static struct emulated_switch *find_switch(struct emulated_bus *bus, uint8_t add
     return NULL;
 }
 
-static void visit_start(struct emulated_chip *chip, void *argument)
+static void visit_start(struct emulated_part *part, void *argument)
 {
     if (!*(bool *)argument)
-        emulated_chip_start_write(chip);
+        part->kind->start_write(part);
 }
 
-static void visit_put(struct emulated_chip *chip, void *argument)
+static void visit_put(struct emulated_part *part, void *argument)
 {
-    emulated_chip_put(chip, *(uint8_t *)argument);
+    part->kind->put(part, *(uint8_t *)argument);
 }
 
-static void visit_get(struct emulated_chip *chip, void *argument)
+static void visit_get(struct emulated_part *part, void *argument)
 {
-    *(uint8_t *)argument &= emulated_chip_get(chip); // open drain: any chip's zero wins
+    *(uint8_t *)argument &= part->kind->get(part); // open drain: any chip's zero wins
 }
 
 bool bench_start(struct emulated_bus *bus, uint8_t address, bool reading)
@@ -70,33 +68,29 @@ bool bench_start(struct emulated_bus *bus, uint8_t address, bool reading)
     bench_pass_time(bus->bench, BIT_NS + BYTE_NS);
     bus->address = address;
     bus->reading = reading;
-    if (address == HMC5983_ADDRESS)
-        return visit_chips(bus, visit_start, &reading) > 0;
-    return find_switch(bus, address) != NULL;
+    return find_switch(bus, address) != NULL || visit_chips(bus, visit_start, &reading) > 0;
 }
 
 bool bench_put(struct emulated_bus *bus, uint8_t byte)
 {
     bench_pass_time(bus->bench, BYTE_NS);
-    if (bus->address == HMC5983_ADDRESS)
-        return visit_chips(bus, visit_put, &byte) > 0;
     struct emulated_switch *sw = find_switch(bus, bus->address);
-    if (sw)
-        sw->control = byte;
-    return sw != NULL;
+    if (!sw)
+        return visit_chips(bus, visit_put, &byte) > 0;
+    sw->control = byte;
+    return true;
 }
 
 uint8_t bench_get(struct emulated_bus *bus)
 {
     uint8_t byte = 0xFF;
     bench_pass_time(bus->bench, BYTE_NS);
-    if (bus->address == HMC5983_ADDRESS) {
-        if (visit_chips(bus, visit_get, &byte) > 1)
-            bus->bench->contentions++;
-        return byte;
-    }
     struct emulated_switch *sw = find_switch(bus, bus->address);
-    return sw ? sw->control : byte;
+    if (sw)
+        return sw->control;
+    if (visit_chips(bus, visit_get, &byte) > 1)
+        bus->bench->contentions++;
+    return byte;
 }
 
 void bench_stop(struct emulated_bus *bus)
@@ -192,11 +186,16 @@ struct emulated_switch *bench_add_switch(struct bench *bench, int bus, uint8_t a
     return sw;
 }
 
+void bench_plug_part(struct emulated_part *part, bool present)
+{
+    if (present && !part->present)
+        part->kind->power_on(part);
+    part->present = present;
+}
+
 void bench_plug_chip(struct emulated_chip *chip, bool present)
 {
-    if (present && !chip->present)
-        emulated_chip_power_on(chip);
-    chip->present = present;
+    bench_plug_part(&chip->part, present);
 }
 
 void bench_plug_switch(struct emulated_switch *sw, bool present)

@@ -1,4 +1,4 @@
-// A bench with two I2C buses, TCA9548A switches and HMC5983 chips on them, in virtual time.
+// A bench with two I2C buses, TCA9548A switches and chips on them, in virtual time.
 #ifndef FMFTS_EMULATED_BENCH_H
 #define FMFTS_EMULATED_BENCH_H
 
@@ -16,7 +16,7 @@ struct emulated_switch {
     bool present;
     uint8_t channels; // connected now
     uint8_t control;  // written, takes effect at the STOP
-    struct emulated_chip *chips[SWITCH_CHANNELS];
+    struct emulated_part *chips[SWITCH_CHANNELS];
 };
 
 struct emulated_bus {
@@ -56,6 +56,7 @@ uint8_t bench_get(struct emulated_bus *bus);
 void bench_stop(struct emulated_bus *bus);
 
 // Switches the power of a chip or a mux off and on.
+void bench_plug_part(struct emulated_part *part, bool present);
 void bench_plug_chip(struct emulated_chip *chip, bool present);
 void bench_plug_switch(struct emulated_switch *sw, bool present);
 

@@ -31,18 +31,6 @@ void emulated_chip_power_on(struct emulated_chip *chip)
     chip->next_conversion_ns = NEVER;
 }
 
-void emulated_chip_init(struct emulated_chip *chip, uint32_t seed)
-{
-    *chip = (struct emulated_chip){
-        .temperature_c = 25.0,
-        .strap_gauss = {1.16, 1.16, 1.08},
-        .present = true,
-        .identification = {'H', '4', '3'},
-        .random = seed * 2654435761U + 1U,
-    };
-    emulated_chip_power_on(chip);
-}
-
 static double uniform(struct emulated_chip *chip)
 {
     chip->random ^= chip->random << 13;
@@ -240,13 +228,14 @@ static uint8_t next_pointer(uint8_t pointer)
     return (uint8_t)(pointer + 1);
 }
 
-void emulated_chip_start_write(struct emulated_chip *chip)
+static void start_write(struct emulated_part *part)
 {
-    chip->pointer_expected = true;
+    ((struct emulated_chip *)part)->pointer_expected = true;
 }
 
-void emulated_chip_put(struct emulated_chip *chip, uint8_t byte)
+static void put(struct emulated_part *part, uint8_t byte)
 {
+    struct emulated_chip *chip = (struct emulated_chip *)part;
     if (chip->pointer_expected) {
         chip->pointer = byte;
         chip->pointer_expected = false;
@@ -256,9 +245,33 @@ void emulated_chip_put(struct emulated_chip *chip, uint8_t byte)
     chip->pointer = next_pointer(chip->pointer);
 }
 
-uint8_t emulated_chip_get(struct emulated_chip *chip)
+static uint8_t get(struct emulated_part *part)
 {
+    struct emulated_chip *chip = (struct emulated_chip *)part;
     uint8_t byte = read_register(chip, chip->pointer);
     chip->pointer = next_pointer(chip->pointer);
     return byte;
+}
+
+static void power_on(struct emulated_part *part)
+{
+    emulated_chip_power_on((struct emulated_chip *)part);
+}
+
+static void advance(struct emulated_part *part, uint64_t now_ns)
+{
+    emulated_chip_advance((struct emulated_chip *)part, now_ns);
+}
+
+void emulated_chip_init(struct emulated_chip *chip, uint32_t seed)
+{
+    static const struct emulated_part_kind kind = {power_on, advance, start_write, put, get};
+    *chip = (struct emulated_chip){
+        .part = {.kind = &kind, .address = HMC5983_ADDRESS, .present = true},
+        .temperature_c = 25.0,
+        .strap_gauss = {1.16, 1.16, 1.08},
+        .identification = {'H', '4', '3'},
+        .random = seed * 2654435761U + 1U,
+    };
+    emulated_chip_power_on(chip);
 }

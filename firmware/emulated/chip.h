@@ -2,10 +2,10 @@
 #ifndef FMFTS_EMULATED_CHIP_H
 #define FMFTS_EMULATED_CHIP_H
 
-#include <stdbool.h>
-#include <stdint.h>
+#include "part.h"
 
 struct emulated_chip {
+    struct emulated_part part;
     // A test may set these at any time. Call emulated_chip_advance before, so that past conversions keep the old
     // values.
     double field_ut[3];
@@ -15,7 +15,6 @@ struct emulated_chip {
     double gain_error[3];  // relative, per axis
     double ppm;            // how much faster than nominal the chip's clock runs
     uint8_t saturated_axes; // bit i: a strong magnet sits on axis i
-    bool present;
     bool clock_stopped;
     bool config_read_only;       // configuration writes are lost
     bool ready_survives_reading; // only the next conversion clears READY; the data sheet can be read both ways
@@ -42,10 +41,5 @@ struct emulated_chip {
 void emulated_chip_init(struct emulated_chip *chip, uint32_t seed);
 void emulated_chip_power_on(struct emulated_chip *chip);
 void emulated_chip_advance(struct emulated_chip *chip, uint64_t now_ns);
-
-// One transfer as the chip sees it. emulated_chip_advance sets its time.
-void emulated_chip_start_write(struct emulated_chip *chip);
-void emulated_chip_put(struct emulated_chip *chip, uint8_t byte);
-uint8_t emulated_chip_get(struct emulated_chip *chip);
 
 #endif

@@ -41,7 +41,7 @@ void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_
             emulated_chip_init(chip, (uint32_t)(p * SAMPLER_SENSORS_MAX + i + 1));
             chip->noise_ut = noise_ut;
             chip->ppm = clock_ppm[p][i];
-            emulation->switches[p]->chips[i] = chip;
+            emulation->switches[p]->chips[i] = &chip->part;
         }
     }
     emulated_converter_init(&emulation->converter, &emulation->bench);

@@ -46,8 +46,8 @@ static bool sensor_answers(const struct bus *bus, uint8_t mux_address, uint8_t c
     if (!select(bus, mux_address, channels))
         return false;
     for (int attempt = 0; attempt < ATTEMPTS; attempt++) {
-        for (int kind = 0; kind < CHIP_KINDS; kind++) {
-            enum bus_result result = bus->write(bus->context, chip_kinds[kind]->address, NULL, 0);
+        for (int place = 0; place < CHIP_PLACES; place++) {
+            enum bus_result result = bus->write(bus->context, chip_places[place].address, NULL, 0);
             if (result == BUS_OK)
                 return true;
             if (result != BUS_NO_ANSWER)

@@ -15,7 +15,7 @@ void begin(void)
     struct emulated_switch *sw = bench_add_switch(&bench, 0, SWITCH);
     for (int i = 0; i < 2; i++) {
         emulated_chip_init(&chips[i], 1);
-        sw->chips[i] = &chips[i];
+        sw->chips[i] = &chips[i].part;
     }
     for (int axis = 0; axis < 3; axis++) {
         chips[0].field_ut[axis] = 100.0 * (axis + 1) / 6.6;

@@ -5,7 +5,7 @@
 
 #include "harness.h"
 
-enum { TESTS_MAX = 200 };
+enum { TESTS_MAX = 400 };
 
 static struct {
     const char *name;

@@ -1,6 +1,7 @@
 // Samples that come one by one, before their frames.
 #include <string.h>
 
+#include "../../firmware/core/hmc5983.h"
 #include "harness.h"
 #include "rig.h"
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from emulated_stream import EVERYONE, EmulatedStream
 
-from emulator.magnetometers import Qmc5883l
-from fmfts.sensor.chips import QMC5883L
+from emulator.magnetometer import Magnetometer
+from emulator.magnetometers import Mmc5983ma, Qmc5883l
+from fmfts.sensor.chips import CHIPS, QMC5883L
 from fmfts.sensor.wire.packets import Result, Sample, SensorState, Verb
 
 pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
@@ -17,18 +19,36 @@ FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(4)]
 SECONDS = 2.0
 
 
-def with_chips(replaced: dict[int, Qmc5883l | None]) -> tuple[EmulatedStream, list[Qmc5883l]]:
-    """A board whose first mux has QMC5883L on these channels (None: made here)."""
+@dataclass(frozen=True)
+class Kind:
+    """An emulated chip, a gain code, and a rate at which no frame is faster than the chips."""
+
+    name: str
+    emulated: type[Magnetometer]
+    gain_code: int
+    rate_hz: int
+
+
+OTHERS = [
+    Kind("mmc5983ma", Mmc5983ma, 0, 200),
+]
+each_kind = pytest.mark.parametrize("kind", OTHERS, ids=lambda kind: kind.name)
+
+
+def with_chips(
+    replaced: dict[int, Magnetometer | None], emulated: type[Magnetometer] = Qmc5883l, noise_gauss: float = 0.002
+) -> tuple[EmulatedStream, list[Magnetometer]]:
+    """A board whose first mux has chips of another kind on these channels (None: made here)."""
     stream = EmulatedStream()
     mux = next(iter(stream.board.muxes.values()))
     chips = []
     for channel in replaced:
-        chip = Qmc5883l(
+        chip = emulated(
             lambda: stream.board.machine.now_s,
             FIELDS_GAUSS[channel],
             clock_error=(channel - 1.5) * 0.015,
             phase_s=0.0007 * channel,
-            noise_gauss=0.002,
+            noise_gauss=noise_gauss,
             seed=channel,
         )
         mux.channels[channel] = chip
@@ -105,3 +125,59 @@ def test_a_qmc5883l_has_no_selftest_and_no_trigger() -> None:
     asked(stream, Verb.TRIGGER, 0)
     stream.run(1.5)
     assert stream.samples(0.1)[-1].valid == EVERYONE
+
+
+@each_kind
+def test_flashed_program_reads_each_kind_and_loses_no_frame(kind: Kind) -> None:
+    chip = CHIPS[kind.name]
+    stream, chips = with_chips(dict.fromkeys(range(4)), kind.emulated, noise_gauss=0.002)
+    stream.run(0.3)
+    asked(stream, Verb.RANGE, kind.gain_code)
+    asked(stream, Verb.RATE, kind.rate_hz)
+    stream.run(0.5)
+    before = [each.conversions for each in chips]
+    samples = stream.samples(SECONDS)
+    made = np.array([each.conversions for each in chips]) - before
+    assert len(samples) / SECONDS >= kind.rate_hz - 1
+    assert [b.sequence - a.sequence for a, b in pairwise(samples)] == [1] * (len(samples) - 1)
+    assert all(sample.valid == EVERYONE for sample in samples)
+    taken = [sum(sample.fresh >> sensor & 1 for sample in samples) for sensor in range(4)]
+    # Frames are no faster than some chips: of a faster one the newest sample is sent.
+    assert np.all(taken >= np.minimum(made, kind.rate_hz * SECONDS) * 0.95), (made, taken)
+    field_t = np.mean([sample.counts for sample in samples], axis=0) * chip.step_t[kind.gain_code]
+    assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=float(np.nanmax(chip.step_t[kind.gain_code])))
+    temperature_c = chip.temperature_c(samples[-1].temperature_raw)
+    assert temperature_c is None if chip.thermometer is None else temperature_c == pytest.approx(25.0, abs=0.13)
+    assert all(chip.is_identity(sensor.identification) for sensor in stream.hello.pads[0].sensors)
+    assert set(stream.status.pads[0].states) == {SensorState.OK}
+    assert stream.is_clean()
+
+
+@each_kind
+def test_flashed_program_triggers_each_kind_at_once(kind: Kind) -> None:
+    most_hz = CHIPS[kind.name].board_single_hz
+    stream, _ = with_chips(dict.fromkeys(range(4)), kind.emulated, noise_gauss=0.0)
+    stream.run(0.3)
+    asked(stream, Verb.RANGE, kind.gain_code)
+    asked(stream, Verb.TRIGGER, 1)
+    assert stream.request(Verb.RATE, most_hz + 1).result == Result.OUT_OF_RANGE
+    asked(stream, Verb.RATE, most_hz)
+    stream.run(0.5)
+    samples = stream.samples(1.0)
+    assert most_hz - 2 <= len(samples) <= most_hz + 1
+    assert all(sample.valid == sample.fresh == EVERYONE for sample in samples)
+    field_t = samples[-1].counts * CHIPS[kind.name].step_t[kind.gain_code]
+    step_t = float(np.nanmax(CHIPS[kind.name].step_t[kind.gain_code]))
+    assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=step_t)
+    assert stream.status.pads[0].config_repairs == 0
+    assert stream.is_clean()
+
+
+@each_kind
+def test_flashed_program_sets_a_power_cycled_chip_up_again(kind: Kind) -> None:
+    stream, chips = with_chips(dict.fromkeys(range(4)), kind.emulated)
+    stream.run(0.5)
+    chips[1].power_on()
+    samples = stream.samples(1.0)
+    assert all(sample.valid == EVERYONE for sample in samples[-20:])
+    assert sum(sample.fresh >> 1 & 1 for sample in samples[-20:]) > 5

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../../firmware/core/hmc5983.h"
 #include "harness.h"
 #include "rig.h"
 
@@ -248,7 +249,7 @@ TEST(three_pads_on_one_bus_keep_220_frames_a_second)
     struct emulation *e = &rig.emulation;
     struct emulated_switch *third = bench_add_switch(&e->bench, 0, 0x72);
     for (int i = 0; i < 4; i++)
-        third->chips[i] = &e->chips[2][i];
+        third->chips[i] = &e->chips[2][i].part;
     e->wiring[2].bus = 0;
     e->wiring[2].mux_address = 0x72;
     device_init(&e->device, &e->board);

@@ -21,6 +21,8 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.estimator import Estimator
 from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.runtime.lateness import OVERDUE_NS
+from fmfts.sensor.chips import CHIPS
+from fmfts.sensor.chips.rates import fastest_on_board_hz
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.wire.framing import encode
@@ -137,3 +139,12 @@ def test_a_recorded_sample_that_no_chip_gives_is_refused(damage: dict[str, objec
     assert early_of(whole).counts == (1, 2, 3)
     with pytest.raises(ValueError, match="no chip gives"):
         early_of(msgspec.structs.replace(whole, **damage))
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate_hz", "samples_hz"),
+    [("hmc5983", 30, 226.6), ("mmc5983ma", 200, 210.0), ("mmc5983ma", 220, 1050.0), ("qmc5883l", 200, 210.0)],
+)
+def test_a_chip_gives_samples_at_the_rate_that_the_board_runs_it_at(kind: str, rate_hz: int, samples_hz: float) -> None:
+    """Which is not the frames': the HMC5983 has one rate on a board, and the fastest of an MMC5983MA fill any line."""
+    assert fastest_on_board_hz(CHIPS[kind], rate_hz) == pytest.approx(samples_hz)

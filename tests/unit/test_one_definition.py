@@ -19,8 +19,8 @@ from fmfts.bus.messages import ContactMessage, FingerMessage, Health, NowMessage
 from fmfts.config import BridgeSource
 from fmfts.pipeline.fast.compiled import NUMBERS
 from fmfts.pipeline.fast.template import INTEGERS
-from fmfts.sensor.chips import CHIPS, HMC5983, QMC5883L, ChipName
-from fmfts.sensor.chips.rates import BRIDGE_SIMULTANEOUS_HZ
+from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
+from fmfts.sensor.chips.rates import BRIDGE_HZ, highest_rate_hz
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
 from fmfts.sensor.wire import codec, packets
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
@@ -170,7 +170,7 @@ def test_no_program_holds_more_than_the_wire_carries() -> None:
     assert constants(CORE / "pad_bus.h")["SAMPLER_SENSORS_MAX"] <= packets.MAX_SENSORS
     assert "SAMPLER_PADS_MAX = WIRE_PADS_MAX" in sampler
     assert "FMFTS_SENSORS = FMFTS_WIRE_SENSORS" in tables
-    assert constants(CORE / "sampler.h")["SINGLE_RATE_MAX_HZ"] == BRIDGE_SIMULTANEOUS_HZ
+    assert constants(CORE / "sampler.h")["RATE_MAX_HZ"] == BRIDGE_HZ
 
 
 def test_configuration_takes_the_pads_that_a_board_may_have_and_no_more() -> None:
@@ -188,6 +188,8 @@ def test_firmware_describes_the_chip_as_the_daemon_does() -> None:
     chip, board = HMC5983, constants(CORE / "hmc5983.h")
     source = (CORE / "hmc5983.c").read_text()
     assert board["HMC5983_ADDRESS"] == chip.address
+    assert (board["HMC5983_RATE_HZ"],) == chip.board_rates_hz
+    assert board["HMC5983_SINGLE_RATE_MAX_HZ"] == chip.board_single_hz
     assert board["HMC5983_OVERFLOW"] == chip.saturated_count
     assert board["HMC5983_GAIN_CODES"] == len(chip.counts_per_gauss)
     assert board["HMC5983_SELFTEST_GAIN"] == chip.bias_strap.gain_code
@@ -203,15 +205,44 @@ def test_firmware_describes_the_chip_as_the_daemon_does() -> None:
     assert "".join(identity).encode() == chip.identity
 
 
-def test_firmware_describes_the_qmc5883l_as_the_daemon_does() -> None:
-    board, source = constants(CORE / "chips/qmc5883l.c"), (CORE / "chips/qmc5883l.c").read_text()
-    assert board["ADDRESS"] == QMC5883L.address
-    assert board["LAST_COUNT"] == QMC5883L.largest_count + 1
-    assert "SATURATED = INT16_MIN" in source
-    assert QMC5883L.saturated_count == -(2**15)
-    assert f".gain_codes = {len(QMC5883L.counts_per_gauss)}," in source
-    assert f".rate_hz = {QMC5883L.free_rate_hz}," in source
-    assert board["PERIOD_US"] == 1_000_000 // QMC5883L.free_rate_hz
+# Of each chip's file in the firmware, by the names of constants in it.
+LARGEST = {"qmc5883l": "LAST_COUNT - 1", "mmc5983ma": "LARGEST"}
+
+
+@pytest.mark.parametrize("chip", [chip for name, chip in CHIPS.items() if name in LARGEST], ids=lambda chip: chip.name)
+def test_firmware_describes_the_other_chips_as_the_daemon_does(chip: Chip) -> None:
+    path = CORE / f"chips/{chip.name}.c"
+    board, source = constants(path), path.read_text()
+    name, _, less = LARGEST[chip.name].partition(" - ")
+    assert board[name] - int(less or 0) == chip.largest_count
+    assert chip.saturated_count == -(2**15)
+    assert f".gain_codes = {len(chip.counts_per_gauss)}," in source
+    speeds = re.search(r"chip_speed speeds\[\] = \{(.*)\};", source)
+    assert speeds is not None
+    rates = [(int(rate), int(period)) for rate, period in re.findall(r"\{(\d+), (\d+)\}", speeds[1])]
+    assert [rate for rate, _ in rates] == list(chip.board_rates_hz)
+    assert set(chip.board_rates_hz) <= set(chip.output_rates_hz)
+    assert all(period == pytest.approx(1e6 / rate, rel=0.02) for rate, period in rates)  # rates are whole hertz
+    single = {name: int(number) for name, number in re.findall(r"\.(\w+) = (\d+),", source)}
+    assert ("conversion_us" in single) == chip.has_trigger
+    if chip.has_trigger:
+        assert single["conversion_us"] == pytest.approx(chip.single_conversion_s * 1e6, abs=1)
+        assert single["wait_us"] == pytest.approx(chip.single_wait_s * 1e6, abs=2)
+        assert single["rate_max_hz"] == chip.single_rate_hz
+
+
+def test_boards_look_for_each_chip_wherever_it_may_be() -> None:
+    places = re.findall(r"\{&chip_(\w+), (0x\w\w)\}", (CORE / "chips/chips.c").read_text())
+    for name in {name for name, _ in places}:
+        assert [int(address, 16) for kind, address in places if kind == name] == list(CHIPS[name].addresses)
+
+
+@pytest.mark.parametrize("chip", [chip for chip in CHIPS.values() if chip.on_boards], ids=lambda chip: chip.name)
+def test_noise_on_a_board_is_what_the_daemon_takes_it_for(chip: Chip) -> None:
+    """Where a board runs a chip faster than the daemon would by itself, that must not be noisier."""
+    for rate_hz in range(1, highest_rate_hz(chip, "free", over_bridge=True) + 1):
+        on_board = min((rate for rate in chip.board_rates_hz if rate >= rate_hz), default=chip.board_rates_hz[-1])
+        assert chip.noise_at_t(on_board, "free") == chip.noise_at_t(rate_hz, "free")
 
 
 def test_every_chip_that_boards_read_has_a_file_in_the_firmware() -> None:

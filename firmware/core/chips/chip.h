@@ -6,33 +6,93 @@
 #include <stdint.h>
 
 #include "../bus.h"
+#include "../wire.h"
+
+// One chip. The mux channel to it is open already.
+struct chip_wires {
+    const struct bus *bus;
+    uint8_t address;
+};
 
 struct chip_setup {
     uint8_t gain_code;
-    bool streams; // by its own clock; else it waits for a trigger
+    uint8_t speed; // of the chip's `speeds`
+    bool streams;  // by its own clock; else it waits for a trigger
+};
+
+// Rates of a stream, slowest first.
+struct chip_speed {
+    uint16_t rate_hz;
+    uint16_t period_us;
+};
+
+// One measurement at the board's word.
+struct chip_trigger {
+    uint8_t bytes[2]; // what starts it
+    uint8_t count;    // of these bytes
+    uint16_t conversion_us;
+    uint16_t wait_us;    // the same by the slowest chip, rounded up
+    uint16_t fastest_us; // and by the fastest, rounded down. 0: a sample must be read before the next trigger
+    uint16_t rate_max_hz;
+};
+
+enum chip_status {
+    CHIP_READY = 1,
+    CHIP_LOCKED = 2, // the outputs are frozen until they are read
+};
+
+struct chip_sample {
+    uint8_t status;
+    int16_t counts[3];
+    int16_t temperature_raw; // WIRE_TEMPERATURE_UNKNOWN unless the chip tells it with the axes
 };
 
 struct chip {
-    uint8_t address;
     uint8_t gain_codes;
-    bool has_trigger;    // HMC5983_MODE, and a self-test with its bias strap
-    uint16_t rate_hz;    // of its stream
-    uint16_t period_us;  // at that rate
-    enum bus_result (*identify)(const struct bus *bus, uint8_t identification[3]);
+    uint8_t speed_count;
+    bool ready_unsure; // reading the outputs may leave READY set: the data sheet can be read both ways
+    bool has_strap;    // the self-test of selftest.c
+    uint16_t reset_us; // what `reset` takes
+    const struct chip_speed *speeds;
+    const struct chip_trigger *trigger; // NULL: it measures at its own times only
+    enum bus_result (*identify)(const struct chip_wires *wires, uint8_t identification[3]);
     bool (*is_identification)(const uint8_t identification[3]);
-    enum bus_result (*set_up)(const struct bus *bus, const struct chip_setup *setup);
-    enum bus_result (*check)(const struct bus *bus, const struct chip_setup *setup, bool *held);
-    // HMC5983_READY, and HMC5983_LOCKED where the outputs are frozen until they are read.
-    enum bus_result (*read_status)(const struct bus *bus, uint8_t *status);
-    // x, y, z in the counts of docs/wire.md; saturated axes marked as the daemon's description of the chip says.
-    enum bus_result (*read_counts)(const struct bus *bus, int16_t counts[3]);
-    enum bus_result (*read_thermometer)(const struct bus *bus, int16_t *raw); // NULL: it has none
+    enum bus_result (*reset)(const struct chip_wires *wires); // before `set_up`; NULL: it needs none
+    enum bus_result (*set_up)(const struct chip_wires *wires, const struct chip_setup *setup);
+    enum bus_result (*check)(const struct chip_wires *wires, const struct chip_setup *setup, bool *held);
+    // The status, and what else the chip tells in the same transfer.
+    enum bus_result (*read_status)(const struct chip_wires *wires, struct chip_sample *sample);
+    // x, y, z in the counts of docs/wire.md; saturated axes marked as the daemon's description of the chip says. NULL:
+    // `read_status` brings them.
+    enum bus_result (*read_counts)(const struct chip_wires *wires, int16_t counts[3]);
+    enum bus_result (*read_thermometer)(const struct chip_wires *wires, int16_t *raw); // NULL: none, or as above
 };
 
-enum { CHIP_KINDS = 2 };
+// A kind, and an address where it may be. The first is tried first: where kinds share an address, the order matters.
+struct chip_place {
+    const struct chip *chip;
+    uint8_t address;
+};
 
-// The first is tried first.
-extern const struct chip *const chip_kinds[CHIP_KINDS];
-extern const struct chip chip_hmc5983, chip_qmc5883l;
+enum { CHIP_PLACES = 3, CHIP_SATURATED = INT16_MIN };
+
+extern const struct chip_place chip_places[CHIP_PLACES];
+extern const struct chip chip_hmc5983, chip_qmc5883l, chip_mmc5983ma;
+
+static inline enum bus_result chip_write(const struct chip_wires *wires, const uint8_t *bytes, size_t count)
+{
+    return wires->bus->write(wires->bus->context, wires->address, bytes, count);
+}
+
+static inline enum bus_result chip_read(const struct chip_wires *wires, uint8_t number, uint8_t *bytes, size_t count)
+{
+    return wires->bus->read_register(wires->bus->context, wires->address, number, bytes, count);
+}
+
+// The slowest speed that gives a new sample for every frame, else the fastest.
+uint8_t chip_speed_for(const struct chip *chip, uint16_t rate_hz);
+
+// The count, or CHIP_SATURATED where it is larger than the chip can tell.
+int16_t chip_limited(int count, int largest);
 
 #endif

@@ -1,3 +1,20 @@
 #include "chip.h"
 
-const struct chip *const chip_kinds[CHIP_KINDS] = {&chip_hmc5983, &chip_qmc5883l};
+const struct chip_place chip_places[CHIP_PLACES] = {
+    {&chip_hmc5983, 0x1E},
+    {&chip_qmc5883l, 0x0D},
+    {&chip_mmc5983ma, 0x30},
+};
+
+uint8_t chip_speed_for(const struct chip *chip, uint16_t rate_hz)
+{
+    uint8_t speed = 0;
+    while (speed + 1 < chip->speed_count && chip->speeds[speed].rate_hz < rate_hz)
+        speed++;
+    return speed;
+}
+
+int16_t chip_limited(int count, int largest)
+{
+    return (int16_t)(count > largest || count < -largest ? CHIP_SATURATED : count);
+}

@@ -1,9 +1,7 @@
 // The QMC5883L (QST data sheet 13-52-04 rev. 1.0): what most boards sold as HMC5883L carry.
-#include "../hmc5983.h"
 #include "chip.h"
 
 enum {
-    ADDRESS = 0x0D,
     DATA = 0x00, // x, y, z; low byte first
     STATUS = 0x06,
     CONTROL_1 = 0x09,
@@ -14,14 +12,12 @@ enum {
     UNUSED_OF_CONTROL_2 = 0x3E,
     SET_RESET_PERIOD = 0x01,
     LAST_COUNT = 32767, // it stays there, or at −32768, beyond its range
-    SATURATED = INT16_MIN,
-    PERIOD_US = 5000,
 };
 
-static enum bus_result qmc5883l_identify(const struct bus *bus, uint8_t identification[3])
+static enum bus_result qmc5883l_identify(const struct chip_wires *wires, uint8_t identification[3])
 {
     uint8_t bytes[4];
-    enum bus_result result = bus->read_register(bus->context, ADDRESS, CONTROL_2, bytes, sizeof bytes);
+    enum bus_result result = chip_read(wires, CONTROL_2, bytes, sizeof bytes);
     identification[0] = bytes[0];
     identification[1] = bytes[1];
     identification[2] = bytes[3];
@@ -40,47 +36,48 @@ static uint8_t control_1(const struct chip_setup *setup)
     return (uint8_t)(setup->gain_code << 4 | CONTINUOUS_200_HZ);
 }
 
-static enum bus_result qmc5883l_set_up(const struct bus *bus, const struct chip_setup *setup)
+static enum bus_result qmc5883l_set_up(const struct chip_wires *wires, const struct chip_setup *setup)
 {
     const uint8_t others[] = {CONTROL_2, ROLL_OVER_NO_INTERRUPT, SET_RESET_PERIOD};
     const uint8_t mode[] = {CONTROL_1, control_1(setup)};
-    enum bus_result result = bus->write(bus->context, ADDRESS, others, sizeof others);
-    return result == BUS_OK ? bus->write(bus->context, ADDRESS, mode, sizeof mode) : result;
+    enum bus_result result = chip_write(wires, others, sizeof others);
+    return result == BUS_OK ? chip_write(wires, mode, sizeof mode) : result;
 }
 
-static enum bus_result qmc5883l_check(const struct bus *bus, const struct chip_setup *setup, bool *held)
+static enum bus_result qmc5883l_check(const struct chip_wires *wires, const struct chip_setup *setup, bool *held)
 {
     uint8_t bytes[3];
-    enum bus_result result = bus->read_register(bus->context, ADDRESS, CONTROL_1, bytes, sizeof bytes);
+    enum bus_result result = chip_read(wires, CONTROL_1, bytes, sizeof bytes);
     *held = result == BUS_OK && bytes[0] == control_1(setup) && bytes[1] == ROLL_OVER_NO_INTERRUPT &&
             bytes[2] == SET_RESET_PERIOD;
     return result;
 }
 
-static enum bus_result qmc5883l_read_status(const struct bus *bus, uint8_t *status)
+static enum bus_result qmc5883l_read_status(const struct chip_wires *wires, struct chip_sample *sample)
 {
     uint8_t byte = 0;
-    enum bus_result result = bus->read_register(bus->context, ADDRESS, STATUS, &byte, 1);
-    *status = byte & STATUS_READY ? HMC5983_READY : 0;
+    enum bus_result result = chip_read(wires, STATUS, &byte, 1);
+    sample->status = byte & STATUS_READY ? CHIP_READY : 0;
     return result;
 }
 
-static enum bus_result qmc5883l_read_counts(const struct bus *bus, int16_t counts[3])
+static enum bus_result qmc5883l_read_counts(const struct chip_wires *wires, int16_t counts[3])
 {
     uint8_t data[6];
-    enum bus_result result = bus->read_register(bus->context, ADDRESS, DATA, data, sizeof data);
+    enum bus_result result = chip_read(wires, DATA, data, sizeof data);
     for (int axis = 0; axis < 3 && result == BUS_OK; axis++) {
         int16_t count = (int16_t)(data[2 * axis] | data[2 * axis + 1] << 8);
-        counts[axis] = count == LAST_COUNT ? SATURATED : count;
+        counts[axis] = count == LAST_COUNT ? CHIP_SATURATED : count;
     }
     return result;
 }
 
+static const struct chip_speed speeds[] = {{200, 5000}};
+
 const struct chip chip_qmc5883l = {
-    .address = ADDRESS,
     .gain_codes = 2,
-    .rate_hz = 200,
-    .period_us = PERIOD_US,
+    .speed_count = 1,
+    .speeds = speeds,
     .identify = qmc5883l_identify,
     .is_identification = qmc5883l_is_identification,
     .set_up = qmc5883l_set_up,

@@ -60,7 +60,9 @@ class Chip:
     empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
     sensitivity_per_k: relative change of the counts with temperature.
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test with limits.
-    on_boards: the firmware of boards reads it, too. streamed: a board of others reads it, and nothing here does.
+    board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
+    board_single_hz: the highest rate of simultaneous measurements there, of one pad.
+    streamed: a board of others reads it, and nothing here does.
     supply: who still makes it, what it costs; remarks: what else its buyer must know, and what no data sheet confirms.
     """
 
@@ -87,7 +89,8 @@ class Chip:
     sensitivity_per_k: float
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
-    on_boards: bool = False
+    board_rates_hz: tuple[float, ...] = ()
+    board_single_hz: int = 0
     streamed: bool = False
     supply: str = ""
     remarks: str = ""
@@ -103,6 +106,11 @@ class Chip:
     @property
     def addresses(self) -> tuple[int, ...]:
         return (self.address, *self.other_addresses)
+
+    @property
+    def on_boards(self) -> bool:
+        """The firmware of boards reads it, too."""
+        return bool(self.board_rates_hz)
 
     @property
     def has_trigger(self) -> bool:

@@ -88,12 +88,19 @@ HMC5983 = Chip(
         deviation=0.005,
         settings=lambda chip: _strap_settings(chip),
     ),
-    on_boards=True,
+    board_rates_hz=(220.0,),
+    board_single_hz=152,
     supply="no longer made; boards sold under its name often carry a QMC5883L",
     remarks="the chip that this project was begun with; one address, so a mux",
 )
 HMC5883L = replace(
-    HMC5983, name="hmc5883l", label="HMC5883L", free_rate_hz=75, sensitivity_per_k=-0.003, thermometer=None
+    HMC5983,
+    name="hmc5883l",
+    label="HMC5883L",
+    free_rate_hz=75,
+    board_rates_hz=(75.0,),
+    sensitivity_per_k=-0.003,
+    thermometer=None,
 )
 
 ADDRESS = HMC5983.address

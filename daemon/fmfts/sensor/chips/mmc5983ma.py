@@ -87,6 +87,8 @@ MMC5983MA = Chip(
     sensitivity_per_k=-0.0002,
     thermometer=None,  # 0.8 °C a step, measured in place of the field; others found that it does not work
     bias_strap=None,
+    board_rates_hz=(100.0, 200.0, 1000.0),  # below 100 Hz the noise stays as it is
+    board_single_hz=203,
     supply="made; boards 10 to 20 € each",
     remarks="one address, so a mux; its thermometer (0.8 °C a step) is not used; its settings cannot be read back",
 )

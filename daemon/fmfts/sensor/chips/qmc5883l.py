@@ -84,7 +84,7 @@ QMC5883L = Chip(
     sensitivity_per_k=-0.0005,
     thermometer=None,  # its thermometer has no known zero (section 9.2.2)
     bias_strap=None,
-    on_boards=True,
+    board_rates_hz=(200.0,),
     supply="made; on boards sold as HMC5883L, under 5 € each",
     remarks="one address, so a mux; at most 200 Hz; no self-test; no thermometer with a known zero",
 )

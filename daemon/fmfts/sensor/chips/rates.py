@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmfts.sensor.chips.chip import Chip
 
-BRIDGE_SIMULTANEOUS_HZ = 152  # docs/wire.md, host → board: what the firmware accepts
+BRIDGE_HZ = 220  # docs/wire.md, host → board: the most that the firmware accepts of any chip
 # On I2C. Select: START, address, control byte, STOP; then the chip's own transfer.
 BITS_PER_SELECTION = 20
 BITS_PER_PAD = 20  # the mux's control byte read back
@@ -13,12 +13,16 @@ BITS_PER_PAD = 20  # the mux's control byte read back
 def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
     """What the chips allow, and the board that reads them; an I2C bus has a limit of its own, `i2c_rate_hz`."""
     chip_hz = chip.highest_rate_hz(trigger)
-    return min(chip_hz, BRIDGE_SIMULTANEOUS_HZ) if over_bridge and trigger == "simultaneous" else chip_hz
+    if not over_bridge:
+        return chip_hz
+    return min(chip_hz, BRIDGE_HZ, chip.board_single_hz if trigger == "simultaneous" else BRIDGE_HZ)
 
 
-def fastest_hz(chip: Chip) -> float:
-    """How many samples a second a chip that runs free may give: its clock is off by its tolerance."""
-    return chip.highest_rate_hz("free") * (1.0 + chip.clock_tolerance)
+def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:
+    """How many samples a second a chip may give that runs free for frames at `rate_hz`: its clock is off by its
+    tolerance."""
+    rates = (*(rate for rate in chip.board_rates_hz if rate >= rate_hz), chip.board_rates_hz[-1])
+    return min(rates) * (1.0 + chip.clock_tolerance)
 
 
 def i2c_cycle_s(chip: Chip, clock_hz: int, sensors: int, pads: int, trigger: str, *, muxed: bool = True) -> float:

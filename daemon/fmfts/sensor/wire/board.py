@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
-from fmfts.sensor.chips.rates import fastest_hz
+from fmfts.sensor.chips.rates import fastest_on_board_hz
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.packets import EARLY_BYTES, Hello, Selftest, Status, StatusPad, Verb, frame_bytes
@@ -90,7 +90,7 @@ class Board:
         needed = sum(self._settings.rate_hz * frame_bytes(len(pad.sensors)) for pad in hello.pads)
         for pad_index, pad in enumerate(hello.pads):
             if self._early >> pad_index & 1:
-                needed += round(len(pad.sensors) * fastest_hz(self.chip) * EARLY_BYTES)
+                needed += round(len(pad.sensors) * fastest_on_board_hz(self.chip, self._settings.rate_hz) * EARLY_BYTES)
         if needed > FULL * self.line_bytes_per_s:
             return faults.no_early_line(needed, self.line_bytes_per_s)
         return None

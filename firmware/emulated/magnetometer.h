@@ -1,0 +1,44 @@
+// What the emulated chips beside the HMC5983 share: the field, a clock of their own, registers behind a pointer.
+#ifndef FMFTS_EMULATED_MAGNETOMETER_H
+#define FMFTS_EMULATED_MAGNETOMETER_H
+
+#include "part.h"
+
+struct emulated_magnetometer {
+    struct emulated_part part;
+    // A test may set these at any time. Call magnetometer_advance before, so that past conversions keep the old values.
+    double field_gauss[3];
+    double noise_gauss;
+    double temperature_c;
+    double ppm; // how much faster than nominal the chip's clock runs
+    bool clock_stopped;
+    bool writes_lost;
+    // The end of a conversion. Returns the time to the next one by the data sheet, 0 where it was the last.
+    uint64_t (*convert)(struct emulated_magnetometer *chip);
+    uint8_t registers[256];
+    uint8_t pointer;
+    bool pointer_expected;
+    uint64_t now_ns, next_conversion_ns, last_conversion_ns;
+    uint64_t conversions;
+    uint32_t random;
+};
+
+void magnetometer_init(struct emulated_magnetometer *chip, const struct emulated_part_kind *kind, uint8_t address,
+                       uint64_t (*convert)(struct emulated_magnetometer *chip), uint32_t seed);
+void magnetometer_advance(struct emulated_part *part, uint64_t now_ns);
+
+// Clears the registers; no conversion is running.
+void magnetometer_clear(struct emulated_magnetometer *chip);
+void magnetometer_begin(struct emulated_magnetometer *chip, uint64_t nominal_ns);
+void magnetometer_end(struct emulated_magnetometer *chip);
+
+// The field at one axis, with noise.
+double magnetometer_gauss(struct emulated_magnetometer *chip, int axis);
+// The nearest count within these limits.
+int magnetometer_count(double counts, int least, int most);
+
+// For kinds whose first byte written is a register's number: true if `byte` was that.
+bool magnetometer_takes_pointer(struct emulated_magnetometer *chip, uint8_t byte);
+void magnetometer_start_write(struct emulated_part *part);
+
+#endif

@@ -1,0 +1,86 @@
+#include "chip_rig.h"
+
+#include <math.h>
+
+#include "harness.h"
+
+union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
+
+const double chip_field_gauss[SAMPLER_SENSORS_MAX][3] = {
+    {0.75, -1.5, 0.3}, {-0.25, 0.5, -1.0}, {1.25, 0.125, 0.75}, {-1.5, -0.75, 1.5},
+};
+static const double clock_ppm[SAMPLER_SENSORS_MAX] = {-30000, 8000, -12000, 30000};
+
+static void init_mmc5983ma(union any_chip *chip, uint32_t seed)
+{
+    emulated_mmc5983ma_init(&chip->mmc5983ma, seed);
+}
+
+const struct promised mmc5983ma = {
+    .init = init_mmc5983ma,
+    .identification = {0x30, 0, 0},
+    .gain_codes = 1,
+    .counts_per_gauss = {{4096, 4096, 4096}}, // the upper 16 of 18 bits with 16384 counts a gauss
+    .range_gauss = {7.99},
+    .beyond = 1.01,
+    .speeds = {{50, 100}, {101, 200}, {200, 200}, {220, 1000}},
+    .single_max_hz = 203,
+};
+
+void chip_rig_begin(const struct promised *kind, uint8_t pads)
+{
+    rig_begin(pads);
+    for (int p = 0; p < pads; p++) {
+        for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
+            union any_chip *chip = &others[p][i];
+            kind->init(chip, (uint32_t)(p * SAMPLER_SENSORS_MAX + i + 1));
+            chip->common.ppm = clock_ppm[i];
+            for (int axis = 0; axis < 3; axis++)
+                chip->common.field_gauss[axis] = chip_field_gauss[i][axis];
+            rig.emulation.switches[p]->chips[i] = &chip->common.part;
+        }
+    }
+}
+
+void chip_rig_begin_streaming(const struct promised *kind, uint16_t gain_code, uint16_t rate_hz)
+{
+    chip_rig_begin(kind, 1);
+    rig_run_ms(300);
+    CHECK_EQUAL(rig_ask(WIRE_REQUEST_RANGE, 1, 255, gain_code), RESULT_DONE);
+    CHECK_EQUAL(rig_ask(WIRE_REQUEST_RATE, 2, 255, rate_hz), RESULT_DONE);
+    rig_run_ms(300);
+    rig_forget();
+}
+
+void chip_rig_settle(void)
+{
+    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
+        magnetometer_advance(&others[0][i].common.part, rig.emulation.bench.now_ns);
+}
+
+void chip_rig_set_field(int sensor, double x, double y, double z)
+{
+    double *field = others[0][sensor].common.field_gauss;
+    chip_rig_settle();
+    field[0] = x;
+    field[1] = y;
+    field[2] = z;
+}
+
+struct sample_view chip_rig_newest(void)
+{
+    struct sample_view view = {.sensor_count = 0};
+    for (const uint8_t *packet; (packet = rig_find(WIRE_SAMPLE)) != NULL;)
+        view = rig_sample(packet);
+    CHECK_EQUAL(view.sensor_count, 4);
+    return view;
+}
+
+void chip_rig_check_counts(const struct promised *kind, const struct sample_view *view, int sensor)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double due = others[0][sensor].common.field_gauss[axis] * kind->counts_per_gauss[view->gain_code][axis];
+        double tolerance = 1 + 0.002 * fabs(due); // tables of data sheets round to 0.2 %
+        CHECK_BETWEEN(view->counts[sensor][axis], due - tolerance, due + tolerance);
+    }
+}

@@ -1,0 +1,54 @@
+// A whole emulated board with chips other than the HMC5983 on its switches, and what their data sheets promise.
+#ifndef FMFTS_TEST_CHIP_RIG_H
+#define FMFTS_TEST_CHIP_RIG_H
+
+#include "../../firmware/emulated/mmc5983ma.h"
+#include "rig.h"
+
+enum { GAIN_CODES_MAX = 6, SPEEDS_MAX = 4 };
+
+union any_chip {
+    struct emulated_magnetometer common;
+    struct emulated_mmc5983ma mmc5983ma;
+};
+
+// Written here once more, not taken from the driver. Ranges are those in which every field must be told.
+struct promised {
+    void (*init)(union any_chip *chip, uint32_t seed);
+    uint8_t identification[3];
+    int gain_codes;
+    double counts_per_gauss[GAIN_CODES_MAX][3];
+    double range_gauss[GAIN_CODES_MAX];
+    double beyond; // of the range: here an axis must be marked
+    struct {
+        int frames_hz;
+        double conversions_hz; // the slowest rate that gives each frame a new sample
+    } speeds[SPEEDS_MAX];
+    int single_max_hz; // that the board accepts, with one pad
+    double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
+};
+
+extern const struct promised mmc5983ma;
+extern union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
+extern const double chip_field_gauss[SAMPLER_SENSORS_MAX][3];
+
+// Starts a board with four of these on each pad. Sensor i sees chip_field_gauss[i], without noise; clocks are off by up
+// to 3 %.
+void chip_rig_begin(const struct promised *kind, uint8_t pads);
+// The same, with this gain code and rate, streaming; its packets are forgotten.
+void chip_rig_begin_streaming(const struct promised *kind, uint16_t gain_code, uint16_t rate_hz);
+void chip_rig_set_field(int sensor, double x, double y, double z);
+void chip_rig_settle(void); // what the chips convert from now on sees the field of now
+
+// The newest frame of what was sent since the last look.
+struct sample_view chip_rig_newest(void);
+void chip_rig_check_counts(const struct promised *kind, const struct sample_view *view, int sensor);
+
+// A test of each kind: `check` is a function of a `const struct promised *`.
+#define TEST_EACH_CHIP(check)                                                                                          \
+    TEST(mmc5983ma_##check)                                                                                            \
+    {                                                                                                                  \
+        check(&mmc5983ma);                                                                                             \
+    }
+
+#endif

@@ -1,0 +1,95 @@
+# ruff: noqa: E501  a mutation is easier to read in one line
+"""Wrong drivers of the firmware's chips, each with one mistake: the C tests of that chip must catch all of them.
+
+A mutation is a piece of the driver's file and what stands there instead. The emulated chips share no code with the
+drivers; a fact that both took from the same source they share.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CHIPS = ROOT / "firmware/core/chips"
+VECTORS = ROOT / "tests/data/wire_vectors.ini"
+FLAGS = ["-std=c11", "-O1", "-I", CHIPS]
+
+# (chip, what is wrong, the right text, the wrong one)
+MUTATIONS = [
+    ("mmc5983ma", "low byte first", "data[2 * axis] << 8 | data[2 * axis + 1]", "data[2 * axis + 1] << 8 | data[2 * axis]"),
+    ("mmc5983ma", "signed, though zero is in the middle", "ZERO = 0x8000", "ZERO = 0"),
+    ("mmc5983ma", "axes one register later", "AXES = 0x00", "AXES = 0x02"),
+    ("mmc5983ma", "no set pulse: stays magnetised", "AUTOMATIC_SET = 0x20", "AUTOMATIC_SET = 0x00"),
+    ("mmc5983ma", "a reset pulse's bit for the automatic set", "AUTOMATIC_SET = 0x20", "AUTOMATIC_SET = 0x40"),
+    ("mmc5983ma", "no set pulse in a stream", "PERIODIC_SET = 0x80", "PERIODIC_SET = 0x00"),
+    ("mmc5983ma", "no set pulse before a single measurement", ".bytes = {CONTROL_0, AUTOMATIC_SET | MEASURE_FIELD}", ".bytes = {CONTROL_0, MEASURE_FIELD}"),
+    ("mmc5983ma", "triggers the thermometer", "MEASURE_FIELD = 0x01", "MEASURE_FIELD = 0x02"),
+    ("mmc5983ma", "bandwidth too small for its rate", "bandwidths[] = {0, 1, 3}", "bandwidths[] = {0, 0, 0}"),
+    ("mmc5983ma", "codes of the rates one less", "rate_codes[] = {5, 6, 7}", "rate_codes[] = {4, 5, 6}"),
+    ("mmc5983ma", "no continuous mode", "CONTINUOUS = 0x08", "CONTINUOUS = 0x00"),
+    ("mmc5983ma", "streams although it waits for triggers", "setup->streams ? stream : 0", "stream"),
+    ("mmc5983ma", "single measurements of 8 ms", "SINGLE_BANDWIDTH = 2", "SINGLE_BANDWIDTH = 0"),
+    ("mmc5983ma", "does not wait for its reset", "RESET_US = 10000", "RESET_US = 100"),
+    ("mmc5983ma", '"done" is never cleared', "clear[] = {STATUS, STATUS_FIELD_DONE}", "clear[] = {STATUS, 0}"),
+    ("mmc5983ma", "takes samples that are not done", "status & STATUS_FIELD_DONE ? CHIP_READY : 0", "CHIP_READY"),
+    ("mmc5983ma", "waits for the thermometer", "STATUS_FIELD_DONE = 0x01", "STATUS_FIELD_DONE = 0x02"),
+    ("mmc5983ma", "the last counts count as a field", "LARGEST = 32766", "LARGEST = 40000"),
+    ("mmc5983ma", "never looks whether it was reset", "*held = status & STATUS_FUSES_READ", "*held = true"),
+    ("mmc5983ma", "another chip's name", "PRODUCT_ID = 0x30", "PRODUCT_ID = 0x31"),
+    ("mmc5983ma", "a period that is not its rate's", "{200, 5000}", "{200, 5600}"),
+    ("mmc5983ma", "a rate that it does not have", "{200, 5000}", "{220, 4545}"),
+]  # fmt: skip
+
+
+def compiled(source: Path, folder: Path) -> Path:
+    made = folder / f"{source.stem}.o"
+    subprocess.run(["gcc", *FLAGS, "-c", source, "-o", made], check=True, timeout=120)
+    return made
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Of the core, the emulation and the C tests, by folder and name: emulated chips are named as their drivers."""
+    folder = tmp_path_factory.mktemp("objects")
+    firmware = ROOT / "firmware"
+    sources = [firmware / "host/emulation.c"]
+    for each in (firmware / "core", CHIPS, firmware / "emulated", ROOT / "tests/firmware"):
+        sources += sorted(each.glob("*.c"))
+
+    def made(source: Path) -> tuple[str, Path]:
+        place = folder / source.parent.name
+        place.mkdir(exist_ok=True)
+        return f"{source.parent.name}/{source.stem}", compiled(source, place)
+
+    with ThreadPoolExecutor(2) as pool:
+        return dict(pool.map(made, sources))
+
+
+def failures(objects: dict[str, Path], driver: Path, kind: str, folder: Path) -> list[str]:
+    """What the tests of `kind` say of this driver."""
+    changed = objects | {f"chips/{kind}": compiled(driver, folder)}
+    program = folder / "test-core"
+    subprocess.run(["gcc", *changed.values(), "-o", program, "-lm"], check=True, timeout=120)
+    run = subprocess.run([program, VECTORS, f"{kind}_"], capture_output=True, text=True, timeout=120)
+    assert run.stdout.count("ok ") + run.stdout.count("FAIL ") > 10, "the tests were not found"
+    return [line for line in run.stdout.splitlines() if line.startswith("FAIL")]
+
+
+@pytest.mark.parametrize("kind", sorted({kind for kind, *_ in MUTATIONS}))
+def test_right_driver_of_the_firmware_passes(objects: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    assert failures(objects, CHIPS / f"{kind}.c", kind, tmp_path) == []
+
+
+@pytest.mark.parametrize(("kind", "what", "right", "wrong"), MUTATIONS, ids=[f"{m[0]}: {m[1]}" for m in MUTATIONS])
+def test_wrong_driver_of_the_firmware_is_caught(
+    objects: dict[str, Path], tmp_path: Path, kind: str, what: str, right: str, wrong: str
+) -> None:
+    source = (CHIPS / f"{kind}.c").read_text()
+    assert right in source, f"the mutation of {kind} mutates nothing: {right}"
+    mutated = tmp_path / f"{kind}.c"
+    mutated.write_text(source.replace(right, wrong))
+    assert failures(objects, mutated, kind, tmp_path), f"nothing notices a {kind} driver with this mistake: {what}"
