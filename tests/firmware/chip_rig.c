@@ -19,12 +19,39 @@ static void init_mmc5983ma(union any_chip *chip, uint32_t seed)
 const struct promised mmc5983ma = {
     .init = init_mmc5983ma,
     .identification = {0x30, 0, 0},
+    .identification_mask = {0xFF, 0xFF, 0xFF},
     .gain_codes = 1,
     .counts_per_gauss = {{4096, 4096, 4096}}, // the upper 16 of 18 bits with 16384 counts a gauss
     .range_gauss = {7.99},
     .beyond = 1.01,
     .speeds = {{50, 100}, {101, 200}, {200, 200}, {220, 1000}},
     .single_max_hz = 203,
+};
+
+// Boards of two makers have it at 0x0C and at 0x18; the third pin setting is for good measure.
+static void init_mlx90393(union any_chip *chip, uint32_t seed)
+{
+    static const uint8_t addresses[] = {0x0C, 0x18, 0x0F, 0x0D};
+    emulated_mlx90393_init(&chip->mlx90393, addresses[seed % 4], seed);
+}
+
+// Of GAIN_SEL 7 down to 2 the microtesla of a count (table 17), four times as many with RES 2; the converter ends at
+// 22000 counts.
+#define MLX90393_COUNTS(xy, z) {100 / (4 * (xy)), 100 / (4 * (xy)), 100 / (4 * (z))}
+
+const struct promised mlx90393 = {
+    .init = init_mlx90393,
+    .identification = {0, 0, 0x0C},
+    .identification_mask = {0xF0, 0, 0x0F},
+    .gain_codes = 6,
+    .counts_per_gauss = {MLX90393_COUNTS(0.150, 0.242), MLX90393_COUNTS(0.200, 0.323), MLX90393_COUNTS(0.250, 0.403),
+                         MLX90393_COUNTS(0.300, 0.484), MLX90393_COUNTS(0.376, 0.605), MLX90393_COUNTS(0.451, 0.726)},
+    .range_gauss = {131.9, 175.9, 219.9, 263.9, 330.8, 396.8},
+    .beyond = 1.01,
+    .speeds = {{30, 38.6}, {70, 73.4}, {100, 133.7}, {220, 227}},
+    .single_max_hz = 171,
+    .raw_at_25 = 46244 - 65536, // 16 bits without a sign, on a wire with one
+    .raw_per_kelvin = 45.2,
 };
 
 void chip_rig_begin(const struct promised *kind, uint8_t pads)

@@ -2,6 +2,7 @@
 #ifndef FMFTS_TEST_CHIP_RIG_H
 #define FMFTS_TEST_CHIP_RIG_H
 
+#include "../../firmware/emulated/mlx90393.h"
 #include "../../firmware/emulated/mmc5983ma.h"
 #include "rig.h"
 
@@ -10,12 +11,13 @@ enum { GAIN_CODES_MAX = 6, SPEEDS_MAX = 4 };
 union any_chip {
     struct emulated_magnetometer common;
     struct emulated_mmc5983ma mmc5983ma;
+    struct emulated_mlx90393 mlx90393;
 };
 
 // Written here once more, not taken from the driver. Ranges are those in which every field must be told.
 struct promised {
     void (*init)(union any_chip *chip, uint32_t seed);
-    uint8_t identification[3];
+    uint8_t identification[3], identification_mask[3];
     int gain_codes;
     double counts_per_gauss[GAIN_CODES_MAX][3];
     double range_gauss[GAIN_CODES_MAX];
@@ -28,7 +30,7 @@ struct promised {
     double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
 };
 
-extern const struct promised mmc5983ma;
+extern const struct promised mmc5983ma, mlx90393;
 extern union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
 extern const double chip_field_gauss[SAMPLER_SENSORS_MAX][3];
 
@@ -49,6 +51,10 @@ void chip_rig_check_counts(const struct promised *kind, const struct sample_view
     TEST(mmc5983ma_##check)                                                                                            \
     {                                                                                                                  \
         check(&mmc5983ma);                                                                                             \
+    }                                                                                                                  \
+    TEST(mlx90393_##check)                                                                                             \
+    {                                                                                                                  \
+        check(&mlx90393);                                                                                              \
     }
 
 #endif

@@ -13,7 +13,7 @@ static void is_found_and_named(const struct promised *kind)
     for (int i = 0; i < 4; i++) {
         CHECK_EQUAL(hello[25 + 5 * i + 1], SENSOR_OK);
         for (int byte = 0; byte < 3; byte++)
-            CHECK_EQUAL(hello[25 + 5 * i + 2 + byte], kind->identification[byte]);
+            CHECK_EQUAL(hello[25 + 5 * i + 2 + byte] & kind->identification_mask[byte], kind->identification[byte]);
     }
     rig_run_ms(300);
     CHECK_EQUAL(chip_rig_newest().valid, 15);
@@ -107,8 +107,8 @@ static void gives_each_conversion_once_and_at_its_time(const struct promised *ki
     uint64_t taken[4] = {0}, before[4];
     double worst_us = 0, period_us = 0;
     int frames_hz = 0;
-    for (int s = 0; s < SPEEDS_MAX; s++) { // the fastest chips that are not faster than 220 frames a second
-        if (kind->speeds[s].conversions_hz <= 230) {
+    for (int s = 0; s < SPEEDS_MAX; s++) { // the fastest that 220 frames a second can follow, with a clock 3 % fast
+        if (kind->speeds[s].conversions_hz * 1.03 <= 220) {
             frames_hz = kind->speeds[s].frames_hz;
             period_us = 1e6 / kind->speeds[s].conversions_hz;
         }
@@ -137,8 +137,8 @@ static void gives_each_conversion_once_and_at_its_time(const struct promised *ki
         rig_forget();
     }
     chip_rig_settle();
-    for (int i = 0; i < 4; i++) // the 220 frames are slower than a chip that is 3 % fast
-        CHECK_BETWEEN(taken[i], (double)(others[0][i].common.conversions - before[i]) * 0.93,
+    for (int i = 0; i < 4; i++) // one more or less may fall into the time
+        CHECK_BETWEEN(taken[i], others[0][i].common.conversions - before[i] - 1,
                       others[0][i].common.conversions - before[i] + 1);
     CHECK_BETWEEN(worst_us, 1, 500);
     CHECK_EQUAL(rig.emulation.device.sampler.pads[0].bus_errors, 0);

@@ -88,18 +88,18 @@ def test_program_that_exceeds_a_limit_does_not_link(excess: str, tmp_path: Path)
 
 
 # What a call through a pointer can reach, by the name of the pointer.
-KINDS = ["qmc5883l", "mmc5983ma"]
+KINDS = ["qmc5883l", "mmc5983ma", "mlx90393"]
 POINTED = {
     "now_us": ["now_us"],
     "send": ["serial_send"],
     "turns": ["identify", "reset", "configure", "sensor_poll", "do_chore"],
     "identify": ["hmc5983_chip_identify", *(f"{kind}_identify" for kind in KINDS)],
     "is_identification": ["hmc5983_is_identification", *(f"{kind}_is_identification" for kind in KINDS)],
-    "reset": ["mmc5983ma_reset"],
+    "reset": ["mmc5983ma_reset", "mlx90393_reset"],
     "set_up": ["hmc5983_chip_set_up", *(f"{kind}_set_up" for kind in KINDS)],
     "check": ["hmc5983_chip_check", *(f"{kind}_check" for kind in KINDS)],
     "read_status": ["hmc5983_chip_read_status", *(f"{kind}_read_status" for kind in KINDS)],
-    "read_counts": ["hmc5983_chip_read_counts", *(f"{kind}_read_counts" for kind in KINDS)],
+    "read_counts": ["hmc5983_chip_read_counts", *(f"{kind}_read_counts" for kind in KINDS if kind != "mlx90393")],
     "read_thermometer": ["hmc5983_chip_read_thermometer"],
     "write": ["write"],
     "read": ["read"],

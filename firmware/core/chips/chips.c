@@ -4,6 +4,15 @@ const struct chip_place chip_places[CHIP_PLACES] = {
     {&chip_hmc5983, 0x1E},
     {&chip_qmc5883l, 0x0D},
     {&chip_mmc5983ma, 0x30},
+    {&chip_mlx90393, 0x0C},
+    {&chip_mlx90393, 0x0D},
+    {&chip_mlx90393, 0x0E},
+    {&chip_mlx90393, 0x0F},
+    {&chip_mlx90393, 0x10},
+    {&chip_mlx90393, 0x18},
+    {&chip_mlx90393, 0x19},
+    {&chip_mlx90393, 0x1A},
+    {&chip_mlx90393, 0x1B},
 };
 
 uint8_t chip_speed_for(const struct chip *chip, uint16_t rate_hz)

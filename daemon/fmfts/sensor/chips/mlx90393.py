@@ -139,6 +139,8 @@ MLX90393 = Chip(
     sensitivity_per_k=-0.0003,
     thermometer=Thermometer(at_zero_c=25.0 + (65536 - 46244) / 45.2, c_per_count=1 / 45.2, range_c=(-40.0, 85.0)),
     bias_strap=None,
+    board_rates_hz=tuple(float(int(1.0 / _conversion_s(each))) for each in _FILTERS[:4]),
+    board_single_hz=171,
     supply="made; boards 10 to 20 € each, and on every ReSkin, AnySkin and eFlesh board",
     remarks="four addresses by its pins, so no mux for a pad of four; noise from a graph (unverified)",
 )
@@ -156,6 +158,7 @@ ANYSKIN = replace(
     output_rates_hz=(500.0,),  # the board's own, whatever it is
     free_rate_hz=500,
     single_rate_hz=0,
+    board_rates_hz=(),
     noise_t=20e-3 * TESLA_PER_GAUSS,
     noises_t=(),
     single_noise_t=None,

@@ -1,0 +1,24 @@
+// An MLX90393 as Melexis' data sheet (3901090393 rev. 006) describes it: commands in place of registers.
+#ifndef FMFTS_EMULATED_MLX90393_H
+#define FMFTS_EMULATED_MLX90393_H
+
+#include "magnetometer.h"
+
+enum { MLX90393_WORDS = 64 };
+
+struct emulated_mlx90393 {
+    struct emulated_magnetometer common;
+    uint16_t words[MLX90393_WORDS]; // the customer area, as it is in use
+    uint8_t mode, axes;             // of the status byte; what is measured: bits z, y, x, t
+    bool was_reset;
+    bool exits;                     // the mode ends at exits_ns
+    uint64_t exits_ns;
+    bool has_sample;
+    uint8_t sample[8];
+    uint8_t command[4], command_count;
+    uint8_t answer[9], answer_count, answer_sent;
+};
+
+void emulated_mlx90393_init(struct emulated_mlx90393 *chip, uint8_t address, uint32_t seed);
+
+#endif
