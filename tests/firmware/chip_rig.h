@@ -2,6 +2,7 @@
 #ifndef FMFTS_TEST_CHIP_RIG_H
 #define FMFTS_TEST_CHIP_RIG_H
 
+#include "../../firmware/emulated/lis3mdl.h"
 #include "../../firmware/emulated/mlx90393.h"
 #include "../../firmware/emulated/mmc5983ma.h"
 #include "rig.h"
@@ -12,6 +13,7 @@ union any_chip {
     struct emulated_magnetometer common;
     struct emulated_mmc5983ma mmc5983ma;
     struct emulated_mlx90393 mlx90393;
+    struct emulated_lis3mdl lis3mdl;
 };
 
 // Written here once more, not taken from the driver. Ranges are those in which every field must be told.
@@ -30,7 +32,7 @@ struct promised {
     double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
 };
 
-extern const struct promised mmc5983ma, mlx90393;
+extern const struct promised mmc5983ma, mlx90393, lis3mdl;
 extern union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
 extern const double chip_field_gauss[SAMPLER_SENSORS_MAX][3];
 
@@ -55,6 +57,10 @@ void chip_rig_check_counts(const struct promised *kind, const struct sample_view
     TEST(mlx90393_##check)                                                                                             \
     {                                                                                                                  \
         check(&mlx90393);                                                                                              \
+    }                                                                                                                  \
+    TEST(lis3mdl_##check)                                                                                              \
+    {                                                                                                                  \
+        check(&lis3mdl);                                                                                               \
     }
 
 #endif

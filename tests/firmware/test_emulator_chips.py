@@ -10,7 +10,7 @@ import pytest
 from emulated_stream import EVERYONE, EmulatedStream
 
 from emulator.magnetometer import Magnetometer
-from emulator.magnetometers import Mmc5983ma, Qmc5883l
+from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
 from emulator.mlx90393 import Mlx90393
 from fmfts.sensor.chips import CHIPS, QMC5883L
 from fmfts.sensor.wire.packets import Result, Sample, SensorState, Verb
@@ -33,6 +33,7 @@ class Kind:
 OTHERS = [
     Kind("mmc5983ma", Mmc5983ma, 0, 200),
     Kind("mlx90393", Mlx90393, 0, 220),
+    Kind("lis3mdl", Lis3mdl, 3, 155),
 ]
 each_kind = pytest.mark.parametrize("kind", OTHERS, ids=lambda kind: kind.name)
 

@@ -88,7 +88,7 @@ def test_program_that_exceeds_a_limit_does_not_link(excess: str, tmp_path: Path)
 
 
 # What a call through a pointer can reach, by the name of the pointer.
-KINDS = ["qmc5883l", "mmc5983ma", "mlx90393"]
+KINDS = ["qmc5883l", "mmc5983ma", "mlx90393", "lis3mdl"]
 POINTED = {
     "now_us": ["now_us"],
     "send": ["serial_send"],
@@ -100,7 +100,7 @@ POINTED = {
     "check": ["hmc5983_chip_check", *(f"{kind}_check" for kind in KINDS)],
     "read_status": ["hmc5983_chip_read_status", *(f"{kind}_read_status" for kind in KINDS)],
     "read_counts": ["hmc5983_chip_read_counts", *(f"{kind}_read_counts" for kind in KINDS if kind != "mlx90393")],
-    "read_thermometer": ["hmc5983_chip_read_thermometer"],
+    "read_thermometer": ["hmc5983_chip_read_thermometer", "lis3mdl_read_thermometer"],
     "write": ["write"],
     "read": ["read"],
     "read_register": ["read_register"],

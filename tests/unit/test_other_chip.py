@@ -16,6 +16,7 @@ from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.fast.compiled import AVAILABLE
 from fmfts.sensor.chips import CHIPS, HMC5983
 from fmfts.sensor.chips.chip import Thermometer
+from fmfts.sensor.chips.rates import highest_rate_hz
 from fmfts.sensor.frame import Frame, WireFrame
 from fmfts.sensor.wire.framing import _wire, encode
 
@@ -98,3 +99,18 @@ def test_wrong_identity_is_named_with_the_one_that_is_due() -> None:
     assert OTHER.why_not_identity(b"H43") == (
         "answers 48 34 33 where an OTHER says 58 59 5a (XYZ): another chip is fitted, or the bus is noisy"
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "trigger", "most_hz"),
+    [
+        ("hmc5983", "simultaneous", 152),
+        ("mmc5983ma", "simultaneous", 203),
+        ("mmc5983ma", "free", 220),
+        ("lis3mdl", "simultaneous", 80),
+        ("mlx90393", "simultaneous", 171),
+        ("hmc5883l", "free", 75),
+    ],
+)
+def test_a_board_reads_a_chip_no_faster_than_its_firmware_accepts(kind: str, trigger: str, most_hz: int) -> None:
+    assert highest_rate_hz(CHIPS[kind], trigger, over_bridge=True) == most_hz

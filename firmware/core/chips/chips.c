@@ -4,8 +4,10 @@ const struct chip_place chip_places[CHIP_PLACES] = {
     {&chip_hmc5983, 0x1E},
     {&chip_qmc5883l, 0x0D},
     {&chip_mmc5983ma, 0x30},
+    {&chip_lis3mdl, 0x1C},
+    {&chip_lis3mdl, 0x1E}, // the HMC5983's, too
     {&chip_mlx90393, 0x0C},
-    {&chip_mlx90393, 0x0D},
+    {&chip_mlx90393, 0x0D}, // the QMC5883L's, too
     {&chip_mlx90393, 0x0E},
     {&chip_mlx90393, 0x0F},
     {&chip_mlx90393, 0x10},

@@ -90,6 +90,8 @@ LIS3MDL = Chip(
     sensitivity_per_k=-0.0003,
     thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 8, range_c=(-40.0, 85.0)),
     bias_strap=None,
+    board_rates_hz=(80.0, 155.0, 300.0),
+    board_single_hz=80,
     supply="its maker calls it obsolete; boards with it are still sold, 5 to 10 € each",
     remarks="two addresses, so two chips a bus or a mux's channel; noise above 155 Hz is computed (unverified)",
 )
