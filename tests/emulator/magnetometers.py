@@ -93,11 +93,15 @@ class Qmc5883l(RegisterChip):
 
 
 class Lis3mdl(RegisterChip):
+    """ST in CTRL_REG1 adds `own_field_gauss`, which takes its time to be there (AN4602: 60 ms)."""
+
     address = 0x1C
+    own_field_gauss = (2.0, 2.0, 0.5)
 
     def power_on(self) -> None:
         self.reset({0x0F: 0x3D, 0x20: 0x10, 0x22: 0x03})
         self.unread: set[int] = set()
+        self.tests_since_s = 0.0
 
     def number(self) -> int:
         return self.pointer & 0x7F
@@ -111,6 +115,8 @@ class Lis3mdl(RegisterChip):
         if register == 0x21 and value & 0x04:  # SOFT_RST
             self.power_on()
         elif 0x20 <= register <= 0x24:
+            if register == 0x20 and value & 0x01 and not self.registers[0x20] & 0x01:
+                self.tests_since_s = self.time_s()
             self.registers[register] = value
             if register in (0x20, 0x22):
                 self.next_conversion_s = None
@@ -133,8 +139,11 @@ class Lis3mdl(RegisterChip):
 
     def convert(self) -> None:
         lsb = (6842, 3421, 2281, 1711)[self.registers[0x21] >> 5 & 3]
-        for axis, gauss in enumerate(self.sensed_gauss()):
-            clipped = max(-32768, min(32767, round(gauss * lsb)))
+        made = 0.0
+        if self.registers[0x20] & 0x01:
+            made = min(1.0, (self.time_s() - self.tests_since_s) / 60e-3)
+        for axis, (gauss, own) in enumerate(zip(self.sensed_gauss(), self.own_field_gauss, strict=True)):
+            clipped = max(-32768, min(32767, round((gauss + made * own) * lsb)))
             self.registers[0x28 + 2 * axis : 0x2A + 2 * axis] = clipped.to_bytes(2, "little", signed=True)
         overrun = 0xF0 if self.registers[0x27] & 0x08 else 0
         self.registers[0x27] = overrun | 0x0F

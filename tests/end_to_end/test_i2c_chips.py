@@ -184,3 +184,20 @@ def test_init_tells_chips_behind_two_muxes_apart(tmp_path: Path) -> None:
         (0x70, (0, 1, 2, 3)),
         (0x71, (0, 1, 2, 3)),
     ]
+
+
+def test_a_selftest_of_lis3mdl_names_the_broken_axis_and_streaming_goes_on() -> None:
+    with wired("lis3mdl") as (kernel, source):
+        run(source, all_valid)
+        assert "self_test" not in source.state.board  # there is one
+        assert kernel.order(direct=1, set={"own_field_gauss": [2.0, 0.2, 0.5]}) == "done"
+        source.request_selftest(0)
+        run(source, lambda frames: source.selftest_result(0))
+        result = source.selftest_result(0)
+        good, broken = result["sensors"]
+        assert (good["passed"], broken["passed"], result["passed"]) == (True, False, False)
+        assert broken["failures"] == [
+            "y: +456 counts of the chip's own field, where 2281 to 6843 are due: the chip is damaged"
+        ]
+        assert good["gain_factor"] == [None, None, None]
+        assert run(source, all_valid)[-1].gain_code == 0

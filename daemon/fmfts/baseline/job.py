@@ -146,7 +146,7 @@ class Restoration:
 
 
 class GainTest:
-    """A Task: the chips' own test. Where it passes, its gains are stored for the next baseline of these sensors.
+    """A Task: the chips' own test. Where it passes, its gains, if it measured any, are stored for the next baseline.
 
     Its facts are those of the test, and `stored`, the file. StateError if it cannot be written.
     """
@@ -169,7 +169,7 @@ class GainTest:
         if self._result is not None:
             return self._result.result() if self._result.done() else None
         facts = self._test.facts()
-        if facts is None or not facts["passed"]:
+        if facts is None or not facts["passed"] or facts["gain_factor_sd"] is None:
             return facts
         self._result = self._executor.submit(self._store, facts)
         return None

@@ -22,6 +22,8 @@ def after_probe(facts: Mapping[str, Any], config: str) -> str:
 def after_selftest(facts: Mapping[str, Any], config: str, pad: str) -> str:
     if not facts.get("passed"):
         return f"check supply and wires of the sensors that failed, then `fmfts-daemon selftest{config}{pad}` again"
+    if facts.get("gain_factor_sd") is None:
+        return f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted"
     return (
         f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted; if that is recorded already, "
         f"`fmfts-daemon baseline --rest{config}{pad}` uses the new gains"

@@ -25,6 +25,10 @@ class WiredPad:
     trigger: str
     early: bool = False
 
+    @property
+    def has_selftest(self) -> bool:
+        return self.chip.bias_strap is not None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PadOnBoard(WiredPad):
@@ -47,6 +51,10 @@ class PadOnI2c(WiredPad):
     mux_address: int | None
     channels: tuple[int, ...]
     addresses: tuple[int, ...]
+
+    @property
+    def has_selftest(self) -> bool:
+        return self.chip.bias_strap is not None or self.chip.own_field is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,7 +46,7 @@ def _abilities() -> str:
             _noises(chip),
             f"{chip.single_conversion_s * 1e3:.3g} ms" if chip.has_trigger else "no",
             "no" if chip.thermometer is None else f"{chip.thermometer.c_per_count:.2g} °C a step",
-            "no" if chip.bias_strap is None else f"gains to ±{chip.bias_strap.deviation:.1%}",
+            _selftest(chip),
             ", ".join(f"0x{each:02X}" for each in chip.addresses),
             chip.supply,
         )
@@ -55,6 +55,12 @@ def _abilities() -> str:
     )
     remarks = "".join(f"- {chip.label}: {chip.remarks}.\n" for chip in CHIPS.values() if not chip.streamed)
     return _table(columns, rows) + "\n" + remarks
+
+
+def _selftest(chip: Chip) -> str:
+    if chip.bias_strap is not None:
+        return f"gains to ±{chip.bias_strap.deviation:.1%}"
+    return "no" if chip.own_field is None else "broken axes, on I2C"
 
 
 def _steps(chip: Chip) -> str:

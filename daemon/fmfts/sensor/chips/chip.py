@@ -44,6 +44,22 @@ class BiasStrap:
     settings: Callable[[Chip], tuple[bytes, bytes, bytes]]
 
 
+@dataclass(frozen=True, slots=True)
+class OwnField:
+    """A self-test that tells good axes from broken ones, and no gains: the chip makes a field that is hardly known.
+
+    gain_code: that it is measured with. limits: least and largest count of it, of either sign, by axis.
+    without, with_field: what to write; settle_s: the time after each until samples count; samples: that are averaged.
+    """
+
+    gain_code: int
+    limits: tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+    without: bytes
+    with_field: bytes
+    settle_s: tuple[float, float]
+    samples: int
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chip:
     """The facts of one kind of chip. `name` is for the configuration, `label` for people.
@@ -59,7 +75,8 @@ class Chip:
     noise_t: standard deviation of one sample at the rate that serves 220 Hz. noises_t: of each of output_rates_hz,
     empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
     sensitivity_per_k: relative change of the counts with temperature.
-    thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test with limits.
+    thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test of its gains.
+    own_field: the self-test of others, on I2C only.
     board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
     board_single_hz: the highest rate of simultaneous measurements there, of one pad.
     streamed: a board of others reads it, and nothing here does.
@@ -89,6 +106,7 @@ class Chip:
     sensitivity_per_k: float
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
+    own_field: OwnField | None = None
     board_rates_hz: tuple[float, ...] = ()
     board_single_hz: int = 0
     streamed: bool = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from struct import Struct
 
-from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip, Thermometer
+from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip, OwnField, Thermometer
 from fmfts.sensor.chips.driver import Setup, Wires, saturating
 
 # Section 6, register mapping. The top bit of a register's number makes it advance (section 5.1.1).
@@ -12,6 +12,7 @@ ADVANCE = 0x80
 WHO_AM_I, CONTROL_1, CONTROL_3, STATUS, TEMPERATURE = 0x0F, 0x20, 0x22, 0x27, 0x2E
 STATUS_READY = 0x08  # ZYXDA: all three axes are new
 THERMOMETER_ON, FAST = 0x80, 0x02  # CTRL_REG1; performance in bits 6–5, output rate in 4–2
+SELF_TEST = 0x01  # of CTRL_REG1
 BLOCK_UPDATE = 0x40  # CTRL_REG5: high and low byte of a sample belong together
 MODE_CONTINUOUS, MODE_SINGLE, MODE_OFF = 0x00, 0x01, 0x03  # CTRL_REG3
 RATE_80_HZ = 7
@@ -27,6 +28,12 @@ _SPEEDS = (
 )
 _AXES = Struct("<hhh")
 _STATUS_AND_AXES = bytes((ADVANCE | STATUS,))
+
+
+# AN4602, self-test: ±12 G, 80 Hz, low power; 1 to 3 G are due in x and y, 0.1 to 1 G in z, of 2281 counts a gauss.
+_TEST_GAIN_CODE = 2
+_TEST_SPEED = LOW_POWER << 5 | RATE_80_HZ << 2
+_TEST_REST = bytes((_TEST_GAIN_CODE << 5, MODE_CONTINUOUS, LOW_POWER << 2, BLOCK_UPDATE))
 
 
 class _Registers:
@@ -90,6 +97,14 @@ LIS3MDL = Chip(
     sensitivity_per_k=-0.0003,
     thermometer=Thermometer(at_zero_c=25.0, c_per_count=1 / 8, range_c=(-40.0, 85.0)),
     bias_strap=None,
+    own_field=OwnField(
+        gain_code=_TEST_GAIN_CODE,
+        limits=((2281, 6843), (2281, 6843), (228, 2281)),
+        without=bytes((ADVANCE | CONTROL_1, _TEST_SPEED)) + _TEST_REST,
+        with_field=bytes((CONTROL_1, _TEST_SPEED | SELF_TEST)),
+        settle_s=(20e-3, 60e-3),
+        samples=5,
+    ),
     board_rates_hz=(80.0, 155.0, 300.0),
     board_single_hz=80,
     supply="its maker calls it obsolete; boards with it are still sold, 5 to 10 € each",

@@ -1,10 +1,12 @@
-"""Judges the measurement with the bias strap: is each axis of a chip within its limits, and what is its real gain?"""
+"""Judges a self-test: is each axis of a chip within its limits, and, with a bias strap, what is its real gain?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip
+from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip, OwnField
+
+SATURATED = "saturated: the field outside leaves no room for the bias; move the magnet away and repeat"
 
 
 def strap_counts(chip: Chip, unbiased: Axes, positive: Axes, negative: Axes) -> tuple[Axes, Axes]:
@@ -41,6 +43,17 @@ def no_selftest(chip: Chip) -> str:
     )
 
 
+def own_field_counts(chip: Chip, without: Sequence[Axes], with_field: Sequence[Axes]) -> Axes:
+    """What the chip's own field did, from samples without and with it; saturated where one of them was."""
+    x, y, z = (
+        chip.saturated_count
+        if chip.saturated_count in (*before, *after)
+        else round(sum(after) / len(after) - sum(before) / len(before))
+        for before, after in zip(zip(*without, strict=True), zip(*with_field, strict=True), strict=True)
+    )
+    return x, y, z
+
+
 def limits(chip: Chip, gain_code: int, axis: int) -> tuple[int, int]:
     """Least and largest count of a good axis: the data sheet's, scaled from the gain code that it gives them for."""
     strap = strap_of(chip)
@@ -58,7 +71,8 @@ def selftest_facts(
 ) -> dict[str, object]:
     """What a bias-strap measurement tells: per sensor and axis counts, gain relative to nominal, and what failed.
 
-    positive, negative: counts per sensor under either bias, the external field subtracted.
+    positive, negative: counts per sensor under either bias, the external field subtracted; with an own field it is the
+    first of them, and no gain is known.
     faults: per sensor, why there is no measurement at all.
     `gain_factor` multiplies the nominal counts per gauss of an axis; None where its counts are out of limits. Its
     deviation `gain_factor_sd` is that of the straps' fields.
@@ -75,7 +89,10 @@ def selftest_facts(
                 "positive_counts": list(up),
                 "negative_counts": list(down),
                 "gain_factor": [
-                    None if fault else _gain_factor(chip, gain_code, axis, up[axis], down[axis]) for axis in range(3)
+                    None
+                    if fault or chip.bias_strap is None
+                    else _gain_factor(chip, gain_code, axis, up[axis], down[axis])
+                    for axis in range(3)
                 ],
             }
         )
@@ -83,13 +100,16 @@ def selftest_facts(
         "gain_code": gain_code,
         "passed": all(one["passed"] for one in sensors),
         "sensors": sensors,
-        "gain_factor_sd": strap_of(chip).deviation,
+        "gain_factor_sd": None if chip.bias_strap is None else chip.bias_strap.deviation,
     }
 
 
 def selftest_failures(chip: Chip, gain_code: int, up: Axes, down: Axes) -> list[str]:
     """What is wrong with one sensor's counts under the positive and the negative bias; empty if nothing is."""
-    reasons = [_axis_failure(chip, gain_code, axis, up[axis], down[axis]) for axis in range(3)]
+    if chip.own_field is not None:
+        reasons = [_own_field_failure(chip, chip.own_field, axis, up[axis]) for axis in range(3)]
+    else:
+        reasons = [_axis_failure(chip, gain_code, axis, up[axis], down[axis]) for axis in range(3)]
     return [f"{axis}: {reason}" for axis, reason in zip("xyz", reasons, strict=True) if reason]
 
 
@@ -103,7 +123,16 @@ def _gain_factor(chip: Chip, gain_code: int, axis: int, plus: int, minus: int) -
 def _axis_failure(chip: Chip, gain_code: int, axis: int, plus: int, minus: int) -> str | None:
     low, high = limits(chip, gain_code, axis)
     if chip.saturated_count in (plus, minus):
-        return "saturated: the field outside leaves no room for the bias; move the magnet away and repeat"
+        return SATURATED
     if not (low <= plus <= high and low <= -minus <= high):
         return f"{plus:+d} and {minus:+d} counts under the bias, where ±{low} to ±{high} are due: the chip is damaged"
+    return None
+
+
+def _own_field_failure(chip: Chip, test: OwnField, axis: int, counts: int) -> str | None:
+    low, high = test.limits[axis]
+    if counts == chip.saturated_count:
+        return SATURATED
+    if not low <= abs(counts) <= high:
+        return f"{counts:+d} counts of the chip's own field, where {low} to {high} are due: the chip is damaged"
     return None

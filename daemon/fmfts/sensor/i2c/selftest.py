@@ -1,43 +1,67 @@
-"""The bias-strap measurement of one pad on an I2C bus, of chips that have a strap (HMC5983 data sheet 900425)."""
+"""The self-test of one pad on an I2C bus.
+
+With a bias strap (HMC5983 data sheet 900425), or with a field of the chip's own that is hardly known (LIS3MDL, AN4602).
+"""
 
 from __future__ import annotations
 
 import time
 
-from fmfts.sensor.chips.chip import Axes, BiasStrap
-from fmfts.sensor.chips.selftest import selftest_failures, strap_counts
+from fmfts.sensor.chips.chip import Axes, OwnField
+from fmfts.sensor.chips.selftest import own_field_counts, selftest_failures, strap_counts, strap_of
 from fmfts.sensor.i2c.pad import I2cPad, MuxError
 from fmfts.sensor.i2c.sensor import Sensor
 from fmfts.sensor.wire.packets import Selftest, SelftestSensor, SensorState
 
 CONVERSION_LIMIT_S = 0.1  # twice the time of eight averaged conversions of 6 ms
+POLL_S = 2e-3
 NOTHING: Axes = (0, 0, 0)
 
 
 def measure(pad: I2cPad, request_id: int) -> Selftest:
-    """Measure every sensor without bias and with both biases, then configure all as before. Blocks 0.1 s a sensor."""
-    strap = pad.chip.bias_strap
-    assert strap is not None, "`Link.request_selftest` refuses a chip without one"
-    sensors = tuple(_measure_sensor(pad, sensor, strap) for sensor in pad.sensors)
+    """Measure every sensor without bias and with it, then configure all as before. Blocks 0.1 to 0.3 s a sensor."""
+    test = pad.chip.own_field
+    gain_code = strap_of(pad.chip).gain_code if test is None else test.gain_code
+    sensors = tuple(_measure_sensor(pad, sensor, gain_code) for sensor in pad.sensors)
     pad.configure(pad.settings)
-    return Selftest(request_id, pad.index, strap.gain_code, sensors)
+    return Selftest(request_id, pad.index, gain_code, sensors)
 
 
-def _measure_sensor(pad: I2cPad, sensor: Sensor, strap: BiasStrap) -> SelftestSensor:
+def _measure_sensor(pad: I2cPad, sensor: Sensor, gain_code: int) -> SelftestSensor:
     if sensor.state != SensorState.OK:
         return SelftestSensor(sensor.state, NOTHING, NOTHING)
+    test = pad.chip.own_field
     try:
         pad.select(sensor)
-        unbiased, positive, negative = (_biased(pad, sensor, settings) for settings in strap.settings(pad.chip))
+        counts = _with_strap(pad, sensor) if test is None else _with_own_field(pad, sensor, test)
     except MuxError:
         return SelftestSensor(SensorState.MUX_SILENT, NOTHING, NOTHING)
     except OSError:
         return SelftestSensor(SensorState.NO_ANSWER, NOTHING, NOTHING)
-    if unbiased is None or positive is None or negative is None:
+    if counts is None:
         return SelftestSensor(SensorState.NO_NEW_DATA, NOTHING, NOTHING)
-    positive, negative = strap_counts(pad.chip, unbiased, positive, negative)
-    failed = selftest_failures(pad.chip, strap.gain_code, positive, negative)
-    return SelftestSensor(SensorState.SELFTEST_FAILED if failed else SensorState.OK, positive, negative)
+    failed = selftest_failures(pad.chip, gain_code, *counts)
+    return SelftestSensor(SensorState.SELFTEST_FAILED if failed else SensorState.OK, *counts)
+
+
+def _with_strap(pad: I2cPad, sensor: Sensor) -> tuple[Axes, Axes] | None:
+    settings = strap_of(pad.chip).settings(pad.chip)
+    unbiased, positive, negative = (_biased(pad, sensor, each) for each in settings)
+    if unbiased is None or positive is None or negative is None:
+        return None
+    return strap_counts(pad.chip, unbiased, positive, negative)
+
+
+def _with_own_field(pad: I2cPad, sensor: Sensor, test: OwnField) -> tuple[Axes, Axes] | None:
+    measured = []
+    for settings, settle_s in zip((test.without, test.with_field), test.settle_s, strict=True):
+        sensor.wires.write(settings)
+        time.sleep(settle_s)
+        blocks = [_next(pad, sensor) for _ in range(1 + test.samples)][1:]  # the first may be of the time before
+        measured.append([pad.chip.driver.axes(pad.chip, block) for block in blocks if block is not None])
+        if len(measured[-1]) < test.samples:
+            return None
+    return own_field_counts(pad.chip, *measured), NOTHING
 
 
 def _biased(pad: I2cPad, sensor: Sensor, settings: bytes) -> Axes | None:
@@ -50,10 +74,16 @@ def _biased(pad: I2cPad, sensor: Sensor, settings: bytes) -> Axes | None:
 
 def _single(pad: I2cPad, sensor: Sensor) -> bytes | None:
     sensor.wires.write(pad.chip.driver.trigger)
+    time.sleep(pad.chip.single_conversion_s)
+    return _next(pad, sensor)
+
+
+def _next(pad: I2cPad, sensor: Sensor) -> bytes | None:
+    """The next sample; None if none comes in time."""
     end_s = time.monotonic() + CONVERSION_LIMIT_S
     while time.monotonic() < end_s:
-        time.sleep(pad.chip.single_conversion_s)
         ready, block = pad.chip.driver.sample(sensor.wires)
         if ready:
             return block
+        time.sleep(POLL_S)
     return None

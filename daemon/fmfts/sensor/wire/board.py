@@ -27,6 +27,7 @@ class Board:
         self._pads = pads
         first = next(iter(pads.values()))  # what pads of one board have in common
         self.chip = first.chip
+        self._has_selftest = first.has_selftest
         self._settings = Settings.of(first)
         self._state = state
         self._uid = uid
@@ -57,7 +58,7 @@ class Board:
         """Write into the state what the last hello says. Call it only for the right board."""
         hello = self.hello
         assert hello is not None
-        self._state.board.update(faults.identity(hello, self.chip))
+        self._state.board.update(self._identity(hello))
         faults.note(self._state.warnings, "clock", faults.bad_clock(hello))
         faults.note(self._state.warnings, "early", self._why_not_early(hello))
         for pad_index, pad in self._pads.items():
@@ -65,6 +66,9 @@ class Board:
         self._state.sensor_faults.clear()
         for pad_index, described in enumerate(hello.pads):
             self._note_sensors(hello, pad_index, tuple(sensor.state for sensor in described.sensors))
+
+    def _identity(self, hello: Hello) -> dict[str, object]:
+        return faults.identity(hello, self.chip, has_selftest=self._has_selftest)
 
     def wishes(self) -> Iterator[tuple[Verb, int]]:
         """The requests that bring the board to the configured settings."""
@@ -99,7 +103,7 @@ class Board:
         """The board has carried out a request of SETTING."""
         if self.hello is not None:
             self.hello = replace(self.hello, **{SETTING[verb]: argument})
-            self._state.board.update(faults.identity(self.hello, self.chip))
+            self._state.board.update(self._identity(self.hello))
 
     def count(self, status: Status) -> None:
         """Note the losses on the line that the board counted."""

@@ -63,10 +63,10 @@ def no_measurement(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | 
     return None if state == SensorState.SELFTEST_FAILED else sensor_fault(pad, sensor, state, chip)
 
 
-def identity(hello: Hello, chip: Chip) -> dict[str, object]:
+def identity(hello: Hello, chip: Chip, *, has_selftest: bool) -> dict[str, object]:
     """Facts about the board from its hello, for `status` and `probe`."""
     ranges = chip.ranges_gauss
-    without = {} if chip.bias_strap is not None else {"self_test": False}
+    without = {} if has_selftest else {"self_test": False}
     return without | {
         "uid": hello.uid.hex(),
         "firmware": ".".join(map(str, hello.firmware_version)),

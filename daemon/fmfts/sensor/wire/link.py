@@ -166,7 +166,7 @@ class Link:
 
     def request_selftest(self, pad_index: int, now_ns: int) -> None:
         pad = self._pads[pad_index]
-        if pad.chip.bias_strap is None:
+        if not pad.has_selftest:
             raise CannotError(f"pad {pad.name!r}: {no_selftest(pad.chip)}")
         self._selftests.begin(pad_index, pad.name, now_ns)
         self.requests.ask(Verb.SELFTEST, pad_index)
