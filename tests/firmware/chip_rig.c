@@ -16,6 +16,22 @@ static void init_mmc5983ma(union any_chip *chip, uint32_t seed)
     emulated_mmc5983ma_init(&chip->mmc5983ma, seed);
 }
 
+static void init_qmc5883l(union any_chip *chip, uint32_t seed)
+{
+    emulated_qmc5883l_init(&chip->qmc5883l, seed);
+}
+
+const struct promised qmc5883l = {
+    .init = init_qmc5883l,
+    .identification = {0, 0, 0xFF},
+    .identification_mask = {0x3E, 0xFE, 0xFF},
+    .gain_codes = 2,
+    .counts_per_gauss = {{12000, 12000, 12000}, {3000, 3000, 3000}}, // section 2.2
+    .range_gauss = {2.73, 10.92},
+    .beyond = 1.01,
+    .speeds = {{50, 200}, {101, 200}, {200, 200}, {220, 200}},
+};
+
 const struct promised mmc5983ma = {
     .init = init_mmc5983ma,
     .identification = {0x30, 0, 0},

@@ -2,9 +2,10 @@
 #ifndef FMFTS_TEST_CHIP_RIG_H
 #define FMFTS_TEST_CHIP_RIG_H
 
-#include "../../firmware/emulated/lis3mdl.h"
-#include "../../firmware/emulated/mlx90393.h"
-#include "../../firmware/emulated/mmc5983ma.h"
+#include "../../firmware/emulated/emulated_lis3mdl.h"
+#include "../../firmware/emulated/emulated_mlx90393.h"
+#include "../../firmware/emulated/emulated_mmc5983ma.h"
+#include "../../firmware/emulated/emulated_qmc5883l.h"
 #include "rig.h"
 
 enum { GAIN_CODES_MAX = 6, SPEEDS_MAX = 4 };
@@ -14,6 +15,7 @@ union any_chip {
     struct emulated_mmc5983ma mmc5983ma;
     struct emulated_mlx90393 mlx90393;
     struct emulated_lis3mdl lis3mdl;
+    struct emulated_qmc5883l qmc5883l;
 };
 
 // Written here once more, not taken from the driver. Ranges are those in which every field must be told.
@@ -28,11 +30,11 @@ struct promised {
         int frames_hz;
         double conversions_hz; // the slowest rate that gives each frame a new sample
     } speeds[SPEEDS_MAX];
-    int single_max_hz; // that the board accepts, with one pad
+    int single_max_hz; // that the board accepts, with one pad; 0: it takes no trigger
     double raw_at_25, raw_per_kelvin; // of its thermometer; 0: none
 };
 
-extern const struct promised mmc5983ma, mlx90393, lis3mdl;
+extern const struct promised qmc5883l, mmc5983ma, mlx90393, lis3mdl;
 extern union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
 extern const double chip_field_gauss[SAMPLER_SENSORS_MAX][3];
 
@@ -50,6 +52,10 @@ void chip_rig_check_counts(const struct promised *kind, const struct sample_view
 
 // A test of each kind: `check` is a function of a `const struct promised *`.
 #define TEST_EACH_CHIP(check)                                                                                          \
+    TEST(qmc5883l_##check)                                                                                             \
+    {                                                                                                                  \
+        check(&qmc5883l);                                                                                              \
+    }                                                                                                                  \
     TEST(mmc5983ma_##check)                                                                                            \
     {                                                                                                                  \
         check(&mmc5983ma);                                                                                             \

@@ -93,6 +93,15 @@ MUTATIONS = [
     ("lis3mdl", "does not see that its stream has ended", "(i == MODE_CONTROL && !setup->streams)", "i == MODE_CONTROL"),
     ("lis3mdl", "triggers a stream", ".bytes = {CONTROL_3, MODE_SINGLE}", ".bytes = {CONTROL_3, MODE_CONTINUOUS}"),
     ("lis3mdl", "a period that is not its rate's", "{155, 6452}", "{155, 7500}"),
+    ("qmc5883l", "high byte first", "data[2 * axis] | data[2 * axis + 1] << 8", "data[2 * axis + 1] | data[2 * axis] << 8"),
+    ("qmc5883l", "range bits shifted wrongly", "setup->gain_code << 4", "setup->gain_code << 5"),
+    ("qmc5883l", "100 Hz in place of 200", "CONTINUOUS_200_HZ = 0x0D", "CONTINUOUS_200_HZ = 0x09"),
+    ("qmc5883l", "no continuous mode", "CONTINUOUS_200_HZ = 0x0D", "CONTINUOUS_200_HZ = 0x0C"),
+    ("qmc5883l", "takes samples that are not ready", "byte & STATUS_READY ? CHIP_READY : 0", "CHIP_READY"),
+    ("qmc5883l", "the last count counts as a field", "count == LAST_COUNT ? CHIP_SATURATED : count", "count"),
+    ("qmc5883l", "the status's register is wrong", "STATUS = 0x06", "STATUS = 0x05"),
+    ("qmc5883l", "any identification will do", "identification[2] == 0xFF &&", "identification[2] != 1 ||"),
+    ("qmc5883l", "a period that is not its rate's", "{{200, 5000}}", "{{200, 6000}}"),
 ]  # fmt: skip
 
 
@@ -104,7 +113,7 @@ def compiled(source: Path, folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Of the core, the emulation and the C tests, by folder and name: emulated chips are named as their drivers."""
+    """Of the core, the emulation and the C tests, by folder and name."""
     folder = tmp_path_factory.mktemp("objects")
     firmware = ROOT / "firmware"
     sources = [firmware / "host/emulation.c"]

@@ -1,7 +1,7 @@
 // The LIS3MDL's driver alone: what a stream shows late or never.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
-#include "../../firmware/emulated/lis3mdl.h"
+#include "../../firmware/emulated/emulated_lis3mdl.h"
 #include "chip_bench.h"
 #include "harness.h"
 

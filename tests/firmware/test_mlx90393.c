@@ -1,7 +1,7 @@
 // The MLX90393's driver alone: what a stream shows late or never.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
-#include "../../firmware/emulated/mlx90393.h"
+#include "../../firmware/emulated/emulated_mlx90393.h"
 #include "chip_bench.h"
 #include "harness.h"
 

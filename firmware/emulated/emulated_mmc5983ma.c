@@ -1,4 +1,4 @@
-#include "mmc5983ma.h"
+#include "emulated_mmc5983ma.h"
 
 #include <math.h>
 #include <string.h>

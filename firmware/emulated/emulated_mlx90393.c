@@ -1,4 +1,4 @@
-#include "mlx90393.h"
+#include "emulated_mlx90393.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "lis3mdl.h"
+#include "emulated_lis3mdl.h"
 
 #include <math.h>
 #include <string.h>

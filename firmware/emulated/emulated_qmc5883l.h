@@ -1,0 +1,13 @@
+// A QMC5883L as QST's data sheet (13-52-04 rev. 1.0) describes it.
+#ifndef FMFTS_EMULATED_QMC5883L_H
+#define FMFTS_EMULATED_QMC5883L_H
+
+#include "magnetometer.h"
+
+struct emulated_qmc5883l {
+    struct emulated_magnetometer common;
+};
+
+void emulated_qmc5883l_init(struct emulated_qmc5883l *chip, uint32_t seed);
+
+#endif
