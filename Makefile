@@ -12,6 +12,7 @@
 # make long    tests that take more than ten seconds: the laboratory's studies, long runs of pads (four minutes)
 # make slow    the page in Chromium, the fault drills, a whole installation, a drift that is followed (six minutes)
 # make test-firmware-long    half a minute of the emulated board's time
+# make test-rp2040    the firmware for a Raspberry Pi Pico on rp2040js
 # make install, uninstall    install into PREFIX=/usr/local; make deb: make a Debian package in build/
 # make install-c-client      install the client for controllers in C and C++ into PREFIX
 # make drills, soak, chaos, drill-service, aarch64    all fault drills; random faults on many pads; pairs of faults, each
@@ -91,10 +92,18 @@ processes clock slow: firmware-for-tests
 
 # Builds the firmware before the tests, so that several tests do not build it at once; the tests report what failed.
 firmware-for-tests: | test-packages
-	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang >/dev/null
+	-@$(MAKE) --no-print-directory -s -k -C firmware host stm32 stm32-clang rp2040 >/dev/null
 
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
+
+# The RP2040's firmware on an emulator of the whole chip; node and npm must be there. RP2040JS=DIR: an rp2040js of yours.
+.PHONY: test-rp2040
+test-rp2040: test-packages $(VENV)/.installed-test
+ifeq ($(RP2040JS),)
+	@npm install --silent --no-save --no-audit --no-fund --prefix $(VENV) rp2040js@1.4.1
+endif
+	RP2040JS=$(RP2040JS) $(BIN)/python -m pytest tests/firmware/rp2040_drills.py
 
 # Shorter: VERSIONS="--python 3.12 --set oldest tests/unit/test_bus.py".
 VERSIONS ?=

@@ -4,21 +4,21 @@ CLANG ?= clang
 OPENOCD ?= openocd
 STM32FLASH ?= stm32flash
 
-STM32 = $(CORE) $(wildcard stm32f103/*.c)
+STM32 = $(CORE) $(wildcard cortex_m/*.c stm32f103/*.c)
 STM32_SCRIPT = stm32f103/stm32f103c8.ld
-STM32_HEADERS = $(wildcard core/*.h core/chips/*.h stm32f103/*.h stm32f103/freestanding/*.h)
+STM32_HEADERS = $(wildcard core/*.h core/chips/*.h cortex_m/*.h cortex_m/freestanding/*.h stm32f103/*.h)
 STM32_FLAGS = -mcpu=cortex-m3 -mthumb -g $(WARNINGS) -ffreestanding -ffunction-sections -fdata-sections \
-	-isystem stm32f103/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
+	-isystem cortex_m/freestanding -nostdlib -Wl,--gc-sections,--fatal-warnings -T $(STM32_SCRIPT)
 # Without the flag, GCC compiles the loop in memcpy to a call of memcpy.
 STM32_GCC = $(ARM_CC) -fno-tree-loop-distribute-patterns
 # With -Os clang inlines and unrolls so much that the image does not fit.
 STM32_CLANG = $(CLANG) --target=thumbv7m-none-eabi -fno-builtin -fuse-ld=lld
 
 stm32: $(BUILD)/fmfts.elf $(BUILD)/fmfts.bin
-	@sh stm32f103/size.sh $(ARM_CC) $<
+	@sh cortex_m/size.sh $(ARM_CC) $< 20 4
 
 stm32-clang: $(BUILD)/fmfts-clang.elf
-	@sh stm32f103/size.sh $(ARM_CC) $<
+	@sh cortex_m/size.sh $(ARM_CC) $< 20 4
 
 $(BUILD)/fmfts.elf: $(STM32) $(STM32_HEADERS) $(STM32_SCRIPT) stm32f103/build.mk
 	@mkdir -p $(BUILD)

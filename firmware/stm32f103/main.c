@@ -7,7 +7,7 @@
 #include "gpio.h"
 #include "i2c.h"
 #include "load_cell_pins.h"
-#include "pads.h"
+#include "../cortex_m/pads.h"
 #include "registers.h"
 #include "serial.h"
 #include "timer.h"

@@ -40,14 +40,16 @@ static bool select(const struct bus *bus, uint8_t mux_address, uint8_t channels)
     return false;
 }
 
-// Sends only the address, which any of the sensors acknowledges. Reading is not possible while several channels are on.
+// Writes a zero, which any of the sensors acknowledges, and which is to them the number of a register or a command that
+// does nothing. Reading is not possible while several channels are on; the RP2040 cannot send an address alone.
 static bool sensor_answers(const struct bus *bus, uint8_t mux_address, uint8_t channels)
 {
+    const uint8_t nothing = 0;
     if (!select(bus, mux_address, channels))
         return false;
     for (int attempt = 0; attempt < ATTEMPTS; attempt++) {
         for (int place = 0; place < CHIP_PLACES; place++) {
-            enum bus_result result = bus->write(bus->context, chip_places[place].address, NULL, 0);
+            enum bus_result result = bus->write(bus->context, chip_places[place].address, &nothing, 1);
             if (result == BUS_OK)
                 return true;
             if (result != BUS_NO_ANSWER)

@@ -1,0 +1,130 @@
+// The firmware core on an RP2040 (Raspberry Pi Pico). Pins: docs/firmware.md.
+#include "../core/device.h"
+#include "../cortex_m/pads.h"
+#include "i2c.h"
+#include "load_cell_pins.h"
+#include "registers.h"
+#include "serial.h"
+
+enum {
+    PORTS = 2,
+    CRYSTAL_MHZ = 12,
+    CORE_HZ = 125000000,
+    PLL_MULTIPLIER = 125, // 1500 MHz, by 6 and by 2
+    PLL_DIVIDERS = 6 << 16 | 2 << 12,
+    CRYSTAL_STARTUP = 47, // times 256 cycles: 1 ms
+    POWER_UP_US = 10000,  // muxes and sensors answer 0.2 ms after power-up, and the supply may rise slowly
+    // The longest turn of the main loop, with a bus that stays stuck, takes a few ms. It counts two for each microsecond
+    // (erratum RP2040-E1).
+    WATCHDOG_LOAD = 2 * 150000,
+};
+
+static struct i2c_port ports[PORTS] = {
+    {.registers = I2C0, .sda = 4, .scl = 5, .mux_reset = 8, .clock_hz = CORE_HZ},
+    {.registers = I2C1, .sda = 6, .scl = 7, .mux_reset = 9, .clock_hz = CORE_HZ},
+};
+static const uint8_t port_numbers[PORTS] = {1, 2};
+static struct bus buses[PORTS];
+static struct board board;
+static struct device device;
+
+static uint32_t now_us(void *context)
+{
+    (void)context;
+    return TIMERAWL;
+}
+
+static enum reset_cause take_reset_cause(void)
+{
+    uint32_t reason = WATCHDOG->REASON, chip = CHIP_RESET;
+    return reason & WATCHDOG_REASON_TIMER   ? RESET_INDEPENDENT_WATCHDOG
+           : reason & WATCHDOG_REASON_FORCE ? RESET_SOFTWARE
+           : chip & CHIP_RESET_HAD_POR      ? RESET_POWER_ON
+           : chip & CHIP_RESET_HAD_RUN      ? RESET_PIN
+                                            : RESET_UNKNOWN;
+}
+
+static void release(uint32_t blocks)
+{
+    RESETS->RESET &= ~blocks;
+    while ((RESETS->RESET_DONE & blocks) != blocks) {
+    }
+}
+
+// The crystal, and the PLL on it. Without a crystal the ROM's boot loader has no USB either: such boards do not exist.
+static void start_clocks(void)
+{
+    XOSC->STARTUP = CRYSTAL_STARTUP;
+    XOSC->CTRL = XOSC_ENABLE;
+    while (!(XOSC->STATUS & XOSC_STABLE)) {
+    }
+    CLK_SYS->CTRL = CLK_SYS_REF;
+    while (!(CLK_SYS->SELECTED & 1U << CLK_SYS_REF)) {
+    }
+    CLK_REF->CTRL = CLK_REF_XOSC;
+    while (!(CLK_REF->SELECTED & 1U << CLK_REF_XOSC)) {
+    }
+    RESETS->RESET |= RESETS_PLL_SYS;
+    release(RESETS_PLL_SYS);
+    PLL_SYS->CS = 1;
+    PLL_SYS->FBDIV_INT = PLL_MULTIPLIER;
+    PLL_SYS->PWR &= ~(PLL_PWR_PD | PLL_PWR_VCOPD);
+    while (!(PLL_SYS->CS & PLL_LOCK)) {
+    }
+    PLL_SYS->PRIM = PLL_DIVIDERS;
+    PLL_SYS->PWR &= ~PLL_PWR_POSTDIVPD;
+    CLK_SYS->CTRL = CLK_SYS_AUX;
+    while (!(CLK_SYS->SELECTED & 1U << CLK_SYS_AUX)) {
+    }
+    CLK_PERI->CTRL = CLK_PERI_ENABLE;
+    WATCHDOG->TICK = WATCHDOG_TICK_ENABLE | CRYSTAL_MHZ; // also the timer's microsecond
+}
+
+static void start_watchdog(void)
+{
+    PSM->WDSEL = PSM_ALL_BUT_OSCILLATORS;
+    WATCHDOG->LOAD = WATCHDOG_LOAD;
+    WATCHDOG->CTRL = WATCHDOG_ENABLE;
+}
+
+static void start_board(void)
+{
+    bool usable[PORTS];
+    enum reset_cause cause = take_reset_cause();
+    start_clocks();
+    release(RESETS_IO_BANK0 | RESETS_PADS_BANK0 | RESETS_TIMER | RESETS_UART0 | RESETS_I2C0 | RESETS_I2C1);
+    start_watchdog();
+    serial_start(CORE_HZ);
+    while (TIMERAWL < POWER_UP_US) {
+    }
+    for (int i = 0; i < PORTS; i++)
+        usable[i] = i2c_start(&ports[i], &buses[i]) == BUS_OK;
+    bool remembered = cause == RESET_INDEPENDENT_WATCHDOG || cause == RESET_SOFTWARE;
+    const struct pads *pads = pads_find(buses, usable, PORTS, remembered);
+    board = (struct board){
+        .buses = buses,
+        .bus_count = PORTS,
+        .i2c_ports = port_numbers,
+        .pads = pads->wiring,
+        .pad_count = pads->count,
+        .load_cell = load_cell_pins_start(),
+        .reset_cause = (uint8_t)cause,
+        .clock_source = CLOCK_HSE,
+        .now_us = now_us,
+        .send = serial_send,
+    };
+}
+
+int main(void)
+{
+    start_board();
+    device_init(&device, &board);
+    for (;;) {
+        size_t count;
+        WATCHDOG->LOAD = WATCHDOG_LOAD; // the only place that feeds it
+        const uint8_t *bytes = serial_peek(&count);
+        device_receive(&device, bytes, count);
+        serial_drop(count);
+        device_poll(&device);
+    }
+}

@@ -1,0 +1,95 @@
+"""A Pico with this firmware on rp2040js, and on its I2C pins the same emulated switches and chips as the STM32 has."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from emulator.chips import Bus, Tca9548a
+from emulator.hx711 import Hx711
+
+PROGRAM = Path(__file__).with_name("rp2040_chip.cjs")
+
+
+class Rp2040Board:
+    """library: rp2040js. image: the flash. make(channel, time_s): a chip; all on a switch of port 1."""
+
+    def __init__(self, library: Path, image: Path, make: Callable[[int, Callable[[], float]], Any]) -> None:
+        self.now_s = 0.0
+        self.baud = 0
+        self.warnings = ""
+        self.sent = bytearray()
+        self.chips = [make(channel, lambda: self.now_s) for channel in range(4)]
+        self.mux = Tca9548a(0x70, dict(enumerate(self.chips)))
+        self.buses = [Bus([self.mux]), Bus([])]
+        self.complaints: list[str] = []
+        self.converter = Hx711(lambda: self.now_s, self.complaints.append)
+        self._process = subprocess.Popen(
+            ["node", PROGRAM, library, image], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        self._until_ready()
+
+    def close(self) -> None:
+        self._process.kill()
+        with self._process:  # closes its pipes, and waits
+            pass
+
+    def run(self, seconds: float) -> bytes:
+        """Let the board run; the answer is what the host received meanwhile."""
+        self._order(f"run {self.now_s + seconds:.9f}")
+        received = bytes(self.sent)
+        self.sent.clear()
+        return received
+
+    def send(self, data: bytes) -> None:
+        self._order("feed " + " ".join(map(str, data)))
+
+    def hold(self, pin: int, level: bool) -> None:
+        self._order(f"line {pin} {int(level)}")
+
+    def hang(self) -> None:
+        """The program runs into an endless loop."""
+        self._order("hang")
+
+    def _order(self, line: str) -> None:
+        self._answer(line)
+        self._until_ready()
+
+    def _answer(self, line: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+
+    def _until_ready(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            verb, *words = line.split(maxsplit=2) if line.startswith("ready") else line.split()
+            if verb == "sent":
+                self.sent.append(int(words[0]))
+            elif verb == "baud":
+                self.baud = int(words[0])
+            elif verb == "ready":
+                self.now_s = float(words[0])
+                self.warnings = words[1].strip() if len(words) > 1 else ""
+                return
+            else:
+                self.now_s = float(words[0])
+                self._answer(str(self._on_pins(verb, *map(int, words[1:]))))
+        raise AssertionError(f"node ended with {self._process.wait()}")
+
+    def _on_pins(self, verb: str, number: int = 0, value: int = 0, reading: int = 0) -> int:
+        if verb == "clock":
+            self.converter.clock_driven(bool(number))
+        if verb in ("clock", "data"):
+            return int(self.converter.data_level())
+        bus = self.buses[number]
+        if verb == "start":
+            return int(bus.start(value, bool(reading)))
+        if verb == "put":
+            return int(bus.put(value))
+        if verb == "get":
+            return bus.get()
+        bus.stop()
+        return 1

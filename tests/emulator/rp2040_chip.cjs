@@ -1,0 +1,104 @@
+// An RP2040 of rp2040js that runs an image of flash. What hangs on its pins is elsewhere: each event is a line on standard
+// output, those that need an answer wait for a line on standard input. usage: node rp2040_chip.cjs RP2040JS IMAGE
+"use strict";
+const fs = require("fs");
+const [, , library, image] = process.argv;
+const { RP2040 } = require(library);
+
+const CYCLE_NS = 8; // 125 MHz
+const BYTE_NS = 22500; // eight bits and an acknowledgement at 400 kHz
+const BIT_NS = 2500;
+const BOOT2 = 0x20041f00; // where the ROM copies it
+
+let input = "";
+function say(line) {
+    fs.writeSync(1, line + "\n");
+}
+function ask(line) {
+    say(line);
+    while (!input.includes("\n")) {
+        const chunk = Buffer.alloc(4096);
+        const count = fs.readSync(0, chunk, 0, chunk.length, null);
+        if (count === 0) process.exit(0);
+        input += chunk.toString("latin1", 0, count);
+    }
+    const end = input.indexOf("\n");
+    const answer = input.slice(0, end);
+    input = input.slice(end + 1);
+    return answer;
+}
+
+const chip = new RP2040();
+const seconds = () => (chip.clock.nanos * 1e-9).toFixed(9);
+const warnings = new Set();
+chip.logger = {
+    debug() {},
+    info() {},
+    warn: (name, text) => warnings.add(`${name}: ${text}`),
+    error: (name, text) => warnings.add(`${name}: ${text}`),
+};
+const flash = fs.readFileSync(image);
+
+function after(ns, action) {
+    chip.clock.createAlarm(action).schedule(ns);
+}
+
+chip.i2c.forEach((port, number) => {
+    port.onStart = () => after(BIT_NS, () => port.completeStart());
+    port.onConnect = (address, mode) =>
+        after(BYTE_NS, () => port.completeConnect(ask(`start ${seconds()} ${number} ${address} ${mode}`) === "1"));
+    port.onWriteByte = (value) => after(BYTE_NS, () => port.completeWrite(ask(`put ${seconds()} ${number} ${value}`) === "1"));
+    port.onReadByte = () => after(BYTE_NS, () => port.completeRead(Number(ask(`get ${seconds()} ${number}`))));
+    port.onStop = () =>
+        after(BIT_NS, () => {
+            ask(`stop ${seconds()} ${number}`);
+            port.completeStop();
+        });
+});
+chip.gpio[11].addListener((state) => chip.gpio[10].setInputValue(ask(`clock ${seconds()} ${state === 1 ? 1 : 0}`) === "1"));
+function watchData() {
+    chip.gpio[10].setInputValue(ask(`data ${seconds()}`) === "1");
+    after(500000, watchData);
+}
+chip.uart[0].onByte = (value) => say(`sent ${value}`);
+chip.uart[0].onBaudRateChange = (baud) => say(`baud ${baud}`);
+let resets = false; // after the instruction that runs now
+chip.peripherals[0x40058].onWatchdogTrigger = () => {
+    chip.peripherals[0x40058].writeUint32(0, 0); // its own reset, which rp2040js leaves to us
+    resets = true;
+};
+
+function start() {
+    const nanos = chip.clock.nanos;
+    chip.reset();
+    chip.flash.set(flash);
+    chip.clock.nanosCounter = nanos;
+    chip.sram.set(flash.subarray(0, 256), BOOT2 - 0x20000000);
+    chip.core.PC = BOOT2;
+    for (const pin of [4, 5, 6, 7, 8, 9]) chip.gpio[pin].setInputValue(true); // pull-ups
+}
+
+start();
+watchData();
+for (;;) {
+    // `run SECONDS`, `line PIN LEVEL`, `hang` or `feed BYTE…`
+    const [verb, ...words] = ask(`ready ${seconds()} ${[...warnings].join("; ")}`).split(" ");
+    if (verb === "line") {
+        chip.gpio[Number(words[0])].setInputValue(words[1] === "1");
+    } else if (verb === "hang") {
+        chip.sram.set([0xfe, 0xe7], 0x41000); // b .
+        chip.core.PC = 0x20041000;
+    } else if (verb === "feed") {
+        words.forEach((byte, place) => after(place * 21700, () => chip.uart[0].feedByte(Number(byte))));
+    } else {
+        const until = Number(words[0]) * 1e9;
+        while (chip.clock.nanos < until) {
+            const cycles = chip.core.executeInstruction();
+            chip.clock.tick(cycles * CYCLE_NS);
+            if (resets) {
+                resets = false;
+                start();
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+"""The RP2040's firmware on rp2040js (an emulator of the whole chip) with the emulated switches and chips of the STM32.
+
+`make test-rp2040` installs rp2040js and runs this. rp2040js sends bytes at once and gives the I2C no wires: what the
+line carries, and the clocks that free a bus, are not tried here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_stm32_build import FIRMWARE, make
+
+from emulator.chips import Hmc5983
+from emulator.magnetometers import Lis3mdl, Mmc5983ma
+from emulator.mlx90393 import Mlx90393
+from emulator.rp2040_board import Rp2040Board
+from fmfts.sensor.chips import CHIPS
+from fmfts.sensor.wire.framing import Decoder, encode
+from fmfts.sensor.wire.packets import (
+    ALL_PADS,
+    Hello,
+    Load,
+    Packet,
+    Reply,
+    Request,
+    Sample,
+    Selftest,
+    SensorState,
+    Status,
+    Verb,
+)
+
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc", "node")
+LIBRARY = Path(os.environ.get("RP2040JS") or FIRMWARE.parent / ".venv/node_modules/rp2040js") / "dist/cjs/index.js"
+FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(4)]
+KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
+    "hmc5983": (Hmc5983, 3, 220),
+    "mmc5983ma": (Mmc5983ma, 0, 200),
+    "mlx90393": (Mlx90393, 0, 220),
+    "lis3mdl": (Lis3mdl, 3, 155),
+}
+
+
+class Stream:
+    """A board and what it has said."""
+
+    def __init__(self, kind: str = "hmc5983") -> None:
+        make("rp2040")
+        self.decoder, self.packets = Decoder(), list[Packet]()
+        self.board = Rp2040Board(
+            LIBRARY, FIRMWARE / "build/fmfts-rp2040.bin", lambda n, time_s: self._made(kind, n, time_s)
+        )
+
+    @staticmethod
+    def _made(kind: str, channel: int, time_s: Callable[[], float]) -> Any:
+        error = (channel - 1.5) * 0.01
+        return KINDS[kind][0](time_s, FIELDS_GAUSS[channel], clock_error=error, phase_s=0.0007 * channel)
+
+    def run(self, seconds: float) -> list[Packet]:
+        packets = self.decoder.feed(self.board.run(seconds))
+        self.packets += packets
+        return packets
+
+    def samples(self, seconds: float) -> list[Sample]:
+        return [packet for packet in self.run(seconds) if isinstance(packet, Sample)]
+
+    def ask(self, verb: Verb, argument: int = 0) -> int:
+        self.board.send(encode(Request(verb, 7, ALL_PADS, argument)))
+        replies = [packet for packet in self.run(0.01) if isinstance(packet, Reply)]
+        assert [reply.request_id for reply in replies] == [7]
+        return replies[0].result
+
+    def latest(self, kind: type[Any]) -> Any:
+        return next(packet for packet in reversed(self.packets) if isinstance(packet, kind))
+
+
+@pytest.fixture
+def opened() -> Iterator[Callable[[str], Stream]]:
+    streams: list[Stream] = []
+
+    def open_stream(kind: str = "hmc5983") -> Stream:
+        streams.append(Stream(kind))
+        return streams[-1]
+
+    yield open_stream
+    for stream in streams:
+        stream.board.close()
+
+
+def test_it_boots_says_who_is_there_and_streams_every_frame(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.run(0.4)
+    hello = stream.latest(Hello)
+    assert (hello.clock, hello.rate_hz, len(hello.pads)) == (1, 220, 1)
+    assert [sensor.identification for sensor in hello.pads[0].sensors] == [b"H43"] * 4
+    samples = stream.samples(1.0)
+    assert abs(len(samples) - 220) <= 1
+    assert all(sample.valid == 15 for sample in samples)
+    fresh = sum(bin(sample.fresh).count("1") for sample in samples)
+    assert fresh >= 0.97 * 4 * 220
+    assert abs(stream.board.baud / 460_800 - 1) < 0.001
+    assert (stream.decoder.crc_errors, stream.decoder.garbage_bytes, stream.board.mux.conflicts) == (0, 0, 0)
+    assert stream.board.now_s == pytest.approx(samples[-1].time_us * 1e-6, abs=0.02)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "hmc5983"])
+def test_every_chip_arrives_as_its_field(opened: Callable[..., Stream], kind: str) -> None:
+    _, gain_code, rate_hz = KINDS[kind]
+    stream = opened(kind)
+    stream.run(0.3)
+    assert stream.ask(Verb.RANGE, gain_code) == stream.ask(Verb.RATE, rate_hz) == 0
+    stream.run(0.3)
+    samples = stream.samples(0.5)
+    assert abs(len(samples) - rate_hz / 2) <= 1
+    assert all(sample.valid == 15 for sample in samples)
+    step_t = CHIPS[kind].step_t[gain_code]
+    assert samples[-1].counts * step_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=float(step_t.max()))
+    assert stream.ask(Verb.TRIGGER, 1) == stream.ask(Verb.RATE, CHIPS[kind].board_single_hz) == 0
+    stream.run(0.3)
+    samples = stream.samples(0.5)
+    assert len(samples) >= 0.97 * CHIPS[kind].board_single_hz / 2
+    assert all(sample.valid == sample.fresh == 15 for sample in samples)
+
+
+def test_an_unplugged_sensor_is_missed_alone_and_found_again(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.run(0.4)
+    stream.board.chips[2].absent = True
+    stream.run(0.4)
+    assert stream.latest(Status).pads[0].states == (0, SensorState.OK, SensorState.NO_ANSWER, 0)
+    assert stream.samples(0.1)[-1].valid == 0b1011
+    stream.board.chips[2].power_on()
+    stream.board.chips[2].absent = False
+    stream.run(1.0)
+    assert stream.samples(0.1)[-1].valid == 15
+
+
+def test_a_line_that_is_held_low_is_named_and_let_go(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.run(0.4)
+    stream.board.hold(4, level=False)
+    stream.run(0.4)
+    assert set(stream.latest(Status).pads[0].states) == {SensorState.BUS_STUCK}
+    stream.board.hold(4, level=True)
+    stream.run(1.0)
+    assert stream.samples(0.1)[-1].valid == 15
+
+
+def test_a_selftest_measures_every_chip(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.run(0.4)
+    assert stream.ask(Verb.SELFTEST) == 0
+    stream.run(0.4)
+    assert [sensor.positive for sensor in stream.latest(Selftest).sensors] == [(452, 452, 421)] * 4
+
+
+def test_a_load_cell_is_read(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.board.converter.counts = -123456
+    stream.run(0.4)
+    loads = [packet for packet in stream.run(0.5) if isinstance(packet, Load)]
+    assert abs(len(loads) - 40) <= 1
+    assert {load.counts for load in loads} == {-123456}
+    assert stream.board.complaints == []
+
+
+def test_a_program_that_hangs_is_reset_by_the_watchdog(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.run(0.4)
+    stream.board.hang()
+    stream.packets.clear()
+    stream.run(0.7)
+    assert stream.latest(Hello).reset_cause == 4
+    assert stream.samples(0.1)[-1].valid == 15
