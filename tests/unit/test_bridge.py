@@ -198,11 +198,12 @@ def test_bytes_that_are_no_packet_are_called_so_and_shown(
     tty.setraw(theirs)
     bridge = Bridge({0: pad(Path(os.ttyname(theirs)), **({"uid": "ab" * 12} if bound else {}))}, tmp_path)
     try:
-        bridge.poll(time.monotonic_ns())
+        begun_ns = time.monotonic_ns()
+        bridge.poll(begun_ns)
         for _ in range(10):
             os.write(ours, sent)
-            bridge.poll(time.monotonic_ns())
-        bridge.poll(time.monotonic_ns() + 1_600_000_000)
+            bridge.poll(begun_ns)
+        bridge.poll(begun_ns + 1_600_000_000)
         assert not bridge.state.connected
         reason = bridge.state.reason
         assert f"{10 * len(sent)} bytes came in 1.6 s, but no packet; they begin with {shown}" in reason

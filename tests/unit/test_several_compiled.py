@@ -36,7 +36,7 @@ NONE = np.zeros(3)
 
 
 def of_fit(one: Fit) -> list[bytes]:
-    return bits(one.fingers, one.covariance, one.chi2, one.misfit_t, one.ambient_t)
+    return bits(one.fingers, one.covariance, one.chi2, one.misfit_t, one.ambient_t, one.shear_n, one.shear_deviation_n)
 
 
 @cache

@@ -70,30 +70,20 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
     if not len(fit.fingers):
         return {"contact": False, "contacts": [], "force_n": 0.0, "force_sd_n": estimator.quiet_force_sd_n}
     whole, deviation = resultant(fit.fingers), resultant_deviation(fit)
+    # Of the sum of shears at most: how the errors of two fingers go together is not kept.
+    shear, shear_deviation = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)
+    fingers = zip(reading.ids, fit.fingers, fit.deviation, fit.shear_n, fit.shear_deviation_n, strict=True)
     return {
         "contact": True,
-        "contacts": [
-            _finger(number, finger, sd)
-            for number, finger, sd in zip(reading.ids, fit.fingers, fit.deviation, strict=True)
-        ],
-        **_place_and_force(whole, deviation),
+        "contacts": [FingerMessage(id=number, **_finger(*each)) for number, *each in fingers],
+        **_finger(whole, deviation, shear, shear_deviation),
     }
 
 
-def _finger(number: int, finger: Array, deviation: Array) -> FingerMessage:
-    return FingerMessage(
-        id=number,
-        shear_x_n=None,
-        shear_x_sd_n=None,
-        shear_y_n=None,
-        shear_y_sd_n=None,
-        **_place_and_force(finger, deviation),
-    )
-
-
-def _place_and_force(finger: Array, deviation: Array) -> dict[str, float]:
+def _finger(finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, float]:
     """From mm to m."""
     (x, y, force), (x_sd, y_sd, force_sd) = finger.tolist(), deviation.tolist()
+    (shear_x, shear_y), (shear_x_sd, shear_y_sd) = shear.tolist(), shear_deviation.tolist()
     return {
         "x_m": x * 1e-3,
         "x_sd_m": x_sd * 1e-3,
@@ -101,6 +91,10 @@ def _place_and_force(finger: Array, deviation: Array) -> dict[str, float]:
         "y_sd_m": y_sd * 1e-3,
         "force_n": max(force, 0.0),
         "force_sd_n": force_sd,
+        "shear_x_n": shear_x,
+        "shear_x_sd_n": shear_x_sd,
+        "shear_y_n": shear_y,
+        "shear_y_sd_n": shear_y_sd,
     }
 
 

@@ -39,10 +39,12 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
     return false;
 }
 
-/* fit(model, work, search, start, field, variance, used, ambient, fingers, covariance, misfit, ambient) */
+/* fit(model, work, search, start, field, variance, used, ambient, fingers, covariance, misfit, ambient, shear,
+ * shear_deviation) */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
 {
-    enum { SEARCH = FIRST, START, FIELD, VARIANCE, USED, AMBIENT, FINGERS, COVARIANCE, MISFIT, FOUND_AMBIENT, ALL };
+    enum { SEARCH = FIRST, START, FIELD, VARIANCE, USED, AMBIENT, FINGERS, COVARIANCE, MISFIT, FOUND_AMBIENT, SHEAR,
+           SHEAR_DEVIATION, ALL };
     call c;
     fmfts_search search;
     PyObject *result = NULL;
@@ -55,13 +57,16 @@ PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
         if (searches(&c, SEARCH, values, &search) && has_doubles(&c, FIELD, values) && has_doubles(&c, VARIANCE, values) &&
             has(&c, USED, values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, FINGERS, unknowns) &&
             has_doubles(&c, COVARIANCE, unknowns * unknowns) && has_doubles(&c, MISFIT, values) &&
-            has_doubles(&c, FOUND_AMBIENT, 3)) {
+            has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, SHEAR, 2 * c.fingers) &&
+            has_doubles(&c, SHEAR_DEVIATION, 2 * c.fingers)) {
             fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf};
             fmfts_found found = {
                 .fingers = array(&c, FINGERS),
                 .covariance = array(&c, COVARIANCE),
                 .misfit_t = array(&c, MISFIT),
                 .ambient_t = array(&c, FOUND_AMBIENT),
+                .shear_n = array(&c, SHEAR),
+                .shear_deviation_n = array(&c, SHEAR_DEVIATION),
             };
             fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, c.fingers, array(&c, START), &measured,
                                                       array(&c, AMBIENT), c.work, &found);

@@ -47,6 +47,8 @@ def fit(
     covariance: NDArray[Any],
     misfit: NDArray[Any],
     found_ambient: NDArray[Any],
+    shear: NDArray[Any],
+    shear_deviation: NDArray[Any],
     /,
 ) -> tuple[str | None, int, float]: ...
 def whitener(

@@ -148,6 +148,17 @@ class FieldModel:
         by_finger = np.concatenate([one.slope for one in pressed], axis=1) * self._si[:, None]
         return Predicted(field.ravel() - self._at_rest, product(by_pose, by_finger), by_pose, change, pressed)
 
+    def by_shear(self, fingers: Array, predicted: Predicted) -> Array:
+        """(3N, 2K) what shear of one deviation does to the field, of each finger along x and y."""
+        if not len(fingers):
+            return np.zeros((len(self._at_rest), 0))
+        causes = [
+            self.scene.friction * force * one.by_shear
+            for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True)
+        ]
+        by_shear: Array = product(predicted.by_pose * self._si, np.concatenate(causes, axis=1))
+        return by_shear
+
     def by_finger(self, predicted: Predicted) -> Array:
         """(5M, 3K) the derivative of the change of the poses by the fingers."""
         slopes = [one.slope for one in predicted.pressed] or [np.zeros((len(self._si), 0))]

@@ -200,6 +200,7 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
     }
     spread_of(search, FMFTS_FINGER * fingers, work, found->covariance);
     ambient_of(model, work, found->ambient_t);
+    fmfts_shear_of(model, fingers, found->fingers, found->covariance, work, found->shear_n, found->shear_deviation_n);
     for (size_t v = 0; v < model->values; v++) {
         found->misfit_t[v] = measured->field_t[v] - at->field[v];
     }

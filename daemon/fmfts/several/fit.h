@@ -43,7 +43,7 @@ typedef struct {
 
 /* As Fit; whoever calls gives the arrays. */
 typedef struct {
-    double *fingers, *covariance, *misfit_t, *ambient_t;
+    double *fingers, *covariance, *misfit_t, *ambient_t, *shear_n, *shear_deviation_n;
     double chi2;
 } fmfts_found;
 
@@ -74,6 +74,10 @@ bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *fin
 /* whitener.c: white [used] = L⁻¹ · (measured − predicted). Returns its square, χ². */
 double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
                     const double *predicted_t, double *white);
+
+/* shear.c: shear_n and deviation_n [fingers][2], from what fmfts_several_fit left in `work`. */
+void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *finger, const double *covariance,
+                    const fmfts_several_work *work, double *shear_n, double *deviation_n);
 
 /* fit.c */
 fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *search, size_t fingers,

@@ -38,7 +38,7 @@ FARTHEST_LOAD = 3.0  # the search goes so far beyond the table's largest force
 class Fit:
     """K fingers (K, 3): x, y in mm and force in N, with covariance (3K, 3K). chi2: of the residual; misfit_t (3N,).
 
-    ambient_t (3,): the change of the ambient field that goes with it.
+    ambient_t (3,): the change of the ambient field that goes with it. shear_n, shear_deviation_n (K, 2): of each one.
     """
 
     fingers: Array
@@ -46,6 +46,8 @@ class Fit:
     chi2: float
     misfit_t: Array
     ambient_t: Array
+    shear_n: Array
+    shear_deviation_n: Array
 
     @property
     def deviation(self) -> Array:
@@ -116,6 +118,7 @@ class Fitter:
         unknowns, values = FINGER * len(start), len(measured.field_t)
         fingers, covariance = np.empty((len(start), FINGER)), np.empty((unknowns, unknowns))
         misfit, ambient = np.empty(values), np.empty(3)
+        shear, shear_deviation = np.empty((len(start), 2)), np.empty((len(start), 2))
         wrong, size, chi2 = _several.fit(
             self.model.packed,
             self.model.work,
@@ -129,9 +132,11 @@ class Fitter:
             covariance,
             misfit,
             ambient,
+            shear,
+            shear_deviation,
         )
         refuse(wrong, size, measured, start=start, ambient_t=ambient_t)
-        return Fit(fingers, covariance, chi2, misfit, ambient)
+        return Fit(fingers, covariance, chi2, misfit, ambient, shear, shear_deviation)
 
     def best_single(self, root: Array, measured: Measured) -> tuple[Array, float]:
         """The best finger (1, 3) of the grid, and by how much it lowers χ². root: of C without it."""
@@ -215,7 +220,26 @@ class Fitter:
         # The most likely ambient field, given the residual: σ² A' C⁻¹ r.
         toward = solve_lower(root, self.model.by_ambient[used])
         ambient = self.model.scene.ambient_t * self.model.scene.ambient_t * product(toward.T, white)
-        return Fit(fingers, covariance, float(product(white, white)), residual, ambient)
+        by_shear = solve_lower(root, self.model.by_shear(fingers, predicted)[used])
+        shear = self._shear_of(fingers, covariance, by_shear, white, slope)
+        return Fit(fingers, covariance, float(product(white, white)), residual, ambient, *shear)
+
+    def _shear_of(
+        self, fingers: Array, covariance: Array, by_shear: Array, white: Array, slope: Array
+    ) -> tuple[Array, Array]:
+        """The shear (K, 2) of each finger and its deviation. shear.c does the same.
+
+        Of a considered cause of deviation one, whose effect on the field is g, the residual r tells g'C⁻¹r, with the
+        variance 1 − g'C⁻¹g + h'Σh; h = J'C⁻¹g, J and Σ the slope by the fingers and their covariance.
+        """
+        prior_n = np.repeat(self.model.scene.friction * fingers[:, 2], 2)
+        if not np.isfinite(covariance).all():
+            return np.zeros((len(fingers), 2)), prior_n.reshape(-1, 2)
+        by_finger = product(slope.T, by_shear)
+        size = np.diagonal(product(by_shear.T, by_shear))
+        spent = np.diagonal(product(by_finger.T, covariance, by_finger))
+        share = np.sqrt(np.maximum(1.0 - size + spent, 0.0))
+        return (prior_n * product(by_shear.T, white)).reshape(-1, 2), (prior_n * share).reshape(-1, 2)
 
     def _head(self) -> DoubleTable:
         """The constants of the search, as fit.h has them."""

@@ -20,7 +20,7 @@ from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, w
 from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
 WITHIN_MM = 11.0  # fingers press within this of the middle, along x and y
-FRAMES_OF_A_PAD = 20
+FRAMES_OF_A_PAD, ONE_FINGER_FRAMES_OF_A_PAD = 20, 500
 WRONG = 5.0  # deviations
 NOTHING = np.zeros(3)
 VALUES = 24  # of a frame
@@ -111,8 +111,8 @@ def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
     """One finger: patches of 4 to 8 mm, friction up to 0.3, 0.1 to 2 N."""
     gains, told, frames = [], 0, 0
     errors, alone, off = [], [], []
-    for one in _worlds(options.one_finger, tolerance, options.seed + 1):
-        for _ in range(FRAMES_OF_A_PAD):
+    for one in _worlds(options.one_finger, tolerance, options.seed + 1, ONE_FINGER_FRAMES_OF_A_PAD):
+        for _ in range(ONE_FINGER_FRAMES_OF_A_PAD):
             random = one.random
             force, angle = random.uniform(0.1, 2.0), random.uniform(0.0, 2.0 * np.pi)
             shear = force * random.uniform(0.0, 0.3) * np.array([np.cos(angle), np.sin(angle)])
@@ -177,8 +177,8 @@ def _add(tally: Tally, counted: Counted, truth: Array) -> None:
     tally.deviations.append(deviation)
 
 
-def _worlds(frames: int, tolerance: Tolerance, seed: int) -> Iterator[World]:
-    for number in range(-(-frames // FRAMES_OF_A_PAD)):
+def _worlds(frames: int, tolerance: Tolerance, seed: int, of_a_pad: int = FRAMES_OF_A_PAD) -> Iterator[World]:
+    for number in range(-(-frames // of_a_pad)):
         yield world(1000 * seed + number, tolerance)
 
 
