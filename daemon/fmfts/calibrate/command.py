@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from errno import EISDIR
@@ -9,8 +10,14 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
 
+import msgspec
+import numpy as np
+
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import printed
+from fmfts.calibrate.field_evaluate import evaluate_field
+from fmfts.calibrate.field_fit import make_response
+from fmfts.calibrate.field_set import read_field_set
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
 from fmfts.calibrate.training import Options, calibrate
@@ -46,6 +53,34 @@ def make_model(
     say("on the calibration set, as it is:\n" + printed(calibrated.report["on_the_calibration_set"]))
     say("on new presses, with the noise of one frame:\n" + printed(calibrated.report["on_new_presses_with_noise"]))
     return calibrated.report
+
+
+def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:
+    """Make a table from contact to field of the set in `source`; write it and its report; return the report.
+
+    Raises as `make_model`.
+    """
+    report = target.with_suffix(".json")
+    if report == target:
+        raise DataError(f"{target}: the report would have the same name: choose another (MODEL.response)")
+    _require_writable(target)
+    data = read_field_set(source)
+    response = make_response(data, f"{source.name} {data.digest[:12]}", say)
+    content = response.encoded()
+    facts = {
+        "model": hashlib.sha256(content).hexdigest()[:12],
+        "file_bytes": len(content),
+        "data": source.name,
+        "data_sha256": data.digest,
+        "axes": [msgspec.structs.asdict(axis) for axis in response.axes],
+        "sensors": len(response.reference_ut) // 3,
+        "rests": response.rests,
+        "deviation_ut": np.sqrt(np.diagonal(response.covariance.mean(axis=0))).round(1).tolist(),
+        "on_the_calibration_set": evaluate_field(response, data, str(source)).facts(),
+    }
+    _replace(report, (json.dumps(facts, indent=1) + "\n").encode())
+    _replace(target, content)
+    return facts
 
 
 def _require_writable(target: Path) -> None:

@@ -41,8 +41,11 @@ def field_columns(sensors: int) -> list[str]:
     return [f"b{sensor}{axis}_ut" for sensor in range(1, sensors + 1) for axis in "xyz"]
 
 
-def read(path: Path, sensors: int) -> FieldTable:
-    """Read a file. Raises DataError for a missing column, a cell that is not a number, or an impossible field."""
+def read(path: Path, sensors: int, largest_ut: float = LARGEST_FIELD_UT) -> FieldTable:
+    """Read a file. Raises DataError for a missing column, a cell that is not a number, or an impossible field.
+
+    largest_ut: of a field that is possible; the default is for a pad with one magnet.
+    """
     try:
         with path.open(encoding="utf-8-sig") as file:  # skips the byte order mark that some spreadsheets write
             text = file.read(LARGEST_CHARACTERS + 1)
@@ -53,10 +56,10 @@ def read(path: Path, sensors: int) -> FieldTable:
     if len(text) > LARGEST_CHARACTERS:
         raise DataError(f"{path}: is larger than {LARGEST_CHARACTERS / 1e6:g} MB: split it")
     with damage_told(DataError, f"{path}: is not a table"):  # csv.Error: a cell is too long, or holds a zero byte
-        return _table(path, text, sensors)
+        return _table(path, text, sensors, largest_ut)
 
 
-def _table(path: Path, text: str, sensors: int) -> FieldTable:
+def _table(path: Path, text: str, sensors: int, largest_ut: float) -> FieldTable:
     lines = csv.DictReader(io.StringIO(text))
     header = list(lines.fieldnames or [])
     if not header:
@@ -74,7 +77,7 @@ def _table(path: Path, text: str, sensors: int) -> FieldTable:
         raise DataError(f"{path}: there is no row below the header")
     for line, row in rows:
         _require_as_many(path, line, row, header)
-    values = np.array([[_number(path, line, name, row[name]) for name in fields] for line, row in rows])
+    values = np.array([[_number(path, line, name, row[name], largest_ut) for name in fields] for line, row in rows])
     return FieldTable(
         field_t=values.reshape(len(rows), sensors, 3) * 1e-6,
         others={name: [row[name] for _, row in rows] for name in header if name not in fields},
@@ -108,7 +111,7 @@ def _require_as_many(path: Path, line: int, row: Mapping[str | None, object], he
         raise DataError(f"{path}: row {line} has {cells} cells, the header {len(header)}: was it cut off?")
 
 
-def _number(path: Path, line: int, name: str, cell: str) -> float:
+def _number(path: Path, line: int, name: str, cell: str, largest_ut: float) -> float:
     if not cell.strip():
         return float("nan")
     try:
@@ -117,9 +120,9 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
         raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number") from None
     if not math.isfinite(value):
         raise DataError(f"{path}: row {line}, column {name}: '{cell}' is not a number; leave the row out")
-    if abs(value) > LARGEST_FIELD_UT:
+    if abs(value) > largest_ut:
         raise DataError(
-            f"{path}: row {line}, column {name}: {cell} µT is beyond any range of the chip (810 µT): "
+            f"{path}: row {line}, column {name}: {cell} µT is beyond any range of the chips: "
             "is the column in another unit? 1 G = 100 µT"
         )
     return value

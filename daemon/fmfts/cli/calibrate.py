@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from fmfts.cli import calibrate_fields
 from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking, not_written
 from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
@@ -36,6 +37,11 @@ def add_to(verb: AddVerb) -> None:
         metavar="MODEL.onnx",
         help="(the pad's [pad.contact] model; its refine and friction hold in any case)",
     )
+    evaluate.add_argument(
+        "--as-recorded",
+        action="store_true",
+        help="with the model of a pad of unknown magnets: learn nothing of the test's own pad from its fields",
+    )
     evaluate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw a map of the errors")
     for added in (calibrate, evaluate):
         added.add_argument(
@@ -50,6 +56,8 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    if calibrate_fields.is_of_fields(options.data):
+        return calibrate_fields.calibrate(options)
     pad = configured_or_standard_pad(options)
     try:
         from fmfts.calibrate.command import make_model
@@ -97,6 +105,8 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
+    if options.model is not None and calibrate_fields.is_response(Path(options.model)):
+        return calibrate_fields.evaluate(options)
     pad = configured_or_standard_pad(options)
     try:
         from fmfts.calibrate.evaluate import evaluate

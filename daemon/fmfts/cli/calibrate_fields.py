@@ -1,0 +1,90 @@
+"""`calibrate` and `evaluate` for pads whose magnets are unknown: from contact to field, without a configuration."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from fmfts.cli.verb import VerbError, lacking, not_written
+from fmfts.common import exit_codes
+from fmfts.common.reading import read_regular
+
+MARK, MARK_WITHIN = b"fmfts field response", 64
+
+
+def is_of_fields(data: Path) -> bool:
+    """Whether a set names what only such a pad's has: a depth, shear alone, rest rows or recordings."""
+    try:
+        header = read_regular(data, 10_000).split(b"\n", 1)[0].decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return False  # the other way says what is wrong
+    return bool({"depth_mm", "shear_n", "rest", "recording"} & {name.strip(' "\r') for name in header.split(",")})
+
+
+def is_response(model: Path) -> bool:
+    try:
+        return MARK in read_regular(model, MARK_WITHIN)
+    except OSError:
+        return False
+
+
+def calibrate(options: argparse.Namespace) -> int:
+    try:
+        from fmfts.calibrate.command import make_field_response
+    except ImportError as error:
+        raise lacking(error, "calibrate") from error
+    from fmfts.calibrate.field_table import DataError
+
+    given = [name for name in ("shear", "sheared", "hidden", "baseline", "pad") if getattr(options, name)]
+    if given:
+        raise VerbError(
+            exit_codes.USAGE,
+            f"--{given[0]}: {options.data} is of a pad whose magnets are unknown (it has depth_mm, shear_n, rest or "
+            "recording); its table is made without that option",
+        )
+    try:
+        report = make_field_response(options.data, options.output, _say)
+    except DataError as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    except OSError as error:
+        raise not_written(error, options.output) from error
+    if options.json:
+        print(json.dumps(report, indent=1))
+    else:
+        print(f"{options.output}: field response {report['model']}, {report['file_bytes']} bytes")
+    return 0
+
+
+def evaluate(options: argparse.Namespace) -> int:
+    try:
+        from fmfts.calibrate.field_evaluate import evaluate_field
+    except ImportError as error:
+        raise lacking(error, "calibrate") from error
+    from fmfts.calibrate.evaluation import printed
+    from fmfts.calibrate.field_set import read_field_set
+    from fmfts.calibrate.field_table import DataError
+    from fmfts.contact.field_response import LARGEST_BYTES, FieldResponse, FieldResponseError
+
+    try:
+        content = read_regular(Path(options.model), LARGEST_BYTES)
+        response = FieldResponse.of(content, options.model)
+        data = read_field_set(options.data)
+        evaluation = evaluate_field(response, data, str(options.data), learn=not options.as_recorded)
+    except (DataError, FieldResponseError) as error:
+        raise VerbError(exit_codes.DATA, str(error)) from error
+    except OSError as error:
+        raise VerbError(exit_codes.DATA, f"{options.model}: cannot be read: {error.strerror}") from error
+    if options.json:
+        print(json.dumps(evaluation.facts(), indent=1))
+        return 0
+    for name, one in evaluation.instances.items():
+        print(f"recording {name or '(unnamed)'}: moment {one.moment:+.2%}, gain {one.gain:+.1%} of the table's pad")
+    print(printed(evaluation.rows()))
+    print("within_2, beyond_5: share of errors within two, and beyond five, of the stated deviations")
+    return 0
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)
