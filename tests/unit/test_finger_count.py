@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,6 +116,16 @@ def test_forgetting_begins_anew(built: World) -> None:
     counter.forget()
     assert follow(built, counter, [])[1] == ()
     assert follow(built, counter, [LEFT])[1] != before
+
+
+def test_a_second_finger_is_searched_beside_one_without_force(drawn: World) -> None:
+    """Where the search ended at no force, its place says nothing, and no matrix may be singular."""
+    fitter, measured = drawn.fitter, drawn.measured(drawn.pressed([RIGHT]))
+    nobody = fitter.fit(np.zeros((1, 3)), drawn.measured(np.zeros(20)), NOTHING)
+    weightless = replace(nobody, fingers=np.zeros((1, 3)))
+    starts = fitter.best_seconds(fitter.whitener(weightless.fingers, measured, NOTHING), weightless, measured)
+    assert starts
+    assert np.abs(starts[0][1, :2] - [7.0, 2.0]).max() <= 2.0
 
 
 def test_two_are_far_enough_apart_and_strong_enough() -> None:

@@ -13,6 +13,7 @@ from fmfts.baseline import Baseline
 from fmfts.bus.messages import NO_ESTIMATE_OF_SEVERAL, ContactMessage, FingerMessage, PoseMessage, Vector
 from fmfts.pipeline.contact_message import mask_of
 from fmfts.pose import SOLVER
+from fmfts.pose.magnets import CHANGE
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator, FingersReading
 from fmfts.several.field_model import FINGER
@@ -116,28 +117,27 @@ def resultant_deviation(fit: Fit) -> Array:
 def _poses(fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
     """The pose of each magnet that goes with the fingers: of the table of presses, not solved by itself."""
     mounting = estimator.mounting
-    magnets, covariance, residual_t = estimator.poses(fit)
+    magnets, variance = estimator.poses(fit)
     ambient, ambient_deviation = None, None
     if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
-        ambient = _vector(mounting.ambient_t + fit.ambient_t)
-        ambient_deviation = _vector(mounting.ambient_deviation_t)
-    remanences_t = mounting.remanences_t(estimator.pad)
-    deviation = np.sqrt(np.maximum(np.diagonal(mounting.rest_covariance), 0.0)).reshape(-1, 6)
+        ambient, ambient_deviation = _vector(mounting.ambient_t + fit.ambient_t), _vector(mounting.ambient_deviation_t)
+    whole = np.sqrt(variance + estimator.rest_variance[:, :CHANGE]).tolist()
+    residual_t = float(np.sqrt(product(fit.misfit_t, fit.misfit_t) / len(fit.misfit_t)))
     return [
         PoseMessage(
-            position_m=_vector(position),
-            position_sd_m=_vector(np.sqrt(moved[:3] * moved[:3] + rest[:3] * rest[:3])),
-            axis=_vector(axis),
-            axis_sd_rad=float(np.sqrt(moved[3:] * moved[3:] + rest[3:5] * rest[3:5]).max()),
+            position_m=(x, y, z),
+            position_sd_m=(deviation[0], deviation[1], deviation[2]),
+            axis=(along_x, along_y, along_z),
+            axis_sd_rad=max(deviation[3], deviation[4]),
             remanence_t=remanence_t,
-            remanence_sd_t=float(rest[5]) * remanence_t,
+            remanence_sd_t=remanence_sd_t,
             ambient_t=ambient,
             ambient_sd_t=ambient_deviation,
             residual_t=residual_t,
             chi2=fit.chi2,
         )
-        for position, axis, moved, rest, remanence_t in zip(
-            magnets.position_m, magnets.axis, covariance, deviation, remanences_t, strict=True
+        for (x, y, z), (along_x, along_y, along_z), deviation, (remanence_t, remanence_sd_t) in zip(
+            magnets.position_m.tolist(), magnets.axis.tolist(), whole, estimator.remanences, strict=True
         )
     ]
 

@@ -14,8 +14,10 @@ SILENT = "silent"
 
 def missing_sensors(frame: Frame, stuck: NDArray[np.bool_] | None = None) -> dict[int, str]:
     """Sensor (from 0) → what is wrong with it, to follow "sensor 1 is ". stuck (N, 3): axes that repeat one value."""
-    found = {}
+    found: dict[int, str] = {}
     overflow, impossible = frame.overflow, frame.impossible
+    if frame.valid.all() and not (overflow.any() or impossible.any() or (stuck is not None and stuck.any())):
+        return found
     for sensor in range(len(frame.valid)):
         if not frame.valid[sensor]:
             found[sensor] = SILENT

@@ -35,6 +35,7 @@ AGREES_FRAMES = 20
 # A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
 AGREES = 1e-3
 CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less than the table's width
+REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
 
@@ -72,6 +73,7 @@ class FingersReading(NamedTuple):
 class FingersEstimator:
     """Field → fingers of a pad that has a baseline.
 
+    rest_variance (M, 6): of position, tilt and log moment at rest. remanences: of each magnet, and its deviation, in T.
     repeats_allowed (N, 3): of an axis that is not stuck. magnet_per_k: temperature coefficient of the remanence;
     temperature_c: at the baseline, None if it is not known.
     """
@@ -94,6 +96,10 @@ class FingersEstimator:
         self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
         self._counter = FingerCounter(self.fitter, rate_hz)
         self.memory = FingersMemory(self._counter.memory)
+        self.rest_variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
+        remanences_t = np.array(mounting.remanences_t(pad))
+        self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
+        self._no_variance = np.zeros((len(mounting.magnets), CHANGE))
         self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
 
     @property
@@ -101,16 +107,15 @@ class FingersEstimator:
         """Deviation (N) of no force: what may press and not be felt, where it is felt least."""
         return self._quiet_force_sd_n
 
-    def poses(self, fit: Fit) -> tuple[Magnets, Array, float]:
-        """The magnets as `fit` has them, the deviations (M, 5) of their poses by those of the fingers, and the rms of
-        the residual."""
+    def poses(self, fit: Fit) -> tuple[Magnets, Array]:
+        """The magnets as `fit` has them, and the variances (M, 5) of their poses by those of the fingers."""
         model, mounting = self.fitter.model, self.mounting
+        if not len(fit.fingers):
+            return mounting.magnets, self._no_variance
         predicted = model.predict(fit.fingers)
-        magnets = mounting.magnets.changed(predicted.change, mounting.frames)
         by_finger = model.by_finger(predicted)
-        variance = np.diagonal(product(by_finger, fit.covariance, by_finger.T))
-        residual_t = float(np.sqrt(np.mean(square(fit.misfit_t))))
-        return magnets, np.sqrt(np.maximum(variance, 0.0)).reshape(-1, CHANGE), residual_t
+        variance = (product(by_finger, fit.covariance) * by_finger).sum(axis=1)
+        return mounting.magnets.changed(predicted.change, mounting.frames), variance.reshape(-1, CHANGE)
 
     def recall(self, memory: FingersMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""

@@ -23,6 +23,7 @@ GRID_MM = 2.0
 GRID_FORCE_N = 1.0
 APART_MM = 8.0  # fingers that are nearer to each other are one: a wide patch looks the same
 STARTS = 3  # so many of the best pairs are followed to their minimum
+LEAST = 1e-9  # the normal matrix of a finger without force: its place says nothing
 NEAR_MM = 1.5 * GRID_MM  # a pair that is nowhere farther than this from a better one leads to the same minimum
 
 
@@ -97,7 +98,8 @@ class Scan:
         slope = solve_lower(root, predicted.slope[used])
         # What a small move of the first finger explains as well is no sign of a second one.
         both = np.column_stack([templates.T, white])
-        left = both - product(slope, solve(product(slope.T, slope), product(slope.T, both)))
+        normal = product(slope.T, slope) + LEAST * np.eye(slope.shape[1])
+        left = both - product(slope, solve(normal, product(slope.T, both)))
         along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
         apart = self.places[:, :2] - finger[0, :2]
         good = (along > 0.0) & (size > 0.0) & ((apart * apart).sum(axis=1) >= APART_MM * APART_MM)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.estimator import FREE_FIELD, UNEXPLAINED
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
-from fmfts_lab.bench import several_drills
+from fmfts_lab.bench import several_drills, several_speed
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, world
 from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
@@ -57,7 +56,7 @@ HEAD = (
 
 def run(options: Namespace) -> None:
     if options.speed or options.drills:
-        (_speed if options.speed else several_drills.run)(options)
+        (several_speed if options.speed else several_drills).run(options)
         return
     print(HEAD)
     for name, tolerance, forces, apart_mm in (
@@ -73,7 +72,7 @@ def run(options: Namespace) -> None:
     for name, least, most in (("the weaker below 0.3 N", 0.0, 0.3), ("both 0.3 N and more", 0.3, 2.0)):
         print(_solved(options, least, most).row(f"as drawn, pairs solved by finite elements, {name}"), flush=True)
     print(
-        "\n| one finger | told as two | largest gain of a second | p99.9 | place, rms mm | force, rms N | "
+        "\n| one finger | told as two | largest gain of a second | one in a million | place, rms mm | force, rms N | "
         "beside one finger alone | worst, deviations | wrong |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     )
     for name, tolerance in (("as drawn", EXACT), ("as built", BUILT), ("by hand, gains 5 %", BY_HAND)):
@@ -133,10 +132,16 @@ def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
     error, reference, worst = np.array(errors), np.array(alone), np.abs(np.array(off))
     return (
         f"| {name} | {told} of {frames} | {max(gains):.1f} of {len(gains)} (limit {SECOND_GAIN:g}) "
-        f"| {np.quantile(gains, 0.999):.1f} | {_rms(error[:, :2]):.3f} | {_rms(error[:, 2:]):.4f} "
+        f"| {_one_in_a_million(np.array(gains)):.1f} | {_rms(error[:, :2]):.3f} | {_rms(error[:, 2:]):.4f} "
         f"| {_rms(error[:, :2]) / _rms(reference[:, :2]):.3f}, {_rms(error[:, 2:]) / _rms(reference[:, 2:]):.3f} "
         f"| {worst.max():.1f} | {(worst > WRONG).any(axis=1).sum()} |"
     )
+
+
+def _one_in_a_million(gains: Array) -> float:
+    """The gain that one frame in a million has, if the tail goes on as it falls beyond its 99th percentile."""
+    start = float(np.quantile(gains, 0.99))
+    return start + float(np.mean(gains[gains >= start] - start)) * float(np.log(0.01 / 1e-6))
 
 
 def _rms(values: Array) -> float:
@@ -189,29 +194,3 @@ def _apart(random: np.random.Generator, apart_mm: float) -> Array:
         other = one + apart_mm * np.array([np.cos(angle), np.sin(angle)])
         if np.abs(other).max() <= WITHIN_MM:
             return np.array([one, other])
-
-
-def _speed(options: Namespace) -> None:
-    """Milliseconds of a frame, least and p99 of many, in one run."""
-    one = world(options.seed, BUILT)
-    quiet: list[Press] = []
-    single, pair = [Press(3.0, -4.0, 1.0)], [Press(-6.0, -2.0, 1.0), Press(8.0, 1.0, 0.7)]
-    print("| frame | median ms | p99 ms | least ms |\n| --- | --- | --- | --- |")
-    for name, presses, warm in (
-        ("no finger", quiet, True),
-        ("one finger, warm", single, True),
-        ("two fingers, warm", pair, True),
-        ("a finger appears", single, False),
-        ("two fingers appear", pair, False),
-    ):
-        change, counter = one.pressed(presses), one.counter()
-        times = []
-        for _ in range(options.repeats):
-            measured = one.measured(change)
-            if not warm:
-                counter.forget()
-            begun = time.perf_counter()
-            counter.update(measured, NOTHING)
-            times.append(time.perf_counter() - begun)
-        told = np.array(times[1:]) * 1e3
-        print(f"| {name} | {np.median(told):.3f} | {np.quantile(told, 0.99):.3f} | {told.min():.3f} |", flush=True)

@@ -1,0 +1,97 @@
+"""Time of a frame of a pad with four magnets: the search for fingers alone, and from a frame to its encoded message."""
+
+from __future__ import annotations
+
+import time
+from argparse import Namespace
+from collections.abc import Callable
+from functools import partial
+
+import msgspec
+import numpy as np
+
+from fmfts.bus.messages import encode
+from fmfts.config import SimulatedSource
+from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
+from fmfts.sensor import Frame
+from fmfts.simulation.array import SimulatedArray
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts_lab.bench.several_world import BUILT, Press, world
+from fmfts_lab.finite_elements.array_model import array_config
+
+NOTHING = np.zeros(3)
+PADS = 16
+WARM_FRAMES = 30
+SINGLE, PAIR = [Press(3.0, -4.0, 1.0)], [Press(-6.0, -2.0, 1.0), Press(8.0, 1.0, 0.7)]
+FINGERS: dict[str, tuple[Finger, Finger | None]] = {
+    "no finger": (no_finger, None),
+    "one finger": (steady_finger(3e-3, -4e-3, 1.0), None),
+    "two fingers": (steady_finger(-6e-3, -2e-3, 1.0), steady_finger(8e-3, 1e-3, 0.7)),
+}
+
+
+def run(options: Namespace) -> None:
+    print("| frame | median ms | p99 ms | least ms |\n| --- | --- | --- | --- |")
+    _searches(options)
+    _chains(options)
+
+
+def _searches(options: Namespace) -> None:
+    one = world(options.seed, BUILT)
+    quiet: list[Press] = []
+    for name, presses, warm in (
+        ("search: no finger", quiet, True),
+        ("search: one finger, warm", SINGLE, True),
+        ("search: two fingers, warm", PAIR, True),
+        ("search: a finger appears", SINGLE, False),
+        ("search: two fingers appear", PAIR, False),
+    ):
+        change, counter = one.pressed(presses), one.counter()
+        times = []
+        for _ in range(options.repeats):
+            measured = one.measured(change)
+            if not warm:
+                counter.forget()
+            times.append(_seconds(partial(counter.update, measured, NOTHING)))
+        _print(name, times)
+
+
+def _chains(options: Namespace) -> None:
+    """From a frame to the bytes that are sent, in one thread."""
+    medians = {}
+    for name, fingers in FINGERS.items():
+        config = array_config(seed=options.seed)
+        assert isinstance(config.source, SimulatedSource)
+        config = msgspec.structs.replace(config, source=msgspec.structs.replace(config.source, finger="none"))
+        pipeline = pipeline_of(config, contact_model_of(config), "speed")
+        pipeline.use(simulated_baseline(config))
+        source = SimulatedArray(config)
+        source.finger, source.second_finger = fingers
+        frames: list[Frame] = []
+        for step in range(options.repeats + WARM_FRAMES):
+            frames.extend(source.poll(round(step * 1e9 / 220)))
+        for frame in frames[:WARM_FRAMES]:
+            pipeline.process(frame)
+        times = [_seconds(partial(_sent, pipeline, frame)) for frame in frames[WARM_FRAMES:]]
+        medians[name] = _print(f"frame to message: {name}", times)
+    half = (medians["no finger"] + medians["one finger"]) / 2.0
+    print(f"\n{PADS} pads at 220 Hz, half of them with a finger: {PADS * 220 * half * 1e-3:.0%} of a core")
+
+
+def _sent(pipeline: Pipeline, frame: Frame) -> bytes:
+    return encode(pipeline.process(frame))
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
+
+
+def _print(name: str, times: list[float]) -> float:
+    """The row. Returns the median, in ms."""
+    told = np.array(times[1:]) * 1e3
+    median = float(np.median(told))
+    print(f"| {name} | {median:.3f} | {np.quantile(told, 0.99):.3f} | {told.min():.3f} |", flush=True)
+    return median
