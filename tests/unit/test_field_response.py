@@ -12,7 +12,7 @@ from skin_pad import DEEPEST_MM, REACH_MM, presses, skin_field, skin_set, write_
 
 from fmfts.calibrate.field_evaluate import FieldEvaluation, evaluate_field
 from fmfts.calibrate.field_fit import make_response
-from fmfts.calibrate.field_instance import explained
+from fmfts.calibrate.field_instance import REST_UT, explained
 from fmfts.calibrate.field_set import FieldSet, read_field_set
 from fmfts.calibrate.field_table import DataError
 from fmfts.cli.main import main
@@ -132,7 +132,7 @@ def test_a_softer_pad_is_no_gain_where_the_load_is_a_force() -> None:
 def test_no_label_is_looked_at_to_learn_a_day() -> None:
     press = presses(300, 10)
     field = noisy(press, 11)
-    told = explained(table(), field, Instance(table().reference_ut), 30.0)
+    told = explained(table(), field, Instance(table().reference_ut), REST_UT)
     evaluation = evaluate_field(table(), skin_set(press[::-1].copy(), field), "test")
     np.testing.assert_array_equal(evaluation.instances["skin"].rest_ut, told.rest_ut)
 
@@ -152,6 +152,30 @@ def test_a_moment_that_drifts_is_not_taken_for_contacts() -> None:
     assert place_rms_mm(evaluate_field(drifted, data, "test")) < 1.2 * place_rms_mm(
         evaluate_field(table(), data, "test")
     )
+
+
+def test_the_rest_of_a_pad_is_told_by_its_presses() -> None:
+    """Of depths between 1.5 and 3 mm, where the field differs from the rest's by a millitesla."""
+    press = presses(1500, 24)
+    press[:, 2] = 1.5 + press[:, 2] / 2.0
+    response = make_response(skin_set(press, noisy(press, 25)), "skin", quiet)
+    rest = skin_field(np.zeros((1, 3)))[0]
+    mean = skin_field(press).mean(axis=0)
+    assert not response.rests
+    assert np.abs(mean - rest).max() > 300.0
+    assert np.abs(response.reference_ut - rest).max() < 0.1 * np.abs(mean - rest).max()
+    # So lighter presses than any that it was told of are found, too.
+    light = presses(300, 26)
+    light[:, :2] *= 0.9
+    light[:, 2] = 0.8
+    evaluation = evaluate_field(response, skin_set(light, noisy(light, 27)), "test")
+    assert place_rms_mm(evaluation) < 0.6
+
+
+def test_one_place_needs_rows_of_rest() -> None:
+    data = force_set(400, 28)
+    with pytest.raises(DataError, match="no rows of rest"):
+        make_response(replace(data, rest=np.zeros(400, dtype=np.bool_)), "skin", quiet)
 
 
 def test_forces_count_from_the_newest_rest_and_keep_their_gain() -> None:

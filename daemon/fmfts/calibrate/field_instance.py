@@ -21,8 +21,8 @@ from fmfts.pad import Array
 MOST_FRAMES = 800
 ROUNDS, SETTLED = 12, 1e-3
 # Priors of what differs: rest where none was recorded, and where one was; moment; gain.
-REST_UT, KNOWN_REST_UT = 30.0, 5.0
-MOMENT, GAIN = 0.01, 0.1
+REST_UT, KNOWN_REST_UT = 60.0, 5.0
+MOMENT, GAIN = 0.02, 0.15
 # A frame that no contact explains counts less; neighbouring frames share their error, so each counts a quarter.
 LARGEST_CHI2_OF_A_VALUE, INDEPENDENT = 2.0, 0.25
 

@@ -16,12 +16,12 @@ from fmfts.arithmetic.matrix import cholesky, inverse, log_determinant, product,
 from fmfts.contact.field_response import Array, FieldResponse
 
 # The grid: so many places for each cell of the table along x and y, and so many loads, with a place and without.
-PLACES_OF_A_CELL, LOADS_BESIDE_PLACES, LOADS_ALONE = 1.5, 9, 201
+PLACES_OF_A_CELL, LOADS_BESIDE_PLACES, LOADS_ALONE = 1.5, 17, 201
 STEPS = 15
 FIRST_DAMPING, LESS, MORE = 1e-3, 0.1, 10.0
 SETTLED = 1e-6  # steps, as shares of a cell
-# By so much of its range a load may lie beyond the table, whose tangent is followed there.
-BEYOND = 0.2
+# By so much of its range a load may lie beyond the table, whose tangent is followed there; below a rest only as noise.
+BEYOND, BELOW_REST = 1.0, 0.05
 # A place that nothing determines: this many cells. It keeps the normal matrix regular.
 LOOSE_CELLS = 1e3
 FRAMES_AT_ONCE = 500
@@ -51,10 +51,11 @@ class ContactFinder:
         self._covariance = response.covariance + common[:, None] * common[None, :]
         self._log = np.array([log_determinant(one) for one in self._covariance])
         self._cell = np.array([axis.spacing for axis in response.axes])
-        reach = np.array([0.0] * response.load + [BEYOND])
-        span = np.array([axis.last - axis.first for axis in response.axes])
-        self._least = np.array([axis.first for axis in response.axes]) - reach * span
-        self._most = np.array([axis.last for axis in response.axes]) + reach * span
+        load = response.axes[-1]
+        self._least = np.array([axis.first for axis in response.axes])
+        self._most = np.array([axis.last for axis in response.axes])
+        self._least[-1] -= BELOW_REST * (load.last - load.first)
+        self._most[-1] += BEYOND * (load.last - load.first)
         self._grid = self._contacts()
         self._levels = self._of_level()
 

@@ -109,8 +109,8 @@ class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class FieldResponse:
     """axes: at most x_mm, y_mm and one load, in this order; D of them. coefficient (cells + 3 of each axis …, P).
 
-    reference_ut (P,): field that changes count from: at rest, or, where rests is false because the data had no
-    unloaded row, at the smallest load. covariance (L, P, P), µT²: of one frame about the table, at loads `levels`:
+    reference_ut (P,): field of the untouched pad, from which changes count. rests: it was recorded; else the presses
+    told it. covariance (L, P, P), µT²: of one frame about the table, at loads `levels`:
     repeatability, noise among it. moment_share, load_share: deviations, as shares, of the moment from frame to frame,
     and of the load from pad to pad. origin: what it was made from, for people.
     """
