@@ -14,6 +14,7 @@ from fmfts_lab.bench import (
     chips,
     contact,
     convergence,
+    eflesh,
     faults,
     frame_cost,
     latency,
@@ -38,7 +39,7 @@ def main() -> None:
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
         "neighbours | silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | "
-        "now | several",
+        "now | several | eflesh",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -79,6 +80,9 @@ def main() -> None:
     verb.add_argument("--only", nargs="+", metavar="DRILL", help="drills whose names begin so")
     verb.add_argument("--pads", type=int, default=3, help="how many pads are drilled")
     verb.set_defaults(run=several.run)
+    verb = verbs.add_parser("eflesh", help="a public pad of unknown magnets: what its recordings give")
+    verb.add_argument("--recordings", type=Path, required=True, metavar="FOLDER", help="has eflesh_normal_1.csv …")
+    verb.set_defaults(run=eflesh.run)
     verb = verbs.add_parser("moment", help="what following the moment at rest would bring, and what it would hide")
     verb.set_defaults(run=moment.run)
     verb = verbs.add_parser("baselines", help="contact errors that bare, rest, --turn and --refine leave")
