@@ -2,8 +2,8 @@
 
 IN has t_s, x_mm, y_mm, z_mm (of the probe's stage), gauge_g (a scale in grams, −1: no reading) and b1x_ut …, as made of
 `characterization/datasets` of the public repository notvenky/eFlesh (MIT) by joining fields and stage by the nearest
-time. Without a gauge the load is the depth below the highest row; with one it is --load force_n or shear_n, and rows at
-the highest 0.05 mm are of an untouched pad.
+time. Where many places are pressed the load is the depth below the highest row. Where one is, it is the gauge's, as
+--load says, and rows at the highest 0.05 mm are of an untouched pad.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from fmfts.pad import Array
 
 NEWTON_PER_GRAM = 9.80665e-3
 WITHDRAWN_MM = 0.05
+ONE_PLACE_MM = 0.5  # a probe that travels less presses one place
 
 
 def columns(path: Path, load: str = "force_n", boards: int = 0) -> dict[str, list[str]]:
@@ -32,7 +33,8 @@ def columns(path: Path, load: str = "force_n", boards: int = 0) -> dict[str, lis
     fields = [name for name in header if name.endswith("_ut")][: 15 * boards or None]
     height = values[:, place["z_mm"]]
     out: dict[str, list[str]] = {}
-    if "gauge_g" in place:
+    travel = max(float(np.ptp(values[:, place[name]])) for name in ("x_mm", "y_mm"))
+    if "gauge_g" in place and travel < ONE_PLACE_MM:
         gauge = values[:, place["gauge_g"]]
         rest = height > height.max() - WITHDRAWN_MM
         kept = rest | (gauge >= 0.0)
