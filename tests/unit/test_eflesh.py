@@ -67,6 +67,12 @@ def test_a_gridded_recording_has_places_about_its_middle_and_depths(tmp_path: Pa
     assert not data.rest.any()
 
 
+def test_many_places_are_no_forces_though_there_is_a_gauge(tmp_path: Path) -> None:
+    press = presses(200, 35)
+    path = recorded(tmp_path / "eflesh_spatial_9.csv", press * [1.0, 1.0, -1.0], skin_field(press), np.full(200, -1.0))
+    assert converted(path).axes == ("x_mm", "y_mm", "depth_mm")
+
+
 def test_another_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = tmp_path / "other.csv"
     other.write_text("a,b\n1,2\n")

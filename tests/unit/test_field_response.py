@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -66,6 +67,17 @@ def test_contacts_are_found_with_the_deviation_that_is_stated() -> None:
     assert np.sqrt(np.mean(off[:, :2] ** 2)) > 0.7, "the deviation is no larger than it must be"
     assert not (np.abs(off) > 5.0).any()
     assert np.sqrt(np.mean((found.contact - press)[:, :2] ** 2)) < 0.15
+
+
+def test_a_moment_that_wavers_from_frame_to_frame_is_in_the_deviation() -> None:
+    press = presses(400, 33)
+    press[:, :2] *= 0.9
+    wavering = 1.0 + np.random.default_rng(34).normal(0.0, table().moment_share, (400, 1))
+    change = wavering * noisy(press, 35) - table().reference_ut
+    considered, ignored = ContactFinder(table()).find(change), ContactFinder(table(), moment_share=0.0).find(change)
+    within = [np.mean(np.abs((one.contact - press) / one.deviation)[:, :2] <= 2.0) for one in (considered, ignored)]
+    assert within[0] > 0.93
+    assert within[1] < 0.8
 
 
 def test_the_slope_is_that_of_the_change() -> None:
@@ -245,6 +257,26 @@ def test_the_verbs_make_a_table_and_evaluate_it(tmp_path: Path, capsys: pytest.C
     assert main(["evaluate", str(other), "--model", str(model)]) == 65
     assert "the model is of force_n and 5 sensors" in capsys.readouterr().err
     assert main(["calibrate", str(other), "-o", str(model)]) == 65, "too few rows"
+
+
+def test_the_verb_tells_the_day_that_it_learnt_or_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "skin.response"
+    model.write_bytes(table().encoded())
+    press = presses(200, 29)
+    test = write_skin(tmp_path / "test.csv", skin_set(press, 0.98 * noisy(press, 30)))
+    assert main(["evaluate", str(test), "--model", str(model)]) == 0
+    told = re.search(r"recording skin: moment (\S+)%", capsys.readouterr().out)
+    assert told
+    assert float(told.group(1)) == pytest.approx(-2.0, abs=0.2)
+    assert main(["evaluate", str(test), "--model", str(model), "--as-recorded"]) == 0
+    assert "recording skin: moment +0.00%" in capsys.readouterr().out
+
+
+def test_a_table_that_counts_from_rests_asks_for_them() -> None:
+    response = make_response(force_set(400, 31), "skin", quiet)
+    data = force_set(200, 32)
+    with pytest.raises(DataError, match="without rows of rest"):
+        evaluate_field(response, replace(data, rest=np.zeros(200, dtype=np.bool_)), "test")
 
 
 def test_the_finder_searches_the_whole_pad() -> None:
