@@ -11,14 +11,14 @@ import pytest
 
 from fmfts.baseline import BaselineError
 from fmfts.bus.messages import ContactMessage, decode_contact, encode
-from fmfts.config import PadConfig
+from fmfts.config import PadConfig, SiliconeConfig
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.sensor import Frame
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_lab.finite_elements.array_model import array_config
 
 CONFIG = array_config(seed=3)
@@ -171,6 +171,37 @@ def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> No
     assert told(made, frames(2))[-1].reason == BARE_ONLY
     made.refuse("another pad's")
     assert told(made, frames(2))[-1].reason == "another pad's"
+
+
+def test_silicone_that_comes_back_slowly_is_no_finger() -> None:
+    """After 2 N for two seconds 6 % of the movement are left: one deviation of a silicone that creeps by 5 %. A pad
+    whose silicone does not creep takes that for a finger of 0.12 N."""
+
+    def finger(time_s: float) -> Touch:
+        return Touch(-6e-3, -6e-3, 2.0 if 0.5 < time_s < 2.5 else 0.12 if time_s >= 2.5 else 0.0)
+
+    found = {}
+    for creep in (0.05, 0.0):
+        silicone = SiliconeConfig(creep_per_decade=creep, hysteresis=creep / 2.0)
+        made = pipeline(msgspec.structs.replace(CONFIG, silicone=silicone))
+        made.use(BASELINE)
+        messages = told(made, frames(770, finger))
+        assert messages[300].contact
+        assert all(message.health == "ok" for message in messages)
+        found[creep] = [message.contact for message in messages[-100:]]
+    assert not any(found[0.05])
+    assert all(found[0.0])
+
+
+def test_a_pad_at_a_low_rate_keeps_its_finger() -> None:
+    slow = msgspec.structs.replace(CONFIG, source=msgspec.structs.replace(CONFIG.source, rate_hz=19))
+    made = pipeline(slow)
+    made.use(simulated_baseline(slow))
+    source = SimulatedArray(slow)
+    source.finger = LEFT
+    messages = [made.process(frame) for step in range(20) for frame in source.poll(round(step * 1e9 / 19))]
+    ids = {message.contacts[0].id for message in messages[3:] if isinstance(message.contacts, list)}
+    assert len(ids) == 1
 
 
 def test_absence_ends_the_touch() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import product
+from fmfts.arithmetic.matrix import product, root_of_squares
 from fmfts.baseline import Baseline
 from fmfts.bus.messages import NO_ESTIMATE_OF_SEVERAL, ContactMessage, FingerMessage, PoseMessage, Vector
 from fmfts.pipeline.contact_message import mask_of
@@ -70,20 +70,21 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
         return {"contact": True, "over_range": True, "force_min_n": force_n}
     if not len(fit.fingers):
         return {"contact": False, "contacts": [], "force_n": 0.0, "force_sd_n": estimator.quiet_force_sd_n}
-    whole, deviation = resultant(fit.fingers), resultant_deviation(fit)
+    whole, deviation, share = resultant(fit.fingers), resultant_deviation(fit), estimator.silicone
     # Of the sum of shears at most: how the errors of two fingers go together is not kept.
     shear, shear_deviation = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)
     fingers = zip(reading.ids, fit.fingers, fit.deviation, fit.shear_n, fit.shear_deviation_n, strict=True)
     return {
         "contact": True,
-        "contacts": [FingerMessage(id=number, **_finger(*each)) for number, *each in fingers],
-        **_finger(whole, deviation, shear, shear_deviation),
+        "contacts": [FingerMessage(id=number, **_finger(share, *each)) for number, *each in fingers],
+        **_finger(share, whole, deviation, shear, shear_deviation),
     }
 
 
-def _finger(finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, float]:
-    """From mm to m."""
+def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, float]:
+    """From mm to m. share: of the force, by which silicone may have crept."""
     (x, y, force), (x_sd, y_sd, force_sd) = finger.tolist(), deviation.tolist()
+    force_sd = float(root_of_squares(force_sd, share * force))
     (shear_x, shear_y), (shear_x_sd, shear_y_sd) = shear.tolist(), shear_deviation.tolist()
     return {
         "x_m": x * 1e-3,

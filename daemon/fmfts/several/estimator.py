@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import SingularError, product
+from fmfts.arithmetic.matrix import SingularError, product, root_of_squares
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.messages import Health
 from fmfts.common.chi2 import quantile
@@ -19,7 +19,7 @@ from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import CHANGE, Magnets
-from fmfts.several.count import CounterMemory, FingerCounter
+from fmfts.several.count import RELEASE_FRAMES, CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 
@@ -35,6 +35,8 @@ AGREES_FRAMES = 20
 # A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
 AGREES = 1e-3
 CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less than the table's width
+# What is left of a press decays in this time and in as long as it was held: creep comes back as slowly as it came.
+RECOVERY_S = 10.0
 REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
@@ -45,7 +47,8 @@ class FingersMemory:
     """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
 
     left_out: a sensor that contradicts all others, −1 for none. agrees_frames: for how many frames it has not. last_us:
-    the board's time of the last frame.
+    the board's time of the last frame. last_c: the last temperature that was told. recent_t (3N,): the field's change
+    by fingers, decaying: what was pressed has not yet come back. held_s: how long it was pressed, less the time since.
     """
 
     counter: CounterMemory
@@ -53,6 +56,9 @@ class FingersMemory:
     left_out: int = -1
     agrees_frames: int = 0
     last_us: int | None = None
+    last_c: float | None = None
+    recent_t: Array = field(default_factory=lambda: np.zeros(0))
+    held_s: float = 0.0
 
 
 class FingersReading(NamedTuple):
@@ -73,9 +79,9 @@ class FingersReading(NamedTuple):
 class FingersEstimator:
     """Field → fingers of a pad that has a baseline.
 
-    rest_variance (M, 6): of position, tilt and log moment at rest. remanences: of each magnet, and its deviation, in T.
-    repeats_allowed (N, 3): of an axis that is not stuck. magnet_per_k: temperature coefficient of the remanence;
-    temperature_c: at the baseline, None if it is not known.
+    silicone: by which share of its force it may have crept. rest_variance (M, 6): of position, tilt and log moment at
+    rest. remanences: of each magnet, and its deviation, in T. repeats_allowed (N, 3): of an axis that is not stuck.
+    magnet_per_k: temperature coefficient of the remanence; temperature_c: at the baseline, None if it is not known.
     """
 
     def __init__(
@@ -92,10 +98,11 @@ class FingersEstimator:
         self.pad, self.mounting, self.response, self.scene = pad, mounting, response, scene
         self.repeats_allowed = repeats_allowed
         self._magnet_per_k, self._temperature_c = magnet_per_k, temperature_c
-        self._last_c = temperature_c
+        self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
+        self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
         self._counter = FingerCounter(self.fitter, rate_hz)
-        self.memory = FingersMemory(self._counter.memory)
+        self.memory = FingersMemory(self._counter.memory, last_c=temperature_c, recent_t=np.zeros(mounting.gain.size))
         self.rest_variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
         remanences_t = np.array(mounting.remanences_t(pad))
         self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
@@ -130,9 +137,10 @@ class FingersEstimator:
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
-        if elapsed_s > LONGEST_GAP_S:
+        if elapsed_s > self._longest_gap_s:
             self._counter.forget()
         there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
+        self._recover(elapsed_s)
         measured = self._measured(aligned, temperature_c, there)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
@@ -166,12 +174,22 @@ class FingersEstimator:
             used[memory.left_out] = False
             counted = self._counter.update(_of(measured, used), memory.ambient_t)
             fit = counted.fit
+            if fit.chi2 > self._limit(used, fit):
+                return self._unexplained(fit, counted.ids, used)
         elif memory.left_out >= 0:
             self._try_again(measured, there, fit)
+        if not np.isfinite(fit.covariance).all():
+            raise SingularError("the fingers are not determined")
         memory.ambient_t = fit.ambient_t
+        memory.recent_t = np.maximum(memory.recent_t, np.abs(measured.field_t - fit.misfit_t))
         health, reason = self._health(used, missing)
         over = self._is_over_range(fit)
         return FingersReading(health, reason, used, fit, counted.ids, over_range=over)
+
+    def _recover(self, elapsed_s: float) -> None:
+        memory = self.memory
+        memory.held_s = max(memory.held_s + (elapsed_s if memory.counter.count else -elapsed_s), 0.0)
+        memory.recent_t = memory.recent_t / (1.0 + elapsed_s / (RECOVERY_S + memory.held_s))
 
     def _limit(self, used: NDArray[np.bool_], fit: Fit) -> float:
         freedom = int(used.sum()) - FREE_FIELD - FINGER * len(fit.fingers)
@@ -223,13 +241,16 @@ class FingersEstimator:
 
     def _measured(self, aligned: Aligned, temperature_c: float | None, there: NDArray[np.bool_]) -> Measured:
         """The change of the magnets' field since the baseline, at the baseline's temperature."""
-        self._last_c = self._last_c if temperature_c is None else temperature_c
-        warmer_k = 0.0 if self._temperature_c is None or self._last_c is None else self._last_c - self._temperature_c
-        mounting = self.mounting
+        mounting, memory, first_c = self.mounting, self.memory, self._temperature_c
+        memory.last_c = memory.last_c if temperature_c is None else temperature_c
+        warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
         own = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)) / (1.0 + self._magnet_per_k * warmer_k)
         noise = mounting.noise_t * aligned.noise_share / mounting.gain
         bend = np.where(np.isfinite(aligned.bend_t), aligned.bend_t, 0.0)
-        self._variance = (square(noise) + square(bend)).ravel()
+        # Silicone that was pressed comes back slowly: what is left of it is neither a finger, nor known.
+        now_t = np.abs(self.fitter.model.predict(memory.counter.fingers).field_t) if memory.counter.count else 0.0
+        left_t = self.silicone * np.maximum(memory.recent_t - now_t, 0.0)
+        self._variance = (square(noise) + square(bend)).ravel() + square(left_t)
         return Measured((own - mounting.rest_field_t).ravel(), self._variance, there.ravel())
 
     def _health(self, used: NDArray[np.bool_], missing: Mapping[int, str]) -> tuple[Health, str]:
