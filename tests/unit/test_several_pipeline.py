@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import msgspec
@@ -12,6 +12,7 @@ import pytest
 from fmfts.baseline import BaselineError
 from fmfts.bus.messages import ContactMessage, decode_contact, encode
 from fmfts.config import PadConfig, SiliconeConfig
+from fmfts.pad import Array, rotation_from_vector
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
@@ -19,6 +20,7 @@ from fmfts.sensor import Frame
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts.simulation.source import TURNING_AXIS
 from fmfts_lab.finite_elements.array_model import array_config
 
 CONFIG = array_config(seed=3)
@@ -115,7 +117,7 @@ def test_too_few_sensors_are_lost_and_say_why() -> None:
     some = frames(10, LEFT)
     message = told(ready(), (without(without(without(without(f, 0), 1), 2), 3) for f in some))[-1]
     assert (message.health, message.contact, message.contacts) == ("lost", None, None)
-    assert "only 12 values are left" in message.reason
+    assert "only 12 values are left, and two fingers need 13; sensor 1 is silent" in message.reason
     assert "sensor 1 is silent" in message.reason
 
 
@@ -171,6 +173,124 @@ def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> No
     assert told(made, frames(2))[-1].reason == BARE_ONLY
     made.refuse("another pad's")
     assert told(made, frames(2))[-1].reason == "another pad's"
+
+
+@pytest.mark.parametrize("place", [(11e-3, 11e-3, 0.15), (12.5e-3, 0.0, 0.3), (13e-3, 3e-3, 0.5), (0.0, 0.0, 0.3)])
+def test_a_finger_that_is_held_stays_the_same_finger_all_over_the_pad(place: tuple[float, float, float]) -> None:
+    """Near the edge its force alone is known badly, and its place with it: it presses all the same."""
+    messages = told(ready(), frames(120, steady_finger(*place)))[5:]
+    fingers = [message.contacts[0] for message in messages if message.contacts]
+    assert {message.health for message in messages} == {"ok"}
+    assert len(fingers) == len(messages)
+    assert len({finger.id for finger in fingers}) == 1
+    assert max(abs(finger.force_n - place[2]) / finger.force_sd_n for finger in fingers) < 5.0
+
+
+def test_fingers_that_lift_are_gone_with_the_frame() -> None:
+    """Two frames: the samples of chips on their own clocks, before and after, are in the first of them."""
+
+    def lifting(finger: Finger) -> Finger:
+        return lambda time_s: finger(time_s) if time_s < 0.1 else Touch(0.0, 0.0, 0.0)
+
+    messages = told(ready(), frames(40, lifting(LEFT), lifting(RIGHT)))
+    counts = [len(message.contacts) for message in messages if isinstance(message.contacts, list)]
+    assert counts[15] == 2
+    assert counts[-14:] == [0] * 14
+    told_places = [finger.x_sd_m for message in messages for finger in message.contacts or []]
+    assert max(told_places) < 40e-3
+
+
+def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
+    """Three of 0.6 N each: said to be more, or disturbed."""
+    said = []
+    for x_m, y_m in ((0.0, 9e-3), (2e-3, -10e-3), (-9e-3, 9e-3), (9e-3, -9e-3), (0.0, -9e-3)):
+        made = ready()
+        source = SimulatedArray(CONFIG)
+        both = (steady_finger(-8e-3, -1e-3, 0.6), steady_finger(8e-3, 2e-3, 0.6), steady_finger(x_m, y_m, 0.6))
+        source.finger, source.second_finger = both[0], both[1]
+        known = source.inside.field
+        source.inside = _Third(known, both[2](0.0))  # type: ignore[assignment]
+        for step in range(40):
+            for frame in source.poll(step * PERIOD_NS):
+                message = made.process(frame)
+        said.append((message.health, message.more))
+        assert message.health != "ok"
+        assert message.contacts is None
+        assert message.force_n is None
+    assert any(more for _, more in said)
+
+
+class _Third:
+    """Magnets under one more finger."""
+
+    def __init__(self, field: Callable[..., Array], touch: Touch) -> None:
+        self._field, self._touch = field, touch
+
+    def field(self, place_m: Array, touches: list[Touch], warmer: float) -> Array:
+        return self._field(place_m, [*touches, self._touch], warmer)
+
+
+def test_a_second_sensor_that_fails_after_the_first_is_found() -> None:
+    made = ready()
+    for frame in frames(200, LEFT):
+        frame = off(frame, 0, 600) if 10 <= frame.sequence < 30 else frame
+        message = made.process(off(frame, 5, 600) if frame.sequence >= 28 else frame)
+    assert (message.health, message.contact) == ("degraded", True)
+    assert "sensor 6 contradicts all others" in message.reason
+    assert _is_right(message)
+
+
+def test_a_sensor_that_is_bad_before_the_touch_began_is_found() -> None:
+    made = ready()
+    for frame in frames(60, LEFT):
+        message = made.process(off(frame, 5, 600))
+    assert message.health == "degraded"
+    assert "sensor 6 contradicts all others" in message.reason
+    assert _is_right(message)
+
+
+def test_the_residual_is_of_the_sensors_that_are_used() -> None:
+    """Noise is 0.2 µT, what the baseline leaves open some more; a silent sensor would bring 66 µT."""
+    message = told(ready(), (without(frame, 2) for frame in frames(20, LEFT)))[-1]
+    assert isinstance(message.poses, list)
+    assert message.poses[0].residual_t < 3e-6
+
+
+def test_without_friction_no_shear_is_told() -> None:
+    contact = msgspec.structs.replace(CONFIG.contact, friction=0.0)
+    made = pipeline(msgspec.structs.replace(CONFIG, contact=contact))
+    made.use(BASELINE)
+    message = told(made, frames(10, LEFT))[-1]
+    assert message.contacts
+    assert message.contacts[0].shear_x_n is message.contacts[0].shear_x_sd_n is message.shear_x_n is None
+
+
+def test_an_ambient_field_that_turned_is_told_within_its_deviation() -> None:
+    message = told(ready(), frames(330))[-1]
+    source = SimulatedArray(CONFIG)
+    true_t = rotation_from_vector(TURNING_AXIS * source.turning_rad_per_s * 329 / 220) @ source.built.ambient_t
+    assert isinstance(message.poses, list)
+    assert message.poses[0].ambient_t is not None
+    assert message.poses[0].ambient_sd_t is not None
+    error = (np.array(message.poses[0].ambient_t) - true_t) / np.array(message.poses[0].ambient_sd_t)
+    assert np.abs(error).max() < 4.0
+    assert max(message.poses[0].ambient_sd_t) < 3e-6
+
+
+def test_a_new_baseline_begins_with_new_fingers_and_a_bad_one_changes_nothing() -> None:
+    made = ready()
+    before = told(made, frames(8, LEFT))[-1]
+    made.use(BASELINE)
+    after = told(made, frames(8, LEFT))[-1]
+    assert before.contacts
+    assert after.contacts
+    assert after.contacts[0].id > before.contacts[0].id
+    rest = BASELINE.rest
+    assert rest is not None
+    bad = msgspec.structs.replace(BASELINE, rest=msgspec.structs.replace(rest, mean_t=[[0.0] * 3] * 8))
+    with pytest.raises(BaselineError):
+        made.use(bad)
+    assert told(made, frames(8, LEFT))[-1].health == "ok"
 
 
 def test_silicone_that_comes_back_slowly_is_no_finger() -> None:

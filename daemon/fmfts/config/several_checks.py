@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.no_model import NO_MODEL
 
+FEWEST_SENSORS = 5
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
 Key = str | int
 
@@ -19,6 +20,8 @@ def several_problems(pad: PadConfig) -> Iterator[tuple[tuple[Key, ...], str]]:
         if isinstance(source, SimulatedSource) and source.fingers == 2:
             yield ("source", "fingers"), "one magnet tells one finger only: the pad of docs/several.md has four"
         return
+    if len(pad.geometry.sensors_mm) < FEWEST_SENSORS:
+        yield ("geometry", "sensors_mm"), f"two fingers need {FEWEST_SENSORS} sensors at least, and six if one may fail"
     for second, place in enumerate(places[1:]):
         if min(math.dist(place, other) for other in places[: second + 1]) < MAGNETS_APART_MM:
             yield ("other_magnets", second, "rest_mm"), f"another magnet is within {MAGNETS_APART_MM:g} mm of it"

@@ -20,6 +20,7 @@ from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit
 
 Array = NDArray[np.float64]
+SHEAR = ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
 
 
 class FingersWriter:
@@ -44,7 +45,7 @@ class FingersWriter:
         estimates: dict[str, Any] = NO_ESTIMATE_OF_SEVERAL | {"over_range": False, "more": reading.more}
         if reading.fit is not None and estimator is not None:
             estimates |= _estimates(reading, reading.fit, estimator)
-            estimates["poses"] = _poses(reading.fit, estimator)
+            estimates["poses"] = _poses(reading, reading.fit, estimator)
         return ContactMessage(
             pad=self._pad,
             boot=self._boot,
@@ -81,22 +82,22 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
     }
 
 
-def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, float]:
-    """From mm to m. share: of the force, by which silicone may have crept."""
+def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_deviation: Array) -> dict[str, Any]:
+    """From mm to m. share: of the force, by which silicone may have crept. No shear where none is expected (friction
+    0): that it is none is not known so well."""
     (x, y, force), (x_sd, y_sd, force_sd) = finger.tolist(), deviation.tolist()
     force_sd = float(root_of_squares(force_sd, share * force))
     (shear_x, shear_y), (shear_x_sd, shear_y_sd) = shear.tolist(), shear_deviation.tolist()
-    return {
+    of_shear: dict[str, Any] = dict.fromkeys(SHEAR)
+    if shear_x_sd > 0.0 and shear_y_sd > 0.0:
+        of_shear = dict(zip(SHEAR, (shear_x, shear_x_sd, shear_y, shear_y_sd), strict=True))
+    return of_shear | {
         "x_m": x * 1e-3,
         "x_sd_m": x_sd * 1e-3,
         "y_m": y * 1e-3,
         "y_sd_m": y_sd * 1e-3,
         "force_n": max(force, 0.0),
         "force_sd_n": force_sd,
-        "shear_x_n": shear_x,
-        "shear_x_sd_n": shear_x_sd,
-        "shear_y_n": shear_y,
-        "shear_y_sd_n": shear_y_sd,
     }
 
 
@@ -115,15 +116,18 @@ def resultant_deviation(fit: Fit) -> Array:
     return deviation
 
 
-def _poses(fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
+def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
     """The pose of each magnet that goes with the fingers: of the table of presses, not solved by itself."""
     mounting = estimator.mounting
     magnets, variance = estimator.poses(fit)
     ambient, ambient_deviation = None, None
-    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None:
-        ambient, ambient_deviation = _vector(mounting.ambient_t + fit.ambient_t), _vector(mounting.ambient_deviation_t)
+    # Under a finger the ambient field is known to less than this, and how much less is not kept.
+    if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None and not len(fit.fingers):
+        deviation_t = root_of_squares(mounting.ambient_deviation_t, estimator.ambient_deviation_t(fit))
+        ambient, ambient_deviation = _vector(mounting.ambient_t + fit.ambient_t), _vector(deviation_t)
     whole = np.sqrt(variance + estimator.rest_variance[:, :CHANGE]).tolist()
-    residual_t = float(np.sqrt(product(fit.misfit_t, fit.misfit_t) / len(fit.misfit_t)))
+    residual = fit.misfit_t[reading.used.ravel()]
+    residual_t = float(np.sqrt(product(residual, residual) / len(residual)))
     return [
         PoseMessage(
             position_m=(x, y, z),

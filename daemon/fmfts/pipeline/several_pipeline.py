@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
@@ -102,16 +102,11 @@ class SeveralPipeline:
 
         Returns the mounting; None, and nothing is told yet, if only a bare recording is there.
         """
-        self._estimator, self._baseline = None, baseline
         if baseline.rest is None:
-            self._why_none = BARE_ONLY
+            self._estimator, self._baseline, self._why_none = None, baseline, BARE_ONLY
             return None
-        try:
-            mounting = mounting or baseline.array_mounting(self.pad)
-        except BaselineError:
-            self._baseline = None
-            raise
-        rest = baseline.rest
+        rest, mounting = baseline.rest, mounting or baseline.array_mounting(self.pad)
+        before, self._baseline = self._estimator, baseline
         self._estimator = FingersEstimator(
             self.pad,
             mounting,
@@ -122,6 +117,8 @@ class SeveralPipeline:
             self._magnet_per_k,
             rest.temperature_c,
         )
+        if before is not None:  # a finger of before is another one
+            self._estimator.memory.counter.next_id = before.memory.counter.next_id
         return mounting
 
     def refuse(self, reason: str) -> None:

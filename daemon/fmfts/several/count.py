@@ -2,8 +2,8 @@
 
 A finger is added where it lowers χ² by more than a threshold, tested with what the fingers before leave uncertain
 (shear, patch, table: field_model.py), so that a wide or sliding finger is not taken for two. A finger is taken away
-when its force has been within its deviation of zero for some frames, or when it came so near to the other one that they
-cannot be told apart: a wide patch looks the same.
+when χ² needs it no more: its force is near zero, or it came so near to the other one that they cannot be told apart (a
+wide patch looks the same).
 """
 
 from __future__ import annotations
@@ -29,8 +29,10 @@ SECOND_GAIN = 45.0
 # The first finger may be anywhere: as many places as fingers can be told apart.
 PLACES = 50
 SMALLEST_SHARE = 0.05  # a second finger has at least this share of the force
-# A finger goes when, for so many frames in a row, its force is less than so many deviations, or it is too near.
-RELEASE_DEVIATIONS, RELEASE_FRAMES = 3.0, 5
+# A finger whose force is less than so many deviations, or that is too near to the other one, is tried without: it stays
+# where χ² would rise by more than half of what brought it, goes at once where by less than a quarter, and else after so
+# many frames in a row.
+RELEASE_DEVIATIONS, KEEPS, RELEASES, RELEASE_FRAMES = 3.0, 0.5, 0.25, 5
 TOGETHER_MM = 6.5  # nearer than this two become one; two are told from APART_MM on
 
 
@@ -133,20 +135,27 @@ class FingerCounter:
         return self.memory.next_id - 1
 
     def _fewer(self, fit: Fit, ids: list[int], measured: Measured, ambient_t: Array) -> tuple[Fit, list[int]]:
-        """Take away a finger that has been doubtful for long enough."""
-        memory, count = self.memory, len(ids)
-        if not count:
-            return fit, ids
-        weakest = int(np.argmin(fit.fingers[:, 2]))
-        weak = fit.fingers[weakest, 2] < RELEASE_DEVIATIONS * fit.deviation[weakest, 2]
-        near = count > 1 and length((fit.fingers[0] - fit.fingers[1])[:2]) < TOGETHER_MM
-        memory.doubtful_frames = memory.doubtful_frames + 1 if weak or near else 0
-        if memory.doubtful_frames < RELEASE_FRAMES:
-            return fit, ids
+        """Take away each finger that the frame does not need: at once where it needs none of it, or after some frames.
+
+        The deviation of a force alone does not tell: near the table's edge it is mostly that of the place.
+        """
+        memory = self.memory
+        while ids and self._is_doubtful(fit):
+            left = resultant(fit.fingers)[None] if len(ids) > 1 else np.zeros((0, FINGER))
+            fewer = self._fitter.fit(left, measured, ambient_t)
+            lost = (fewer.chi2 - fit.chi2) / (SECOND_GAIN if len(ids) > 1 else self._first_gain)
+            memory.doubtful_frames = memory.doubtful_frames + 1 if lost < KEEPS else 0
+            if lost >= RELEASES and memory.doubtful_frames < RELEASE_FRAMES:
+                return fit, ids
+            memory.doubtful_frames = 0
+            fit, ids = fewer, [ids[int(np.argmax(fit.fingers[:, 2]))]] if len(ids) > 1 else []
         memory.doubtful_frames = 0
-        left = resultant(fit.fingers)[None] if count > 1 else np.zeros((0, FINGER))
-        stronger = [ids[int(np.argmax(fit.fingers[:, 2]))]] if count > 1 else []
-        return self._fitter.fit(left, measured, ambient_t), stronger
+        return fit, ids
+
+    def _is_doubtful(self, fit: Fit) -> bool:
+        force, deviation = fit.fingers[:, 2], fit.deviation[:, 2]
+        near = len(force) > 1 and length((fit.fingers[0] - fit.fingers[1])[:2]) < TOGETHER_MM
+        return bool(near or (force < RELEASE_DEVIATIONS * deviation).any())
 
 
 def are_two(fingers: Array) -> bool:

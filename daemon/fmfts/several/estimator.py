@@ -19,21 +19,24 @@ from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import CHANGE, Magnets
-from fmfts.several.count import RELEASE_FRAMES, CounterMemory, FingerCounter
+from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
+from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
 
 Array = NDArray[np.float64]
 
-# A frame is not explained when its χ² is larger than one in so many healthy ones has it.
-UNEXPLAINED = 1e-6
-FREE_FIELD = 3  # values that the ambient field takes
-# So many values more than unknowns are needed to notice that something is wrong.
-SPARE = 4
+# A third finger is looked for where χ² is larger than one in so many healthy frames has it, and believed where it
+# lowers χ² by so much: none of 1,200 healthy frames of two fingers has such a place.
+SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
+THREE = "two fingers do not explain the field, a third one would: places and forces are not told"
+# After so many frames in a row that nothing explains, fingers are searched in each tenth frame only.
+SEARCHED_FRAMES, SEARCHED_EVERY = 20, 10
 # After so many frames in a row in which a sensor that was left out agrees again, it is used again.
 AGREES_FRAMES = 20
 # A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
 AGREES = 1e-3
+EDGE_MM = 0.5  # a search that goes beyond the table's edge ends so near to it
 CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less than the table's width
 # What is left of a press decays in this time and in as long as it was held: creep comes back as slowly as it came.
 RECOVERY_S = 10.0
@@ -46,13 +49,15 @@ LONGEST_GAP_S = 0.05
 class FingersMemory:
     """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
 
-    left_out: a sensor that contradicts all others, −1 for none. agrees_frames: for how many frames it has not. last_us:
-    the board's time of the last frame. last_c: the last temperature that was told. recent_t (3N,): the field's change
-    by fingers, decaying: what was pressed has not yet come back. held_s: how long it was pressed, less the time since.
+    unexplained: how many frames in a row nothing explained. left_out: a sensor that contradicts all others, −1: none.
+    agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
+    temperature that was told. recent_t (3N,): the field's change by fingers, decaying: what was pressed has not yet
+    come back. held_s: how long it was pressed, less the time since.
     """
 
     counter: CounterMemory
     ambient_t: Array = field(default_factory=lambda: np.zeros(3))
+    unexplained: int = 0
     left_out: int = -1
     agrees_frames: int = 0
     last_us: int | None = None
@@ -102,17 +107,31 @@ class FingersEstimator:
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
         self._counter = FingerCounter(self.fitter, rate_hz)
+        self._cold = FingerCounter(self.fitter, rate_hz)
         self.memory = FingersMemory(self._counter.memory, last_c=temperature_c, recent_t=np.zeros(mounting.gain.size))
         self.rest_variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
         remanences_t = np.array(mounting.remanences_t(pad))
         self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
         self._no_variance = np.zeros((len(mounting.magnets), CHANGE))
+        # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
+        by_ambient = self.fitter.model.by_ambient
+        own = mounting.errors.by_field.reshape(len(by_ambient), -1)
+        shape = (3, 3, -1)
+        self._ambient_error = (product(by_ambient.T, own) / len(pad.sensors)).reshape(shape).swapaxes(1, 2)
+        noise = square(mounting.noise_t / mounting.gain).ravel()
+        self._ambient_noise_t2 = product(square(by_ambient).T, noise) / square(float(len(pad.sensors)))
         self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
 
     @property
     def quiet_force_sd_n(self) -> float:
         """Deviation (N) of no force: what may press and not be felt, where it is felt least."""
         return self._quiet_force_sd_n
+
+    def ambient_deviation_t(self, fit: Fit) -> Array:
+        """(3,) of the change of the ambient field since the baseline, on an untouched pad."""
+        errors = product(self._ambient_error, fit.ambient_t)
+        deviation: Array = np.sqrt(self._ambient_noise_t2 + (errors * errors).sum(axis=1))
+        return deviation
 
     def poses(self, fit: Fit) -> tuple[Magnets, Array]:
         """The magnets as `fit` has them, and the variances (M, 5) of their poses by those of the fingers."""
@@ -145,7 +164,7 @@ class FingersEstimator:
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
             used[left_out] = False
-        if used.sum() < FREE_FIELD + 2 * FINGER + SPARE:
+        if used.sum() < FEWEST_VALUES:
             self._counter.forget()
             return FingersReading("lost", _too_few(missing, used), used)
         try:
@@ -162,54 +181,56 @@ class FingersEstimator:
         missing: Mapping[int, str],
     ) -> FingersReading:
         memory = self.memory
+        if memory.unexplained > SEARCHED_FRAMES and memory.unexplained % SEARCHED_EVERY:
+            # A search takes long, and steel that lies beside the pad would make it each frame.
+            nobody = self.fitter.fit(np.zeros((0, FINGER)), _of(measured, used), memory.ambient_t)
+            if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
+                return self._unexplained(nobody, used)
         before = memory.counter.copy()
         counted = self._counter.update(_of(measured, used), memory.ambient_t)
-        fit = counted.fit
-        if fit.chi2 > self._limit(used, fit):
-            other = self._without_a_sensor(measured, used, before)
-            if other is None:
-                return self._unexplained(fit, counted.ids, used)
-            memory.left_out, memory.agrees_frames = other, 0
-            used = used.copy()
-            used[memory.left_out] = False
+        fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
+        odd = None if explained else self._odd_sensor(measured, there, before)
+        if self._is_third(fit, used, measured, odd):
+            memory.unexplained += 1
+            return FingersReading("degraded", THREE, used, ids=counted.ids, more=True)
+        if odd is not None:
+            used = there.copy()
+            used[odd.sensor] = False
+            memory.left_out, memory.agrees_frames = odd.sensor, 0
+            memory.counter = self._counter.memory = odd.memory
             counted = self._counter.update(_of(measured, used), memory.ambient_t)
-            fit = counted.fit
-            if fit.chi2 > self._limit(used, fit):
-                return self._unexplained(fit, counted.ids, used)
-        elif memory.left_out >= 0:
+            fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
+        elif explained and memory.left_out >= 0:
             self._try_again(measured, there, fit)
+        if not explained:
+            return self._unexplained(fit, used)
         if not np.isfinite(fit.covariance).all():
             raise SingularError("the fingers are not determined")
+        memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
         memory.recent_t = np.maximum(memory.recent_t, np.abs(measured.field_t - fit.misfit_t))
         health, reason = self._health(used, missing)
-        over = self._is_over_range(fit)
-        return FingersReading(health, reason, used, fit, counted.ids, over_range=over)
+        return FingersReading(health, reason, used, fit, counted.ids, over_range=self._is_over_range(fit))
+
+    def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
+        memory = self.memory
+        self._cold.memory.next_id = memory.counter.next_id
+        memories = (before, memory.counter.copy())
+        searched = memory.unexplained % len(there)
+        return odd_sensor(self.fitter, measured, there, memory.ambient_t, memories, searched, self._cold)
+
+    def _is_third(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, odd: Odd | None) -> bool:
+        """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
+        if len(fit.fingers) < MOST_FINGERS or fit.chi2 <= limit(SUSPICIOUS, used, fit):
+            return False
+        seen = _of(measured, used)
+        gain = self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self.memory.ambient_t), fit, seen)
+        return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
 
     def _recover(self, elapsed_s: float) -> None:
         memory = self.memory
         memory.held_s = max(memory.held_s + (elapsed_s if memory.counter.count else -elapsed_s), 0.0)
         memory.recent_t = memory.recent_t / (1.0 + elapsed_s / (RECOVERY_S + memory.held_s))
-
-    def _limit(self, used: NDArray[np.bool_], fit: Fit) -> float:
-        freedom = int(used.sum()) - FREE_FIELD - FINGER * len(fit.fingers)
-        return quantile(UNEXPLAINED, max(freedom, 1))
-
-    def _without_a_sensor(self, measured: Measured, used: NDArray[np.bool_], before: CounterMemory) -> int | None:
-        """The one sensor without which the fingers that were there explain the frame; None where that is not one."""
-        memory, explains = self.memory, []
-        if memory.left_out >= 0:
-            return None
-        for sensor in np.flatnonzero(used.any(axis=1)).tolist():
-            others = used.copy()
-            others[sensor] = False
-            if others.sum() < FREE_FIELD + 2 * FINGER + SPARE:
-                continue
-            fit = self.fitter.fit(before.fingers, _of(measured, others), memory.ambient_t)
-            if fit.chi2 <= self._limit(others, fit):
-                explains.append((fit.chi2, sensor))
-        self._counter.memory = memory.counter = before
-        return min(explains)[1] if explains else None
 
     def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
@@ -220,24 +241,14 @@ class FingersEstimator:
         if memory.agrees_frames >= AGREES_FRAMES:
             memory.left_out, memory.agrees_frames = -1, 0
 
-    def _unexplained(self, fit: Fit, ids: tuple[int, ...], used: NDArray[np.bool_]) -> FingersReading:
-        count = len(fit.fingers)
-        if count == 2 and self._third_helps(fit, used):
-            reason = "two fingers do not explain the field: there may be more; places and forces are not told"
-            return FingersReading("degraded", reason, used, None, ids, more=True)
+    def _unexplained(self, fit: Fit, used: NDArray[np.bool_]) -> FingersReading:
         self._counter.forget()
+        self.memory.unexplained += 1
         reason = (
-            f"no fingers explain the field (χ² = {fit.chi2:.0f}): steel or a magnet nearby, a bad chip, or a press "
-            "that the pad was not calibrated for"
+            f"no fingers explain the field (χ² = {fit.chi2:.0f}): steel or a magnet nearby, more than two fingers, a "
+            "bad chip, or a press that the pad was not calibrated for"
         )
         return FingersReading("disturbed", reason, used)
-
-    def _third_helps(self, fit: Fit, used: NDArray[np.bool_]) -> bool:
-        """Whether a third finger anywhere would take away most of what two leave unexplained."""
-        rest = Measured(fit.misfit_t, self._variance, used.ravel())
-        root = self.fitter.whitener(fit.fingers, rest, self.memory.ambient_t)
-        _, gain = self.fitter.best_single(root, rest)
-        return gain > 0.5 * (fit.chi2 - self._limit(used, fit))
 
     def _measured(self, aligned: Aligned, temperature_c: float | None, there: NDArray[np.bool_]) -> Measured:
         """The change of the magnets' field since the baseline, at the baseline's temperature."""
@@ -270,13 +281,9 @@ class FingersEstimator:
     def _is_over_range(self, fit: Fit) -> bool:
         """Beyond the table, in force or in place, the place and the force are not known. The place of a weak finger is
         so uncertain that the search may end at the table's edge."""
-        response = self.response
+        first, last, most = self.response.first_mm + EDGE_MM, self.response.last_mm - EDGE_MM, self.response.scale_n
         return any(
-            force > response.scale_n
-            or (
-                force > CERTAIN_DEVIATIONS * force_sd
-                and (min(x, y) <= response.first_mm or max(x, y) >= response.last_mm)
-            )
+            force > most or (force > CERTAIN_DEVIATIONS * force_sd and not first < min(x, y) <= max(x, y) < last)
             for (x, y, force), force_sd in zip(fit.fingers.tolist(), fit.deviation[:, 2].tolist(), strict=True)
         )
 
@@ -287,4 +294,4 @@ def _of(measured: Measured, used: NDArray[np.bool_]) -> Measured:
 
 def _too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:
     told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
-    return f"only {int(used.sum())} values are left, too few for two fingers; " + "; ".join(told)
+    return "; ".join([f"only {int(used.sum())} values are left, and two fingers need {FEWEST_VALUES}", *told])

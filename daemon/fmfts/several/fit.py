@@ -150,6 +150,10 @@ class Fitter:
         """The best fingers of the grid beside `one`, as pairs (2, 3), the best first. root: of C at `one`."""
         return self.reference_scan.best_seconds(root, one.fingers, self.model.predict(one.fingers), measured, most)
 
+    def gain_of_another(self, root: Array, fit: Fit, measured: Measured) -> float:
+        """By how much one more finger anywhere lowers χ² at most. root: of C at `fit`."""
+        return self.reference_scan.gain_of_another(root, fit.fingers, self.model.predict(fit.fingers), measured)
+
     def sizes(self, root: Array, measured: Measured) -> Array:
         """(places,) by how much a finger of 1 N at each place of the grid would raise χ²."""
         templates, _ = self.reference_scan.white(root, measured)

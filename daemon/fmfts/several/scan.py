@@ -92,28 +92,38 @@ class Scan:
         A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
         only as its share of a press of 1 N. predicted: of the first finger.
         """
-        templates, _ = self.white(root, measured)
-        used = measured.used
-        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
-        slope = solve_lower(root, predicted.slope[used])
-        # What a small move of the first finger explains as well is no sign of a second one.
-        both = np.column_stack([templates.T, white])
-        normal = product(slope.T, slope) + LEAST * np.eye(slope.shape[1])
-        left = both - product(slope, solve(normal, product(slope.T, both)))
-        along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
-        apart = self.places[:, :2] - finger[0, :2]
-        good = (along > 0.0) & (size > 0.0) & ((apart * apart).sum(axis=1) >= APART_MM * APART_MM)
-        size = np.where(size > 0.0, size, 1.0)
-        gain = np.where(good, along * along / size, 0.0)
+        gain, force = self._gain_beside(root, finger, predicted, measured)
         starts: list[Array] = []
         for best in np.argsort(-gain, kind="stable"):
             if gain[best] <= 0.0 or len(starts) == most:
                 break
             place = self.places[best].copy()
-            place[2] *= along[best] / size[best]
+            place[2] *= force[best]
             if all(np.abs(place[:2] - known[1, :2]).max() > NEAR_MM for known in starts):
                 starts.append(np.stack([finger[0], place]))
         return starts
+
+    def gain_of_another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> float:
+        """By how much another finger beside `fingers` (K, 3), which may move a little for it, lowers χ² at most."""
+        return float(self._gain_beside(root, fingers, predicted, measured)[0].max())
+
+    def _gain_beside(
+        self, root: Array, fingers: Array, predicted: Predicted, measured: Measured
+    ) -> tuple[Array, Array]:
+        """By how much one more finger at each place of the grid lowers χ² (G,), and its force there (G,)."""
+        templates, _ = self.white(root, measured)
+        used = measured.used
+        white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
+        slope = solve_lower(root, predicted.slope[used])
+        # What a small move of the others explains as well is no sign of one more.
+        both = np.column_stack([templates.T, white])
+        normal = product(slope.T, slope) + LEAST * np.eye(slope.shape[1])
+        left = both - product(slope, solve(normal, product(slope.T, both)))
+        along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
+        apart = self.places[:, None, :2] - fingers[None, :, :2]
+        far = ((apart * apart).sum(axis=2) >= APART_MM * APART_MM).all(axis=1)
+        size = np.where(size > 0.0, size, 1.0)
+        return np.where((along > 0.0) & far, along * along / size, 0.0), along / size
 
     def white(self, root: Array, measured: Measured) -> tuple[Array, Array]:
         """The templates (G, used) and the field (used,), in units of their own errors."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -10,12 +11,13 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array, Tolerance
+from fmfts.pipeline.fingers_message import resultant_deviation
 from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
-from fmfts.several.estimator import FREE_FIELD, UNEXPLAINED
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
+from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
 from fmfts_lab.bench import several_drills, several_speed
-from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, world
+from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, read_once, world
 from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
 WITHIN_MM = 11.0  # fingers press within this of the middle, along x and y
@@ -71,6 +73,8 @@ def run(options: Namespace) -> None:
         print(_two(options, tolerance, forces, apart_mm).row(name), flush=True)
     for name, least, most in (("the weaker below 0.3 N", 0.0, 0.3), ("both 0.3 N and more", 0.3, 2.0)):
         print(_solved(options, least, most).row(f"as drawn, pairs solved by finite elements, {name}"), flush=True)
+    for whole_n in (0.9, 1.8):
+        _three(options, whole_n)
     print(
         "\n| one finger | told as two | largest gain of a second | one in a million | place, rms mm | force, rms N | "
         "beside one finger alone | worst, deviations | wrong |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
@@ -104,6 +108,34 @@ def _solved(options: Namespace, least_n: float, most_n: float) -> Tally:
         counted = _counted(one, one.measured(si.ravel()))
         _add(tally, counted, pair[:, :3])
     return tally
+
+
+def _three(options: Namespace, whole_n: float) -> None:
+    """Three fingers, which are more than are told: what is said of them, and how wrong what is told as good is."""
+    health, worst, wrong, frames = Counter[str](), 0.0, 0, 0
+    for one in _worlds(options.frames, BUILT, options.seed + 2):
+        for _ in range(FRAMES_OF_A_PAD):
+            places = _three_apart(one.random)
+            presses = [Press(x, y, whole_n / 3.0) for x, y in places.tolist()]
+            reading = read_once(one, one.pressed(presses))
+            frames += 1
+            health["more" if reading.more else reading.health] += 1
+            if reading.health == "ok" and reading.fit is not None:
+                off = abs(reading.fit.fingers[:, 2].sum() - whole_n) / resultant_deviation(reading.fit)[2]
+                worst, wrong = max(worst, off), wrong + (off > WRONG)
+    shares = ", ".join(f"{name} {count / frames:.1%}" for name, count in health.most_common())
+    print(
+        f"| three fingers, as built, {whole_n:g} N in all: {shares}; the force of those `ok` | | | | "
+        f"| {worst:.1f} | {wrong} of {frames} |"
+    )
+
+
+def _three_apart(random: np.random.Generator) -> Array:
+    """Three places (3, 2), 9 mm apart and more."""
+    while True:
+        places = random.uniform(-WITHIN_MM, WITHIN_MM, (3, 2))
+        if min(np.hypot(*(places[i] - places[j])) for i, j in ((0, 1), (0, 2), (1, 2))) >= 9.0:
+            return places
 
 
 def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:

@@ -13,9 +13,11 @@ from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array, SensorArray, Tolerance, rotation_from_vector
+from fmfts.pose import Aligned
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.sensor.chips.hmc5983 import HMC5983
 from fmfts.several.count import FingerCounter
+from fmfts.several.estimator import FingersEstimator, FingersReading
 from fmfts.several.field_model import MM, FieldModel, Scene
 from fmfts.several.fit import Fitter, Measured
 from fmfts_lab.finite_elements.array_model import array_config
@@ -73,12 +75,14 @@ class World:
                 change[number] += own.reshape(count, CHANGE)[number]
         return np.asarray((change * MM).ravel())
 
+    def sensed(self, change: Array, ambient_t: Array) -> Array:
+        """(N, 3) what the chips report of one frame."""
+        field = self._field(self.magnets.changed(change, self.frames), ambient_t)
+        return np.asarray(field + self.random.normal(0.0, NOISE_T, field.shape))
+
     def measured(self, change: Array, ambient_t: Array | None = None) -> Measured:
         """One frame of a pad whose magnets have moved by `change` (20,), in another ambient field if there is one."""
-        field = self._field(
-            self.magnets.changed(change, self.frames), self.ambient_t if ambient_t is None else ambient_t
-        )
-        field = field + self.random.normal(0.0, NOISE_T, field.shape)
+        field = self.sensed(change, self.ambient_t if ambient_t is None else ambient_t)
         mounting = self.mounting
         return Measured(
             (mounting.magnet_field(field) - mounting.rest_field_t).ravel(),
@@ -141,3 +145,13 @@ def world(seed: int, tolerance: Tolerance, friction: float = SCENE.friction) -> 
         fitter,
         random,
     )
+
+
+def read_once(one: World, change: Array) -> FingersReading:
+    """What a pad says of one frame, without what was before."""
+    shape, pad = one.gain.shape, array_config().pad()
+    without_end = np.full(shape, np.inf)
+    estimator = FingersEstimator(pad, one.mounting, one.response, SCENE, RATE_HZ, without_end, 0.0, None)
+    field = one.sensed(change, one.ambient_t)
+    aligned = Aligned(field, np.ones((shape[0], 1)), np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
+    return estimator.read(aligned, None, {})
