@@ -189,6 +189,7 @@ def test_no_message_after_a_baseline_came_into_use_is_of_the_one_before(
     assert set(later) == {other.id}
 
 
+@pytest.mark.real_time  # C hands over what comes late: on a busy computer Python may see the touch begin
 def test_a_touch_that_begins_in_c_is_told_of_at_once(
     daemon: Daemon, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
