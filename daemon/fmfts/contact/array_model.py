@@ -35,7 +35,8 @@ class ArrayModel:
         if response.geometry_hash != pad.geometry_hash:
             raise OtherPadError(
                 f"contact model {path}: is for another pad: its dimensions have the hash {response.geometry_hash}, "
-                f"those of pad '{pad.name}' {pad.geometry_hash}"
+                f"those of pad '{pad.name}' {pad.geometry_hash}: compare [[pad.magnet]] and sensors_mm with "
+                "docs/several.md; a pad of another structure needs a table of its own"
             )
         if response.magnets != len(pad.magnets):
             raise ModelError(f"contact model {path}: is of {response.magnets} magnets, the pad has {len(pad.magnets)}")

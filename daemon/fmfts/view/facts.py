@@ -18,6 +18,7 @@ PLAIN = Unit("", 1.0, 4)
 # Suffix of a key → the unit that a person reads.
 UNITS = {
     "_remanence_t": Unit("T", 1.0, 4),
+    "_remanences_t": Unit("T", 1.0, 4),
     "_remanence_sd_t": Unit("T", 1.0, 4),
     "_m": Unit("mm", 1e3, 3),
     "_t": Unit("µT", 1e6, 3),
