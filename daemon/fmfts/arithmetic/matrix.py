@@ -8,6 +8,7 @@ IEEE 754 rounds the same everywhere. Matrices have up to about sixty rows; BLAS 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -216,6 +217,14 @@ def lengths(vectors: Array) -> Array:
     for component in np.moveaxis(vectors, -1, 0):
         square = square + component * component
     return np.sqrt(square)
+
+
+def added(terms: Sequence[Array]) -> Array:
+    """The sum of arrays of one shape, one after the other."""
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
 
 
 def root_of_squares(*parts: Any) -> Any:

@@ -163,7 +163,7 @@ def estimate_mounting(
     covariance = scaled_covariance * unknowns.deviation[:, None] * unknowns.deviation
     magnet_alone = predicted / gain - SensorArray(places, axes).to_sensor(np.tile(state.ambient_t, (count, 1)))
     distance = lengths(places - state.position_m)
-    ambient, ambient_deviation = (None, None) if bare is None else _ambient(pad, bare)
+    ambient, ambient_deviation = (None, None) if bare is None else ambient_of(pad, bare)
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
     told = np.sqrt(np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE))
@@ -242,7 +242,7 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording, known: Sen
     across = 2.0 * (square(tolerance.sensor_rotation_rad) + square(tolerance.cross_axis))
     gain, uncertain = known.mean[: bare.mean_t.size].reshape(shape), known.covariance[0, 0]  # of each gain the same
     proportional = np.sqrt(uncertain + across + np.mean(square(place)))
-    ambient, ambient_deviation = _ambient(pad, bare)
+    ambient, ambient_deviation = ambient_of(pad, bare)
     return Mounting(
         rest=State.at_rest(pad),
         rest_covariance=np.zeros((6, 6)),
@@ -265,7 +265,7 @@ def nominal_mounting(pad: Pad, tolerance: Tolerance, bare: Recording, known: Sen
     )
 
 
-def _ambient(pad: Pad, bare: Recording) -> tuple[Array, Array]:
+def ambient_of(pad: Pad, bare: Recording) -> tuple[Array, Array]:
     """The uniform ambient field (3,), and its deviation (3,) from the differences between the sensors."""
     seen = pad.sensors.to_pad(bare.mean_t)
     return seen.mean(axis=0), seen.std(axis=0, ddof=1) / np.sqrt(len(seen))

@@ -22,12 +22,13 @@ from fmfts.baseline import (
     means,
     summarise,
 )
-from fmfts.baseline.array_mounting import ArrayMounting, ambient_of
+from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.baseline.baseline import AnyMounting, require_rest
 from fmfts.baseline.chips_found import chips_found
 from fmfts.baseline.coverage import Coverage, PressCoverage, TurnCoverage
 from fmfts.baseline.file_format import StoredGains
 from fmfts.baseline.files import previous, store, stored_gains
+from fmfts.baseline.mounting import ambient_of
 from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.prospects import prospects
 from fmfts.baseline.recording import ForeignError

@@ -140,7 +140,7 @@ class ArrayResponse:
         )
 
     def encoded(self) -> bytes:
-        """The content of a file that `read` reads."""
+        """The content of a file that `of` reads."""
         stored = _Stored(
             FORMAT,
             self.geometry_hash,

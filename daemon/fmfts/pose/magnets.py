@@ -7,7 +7,6 @@ rest (mechanics move the axis of a magnet that lies upside down like that of any
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import exp
-from fmfts.arithmetic.matrix import lengths, product
+from fmfts.arithmetic.matrix import added, product
 from fmfts.pad import Pad, SensorArray
 from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.state import tangent_basis
@@ -80,7 +79,7 @@ def field_of(magnets: Magnets, sensors: SensorArray) -> Array:
 
 def sum_of_fields(magnets: Magnets, place_m: Array) -> Array:
     """(N, 3) the field at `place_m` (N, 3), in pad axes, in T."""
-    return _summed(
+    return added(
         [
             dipole_field(place_m, position, axis, strength, octupole)
             for position, axis, strength, octupole in _each(magnets)
@@ -99,7 +98,7 @@ def field_and_slope(magnets: Magnets, frames: Array, sensors: SensorArray) -> tu
         by_tilt = frame[:, :2] - frame[:, 2:] * (local[:2] / max(float(local[2]), 1e-3))
         fields.append(field)
         slopes.append(np.concatenate([by_position, product(by_axis, by_tilt)], axis=2))
-    field = product(to_sensor, _summed(fields)[:, :, None])[:, :, 0]
+    field = product(to_sensor, added(fields)[:, :, None])[:, :, 0]
     slope = product(to_sensor, np.concatenate(slopes, axis=2))
     return field, slope.reshape(3 * len(sensors), -1)
 
@@ -112,19 +111,3 @@ def _each(magnets: Magnets) -> zip[tuple[Array, Array, float, float]]:
         magnets.octupole_m2.tolist(),
         strict=True,
     )
-
-
-def _summed(terms: Sequence[Array]) -> Array:
-    """One after the other, in the order of the magnets."""
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
-
-
-def magnet_spacing_m(magnets: Magnets) -> float:
-    """The least distance between two magnets; infinite for a single one."""
-    gaps = [
-        float(lengths(magnets.position_m[i] - magnets.position_m[j])) for i in range(len(magnets)) for j in range(i)
-    ]
-    return min(gaps, default=float("inf"))

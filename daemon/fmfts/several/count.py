@@ -23,8 +23,8 @@ from fmfts.several.fit import APART_MM, GRID_FORCE_N, Fit, Fitter, Measured
 Array = NDArray[np.float64]
 
 MOST_FINGERS = 2
-# By so much a second finger must lower χ². Of 2,250 frames of one finger (patches of 2 to 10 mm, shear) the largest
-# gain was 15.5; extrapolated, one in a million reaches 45 (docs/results/several.md).
+# By so much a second finger must lower χ². None of 300,000 frames of one finger was split; the gain that one in a
+# million of them has is 35 at most, on pads whose chips were placed by hand (docs/results/several.md).
 SECOND_GAIN = 45.0
 # The first finger may be anywhere: as many places as fingers can be told apart.
 PLACES = 50
@@ -63,11 +63,10 @@ class CounterMemory:
 
 
 class Counted(NamedTuple):
-    """fit: of the fingers that there are. ids: of each. cold: the number was changed, or tried to be."""
+    """fit: of the fingers that there are. ids: of each."""
 
     fit: Fit
     ids: tuple[int, ...]
-    cold: bool
 
 
 class FingerCounter:
@@ -84,7 +83,7 @@ class FingerCounter:
         self.memory.count = self.memory.doubtful_frames = 0
 
     def detection_limit_n(self, noise_t: Array) -> float:
-        """The least force (N) that is felt wherever it presses on the pad's inner part, by noise_t (N, 3) alone."""
+        """The least force (N) that is felt wherever it presses on the table, by noise_t (N, 3) alone."""
         fitter, nobody = self._fitter, np.zeros((0, FINGER))
         quiet = Measured(np.zeros(noise_t.size), (noise_t * noise_t).ravel(), np.ones(noise_t.size, dtype=np.bool_))
         size = fitter.sizes(fitter.whitener(nobody, quiet, np.zeros(3)), quiet)
@@ -94,20 +93,15 @@ class FingerCounter:
         """The fingers of the next frame. SingularError where the values determine nothing."""
         memory = self.memory
         fit, ids = self._fitter.fit(memory.fingers, measured, ambient_t), memory.ids[: memory.count].tolist()
-        cold = False
         # Another finger lowers χ² by at most all of it.
-        if not ids and fit.chi2 > self._first_gain:
-            cold = True
-            if (found := self._first(fit, measured, ambient_t)) is not None:
-                fit, ids, memory.doubtful_frames = found, [self._new_id()], 0
-        if len(ids) == 1 and fit.chi2 > SECOND_GAIN:
-            cold = True
-            if (pair := self._second(fit, measured, ambient_t)) is not None:
-                ids, memory.doubtful_frames = self._split(fit, pair, ids[0]), 0
-                fit = pair
+        nobody, one = not ids, len(ids) == 1
+        if nobody and fit.chi2 > self._first_gain and (found := self._first(fit, measured, ambient_t)) is not None:
+            fit, ids, memory.doubtful_frames, one = found, [self._new_id()], 0, True
+        if one and fit.chi2 > SECOND_GAIN and (pair := self._second(fit, measured, ambient_t)) is not None:
+            fit, ids, memory.doubtful_frames = pair, self._split(fit, pair, ids[0]), 0
         fit, ids = self._fewer(fit, ids, measured, ambient_t)
         memory.put(fit.fingers, ids)
-        return Counted(fit, tuple(ids), cold)
+        return Counted(fit, tuple(ids))
 
     def _first(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
         root = self._fitter.whitener(before.fingers, measured, ambient_t)

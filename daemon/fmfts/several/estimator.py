@@ -19,17 +19,18 @@ from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import CHANGE, Magnets
+from fmfts.several import reasons
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
+from fmfts.several.recovery import Recovery
 
 Array = NDArray[np.float64]
 
 # A third finger is looked for where χ² is larger than one in so many healthy frames has it, and believed where it
 # lowers χ² by so much: none of 1,200 healthy frames of two fingers has such a place.
 SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
-THREE = "two fingers do not explain the field, a third one would: places and forces are not told"
 # After so many frames in a row that nothing explains, fingers are searched in each tenth frame only.
 SEARCHED_FRAMES, SEARCHED_EVERY = 20, 10
 # After so many frames in a row in which a sensor that was left out agrees again, it is used again.
@@ -38,8 +39,6 @@ AGREES_FRAMES = 20
 AGREES = 1e-3
 EDGE_MM = 0.5  # a search that goes beyond the table's edge ends so near to it
 CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less than the table's width
-# What is left of a press decays in this time and in as long as it was held: creep comes back as slowly as it came.
-RECOVERY_S = 10.0
 REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
@@ -51,19 +50,17 @@ class FingersMemory:
 
     unexplained: how many frames in a row nothing explained. left_out: a sensor that contradicts all others, −1: none.
     agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
-    temperature that was told. recent_t (3N,): the field's change by fingers, decaying: what was pressed has not yet
-    come back. held_s: how long it was pressed, less the time since.
+    temperature that was told.
     """
 
     counter: CounterMemory
+    recovery: Recovery
     ambient_t: Array = field(default_factory=lambda: np.zeros(3))
     unexplained: int = 0
     left_out: int = -1
     agrees_frames: int = 0
     last_us: int | None = None
     last_c: float | None = None
-    recent_t: Array = field(default_factory=lambda: np.zeros(0))
-    held_s: float = 0.0
 
 
 class FingersReading(NamedTuple):
@@ -108,7 +105,7 @@ class FingersEstimator:
         self.fitter = Fitter(FieldModel(pad, mounting, response, scene))
         self._counter = FingerCounter(self.fitter, rate_hz)
         self._cold = FingerCounter(self.fitter, rate_hz)
-        self.memory = FingersMemory(self._counter.memory, last_c=temperature_c, recent_t=np.zeros(mounting.gain.size))
+        self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=temperature_c)
         self.rest_variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
         remanences_t = np.array(mounting.remanences_t(pad))
         self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
@@ -116,8 +113,8 @@ class FingersEstimator:
         # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
         by_ambient = self.fitter.model.by_ambient
         own = mounting.errors.by_field.reshape(len(by_ambient), -1)
-        shape = (3, 3, -1)
-        self._ambient_error = (product(by_ambient.T, own) / len(pad.sensors)).reshape(shape).swapaxes(1, 2)
+        mean_error = product(by_ambient.T, own).reshape(3, 3, -1) / len(pad.sensors)
+        self._ambient_error = mean_error.swapaxes(1, 2)
         noise = square(mounting.noise_t / mounting.gain).ravel()
         self._ambient_noise_t2 = product(square(by_ambient).T, noise) / square(float(len(pad.sensors)))
         self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
@@ -159,19 +156,19 @@ class FingersEstimator:
         if elapsed_s > self._longest_gap_s:
             self._counter.forget()
         there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
-        self._recover(elapsed_s)
+        memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
         measured = self._measured(aligned, temperature_c, there)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
             used[left_out] = False
         if used.sum() < FEWEST_VALUES:
             self._counter.forget()
-            return FingersReading("lost", _too_few(missing, used), used)
+            return FingersReading("lost", reasons.too_few(missing, used), used)
         try:
             return self._judged(measured, used, there, missing)
         except SingularError:
             self._counter.forget()
-            return FingersReading("lost", "the sensors that are left do not tell where the fingers are", used)
+            return FingersReading("lost", reasons.UNDETERMINED, used)
 
     def _judged(
         self,
@@ -183,22 +180,22 @@ class FingersEstimator:
         memory = self.memory
         if memory.unexplained > SEARCHED_FRAMES and memory.unexplained % SEARCHED_EVERY:
             # A search takes long, and steel that lies beside the pad would make it each frame.
-            nobody = self.fitter.fit(np.zeros((0, FINGER)), _of(measured, used), memory.ambient_t)
+            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), memory.ambient_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
                 return self._unexplained(nobody, used)
         before = memory.counter.copy()
-        counted = self._counter.update(_of(measured, used), memory.ambient_t)
+        counted = self._counter.update(measured.only(used), memory.ambient_t)
         fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         odd = None if explained else self._odd_sensor(measured, there, before)
         if self._is_third(fit, used, measured, odd):
             memory.unexplained += 1
-            return FingersReading("degraded", THREE, used, ids=counted.ids, more=True)
+            return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True)
         if odd is not None:
             used = there.copy()
             used[odd.sensor] = False
             memory.left_out, memory.agrees_frames = odd.sensor, 0
             memory.counter = self._counter.memory = odd.memory
-            counted = self._counter.update(_of(measured, used), memory.ambient_t)
+            counted = self._counter.update(measured.only(used), memory.ambient_t)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         elif explained and memory.left_out >= 0:
             self._try_again(measured, there, fit)
@@ -208,8 +205,8 @@ class FingersEstimator:
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
-        memory.recent_t = np.maximum(memory.recent_t, np.abs(measured.field_t - fit.misfit_t))
-        health, reason = self._health(used, missing)
+        memory.recovery.remember(measured.field_t - fit.misfit_t)
+        health, reason = reasons.health_of_axes(used, missing, memory.left_out)
         return FingersReading(health, reason, used, fit, counted.ids, over_range=self._is_over_range(fit))
 
     def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
@@ -223,19 +220,14 @@ class FingersEstimator:
         """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
         if len(fit.fingers) < MOST_FINGERS or fit.chi2 <= limit(SUSPICIOUS, used, fit):
             return False
-        seen = _of(measured, used)
+        seen = measured.only(used)
         gain = self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self.memory.ambient_t), fit, seen)
         return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
-
-    def _recover(self, elapsed_s: float) -> None:
-        memory = self.memory
-        memory.held_s = max(memory.held_s + (elapsed_s if memory.counter.count else -elapsed_s), 0.0)
-        memory.recent_t = memory.recent_t / (1.0 + elapsed_s / (RECOVERY_S + memory.held_s))
 
     def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
         memory = self.memory
-        again = self.fitter.fit(fit.fingers, _of(measured, there), memory.ambient_t)
+        again = self.fitter.fit(fit.fingers, measured.only(there), memory.ambient_t)
         agrees = again.chi2 - fit.chi2 < quantile(AGREES, max(int(there[memory.left_out].sum()), 1))
         memory.agrees_frames = memory.agrees_frames + 1 if agrees and there[memory.left_out].any() else 0
         if memory.agrees_frames >= AGREES_FRAMES:
@@ -244,11 +236,7 @@ class FingersEstimator:
     def _unexplained(self, fit: Fit, used: NDArray[np.bool_]) -> FingersReading:
         self._counter.forget()
         self.memory.unexplained += 1
-        reason = (
-            f"no fingers explain the field (χ² = {fit.chi2:.0f}): steel or a magnet nearby, more than two fingers, a "
-            "bad chip, or a press that the pad was not calibrated for"
-        )
-        return FingersReading("disturbed", reason, used)
+        return FingersReading("disturbed", reasons.unexplained(fit.chi2), used)
 
     def _measured(self, aligned: Aligned, temperature_c: float | None, there: NDArray[np.bool_]) -> Measured:
         """The change of the magnets' field since the baseline, at the baseline's temperature."""
@@ -258,25 +246,10 @@ class FingersEstimator:
         own = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)) / (1.0 + self._magnet_per_k * warmer_k)
         noise = mounting.noise_t * aligned.noise_share / mounting.gain
         bend = np.where(np.isfinite(aligned.bend_t), aligned.bend_t, 0.0)
-        # Silicone that was pressed comes back slowly: what is left of it is neither a finger, nor known.
         now_t = np.abs(self.fitter.model.predict(memory.counter.fingers).field_t) if memory.counter.count else 0.0
-        left_t = self.silicone * np.maximum(memory.recent_t - now_t, 0.0)
-        self._variance = (square(noise) + square(bend)).ravel() + square(left_t)
-        return Measured((own - mounting.rest_field_t).ravel(), self._variance, there.ravel())
-
-    def _health(self, used: NDArray[np.bool_], missing: Mapping[int, str]) -> tuple[Health, str]:
-        if used.all():
-            return "ok", ""
-        told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
-        if self.memory.left_out >= 0:
-            told.append(
-                f"sensor {self.memory.left_out + 1} contradicts all others, and is left out: a bad chip or steel"
-            )
-        axes = [
-            f"{sensor + 1}{'xyz'[axis]}"
-            for sensor, axis in zip(*(each.tolist() for each in np.where(~used)), strict=True)
-        ]
-        return "degraded", "; ".join(told) or f"axes {', '.join(axes)} are saturated or stuck, and are left out"
+        left_t = self.silicone * memory.recovery.beyond_t(now_t)
+        variance_t2 = (square(noise) + square(bend)).ravel() + square(left_t)
+        return Measured((own - mounting.rest_field_t).ravel(), variance_t2, there.ravel())
 
     def _is_over_range(self, fit: Fit) -> bool:
         """Beyond the table, in force or in place, the place and the force are not known. The place of a weak finger is
@@ -286,12 +259,3 @@ class FingersEstimator:
             force > most or (force > CERTAIN_DEVIATIONS * force_sd and not first < min(x, y) <= max(x, y) < last)
             for (x, y, force), force_sd in zip(fit.fingers.tolist(), fit.deviation[:, 2].tolist(), strict=True)
         )
-
-
-def _of(measured: Measured, used: NDArray[np.bool_]) -> Measured:
-    return Measured(measured.field_t, measured.variance_t2, used.ravel())
-
-
-def _too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:
-    told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]
-    return "; ".join([f"only {int(used.sum())} values are left, and two fingers need {FEWEST_VALUES}", *told])

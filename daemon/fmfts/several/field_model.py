@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.arithmetic.matrix import cholesky, product
+from fmfts.arithmetic.matrix import added, cholesky, product
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.common.double_table import DoubleTable
 from fmfts.contact.array_response import ArrayResponse, Pressed
@@ -179,7 +179,7 @@ class FieldModel:
                 causes += [scene.friction * force * one.by_shear, 0.5 * PATCH_MM2 * one.laplacian[:, None]]
             by_pose = predicted.by_pose * self._si
             moved = [self._by_place(one) for one in predicted.pressed]
-            causes.append(product(_summed(moved), self._off_root_mm))
+            causes.append(product(added(moved), self._off_root_mm))
             columns.append(product(by_pose, np.concatenate(causes, axis=1)))
             columns.append(by_pose * self._response_error(fingers, predicted))
         factor = np.concatenate(columns, axis=1)
@@ -249,10 +249,3 @@ def _unpacked(pressed: Array) -> Pressed:
     poses = len(pressed) // PRESSED
     slope, by_shear = pressed[poses : 4 * poses], pressed[4 * poses : 6 * poses]
     return Pressed(pressed[:poses], slope.reshape(-1, FINGER), by_shear.reshape(-1, 2), pressed[6 * poses :])
-
-
-def _summed(terms: list[Array]) -> Array:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total

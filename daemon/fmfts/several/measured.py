@@ -29,6 +29,10 @@ class Measured:
         """`used` as C reads it."""
         return np.ascontiguousarray(self.used, dtype=np.bool_)
 
+    def only(self, used: NDArray[np.bool_]) -> Measured:
+        """Of these axes (N, 3)."""
+        return Measured(self.field_t, self.variance_t2, used.ravel())
+
     def checked(self, *names: str, **others: Array) -> None:
         """ValueError that names a value that there is, of the fields `names`, or a number of `others`, not finite."""
         finite(**{name: np.where(self.used, getattr(self, name), 0.0) for name in names}, **others)

@@ -1,0 +1,44 @@
+"""What the messages of a pad with several magnets say of its health."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.bus.messages import Health
+from fmfts.several.odd_sensor import FEWEST_VALUES
+
+THREE = "two fingers do not explain the field, a third one would: places and forces are not told"
+UNDETERMINED = "the sensors that are left do not tell where the fingers are"
+
+
+def unexplained(chi2: float) -> str:
+    return (
+        f"no fingers explain the field (χ² = {chi2:.0f}): steel or a magnet nearby, more than two fingers, a bad chip, "
+        "or a press that the pad was not calibrated for"
+    )
+
+
+def too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:
+    only = f"only {int(used.sum())} values are left, and two fingers need {FEWEST_VALUES}"
+    return "; ".join([only, *_missing(missing)])
+
+
+def health_of_axes(used: NDArray[np.bool_], missing: Mapping[int, str], left_out: int) -> tuple[Health, str]:
+    """Of a frame that fingers explain. missing: sensor (from 0) → why it cannot be used. left_out: a sensor that
+    contradicts all others, −1: none."""
+    if used.all():
+        return "ok", ""
+    told = _missing(missing)
+    if left_out >= 0:
+        told.append(f"sensor {left_out + 1} contradicts all others, and is left out: a bad chip or steel")
+    axes = [
+        f"{sensor + 1}{'xyz'[axis]}" for sensor, each in enumerate(used.tolist()) for axis in range(3) if not each[axis]
+    ]
+    return "degraded", "; ".join(told) or f"axes {', '.join(axes)} are saturated or stuck, and are left out"
+
+
+def _missing(missing: Mapping[int, str]) -> list[str]:
+    return [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]

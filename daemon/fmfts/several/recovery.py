@@ -1,0 +1,35 @@
+"""Silicone that was pressed comes back slowly: what is left of a press is neither a finger, nor known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# What is left of a press decays in this time and in as long as it was held: creep comes back as slowly as it came.
+RECOVERY_S = 10.0
+
+
+@dataclass(slots=True)
+class Recovery:
+    """recent_t (3N,): the field's largest change by fingers, decaying. held_s: how long they pressed, less the time
+    since."""
+
+    recent_t: Array
+    held_s: float = 0.0
+
+    def pass_time(self, elapsed_s: float, pressed: bool) -> None:
+        self.held_s = max(self.held_s + (elapsed_s if pressed else -elapsed_s), 0.0)
+        self.recent_t = self.recent_t / (1.0 + elapsed_s / (RECOVERY_S + self.held_s))
+
+    def remember(self, change_t: Array) -> None:
+        """change_t (3N,): what fingers change the field by, now."""
+        self.recent_t = np.maximum(self.recent_t, np.abs(change_t))
+
+    def beyond_t(self, now_t: Array | float) -> Array:
+        """(3N,) by how much more the field was changed than it is now."""
+        beyond: Array = np.maximum(self.recent_t - now_t, 0.0)
+        return beyond
