@@ -26,6 +26,7 @@ def _resident_kb(pid: int) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:"))
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_a_minute_at_220_hz_loses_nothing_and_grows_nothing(tmp_path: Path, pad: Pad) -> None:
     """Solving and publishing every frame of one pad from the firmware's own bytes, on a pty."""

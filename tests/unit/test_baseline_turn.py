@@ -54,6 +54,7 @@ def turns(request: pytest.FixtureRequest) -> Turns:
     return Turns(request.param, [(world, Turn.of(turned(world))) for world in worlds])
 
 
+@pytest.mark.long
 def test_sensitivities_are_found_as_well_as_claimed(turns: Turns) -> None:
     errors, deviations, normalised = [], [], []
     for world, turn in turns.each:

@@ -203,7 +203,7 @@ def test_ambient_field_is_as_uncertain_as_claimed(pad: Pad, gain: float) -> None
 
 
 @pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
-@pytest.mark.parametrize("scene", ["steel", "turned"])
+@pytest.mark.parametrize("scene", ["steel", pytest.param("turned", marks=pytest.mark.long)])
 def test_beside_a_tool_c_says_the_same_as_python(scene: Scene) -> None:
     config, way = pad_config(scene, 1, "drawn"), WAYS[4]
     model, baseline = load_contact_model(config), baseline_of(config, scene)

@@ -90,6 +90,7 @@ def test_ageing_moment_is_followed() -> None:
     assert abs(np.mean(followed.heights_m)) < 0.35 * abs(np.mean(left.heights_m))
 
 
+@pytest.mark.long
 def test_ageing_moment_is_followed_on_a_robot_that_turns_all_the_time() -> None:
     """18 µm are what the pad would have sunk by, as on one that stands."""
     followed = life(600.0, share=ageing, turning_deg_per_s=20.0)
