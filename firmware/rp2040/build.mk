@@ -9,7 +9,7 @@ RP2040_FLAGS = -mcpu=cortex-m0plus -mthumb -g -Os $(WARNINGS) -ffreestanding -ff
 
 .PHONY: rp2040
 rp2040: $(BUILD)/fmfts-rp2040.uf2
-	@sh cortex_m/size.sh $(ARM_CC) $(BUILD)/fmfts-rp2040.elf 24 5
+	@sh cortex_m/size.sh $(ARM_CC) $(BUILD)/fmfts-rp2040.elf 24 8
 
 $(BUILD)/fmfts-rp2040.elf: $(RP2040) $(RP2040_HEADERS) rp2040/rp2040.ld rp2040/build.mk
 	@mkdir -p $(BUILD)

@@ -1,17 +1,22 @@
 // The firmware core on an RP2040 (Raspberry Pi Pico). Pins: docs/firmware.md.
+#include <string.h>
+
 #include "../core/device.h"
 #include "../cortex_m/pads.h"
+#include "board_id.h"
+#include "host_link.h"
 #include "i2c.h"
 #include "load_cell_pins.h"
 #include "registers.h"
-#include "serial.h"
 
 enum {
     PORTS = 2,
     CRYSTAL_MHZ = 12,
     CORE_HZ = 125000000,
-    PLL_MULTIPLIER = 125, // 1500 MHz, by 6 and by 2
-    PLL_DIVIDERS = 6 << 16 | 2 << 12,
+    SYS_MULTIPLIER = 125, // 1500 MHz, by 6 and by 2
+    SYS_DIVIDERS = 6 << 16 | 2 << 12,
+    USB_MULTIPLIER = 100, // 1200 MHz, by 5 and by 5
+    USB_DIVIDERS = 5 << 16 | 5 << 12,
     CRYSTAL_STARTUP = 47, // times 256 cycles: 1 ms
     POWER_UP_US = 10000,  // muxes and sensors answer 0.2 ms after power-up, and the supply may rise slowly
     // The longest turn of the main loop, with a bus that stays stuck, takes a few ms. It counts two for each microsecond
@@ -51,7 +56,20 @@ static void release(uint32_t blocks)
     }
 }
 
-// The crystal, and the PLL on it. Without a crystal the ROM's boot loader has no USB either: such boards do not exist.
+static void start_pll(volatile struct pll *pll, uint32_t block, uint32_t multiplier, uint32_t dividers)
+{
+    RESETS->RESET |= block;
+    release(block);
+    pll->CS = 1;
+    pll->FBDIV_INT = multiplier;
+    pll->PWR &= ~(PLL_PWR_PD | PLL_PWR_VCOPD);
+    while (!(pll->CS & PLL_LOCK)) {
+    }
+    pll->PRIM = dividers;
+    pll->PWR &= ~PLL_PWR_POSTDIVPD;
+}
+
+// The crystal, and the PLLs on it. Without a crystal the ROM's boot loader has no USB either: such boards do not exist.
 static void start_clocks(void)
 {
     XOSC->STARTUP = CRYSTAL_STARTUP;
@@ -64,19 +82,13 @@ static void start_clocks(void)
     CLK_REF->CTRL = CLK_REF_XOSC;
     while (!(CLK_REF->SELECTED & 1U << CLK_REF_XOSC)) {
     }
-    RESETS->RESET |= RESETS_PLL_SYS;
-    release(RESETS_PLL_SYS);
-    PLL_SYS->CS = 1;
-    PLL_SYS->FBDIV_INT = PLL_MULTIPLIER;
-    PLL_SYS->PWR &= ~(PLL_PWR_PD | PLL_PWR_VCOPD);
-    while (!(PLL_SYS->CS & PLL_LOCK)) {
-    }
-    PLL_SYS->PRIM = PLL_DIVIDERS;
-    PLL_SYS->PWR &= ~PLL_PWR_POSTDIVPD;
+    start_pll(PLL_SYS, RESETS_PLL_SYS, SYS_MULTIPLIER, SYS_DIVIDERS);
+    start_pll(PLL_USB, RESETS_PLL_USB, USB_MULTIPLIER, USB_DIVIDERS);
     CLK_SYS->CTRL = CLK_SYS_AUX;
     while (!(CLK_SYS->SELECTED & 1U << CLK_SYS_AUX)) {
     }
-    CLK_PERI->CTRL = CLK_PERI_ENABLE;
+    CLK_PERI->CTRL = CLK_ENABLE;
+    CLK_USB->CTRL = CLK_ENABLE;
     WATCHDOG->TICK = WATCHDOG_TICK_ENABLE | CRYSTAL_MHZ; // also the timer's microsecond
 }
 
@@ -92,9 +104,11 @@ static void start_board(void)
     bool usable[PORTS];
     enum reset_cause cause = take_reset_cause();
     start_clocks();
-    release(RESETS_IO_BANK0 | RESETS_PADS_BANK0 | RESETS_TIMER | RESETS_UART0 | RESETS_I2C0 | RESETS_I2C1);
+    release(RESETS_IO_BANK0 | RESETS_PADS_BANK0 | RESETS_TIMER | RESETS_UART0 | RESETS_I2C0 | RESETS_I2C1 | RESETS_USBCTRL);
     start_watchdog();
-    serial_start(CORE_HZ);
+    uint8_t id[BOARD_ID_SIZE];
+    board_id_read(id);
+    host_link_start(CORE_HZ, id);
     while (TIMERAWL < POWER_UP_US) {
     }
     for (int i = 0; i < PORTS; i++)
@@ -111,8 +125,14 @@ static void start_board(void)
         .reset_cause = (uint8_t)cause,
         .clock_source = CLOCK_HSE,
         .now_us = now_us,
-        .send = serial_send,
+        .send = host_link_send,
     };
+    memcpy(board.uid, id, sizeof id);
+}
+
+static void take_from_host(const uint8_t *bytes, size_t count)
+{
+    device_receive(&device, bytes, count);
 }
 
 int main(void)
@@ -120,11 +140,8 @@ int main(void)
     start_board();
     device_init(&device, &board);
     for (;;) {
-        size_t count;
         WATCHDOG->LOAD = WATCHDOG_LOAD; // the only place that feeds it
-        const uint8_t *bytes = serial_peek(&count);
-        device_receive(&device, bytes, count);
-        serial_drop(count);
+        host_link_receive(take_from_host);
         device_poll(&device);
     }
 }

@@ -15,8 +15,10 @@ struct resets { // [2.14]
 #define RESETS_IO_BANK0 (1U << 5)
 #define RESETS_PADS_BANK0 (1U << 8)
 #define RESETS_PLL_SYS (1U << 12)
+#define RESETS_PLL_USB (1U << 13)
 #define RESETS_TIMER (1U << 21)
 #define RESETS_UART0 (1U << 22)
+#define RESETS_USBCTRL (1U << 24)
 
 struct clock_generator { // [2.15.7]
     uint32_t CTRL, DIV, SELECTED;
@@ -24,10 +26,11 @@ struct clock_generator { // [2.15.7]
 #define CLK_REF AT(clock_generator, 0x40008030)
 #define CLK_SYS AT(clock_generator, 0x4000803C)
 #define CLK_PERI AT(clock_generator, 0x40008048)
+#define CLK_USB AT(clock_generator, 0x40008054)
 #define CLK_REF_XOSC 2U
 #define CLK_SYS_REF 0U
 #define CLK_SYS_AUX 1U // of which 0 is the PLL
-#define CLK_PERI_ENABLE (1U << 11) // from CLK_SYS
+#define CLK_ENABLE (1U << 11) // CLK_PERI from CLK_SYS, CLK_USB from PLL_USB
 
 struct xosc { // [2.16.7]
     uint32_t CTRL, STATUS, DORMANT, STARTUP;
@@ -40,6 +43,7 @@ struct pll { // [2.18.4]
     uint32_t CS, PWR, FBDIV_INT, PRIM;
 };
 #define PLL_SYS AT(pll, 0x40028000)
+#define PLL_USB AT(pll, 0x4002C000)
 #define PLL_LOCK (1U << 31)
 #define PLL_PWR_PD (1U << 0)
 #define PLL_PWR_POSTDIVPD (1U << 3)
@@ -122,6 +126,18 @@ struct i2c { // [4.3.17]
 #define I2C_STATUS_TFNF (1U << 1)
 #define I2C_STATUS_RFNE (1U << 3)
 #define I2C_ABRT_NOACK 0x0FU // of an address, or of data
+
+struct ssi { // [4.10.13] between the processor and the flash
+    uint32_t CTRLR0, CTRLR1, SSIENR, MWCR, SER, BAUDR, TXFTLR, RXFTLR, TXFLR, RXFLR, SR, unused_0[13], DR0;
+};
+#define SSI AT(ssi, 0x18000000)
+#define SSI_CTRLR0_BYTES (7U << 16) // of 8 bits, sent and received at once
+#define SSI_SR_RFNE (1U << 3)
+
+#define QSPI_SELECT (*(volatile uint32_t *)0x4001800C) // [2.19.6.2] GPIO_QSPI_SS_CTRL
+#define QSPI_SELECT_BY_SSI 0U
+#define QSPI_SELECT_LOW (2U << 8)
+#define QSPI_SELECT_HIGH (3U << 8)
 
 struct nvic {
     uint32_t ISER;

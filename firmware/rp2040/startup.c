@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "registers.h"
+#include "usb_registers.h"
 
 // rp2040.ld defines these.
 extern uint32_t stack_end[], data_image[], data_begin[], data_end[], bss_begin[], bss_end[];
@@ -41,7 +42,9 @@ __attribute__((section(".vectors"), used)) static const struct {
     .handlers =
         {
             reset_handler,
-            [1 ... CORE_EXCEPTIONS + UART0_IRQ - 2] = unexpected_handler,
+            [1 ... CORE_EXCEPTIONS + USBCTRL_IRQ - 2] = unexpected_handler,
+            [CORE_EXCEPTIONS + USBCTRL_IRQ - 1] = usbctrl_handler,
+            [CORE_EXCEPTIONS + USBCTRL_IRQ... CORE_EXCEPTIONS + UART0_IRQ - 2] = unexpected_handler,
             [CORE_EXCEPTIONS + UART0_IRQ - 1] = uart0_handler,
             [CORE_EXCEPTIONS + UART0_IRQ... CORE_EXCEPTIONS + RP2040_INTERRUPTS - 2] = unexpected_handler,
         },

@@ -3,6 +3,7 @@
 
 int main(void);
 void uart0_handler(void);
+void usbctrl_handler(void);
 _Noreturn void system_reset(void);
 
 #endif

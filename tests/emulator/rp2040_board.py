@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,8 @@ class Rp2040Board:
         self.baud = 0
         self.warnings = ""
         self.sent = bytearray()
+        self.over_usb: list[bytes] = []
+        self.found: dict[str, Any] = {}
         self.chips = [make(channel, lambda: self.now_s) for channel in range(4)]
         self.mux = Tca9548a(0x70, dict(enumerate(self.chips)))
         self.buses = [Bus([self.mux]), Bus([])]
@@ -46,6 +49,10 @@ class Rp2040Board:
     def send(self, data: bytes) -> None:
         self._order("feed " + " ".join(map(str, data)))
 
+    def usb(self, order: str, *numbers: int) -> None:
+        """`plug`, `unplug`, `open 1` or `0`, `read 1` or `0`, `send BYTE …`: what the host on its USB does."""
+        self._order(" ".join(["usb", order, *map(str, numbers)]))
+
     def hold(self, pin: int, level: bool) -> None:
         self._order(f"line {pin} {int(level)}")
 
@@ -70,6 +77,12 @@ class Rp2040Board:
                 self.sent.append(int(words[0]))
             elif verb == "baud":
                 self.baud = int(words[0])
+            elif verb == "over-usb":
+                self.over_usb.append(bytes(map(int, words)))
+            elif verb == "found":
+                self.found = json.loads("".join(words))
+            elif verb == "complaint":
+                self.complaints.append(" ".join(words))
             elif verb == "ready":
                 self.now_s = float(words[0])
                 self.warnings = words[1].strip() if len(words) > 1 else ""

@@ -2,6 +2,8 @@
 // output, those that need an answer wait for a line on standard input. usage: node rp2040_chip.cjs RP2040JS IMAGE
 "use strict";
 const fs = require("fs");
+const { addFlash } = require("./spi_flash.cjs");
+const { UsbHost } = require("./usb_host.cjs");
 const [, , library, image] = process.argv;
 const { RP2040 } = require(library);
 
@@ -9,6 +11,7 @@ const CYCLE_NS = 8; // 125 MHz
 const BYTE_NS = 22500; // eight bits and an acknowledgement at 400 kHz
 const BIT_NS = 2500;
 const BOOT2 = 0x20041f00; // where the ROM copies it
+const FLASH_ID = [0xe6, 0x61, 0x38, 0x52, 0x83, 0x0a, 0x5c, 0x21];
 
 let input = "";
 function say(line) {
@@ -71,6 +74,7 @@ chip.peripherals[0x40058].onWatchdogTrigger = () => {
 function start() {
     const nanos = chip.clock.nanos;
     chip.reset();
+    host.unplug();
     chip.flash.set(flash);
     chip.clock.nanosCounter = nanos;
     chip.sram.set(flash.subarray(0, 256), BOOT2 - 0x20000000);
@@ -78,16 +82,25 @@ function start() {
     for (const pin of [4, 5, 6, 7, 8, 9]) chip.gpio[pin].setInputValue(true); // pull-ups
 }
 
+addFlash(chip, FLASH_ID, (text) => say(`complaint ${text}`));
+const host = new UsbHost(chip, say);
 start();
 watchData();
 for (;;) {
-    // `run SECONDS`, `line PIN LEVEL`, `hang` or `feed BYTE…`
+    // `run SECONDS`, `line PIN LEVEL`, `hang`, `feed BYTE…` or `usb ORDER …`
     const [verb, ...words] = ask(`ready ${seconds()} ${[...warnings].join("; ")}`).split(" ");
     if (verb === "line") {
         chip.gpio[Number(words[0])].setInputValue(words[1] === "1");
     } else if (verb === "hang") {
         chip.sram.set([0xfe, 0xe7], 0x41000); // b .
         chip.core.PC = 0x20041000;
+    } else if (verb === "usb") {
+        const [order, ...numbers] = [words[0], ...words.slice(1).map(Number)];
+        if (order === "plug") host.plug();
+        else if (order === "unplug") host.unplug();
+        else if (order === "open") host.order(host.opened(numbers[0] === 1));
+        else if (order === "read") host.reads = numbers[0] === 1;
+        else host.order(host.send(numbers));
     } else if (verb === "feed") {
         words.forEach((byte, place) => after(place * 21700, () => chip.uart[0].feedByte(Number(byte))));
     } else {

@@ -1,7 +1,8 @@
 """The RP2040's firmware on rp2040js (an emulator of the whole chip) with the emulated switches and chips of the STM32.
 
 `make test-rp2040` installs rp2040js and runs this. rp2040js sends bytes at once and gives the I2C no wires: what the
-line carries, and the clocks that free a bus, are not tried here.
+line carries, and the clocks that free a bus, are not tried here. The USB controller and its host are our own
+(`usb_host.cjs`), by the data sheet.
 """
 
 from __future__ import annotations
@@ -63,6 +64,22 @@ class Stream:
 
     def run(self, seconds: float) -> list[Packet]:
         packets = self.decoder.feed(self.board.run(seconds))
+        self.packets += packets
+        return packets
+
+    def open_usb(self) -> None:
+        """Plugs in the board's own USB, and a program opens the port."""
+        self.run(0.02)
+        self.board.usb("plug")
+        self.run(0.06)
+        self.board.usb("open", 1)
+        self.run(0.01)
+        self.board.over_usb.clear()
+
+    def run_over_usb(self, seconds: float) -> list[Packet]:
+        self.board.run(seconds)
+        packets = self.decoder.feed(b"".join(self.board.over_usb))
+        self.board.over_usb.clear()
         self.packets += packets
         return packets
 
@@ -177,3 +194,99 @@ def test_a_program_that_hangs_is_reset_by_the_watchdog(opened: Callable[..., Str
     stream.run(0.7)
     assert stream.latest(Hello).reset_cause == 4
     assert stream.samples(0.1)[-1].valid == 15
+
+
+def test_its_own_usb_is_a_serial_port_with_the_flash_s_number(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.run(0.3)
+    stream.board.usb("plug")
+    stream.run(0.06)
+    found = stream.board.found
+    assert found["first"] == found["device"]
+    vendor, product = (found["device"][at] + 256 * found["device"][at + 1] for at in (8, 10))
+    assert (vendor, product) == (0x2E8A, 0x000A)
+    assert found["head"] == found["configuration"][:9]
+    interfaces, endpoints = descriptors(found["configuration"])
+    assert [(each[2], each[4], each[5], each[6]) for each in interfaces] == [(0, 1, 2, 2), (1, 2, 10, 0)]
+    assert [(each[2], each[3], each[4]) for each in endpoints] == [(0x81, 3, 8), (0x02, 2, 64), (0x82, 2, 64)]
+    texts = [bytes(each[2:]).decode("utf-16-le") for each in found["strings"][1:4]]
+    assert texts == ["fmfts", "fmfts board", "E6613852830A5C21"]
+    assert stream.latest(Hello).uid == bytes.fromhex(texts[2]) + bytes(4)
+    assert (found["configured"], found["state"], found["coding"]) == ([], [1], [0, 8, 7, 0, 0, 0, 8])
+    # What a board of full speed has not, it refuses.
+    assert found["qualifier"] is found["unknown"] is found["strings"][4] is None
+    assert stream.board.complaints == []
+
+
+def descriptors(configuration: list[int]) -> tuple[list[list[int]], list[list[int]]]:
+    """Of interfaces and of endpoints."""
+    assert configuration[2] + 256 * configuration[3] == len(configuration)
+    found, at = [], 0
+    while at < len(configuration):
+        found.append(configuration[at : at + configuration[at]])
+        at += configuration[at]
+    return [each for each in found if each[1] == 4], [each for each in found if each[1] == 5]
+
+
+def test_the_stream_takes_usb_while_a_program_has_the_port_open(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.open_usb()
+    stream.run_over_usb(0.3)
+    samples = [packet for packet in stream.run_over_usb(1.0) if isinstance(packet, Sample)]
+    assert abs(len(samples) - 220) <= 1
+    assert all(sample.valid == 15 for sample in samples)
+    assert not stream.board.sent
+    stream.board.usb("send", *encode(Request(Verb.RATE, 7, ALL_PADS, 75)))
+    stream.run_over_usb(0.02)
+    assert stream.latest(Reply).result == 0
+    stream.board.usb("open", 0)
+    stream.run(0.1)
+    stream.board.over_usb.clear()
+    stream.decoder = Decoder()
+    assert len(stream.samples(1.0)) in (74, 75, 76)
+    assert stream.board.over_usb == []
+    assert (stream.decoder.crc_errors, stream.board.complaints) == (0, [])
+
+
+def test_no_line_waits_for_the_next_one_in_the_host_s_driver(opened: Callable[..., Stream]) -> None:
+    """The driver hands on what ends with a short packet: a line of 64 bytes needs an empty one after it."""
+    stream = opened()
+    stream.open_usb()
+    stream.board.run(0.5)
+    lines = list(stream.board.over_usb)
+    assert len(lines) > 100
+    assert all(line.endswith(b"\0") for line in lines if len(line) < 128)
+    for length in range(60, 70):
+        name = encode(Request(Verb.RATE, length, ALL_PADS, 220))
+        stream.board.usb("send", *(bytes(length) + name))
+        stream.run_over_usb(0.02)
+        assert stream.latest(Reply).request_id == length
+    assert stream.board.complaints == []
+
+
+def test_a_host_that_does_not_read_costs_whole_lines_and_nothing_after(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.open_usb()
+    stream.run_over_usb(0.3)
+    stream.board.usb("read", 0)
+    assert stream.run_over_usb(0.5) == []
+    stream.board.usb("read", 1)
+    samples = [packet for packet in stream.run_over_usb(0.5) if isinstance(packet, Sample)]
+    late = [sample for sample in samples if sample.time_us * 1e-6 < stream.board.now_s - 0.52]
+    assert 5 <= len(late) <= 12  # what the ring holds
+    assert len(samples) - len(late) in (109, 110, 111)
+    assert (stream.decoder.crc_errors, stream.board.complaints) == (0, [])
+
+
+def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream]) -> None:
+    stream = opened()
+    stream.open_usb()
+    stream.run_over_usb(0.2)
+    stream.board.hang()
+    stream.board.run(0.3)  # the watchdog
+    stream.board.over_usb.clear()
+    stream.packets.clear()
+    stream.open_usb()
+    packets = stream.run_over_usb(0.6)
+    assert len([packet for packet in packets if isinstance(packet, Sample)]) > 100
+    assert stream.board.complaints == []
