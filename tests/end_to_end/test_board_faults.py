@@ -115,7 +115,10 @@ class TestSensors:
         assert degraded.reason == f"sensor 2 is saturated on {axis} at ±2.5 G (set range_gauss = 4): left out"
         assert degraded.sensors_ok == 0b1101
         probed = daemon.request("probe")["pads"][0]
-        assert probed["faults"] == [degraded.reason.removesuffix(": left out")]
+        # A computer that is busy may lose a packet as well, and says so.
+        assert [told for told in probed["faults"] if "packets left out" not in told] == [
+            degraded.reason.removesuffix(": left out")
+        ]
         assert not probed["sound"]
         deadline = time.monotonic() + 5.0
         while list(status_of(daemon).sensor_faults) != probed["faults"]:

@@ -290,3 +290,21 @@ def test_a_reset_leaves_the_bus_and_comes_back(opened: Callable[..., Stream]) ->
     packets = stream.run_over_usb(0.6)
     assert len([packet for packet in packets if isinstance(packet, Sample)]) > 100
     assert stream.board.complaints == []
+
+
+def test_a_cable_that_was_pulled_may_be_plugged_in_again(opened: Callable[..., Stream]) -> None:
+    """The board has another supply, so it goes on meanwhile: over its UART, for nobody has its port open."""
+    stream = opened()
+    stream.open_usb()
+    stream.board.usb("send", *encode(Request(Verb.RATE, 1, ALL_PADS, 220)))
+    stream.run_over_usb(0.3)
+    stream.board.usb("unplug")
+    stream.decoder = Decoder()
+    assert len(stream.samples(0.2)) in (43, 44, 45)
+    stream.decoder = Decoder()
+    stream.open_usb()
+    stream.board.usb("send", *encode(Request(Verb.RATE, 2, ALL_PADS, 220)))
+    packets = stream.run_over_usb(0.5)
+    assert len([packet for packet in packets if isinstance(packet, Sample)]) > 100
+    assert stream.latest(Reply).request_id == 2
+    assert stream.board.complaints == []

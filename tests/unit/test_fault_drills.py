@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from bus_messages import contact_message
 
+from fmfts.pipeline.configured import load_contact_model
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, field_faults, pad_config, record, sensor_faults
-from fmfts_lab.bench.faults import Outcome, as_json, drilled
+from fmfts_lab.bench.faults import Healthy, Outcome, as_json, drilled
 from fmfts_lab.bench.tapped import ManyFrames, Well, tapped, tapping
+from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 
 
 @pytest.mark.parametrize("ambient", ["constant", "drifting"])
@@ -45,6 +47,18 @@ def test_magnet_that_returns_under_a_finger_is_right_at_once(ambient: Ambient) -
     (outcome,) = drilled(faults, (2,), ambients=(ambient,), touches=("pressed",))
     assert (outcome.wrong_early, outcome.wrong_late) == (0, 0), outcome.line
     assert outcome.health["ok"] > 0.45 * outcome.frames, outcome.line
+
+
+def test_swapped_wires_make_no_ok_frame_that_is_wrong() -> None:
+    """On pad 2 three sensors agree at once with a magnet pressed deep, beyond the model's range."""
+    drill = Healthy("drifting", "rest", 2, load_contact_model(pad_config("drifting", 2)))
+    (fault,) = [fault for fault in field_faults() if fault.kind == "wires 2 and 3 swapped"]
+    pipeline, frames = drill.pipeline(), drill.frames_with(fault)
+    messages = [pipeline.process(frame) for frame in frames[drill.begin : drill.end]]
+    wrong = drill.truth.all_deviations(messages) > WRONG_DEVIATIONS
+    assert wrong.any()
+    assert {message.health for message, is_wrong in zip(messages, wrong, strict=True) if is_wrong} == {"degraded"}
+    assert "the field jumped by more than a finger changes it" in messages[int(wrong.argmax())].reason
 
 
 def test_taps_on_chips_that_run_free_are_no_alarm() -> None:

@@ -18,6 +18,7 @@ from fmfts.pipeline.contact_message import Reading
 from fmfts.pipeline.fast import FastPath
 from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
 from fmfts.pose import Aligned, Alignment, displacement
+from fmfts.pose.alignment import has_jumped
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
 from fmfts.pose.hidden_gradient import HiddenGradientMemory
@@ -33,6 +34,10 @@ LIFTED_S = 0.6
 # load that is put on again passes by that place, to within 20 mN, in less time.
 RESTED_S = 0.15
 PULLED = "the magnet is {:.2f} mm above its rest: something pulls at the pad, or its baseline was recorded under load"
+JUMPED = (
+    "beyond the range, as the field jumped by more than a finger changes it between two samples: a wire that was "
+    "moved, a blow, or a magnet"
+)
 # A board warms by 20 K in ten minutes. So within this time the last temperature is off by a fifth of a kelvin at most.
 HELD_S = 5.0
 
@@ -260,15 +265,21 @@ class Estimator:
         if contact.lifted_m > 0.0:
             self._touch.forget()
             return Reading("disturbed", PULLED.format(contact.lifted_m * 1e3), track.used, track.estimate)
+        if touching and contact.over_range and has_jumped(aligned):
+            track = _degraded(track, JUMPED)
         return Reading(
             track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
         )
 
 
 def _held(track: Track, unread_s: float) -> Track:
-    told = (
-        f"no temperature that the chips can have for {unread_s:.0f} s: the last good one is held (thermometer, wiring)"
+    return _degraded(
+        track,
+        f"no temperature that the chips can have for {unread_s:.0f} s: the last good one is held (thermometer, wiring)",
     )
+
+
+def _degraded(track: Track, told: str) -> Track:
     return replace(track, health="degraded", reason=f"{track.reason}; {told}" if track.reason else told)
 
 

@@ -182,3 +182,14 @@ bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     }
     return true;
 }
+
+bool fmfts_has_jumped(const fmfts_pose_parameters *parameters, const fmfts_field *field)
+{
+    double most_t2 = parameters->jump_t[0] * parameters->jump_t[0] / 4.0;
+    for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
+        if (field->lasting_t2[axis] > most_t2) {
+            return true;
+        }
+    }
+    return false;
+}

@@ -143,6 +143,11 @@ class Alignment:
         return new
 
 
+def has_jumped(aligned: Aligned) -> bool:
+    """Whether an axis has a sample of which it is not known when its field changed. alignment.c does the same."""
+    return bool((aligned.bend_t > JUMP_T / 2.0).any())
+
+
 def longest_gap_us(stopped_us: float) -> float:
     """The longest time between two frames over which samples are interpolated. stopped_us: see Alignment."""
     return max(LONGEST_GAP_US, stopped_us)

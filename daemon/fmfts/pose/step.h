@@ -154,6 +154,9 @@ typedef struct {
 bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame,
                  fmfts_field *field);
 
+/* alignment.c: whether an axis has a sample of which it is not known when its field changed; after fmfts_align. */
+bool fmfts_has_jumped(const fmfts_pose_parameters *parameters, const fmfts_field *field);
+
 /* alignment.c: the variance of what the baseline leaves unknown of an axis, at a change [3] of its sensor's field from rest:
  * Mounting.lasting_deviation_t, squared. */
 double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, int axis,

@@ -123,5 +123,6 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     put_pose(&parameters->message, state, &pose, numbers);
     fmfts_kind kind = put_contact(&parameters->message, &estimate, next->contact.touched[0] != 0.0, numbers);
     bool is_healthy = all_finite(numbers, !isnan(frame->temperature_c), !isnan(parameters->message.ambient_t[0]));
-    return is_healthy ? kind : FMFTS_NO_NUMBER;
+    bool is_doubtful = kind == FMFTS_OVER_RANGE && fmfts_has_jumped(&parameters->pose, &field);
+    return is_healthy && !is_doubtful ? kind : FMFTS_NO_NUMBER;
 }
