@@ -206,9 +206,9 @@ def test_a_touch_that_begins_in_c_is_told_of_at_once(
         began_in_python: list[bool] = []
 
         def judge(frame: Frame, **how: bool) -> None:
-            before = channel._touched
+            before = channel.announcer.is_touched
             in_python(frame, **how)
-            began_in_python.append(channel._touched and not before)
+            began_in_python.append(channel.announcer.is_touched and not before)
 
         monkeypatch.setattr(channel, "frame", judge)
         heard: list[Message] = []

@@ -7,10 +7,12 @@ from collections import Counter
 from dataclasses import replace
 from typing import Literal, Self
 
+import msgspec
 import numpy as np
 import pytest
 
-from fmfts.baseline import Baseline
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.origin import Origin
 from fmfts.baseline.request import BaselineRequest
 from fmfts.bus.messages import ContactMessage, decode_contact
 from fmfts.bus.publisher import Publisher
@@ -21,6 +23,7 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
 from fmfts.scene.tracking import tracking_model_for
 from fmfts.sensor import Frame
+from fmfts.sensor.source import SourceState
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts.simulation.source import Simulated
@@ -153,11 +156,13 @@ def test_touch_from_before_a_silence_does_not_outlast_it(told: bool) -> None:
 class Bench:
     """A channel on a real publisher; what it sends is kept beside."""
 
-    def __init__(self, config: PadConfig, rate_hz: float = 220.0, lead: Lead = NO_LEAD) -> None:
+    def __init__(
+        self, config: PadConfig, rate_hz: float = 220.0, lead: Lead = NO_LEAD, has_baseline: bool = True
+    ) -> None:
         self.sent: list[ContactMessage] = []
         self.source = Simulated(config)
         self.source.finger = no_finger
-        self.pipeline = pipeline_of(config, simulated_baseline(config), lead)
+        self.pipeline = pipeline_of(config, simulated_baseline(config) if has_baseline else None, lead)
         self._publisher = Publisher(Endpoints.from_base(f"ipc://{tempfile.mkdtemp(prefix='fmfts-')}"), "boot")
         send = self._publisher.send_contact
 
@@ -264,3 +269,39 @@ def test_first_frame_after_a_gap_in_which_the_pad_was_pressed_is_good(
                 after += [message] if frame.device_time_us * 1e-6 >= begins_s + gap_s else []
     assert [(one.health, one.reason) for one in after[:5]] == [("ok", "")] * 5
     assert after[4].contact
+
+
+def test_refused_baseline_of_this_board_is_not_used_when_the_board_says_who_it_is() -> None:
+    """A baseline that no pad of this drawing can have: its board appears, and the daemon goes on without one."""
+    good = simulated_baseline(config_of())
+    assert good.rest is not None
+    uid = "31" * 12
+    one, two, three, four = good.rest.mean_t
+    swapped = msgspec.structs.replace(good.rest, mean_t=(one, three, two, four))
+    origin = Origin(kind="bridge", chip="hmc5983", uid=uid)
+    bench = Bench(config_of(), has_baseline=False)
+    with bench:
+        bench.channel.origin = Origin(kind="bridge", chip="hmc5983")
+        with pytest.raises(BaselineError):
+            bench.channel.use(msgspec.structs.replace(good, rest=swapped, origin=origin))
+        bench.pipeline.refuse("it does not fit")
+        bench.source.state.board["uid"] = uid
+        for frame in frames_of(config_of(), no_finger, 0.05):
+            bench.channel.frame(replace(frame, host_time_ns=time.monotonic_ns()))
+    assert {(message.health, message.reason) for message in bench.sent} == {("no_baseline", "it does not fit")}
+
+
+def test_source_that_is_being_opened_is_nothing_to_warn_of(caplog: pytest.LogCaptureFixture) -> None:
+    with Bench(config_of()) as bench, caplog.at_level(logging.INFO):
+        bench.source.state.since_ns = 0
+        bench.source.state.connected = False
+        bench.source.state.reason = SourceState("").reason
+        bench.channel.tick(time.monotonic_ns())
+        bench.source.state.connect(time.monotonic_ns())
+        bench.channel.tick(time.monotonic_ns())
+        bench.source.state.disconnect("gone", time.monotonic_ns())
+        bench.channel.tick(time.monotonic_ns())
+    told = [(record.levelname, record.message) for record in caplog.records if record.name == "fmfts.runtime.announcer"]
+    assert [level for level, _ in told] == ["INFO", "WARNING", "WARNING"]
+    assert "it is being opened" in told[0][1]
+    assert [message.health for message in bench.sent] == ["disconnected", "stale", "disconnected"]

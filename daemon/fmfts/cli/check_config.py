@@ -15,7 +15,7 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.contact import ModelError, NoContactModel
     from fmfts.contact.array_model import ArrayModel
     from fmfts.contact.model import SHEAR_UNKNOWN
-    from fmfts.runtime.daemon import load_models
+    from fmfts.runtime.opening import load_models
 
     config = configuration(options)
     try:

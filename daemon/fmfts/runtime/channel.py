@@ -9,25 +9,22 @@ from typing import overload
 from fmfts.baseline import Baseline, Mounting
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin, foreign
-from fmfts.bus.frame_message import early_message, frame_message
 from fmfts.bus.messages import (
     ContactMessage,
-    EventKind,
-    EventMessage,
     Health,
     StatusMessage,
     Vector,
     decode_contact,
 )
 from fmfts.bus.publisher import Publisher, contact_topic
-from fmfts.config import PadConfig
 from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Kind, Lane
+from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pipeline.snapshot import state_message
+from fmfts.runtime.announcer import Announcer
 from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
+from fmfts.runtime.recorders import Recorders
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
@@ -49,13 +46,10 @@ class Channel:
         self.pad_index = pad_index
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
-        self.config: PadConfig | None = None  # goes to recorders with the state; without it, they get no state
         self.origin: Origin | None = None  # the pad's sensors, as the configuration names them; None: do not ask
         self._baseline: Baseline | None = None  # the last that was to be used, whose board may be away
         self._board: object = None  # uid of the board that the baseline was last compared with
         self._rebaselining: Rebaselining | None = None
-        self._publisher = publisher
-        self._topic = contact_topic(self.name)
         self._boot = boot
         self._rate_hz = rate_hz
         self._clock = source.clock_line if isinstance(source, ByteSource) else None
@@ -68,12 +62,9 @@ class Channel:
         self._last_used_ns: int | None = None
         self._failed = False
         self.is_recorded = False
-        self._last: ContactMessage | PackedMessage | None = None
-        self._kind: Kind | None = None  # of the last message, if the fast path made it
-        self._health_since_ns = self._started_ns
+        self.recorders = Recorders(pipeline, publisher, boot)
+        self.announcer = Announcer(self.name, source.state, publisher, boot, self._started_ns)
         self._lane: Lane | None = None  # set while C handles the frames
-        self._touched = False
-        self._touched_since_ns = self._started_ns
 
     @property
     def wants_all(self) -> bool:
@@ -82,8 +73,7 @@ class Channel:
 
     @property
     def health(self) -> Health:
-        last = self._last_message
-        return "disconnected" if last is None else last.health
+        return self.announcer.health
 
     @property
     def faults(self) -> list[str]:
@@ -103,26 +93,21 @@ class Channel:
         if not unusable and not self._board_is_known():
             self._statistics.dropped += 1
             unusable = True
-        self.is_recorded = self._publisher.frames_wanted(self.name, arrived_ns)
+        self.is_recorded = self.recorders.are_there(arrived_ns)
         if self.is_recorded:
-            self._tell_recorders(frame, used=not unusable)
+            self.recorders.frame(frame, used=not unusable)
         if unusable:
             return
         answer = self._answered(frame)
         if self._lateness.is_to_be_left_out(frame.host_time_ns, answer.t_publish_ns):  # by now
             return
-        if isinstance(answer, PackedMessage) and answer.kind is self._kind:
-            # Health and touch are the same as in the message before, so there is no event.
-            self._publisher.send_packed(self._topic, answer.payload)
-            self._last = answer
-        else:
-            self._publish(answer.message if isinstance(answer, PackedMessage) else answer)
-            self._kind = answer.kind if isinstance(answer, PackedMessage) else None
+        self.announcer.send(answer)
         self._statistics.published(answer.t_sample_ns, answer.t_publish_ns)
         self._last_used_ns = arrived_ns
         if self._rebaselining is not None and self._rebaselining.saw(answer):
-            self._publisher.state_changed(self.name)
-            self.event("baseline", f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded")
+            self.recorders.state_changed()
+            drifted = f"rest drifted, {self._rebaselining.size_m * 1e6:.1f} µm since it was recorded"
+            self.announcer.event("baseline", drifted)
 
     def early(self, early: EarlySample) -> None:
         """Process a sample that came before its frame: publish what the last frame said, with another `now`.
@@ -134,24 +119,21 @@ class Channel:
             return
         if self._lateness.is_late(self.pipeline.host_time_ns(early.device_time_us), now_ns):
             return
-        if self._publisher.frames_wanted(self.name, now_ns):
-            if self._publisher.state_wanted(self.name):  # it goes with the next frame: a replay has the state before
-                return
-            self._publisher.send_early(self.name, early_message(early, self.name, self._boot, time.time_ns()))
+        if self.recorders.are_there(now_ns) and not self.recorders.early(early):
+            return
         answer = self._answered(early)
-        if isinstance(answer, PackedMessage):
-            self._publisher.send_packed(self._topic, answer.payload)
-            self._last = answer
-        elif answer is not None:
-            self._last = self._publisher.send_contact(self.name, answer)
+        if answer is not None:
+            self.announcer.send_early(answer)
 
     def begin(self, now_ns: int) -> Lane | None:
         """Let C handle healthy frames from now on; None if Python must see the frames."""
-        self.is_recorded = self._publisher.frames_wanted(self.name, now_ns)
+        self.is_recorded = self.recorders.are_there(now_ns)
         in_python = self.is_recorded or self.job is not None or self._rebaselining is not None
-        if in_python or self._kind is None or self._clock is None:
+        if in_python or self.announcer.kind is None or self._clock is None:
             return None
-        self._lane = self.pipeline.begin(self._clock, self._topic, self.pad_index, self._lateness.overdue_ns)
+        self._lane = self.pipeline.begin(
+            self._clock, contact_topic(self.name), self.pad_index, self._lateness.overdue_ns
+        )
         return self._lane
 
     def end(self) -> None:
@@ -164,26 +146,27 @@ class Channel:
             self._last_frame_ns = time.monotonic_ns()
         if ended is not None:
             passed, last = ended
-            for change in passed.changes:
-                message = decode_contact(change)
-                self._tell(message)
-                self._last = message
-            self._last, self._kind = last, last.kind
+            self.announcer.sent_in_c([decode_contact(change) for change in passed.changes], last)
             self._statistics.passed(passed)
             if passed.frames:
                 self._last_frame_ns = self._last_used_ns = passed.arrival_ns
 
     def use(self, baseline: Baseline) -> None:
         """Use another baseline and forget the learned drift. BaselineError if it does not fit the pad."""
+        mounting = self.pipeline.use(baseline)
         self._baseline = baseline
         self._board = self.source.state.board.get("uid")  # who gives a baseline has compared it
-        mounting = self.pipeline.use(baseline)
         self._rebaselining = None
-        follows = self.config is not None and self.config.rebaseline.enabled and baseline.rest is not None
-        if follows and isinstance(self.pipeline, PadPipeline) and isinstance(mounting, Mounting):
-            assert self.config is not None
-            self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, self.config.rebaseline.si())
-        self._publisher.state_changed(self.name)
+        wanted = None if self.recorders.config is None else self.recorders.config.rebaseline
+        if (
+            wanted is not None
+            and wanted.enabled
+            and baseline.rest is not None
+            and isinstance(self.pipeline, PadPipeline)
+            and isinstance(mounting, Mounting)
+        ):
+            self._rebaselining = Rebaselining(self.pipeline, baseline, mounting, wanted.si())
+        self.recorders.state_changed()
 
     def _board_is_known(self) -> bool:
         """Compare the baseline with the board whenever that says who it is. False: it has not said so yet."""
@@ -205,7 +188,7 @@ class Channel:
             log.error("%s", reason)
             self._rebaselining = None
             self.pipeline.refuse(reason)
-            self._publisher.state_changed(self.name)
+            self.recorders.state_changed()
         elif self.pipeline.baseline is None:
             self.use(baseline)
 
@@ -221,7 +204,7 @@ class Channel:
             return
         state, last = self.source.state, self._last_frame_ns
         if not state.connected:
-            self._publish(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}"))
+            self.announcer.send(self.pipeline.absent("disconnected", f"{state.description}: {state.reason}"))
             return
         if last is None:
             reason = "; ".join(self.faults) or "connected, but no frame yet"
@@ -231,11 +214,7 @@ class Channel:
             reason = self._lateness.reason
         else:
             reason = f"silent for {(now_ns - last) * 1e-9:.1f} s"
-        self._publish(self.pipeline.absent("stale", f"{state.description}: {reason}"))
-
-    @property
-    def _last_message(self) -> ContactMessage | None:
-        return self._last.message if isinstance(self._last, PackedMessage) else self._last
+        self.announcer.send(self.pipeline.absent("stale", f"{state.description}: {reason}"))
 
     @overload
     def _answered(self, taken: Frame) -> ContactMessage | PackedMessage: ...
@@ -253,20 +232,14 @@ class Channel:
                 )
             return self.pipeline.absent("lost", f"internal error: {type(error).__name__}: {error}")
 
-    def event(self, kind: EventKind, detail: str) -> None:
-        now = EventMessage(
-            pad=self.name, boot=self._boot, t_ns=time.monotonic_ns(), utc_ns=time.time_ns(), kind=kind, detail=detail
-        )
-        self._publisher.send_event(self.name, now)
-
     def status(self, now_ns: int) -> StatusMessage:
         """The status message about the interval since the last call."""
         self._lateness.count_left_out()
         latency = self._statistics.interval(now_ns)
         if news := self._lateness.judge():
             log.log(logging.WARNING if self._lateness.sentence else logging.INFO, "pad '%s': %s", self.name, news)
-            self.event("health", f"{self.health}: {news}")
-        state, last, mounting = self.source.state, self._last_message, self.pipeline.mounting
+            self.announcer.event("health", f"{self.health}: {news}")
+        state, last, mounting = self.source.state, self.announcer.last, self.pipeline.mounting
         return StatusMessage(
             pad=self.name,
             boot=self._boot,
@@ -274,7 +247,7 @@ class Channel:
             utc_ns=time.time_ns(),
             health=self.health,
             reason=(last.reason if last is not None else "") or self._lateness.sentence,
-            since_ns=self._health_since_ns,
+            since_ns=self.announcer.health_since_ns,
             source=state.description,
             connected=state.connected,
             rate_hz=self._statistics.rate_hz,
@@ -298,57 +271,7 @@ class Channel:
             uptime_s=(now_ns - self._started_ns) * 1e-9,
         )
 
-    def _publish(self, message: ContactMessage) -> ContactMessage:
-        """Send a message and the events of its changes. Returns what was sent: the publisher may remove an estimate."""
-        message = self._publisher.send_contact(self.name, message)
-        self._tell(message)
-        self._last, self._kind = message, None
-        return message
-
-    def _tell(self, message: ContactMessage) -> None:
-        """Publish an event for each thing that changed with a message that was sent."""
-        before = self._last_message
-        if before is None or before.health != message.health:
-            self._health_since_ns = message.t_publish_ns
-            text = f"{message.health}: {message.reason}" if message.reason else message.health
-            log.log(logging.INFO if message.health == "ok" else logging.WARNING, "pad '%s': %s", self.name, text)
-            self.event("health", text)
-        if message.contact is not None:
-            self._follow_contact(message)
-        if message.over_range and not (before is not None and before.over_range):
-            self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
-
-    def _follow_contact(self, message: ContactMessage) -> None:
-        """Publish onset and release. Called only if `contact` is known; an unknown contact changes nothing."""
-        if message.contact and not self._touched:
-            self.event("onset", _place(message))
-        elif self._touched and not message.contact:
-            self.event("release", f"after {(message.t_sample_ns - self._touched_since_ns) * 1e-9:.2f} s")
-        if message.contact != self._touched:
-            self._touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
-
-    def _tell_recorders(self, frame: Frame, used: bool) -> None:
-        if self.config is not None and self._publisher.state_wanted(self.name):
-            self._send_state(self.config)
-        self._publisher.send_frame(self.name, frame_message(frame, self.name, self._boot, time.time_ns(), used))
-
-    def _send_state(self, config: PadConfig) -> None:
-        """Send the state to recorders. A state that cannot be encoded is logged; contacts go on."""
-        try:
-            self._publisher.send_state(self.name, state_message(self.pipeline, config, self._boot))
-        except TypeError:
-            self._publisher.state_told(self.name)
-            log.exception("pad '%s': its state cannot be recorded, worth reporting", self.name)
-
 
 def _ambient_of(message: ContactMessage) -> Vector | None:
     pose = message.poses[0] if isinstance(message.poses, list) and message.poses else message.pose
     return None if pose is None else pose.ambient_t
-
-
-def _place(message: ContactMessage) -> str:
-    if message.displacement_m is not None:
-        return f"the magnet moved by {message.displacement_m * 1e3:.3f} mm"
-    if message.x_m is None or message.y_m is None or message.force_n is None:
-        return "over range"
-    return f"{message.force_n:.3f} N at ({message.x_m * 1e3:+.1f}, {message.y_m * 1e3:+.1f}) mm"

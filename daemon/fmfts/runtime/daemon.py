@@ -15,30 +15,18 @@ from pathlib import Path
 from types import FrameType
 from typing import Self
 
-from fmfts.baseline import Baseline, BaselineError
-from fmfts.baseline.files import stored
-from fmfts.baseline.origin import unbound
-from fmfts.baseline.recording import ForeignError
 from fmfts.bus.control import ControlServer
 from fmfts.bus.door import Door
 from fmfts.bus.gate import Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
-from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
-from fmfts.config.checks import other_silicone
-from fmfts.contact import ModelError, NoContactModel
-from fmfts.contact.array_model import ArrayModel
-from fmfts.pad import Pad
-from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
-from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.recording.baseline import recorded_baseline
+from fmfts.config import Config
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.fast_loop import FastLoop
+from fmfts.runtime.opening import channel_of, introduce_neighbours, load_models, tell_models
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
 from fmfts.runtime.summary import one_line
-from fmfts.scene import advice
-from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.patience import IN_TIME
@@ -51,8 +39,7 @@ from fmfts.service.realtime import (
     take_default_priority,
     take_priority,
 )
-from fmfts.simulation.baseline import simulated_baseline
-from fmfts.sources import open_sources, origin_of
+from fmfts.sources import open_sources
 from fmfts_client.endpoints import for_daemon
 
 log = logging.getLogger(__name__)
@@ -61,10 +48,6 @@ TICK_NS = 50_000_000  # while a pad is silent, its health is published so often
 SILENT_AT_ONCE = 4  # so many pads' silence is published at once; frames of the others wait meanwhile
 QUIET_TICK_NS = 200_000_000  # while all is well; waking an idle computer costs more than the work of the tick
 SECOND_NS = 1_000_000_000
-NEIGHBOURS_WITHOUT_BARE = (
-    "it has neighbours, and its baseline no bare recording, so their fields count as errors of mounting: "
-    "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
-)
 
 
 class Daemon:
@@ -75,21 +58,7 @@ class Daemon:
         self._boot = secrets.token_hex(4)
         endpoints = for_daemon(config.bus.endpoint)
         models = load_models(config)
-        for pad in config.pad:
-            model = models[pad.name]
-            if isinstance(model, NoContactModel):
-                log.warning(
-                    "pad '%s': it tells touch and displacement, no place and no force: %s", pad.name, model.reason
-                )
-                if pad.rebaseline.enabled:
-                    log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
-                continue
-            if isinstance(model, ArrayModel):
-                told = f"{len(pad.other_magnets) + 1} magnets, up to two fingers"
-                log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
-                continue
-            by = model.inference.by
-            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
+        tell_models(config, models)
         keys = KeyFolder(Path(config.bus.keys)) if config.bus.keys is not None else None
         key = None if keys is None else keys.server()
         self._gate = None if keys is None else Gate(keys)
@@ -112,9 +81,11 @@ class Daemon:
         for source, names in open_sources(config.pad):
             self._sources.append(source)
             for pad_index, name in names.items():
-                self._channels[id(source), pad_index] = self._channel(by_name[name], source, pad_index, models[name])
+                self._channels[id(source), pad_index] = channel_of(
+                    by_name[name], source, pad_index, models[name], self._publisher, self._boot, config.pad
+                )
             self._fast_loop.add(source, [self._channels[id(source), pad_index] for pad_index in names])
-        self._introduce_neighbours({channel.name: channel.pipeline for channel in self._channels.values()})
+        introduce_neighbours(config.pad, {channel.name: channel.pipeline for channel in self._channels.values()})
         self._byte_sources = {id(source): source for source in self._sources if isinstance(source, ByteSource)}
         self._schedule = Schedule(self._sources, self._fast_loop)
         self._verbs = Verbs(by_name, list(self._channels.values()), self._executor)
@@ -256,51 +227,6 @@ class Daemon:
             self._schedule.review()
         return bool(requests)
 
-    def _channel(self, config: PadConfig, source: Source, pad_index: int, model: AnyModel) -> Channel:
-        pipeline = pipeline_of(config, model, self._boot)
-        pad = pipeline.pad
-        if not pad.other_magnets:
-            scene = scene_model_of(config)
-            log.info("pad '%s': %s", pad.name, scene.why)
-            for text in observability_warnings(pad, scene.tracking):
-                log.warning("pad '%s': %s", pad.name, text)
-        if not isinstance(model, NoContactModel | ArrayModel) and (doubt := other_silicone(config)) is not None:
-            log.warning("pad '%s': %s", pad.name, doubt)
-        channel = Channel(source, pad_index, pipeline, self._publisher, self._boot, float(config.source.rate_hz))
-        channel.config, channel.origin = config, origin_of(config)
-        try:
-            replays = isinstance(config.source, ReplaySource)
-            baseline = recorded_baseline(source, pad_index) if replays else _stored(config, pad)
-            if baseline is None and isinstance(config.source, SimulatedSource):
-                baseline = simulated_baseline(config, neighbours_of(config, self._pads))
-                log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
-            if baseline is None:
-                log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
-            else:
-                channel.use(baseline)
-                if (
-                    channel.origin is not None
-                    and baseline.origin is None
-                    and not isinstance(config.source, SimulatedSource)
-                ):
-                    log.warning("%s", unbound(pad.name))
-        except BaselineError as error:
-            log.error("%s", error)
-            pipeline.refuse(str(error))
-        if isinstance(pipeline, PadPipeline) and not isinstance(model, ArrayModel):
-            advised = advice(config, self._pads, model.response, pipeline.mounting)
-            if advised is not None:
-                log.info("pad '%s': %s", pad.name, advised)
-        return channel
-
-    def _introduce_neighbours(self, pipelines: dict[str, Pipeline]) -> None:
-        for pad in self._pads:
-            for neighbour in feel_neighbours(pad, self._pads, pipelines):
-                log.info("pad '%s': %s", pad.name, neighbour.why)
-            baseline = pipelines[pad.name].baseline
-            if pad.scene.neighbours and baseline is not None and baseline.bare is None:
-                log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
-
     def _report(self, channel: Channel, now_ns: int) -> None:
         """Publish a pad's status. With that of the first pad, systemd gets a line about all."""
         with self._fast_loop.ended(channel.source, now_ns):
@@ -313,32 +239,3 @@ class Daemon:
     def _stop(self, number: int, frame: FrameType | None) -> None:
         log.info("stopping: %s", signal.Signals(number).name)
         self._stopping = True
-
-
-def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
-    """The stored baseline of the pad. A simulated pad takes none of other sensors: it simulates its own."""
-    try:
-        return stored(pad, origin_of(config))
-    except ForeignError as error:
-        if not isinstance(config.source, SimulatedSource):
-            raise
-        log.warning("%s; until then it simulates its own", error)
-        return None
-
-
-def load_models(config: Config) -> dict[str, AnyModel]:
-    """The contact models by pad; pads of the same structure share one. ModelError if a model's file cannot be used."""
-    loaded: dict[tuple[object, ...], AnyModel] = {}
-    models = {}
-    wrong: list[str] = []
-    for pad in config.pad:
-        key = (pad.contact, pad.pad().geometry_hash)
-        try:
-            if key not in loaded:
-                loaded[key] = contact_model_of(pad)
-            models[pad.name] = loaded[key]
-        except ModelError as error:
-            wrong.append(str(error))
-    if wrong:
-        raise ModelError("\n".join(wrong))
-    return models

@@ -215,7 +215,7 @@ def _without_drift(channel: Channel) -> dict[str, object]:
     if recorded is None:
         raise BadRequestError(f"pad '{channel.name}': it has no baseline, so none has drifted")
     channel.use(recorded)
-    channel.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
+    channel.announcer.event("baseline", f"{recorded.kind} {recorded.id}, its drift undone")
     return {"pad": channel.name, "baseline": recorded.id, "kind": recorded.kind}
 
 
@@ -226,5 +226,5 @@ def _silence(channel: Channel) -> str:
 def _use(channel: Channel, recorded: Recorded) -> None:
     baseline = recorded.baseline
     channel.use(baseline)
-    channel.event("baseline", f"{baseline.kind} {baseline.id}")
+    channel.announcer.event("baseline", f"{baseline.kind} {baseline.id}")
     log.info("pad '%s': baseline %s (%s) stored in %s", channel.name, baseline.id, baseline.kind, recorded.path)

@@ -29,7 +29,7 @@ class SourceState:
 
     description: str
     connected: bool = False
-    reason: str = "not opened yet"
+    reason: str = "it is being opened"
     since_ns: int = 0
     crc_errors: int = 0
     garbage_bytes: int = 0

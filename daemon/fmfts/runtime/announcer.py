@@ -1,0 +1,103 @@
+"""Sends a pad's messages, and tells each change of its health and touch: as an event, and in the log."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from fmfts.bus.messages import ContactMessage, EventKind, EventMessage, Health
+from fmfts.bus.publisher import Publisher, contact_topic
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.fast import Kind
+from fmfts.sensor import SourceState
+
+log = logging.getLogger(__name__)
+
+
+class Announcer:
+    """kind: of the last message, if the fast path made it. health_since_ns: when the health became what it is."""
+
+    def __init__(self, name: str, state: SourceState, publisher: Publisher, boot: str, started_ns: int) -> None:
+        self._name = name
+        self._state = state
+        self._publisher = publisher
+        self._boot = boot
+        self._topic = contact_topic(name)
+        self._last: ContactMessage | PackedMessage | None = None
+        self.is_touched = False
+        self._touched_since_ns = started_ns
+        self.health_since_ns = started_ns
+        self.kind: Kind | None = None
+
+    @property
+    def last(self) -> ContactMessage | None:
+        return self._last.message if isinstance(self._last, PackedMessage) else self._last
+
+    @property
+    def health(self) -> Health:
+        last = self.last
+        return "disconnected" if last is None else last.health
+
+    def send(self, answer: ContactMessage | PackedMessage) -> None:
+        """Send the message of a frame, and the events of its changes."""
+        if isinstance(answer, PackedMessage) and answer.kind is self.kind:
+            # Health and touch are the same as in the message before, so there is no event.
+            self._publisher.send_packed(self._topic, answer.payload)
+            self._last = answer
+            return
+        # The publisher may remove an estimate.
+        message = answer.message if isinstance(answer, PackedMessage) else answer
+        self._tell(self._publisher.send_contact(self._name, message))
+        self.kind = answer.kind if isinstance(answer, PackedMessage) else None
+
+    def send_early(self, answer: ContactMessage | PackedMessage) -> None:
+        """Send the message of a sample: it says what the last frame said, so there is no event."""
+        if isinstance(answer, PackedMessage):
+            self._publisher.send_packed(self._topic, answer.payload)
+            self._last = answer
+        else:
+            self._last = self._publisher.send_contact(self._name, answer)
+
+    def sent_in_c(self, changes: list[ContactMessage], last: PackedMessage) -> None:
+        """Tell of the messages that C has sent since `begin`: those that changed something, and the last one."""
+        for message in changes:
+            self._tell(message)
+        self._last, self.kind = last, last.kind
+
+    def event(self, kind: EventKind, detail: str) -> None:
+        now = EventMessage(
+            pad=self._name, boot=self._boot, t_ns=time.monotonic_ns(), utc_ns=time.time_ns(), kind=kind, detail=detail
+        )
+        self._publisher.send_event(self._name, now)
+
+    def _tell(self, message: ContactMessage) -> None:
+        """Publish an event for each thing that changed with a message that was sent."""
+        before, self._last, self.kind = self.last, message, None
+        if before is None or before.health != message.health:
+            self.health_since_ns = message.t_publish_ns
+            text = f"{message.health}: {message.reason}" if message.reason else message.health
+            # A source that is being opened for the first time is nothing to warn of.
+            is_calm = message.health == "ok" or not self._state.since_ns
+            log.log(logging.INFO if is_calm else logging.WARNING, "pad '%s': %s", self._name, text)
+            self.event("health", text)
+        if message.contact is not None:
+            self._follow_contact(message)
+        if message.over_range and not (before is not None and before.over_range):
+            self.event("over_range", f"at least {message.force_min_n or 0.0:.2f} N")
+
+    def _follow_contact(self, message: ContactMessage) -> None:
+        """Publish onset and release. Called only if `contact` is known; an unknown contact changes nothing."""
+        if message.contact and not self.is_touched:
+            self.event("onset", _place(message))
+        elif self.is_touched and not message.contact:
+            self.event("release", f"after {(message.t_sample_ns - self._touched_since_ns) * 1e-9:.2f} s")
+        if message.contact != self.is_touched:
+            self.is_touched, self._touched_since_ns = bool(message.contact), message.t_sample_ns
+
+
+def _place(message: ContactMessage) -> str:
+    if message.displacement_m is not None:
+        return f"the magnet moved by {message.displacement_m * 1e3:.3f} mm"
+    if message.x_m is None or message.y_m is None or message.force_n is None:
+        return "over range"
+    return f"{message.force_n:.3f} N at ({message.x_m * 1e3:+.1f}, {message.y_m * 1e3:+.1f}) mm"

@@ -1,0 +1,139 @@
+"""Makes what a pad needs before its first frame: its contact model, its pipeline, its baseline, its neighbours."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.files import stored
+from fmfts.baseline.origin import unbound
+from fmfts.baseline.recording import ForeignError
+from fmfts.bus.publisher import Publisher
+from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
+from fmfts.config.checks import other_silicone
+from fmfts.contact import ModelError, NoContactModel
+from fmfts.contact.array_model import ArrayModel
+from fmfts.pad import Pad
+from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.recording.baseline import recorded_baseline
+from fmfts.runtime.channel import Channel
+from fmfts.scene import advice
+from fmfts.scene.tracking import observability_warnings, scene_model_of
+from fmfts.sensor import Source
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.sources import origin_of
+
+log = logging.getLogger(__name__)
+
+NEIGHBOURS_WITHOUT_BARE = (
+    "it has neighbours, and its baseline no bare recording, so their fields count as errors of mounting: "
+    "`fmfts-daemon baseline --bare` without this pad and with its neighbours, then `--rest`"
+)
+
+
+def load_models(config: Config) -> dict[str, AnyModel]:
+    """The contact models by pad; pads of the same structure share one. ModelError if a model's file cannot be used."""
+    loaded: dict[tuple[object, ...], AnyModel] = {}
+    models = {}
+    wrong: list[str] = []
+    for pad in config.pad:
+        key = (pad.contact, pad.pad().geometry_hash)
+        try:
+            if key not in loaded:
+                loaded[key] = contact_model_of(pad)
+            models[pad.name] = loaded[key]
+        except ModelError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise ModelError("\n".join(wrong))
+    return models
+
+
+def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
+    """Log what each pad's contact model is, and what it lacks."""
+    for pad in config.pad:
+        model = models[pad.name]
+        if isinstance(model, NoContactModel):
+            log.warning("pad '%s': it tells touch and displacement, no place and no force: %s", pad.name, model.reason)
+            if pad.rebaseline.enabled:
+                log.warning("pad '%s': [pad.rebaseline] needs forces, so no drift is followed", pad.name)
+            continue
+        if isinstance(model, ArrayModel):
+            told = f"{len(pad.other_magnets) + 1} magnets, up to two fingers"
+            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
+            continue
+        by = model.inference.by
+        log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
+
+
+def channel_of(
+    config: PadConfig,
+    source: Source,
+    pad_index: int,
+    model: AnyModel,
+    publisher: Publisher,
+    boot: str,
+    pads: Sequence[PadConfig],
+) -> Channel:
+    """The channel of a pad with its baseline; without one, or with one that does not fit, it says so and waits for one.
+
+    pads: all that are configured.
+    """
+    pipeline = pipeline_of(config, model, boot)
+    pad = pipeline.pad
+    if not pad.other_magnets:
+        scene = scene_model_of(config)
+        log.info("pad '%s': %s", pad.name, scene.why)
+        for text in observability_warnings(pad, scene.tracking):
+            log.warning("pad '%s': %s", pad.name, text)
+    if not isinstance(model, NoContactModel | ArrayModel) and (doubt := other_silicone(config)) is not None:
+        log.warning("pad '%s': %s", pad.name, doubt)
+    channel = Channel(source, pad_index, pipeline, publisher, boot, float(config.source.rate_hz))
+    channel.recorders.config, channel.origin = config, origin_of(config)
+    try:
+        replays = isinstance(config.source, ReplaySource)
+        baseline = recorded_baseline(source, pad_index) if replays else _stored(config, pad)
+        if baseline is None and isinstance(config.source, SimulatedSource):
+            baseline = simulated_baseline(config, neighbours_of(config, pads))
+            log.info("pad '%s': simulated, so its baseline was recorded in no time", pad.name)
+        if baseline is None:
+            log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
+        else:
+            channel.use(baseline)
+            if (
+                channel.origin is not None
+                and baseline.origin is None
+                and not isinstance(config.source, SimulatedSource)
+            ):
+                log.warning("%s", unbound(pad.name))
+    except BaselineError as error:
+        log.error("%s", error)
+        pipeline.refuse(str(error))
+    if isinstance(pipeline, PadPipeline) and not isinstance(model, ArrayModel):
+        advised = advice(config, pads, model.response, pipeline.mounting)
+        if advised is not None:
+            log.info("pad '%s': %s", pad.name, advised)
+    return channel
+
+
+def introduce_neighbours(pads: Sequence[PadConfig], pipelines: Mapping[str, Pipeline]) -> None:
+    """Let each pad feel the fields of its neighbours' magnets."""
+    for pad in pads:
+        for neighbour in feel_neighbours(pad, pads, pipelines):
+            log.info("pad '%s': %s", pad.name, neighbour.why)
+        baseline = pipelines[pad.name].baseline
+        if pad.scene.neighbours and baseline is not None and baseline.bare is None:
+            log.warning("pad '%s': %s", pad.name, NEIGHBOURS_WITHOUT_BARE)
+
+
+def _stored(config: PadConfig, pad: Pad) -> Baseline | None:
+    """The stored baseline of the pad. A simulated pad takes none of other sensors: it simulates its own."""
+    try:
+        return stored(pad, origin_of(config))
+    except ForeignError as error:
+        if not isinstance(config.source, SimulatedSource):
+            raise
+        log.warning("%s; until then it simulates its own", error)
+        return None
