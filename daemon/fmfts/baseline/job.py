@@ -10,6 +10,7 @@ from typing import Any
 from fmfts.baseline.baseline import Baseline
 from fmfts.baseline.files import store_gains
 from fmfts.baseline.origin import Origin
+from fmfts.baseline.recording import MINIMUM_FRAMES
 from fmfts.baseline.request import BaselineRequest, Recorded, restore
 from fmfts.pad import Pad
 from fmfts.sensor import Frame, Source
@@ -17,15 +18,19 @@ from fmfts.sensor.tasks import PATIENCE_S, Selftest
 
 # The device's clock decides when a recording is complete; this computer's clock, when it takes too long.
 OVERTIME_S = 5.0
+# A computer that is busy loses frames. So long a recording goes on for the fewest that it needs.
+EXTRA_S = 2.5
 
 
 class Collection:
-    """Collects the frames of one pad for `duration_s` of the device's clock. now_s: time.monotonic()."""
+    """Collects the frames of one pad for `duration_s` of the device's clock, and for up to EXTRA_S more where they are
+    fewer than `fewest`. now_s: time.monotonic()."""
 
-    def __init__(self, source: Source, duration_s: float) -> None:
+    def __init__(self, source: Source, duration_s: float, fewest: int = 1) -> None:
         self.frames: list[Frame] = []
         self._source = source
         self._duration_s = duration_s
+        self._fewest = fewest
         self._begun_s = self._heard_s = time.monotonic()
         self._went_back = False
 
@@ -36,7 +41,8 @@ class Collection:
 
     @property
     def complete(self) -> bool:
-        return bool(self.frames) and not self._went_back and self._span_s >= self._duration_s
+        enough_s = self._duration_s + (0.0 if len(self.frames) >= self._fewest else EXTRA_S)
+        return bool(self.frames) and not self._went_back and self._span_s >= enough_s
 
     @property
     def share(self) -> float:
@@ -78,7 +84,7 @@ class BaselineJob:
         self._source = source
         self._executor = executor
         self._unsettled = unsettled
-        self._collection = Collection(source, request.seconds)
+        self._collection = Collection(source, request.seconds, MINIMUM_FRAMES)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
 

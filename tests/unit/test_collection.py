@@ -1,0 +1,39 @@
+"""How long a recording goes on where a computer that is busy loses frames."""
+
+from __future__ import annotations
+
+from fmfts.baseline.job import EXTRA_S, Collection
+from fmfts.config import PadConfig, SimulatedSource
+from fmfts.simulation.finger import no_finger
+from fmfts.simulation.source import Simulated
+from fmfts_lab.bench.drills import record
+
+
+def collected(every: int, duration_s: float, fewest: int) -> tuple[int, float]:
+    """Frames and time until a recording is complete that gets each `every`-th frame only."""
+    source = Simulated(PadConfig(name="left", source=SimulatedSource()))
+    source.finger = no_finger
+    collection = Collection(source, duration_s, fewest)
+    for frame in record(source, no_finger, 5.0)[::every]:
+        if not collection.complete:
+            collection.take(frame)
+    taken = collection.frames
+    return len(taken), (taken[-1].device_time_us - taken[0].device_time_us) * 1e-6
+
+
+def test_recording_ends_with_its_time_where_no_frame_is_lost() -> None:
+    count, spent_s = collected(1, 0.5, 50)
+    assert 109 <= count <= 113  # the board's clock is off by up to 1 %
+    assert round(spent_s, 1) == 0.5
+
+
+def test_recording_goes_on_until_it_has_the_fewest_frames_that_it_needs() -> None:
+    count, spent_s = collected(5, 0.5, 50)
+    assert count == 50
+    assert spent_s < 0.5 + EXTRA_S
+
+
+def test_recording_ends_though_frames_lack() -> None:
+    count, spent_s = collected(50, 0.5, 50)
+    assert count < 50
+    assert 0.5 + EXTRA_S <= spent_s < 0.5 + EXTRA_S + 1.0
