@@ -44,6 +44,11 @@ void pad_bus_account(struct sampler *sampler, struct sampler_pad *pad, struct se
         recover(sampler, pad->wiring.bus);
 }
 
+uint8_t pad_bus_channel(const struct pad_wiring *wiring, int i)
+{
+    return (uint8_t)(wiring->mux_address == TCA9548A_NONE ? 0 : 1 << wiring->channels[i]);
+}
+
 struct sensor_link pad_bus_link(struct sampler *sampler, struct sampler_pad *pad)
 {
     return (struct sensor_link){
@@ -58,7 +63,7 @@ struct sensor_link pad_bus_link(struct sampler *sampler, struct sampler_pad *pad
 
 bool pad_bus_reach_sensor(struct sampler *sampler, struct sampler_pad *pad, int i)
 {
-    enum bus_result result = pad_bus_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[i]));
+    enum bus_result result = pad_bus_reach(sampler, pad, pad_bus_channel(&pad->wiring, i));
     if (result == BUS_OK)
         return true;
     // The mux failed, not the sensor: the sensor waits 1 ms but gets no strike.

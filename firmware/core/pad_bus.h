@@ -19,9 +19,9 @@ enum {
 
 struct pad_wiring {
     uint8_t bus; // index into the board's buses
-    uint8_t mux_address;
+    uint8_t mux_address; // or TCA9548A_NONE
     uint8_t sensor_count;
-    uint8_t channels[SAMPLER_SENSORS_MAX];
+    uint8_t channels[SAMPLER_SENSORS_MAX]; // of the mux; without one, the sensors' own addresses
 };
 
 struct sampler_settings {
@@ -69,6 +69,9 @@ struct sampler {
 
 // Opens exactly these mux channels of the pad. A mux that stays silent three times in a row fails the pad's sensors.
 enum bus_result pad_bus_reach(struct sampler *sampler, struct sampler_pad *pad, uint8_t channels);
+
+// The mux channel of sensor `i` as a bit; 0 without a mux.
+uint8_t pad_bus_channel(const struct pad_wiring *wiring, int i);
 
 // Opens the channel of sensor `i`. On failure it counts the error, postpones the sensor, and returns false.
 bool pad_bus_reach_sensor(struct sampler *sampler, struct sampler_pad *pad, int i);

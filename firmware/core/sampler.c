@@ -25,9 +25,12 @@ void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus
     for (int p = 0; p < pad_count; p++) {
         struct sampler_pad *pad = &sampler->pads[p];
         pad->wiring = pads[p];
-        route_add_switch(&sampler->buses[pad->wiring.bus].route, pad->wiring.mux_address);
+        bool has_mux = pad->wiring.mux_address != TCA9548A_NONE;
+        if (has_mux)
+            route_add_switch(&sampler->buses[pad->wiring.bus].route, pad->wiring.mux_address);
         for (int i = 0; i < pad->wiring.sensor_count; i++)
-            sensor_init(&pad->sensors[i], now_us, now_us + (uint64_t)(CHORE_STAGGER_US * (p * SAMPLER_SENSORS_MAX + i)));
+            sensor_init(&pad->sensors[i], has_mux ? SENSOR_ANY_ADDRESS : pad->wiring.channels[i], now_us,
+                        now_us + (uint64_t)(CHORE_STAGGER_US * (p * SAMPLER_SENSORS_MAX + i)));
     }
 }
 

@@ -11,9 +11,10 @@ enum {
 
 enum { STALE_PERIODS = 4, STALE_US = 18000 }; // a sample is used until it is older than both
 
-void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us)
+void sensor_init(struct sensor *sensor, uint8_t address, uint64_t now_us, uint64_t first_chore_us)
 {
     *sensor = (struct sensor){
+        .address = address,
         .state = SENSOR_NOT_STARTED,
         .temperature_raw = WIRE_TEMPERATURE_UNKNOWN,
         .temperature_next = true,

@@ -13,7 +13,10 @@
 
 enum sensor_phase { PHASE_IDENTIFY, PHASE_RESET, PHASE_CONFIGURE, PHASE_RUN, PHASE_CHORE };
 
+enum { SENSOR_ANY_ADDRESS = 0 };
+
 struct sensor {
+    uint8_t address; // where it is asked for, or SENSOR_ANY_ADDRESS
     uint8_t state; // enum sensor_state
     uint8_t phase; // enum sensor_phase: what the next turn does
     uint8_t identification[3];
@@ -53,7 +56,8 @@ struct sensor_link {
     uint8_t trigger; // enum trigger
 };
 
-void sensor_init(struct sensor *sensor, uint64_t now_us, uint64_t first_chore_us);
+// address: its own, where no mux tells it from the others; else SENSOR_ANY_ADDRESS.
+void sensor_init(struct sensor *sensor, uint8_t address, uint64_t now_us, uint64_t first_chore_us);
 
 // Does the sensor's next step.
 enum bus_result sensor_turn(struct sensor *sensor, const struct sensor_link *link);

@@ -20,7 +20,9 @@ static struct chip_setup setup_of(const struct sensor *sensor, const struct sens
 static enum bus_result identify(struct sensor *sensor, const struct sensor_link *link)
 {
     bool answered = false;
-    for (int n = 0; n < CHIP_PLACES; n++) {
+    for (int n = 0; n < CHIP_PLACES; n++, sensor->place = (uint8_t)((sensor->place + 1) % CHIP_PLACES)) {
+        if (sensor->address != SENSOR_ANY_ADDRESS && sensor->address != chip_places[sensor->place].address)
+            continue;
         const struct chip_wires wires = sensor_wires(sensor, link);
         uint8_t identification[3];
         enum bus_result result = sensor_chip(sensor)->identify(&wires, identification);
@@ -35,7 +37,6 @@ static enum bus_result identify(struct sensor *sensor, const struct sensor_link 
             return BUS_OK;
         }
         answered |= result == BUS_OK;
-        sensor->place = (uint8_t)((sensor->place + 1) % CHIP_PLACES);
     }
     if (!answered)
         return BUS_NO_ANSWER;

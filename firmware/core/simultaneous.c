@@ -45,7 +45,7 @@ static uint8_t alike(const struct sampler_pad *pad, int first, uint8_t *done)
     for (int i = first; i < pad->wiring.sensor_count; i++) {
         if (!sensor_is_running(&pad->sensors[i]) || pad->sensors[i].place != pad->sensors[first].place)
             continue;
-        channels |= (uint8_t)(1 << pad->wiring.channels[i]);
+        channels |= pad_bus_channel(&pad->wiring, i);
         *done |= (uint8_t)(1 << i);
     }
     return channels;

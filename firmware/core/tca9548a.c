@@ -52,7 +52,7 @@ enum bus_result route_open(struct route *route, uint8_t address, uint8_t channel
         return BUS_OK;
     enum bus_result result = close_others(route, address);
     route->known = false;
-    if (result == BUS_OK)
+    if (result == BUS_OK && address != TCA9548A_NONE)
         result = tca9548a_select(route->bus, address, channels);
     if (result == BUS_OK) {
         route->known = true;
@@ -65,6 +65,9 @@ enum bus_result route_open(struct route *route, uint8_t address, uint8_t channel
 enum bus_result route_check(struct route *route, bool *held)
 {
     uint8_t channels = 0;
+    *held = true;
+    if (route->address == TCA9548A_NONE)
+        return BUS_OK;
     enum bus_result result = tca9548a_selected(route->bus, route->address, &channels);
     *held = result == BUS_OK && channels == route->channels;
     route->known = *held;

@@ -15,6 +15,9 @@ enum {
 
 static const struct pad_wiring assumed_pad = {0, TCA9548A_FIRST_ADDRESS, CHANNELS_PER_PAD, {0, 1, 2, 3}};
 
+// Of the MLX90393: its pins A1 and A0 choose one of four from here on; two makers' boards have these (data sheet, ordering).
+static const uint8_t direct_addresses[] = {0x0C, 0x18};
+
 __attribute__((section(".noinit"))) static struct pads pads;
 
 static uint16_t crc(void)
@@ -22,6 +25,7 @@ static uint16_t crc(void)
     return wire_crc((const uint8_t *)&pads, offsetof(struct pads, crc));
 }
 
+// first_channel: without a mux, the first address.
 static void add(uint8_t bus, uint8_t mux_address, uint8_t first_channel)
 {
     if (pads.count == SAMPLER_PADS_MAX)
@@ -42,34 +46,50 @@ static bool select(const struct bus *bus, uint8_t mux_address, uint8_t channels)
 
 // Writes a zero, which any of the sensors acknowledges, and which is to them the number of a register or a command that
 // does nothing. Reading is not possible while several channels are on; the RP2040 cannot send an address alone.
-static bool sensor_answers(const struct bus *bus, uint8_t mux_address, uint8_t channels)
+static bool acknowledges(const struct bus *bus, uint8_t address)
 {
     const uint8_t nothing = 0;
-    if (!select(bus, mux_address, channels))
-        return false;
-    for (int attempt = 0; attempt < ATTEMPTS; attempt++) {
-        for (int place = 0; place < CHIP_PLACES; place++) {
-            enum bus_result result = bus->write(bus->context, chip_places[place].address, &nothing, 1);
-            if (result == BUS_OK)
-                return true;
-            if (result != BUS_NO_ANSWER)
-                bus->recover(bus->context);
-        }
-    }
-    return false;
+    enum bus_result result = bus->write(bus->context, address, &nothing, 1);
+    if (result != BUS_OK && result != BUS_NO_ANSWER)
+        bus->recover(bus->context);
+    return result == BUS_OK;
+}
+
+// The addresses at which a sensor answers now, as bits; all are below 32. Those in `except` are not asked.
+static uint32_t answering(const struct bus *bus, uint32_t except)
+{
+    uint32_t found = 0;
+    for (int attempt = 0; attempt < ATTEMPTS; attempt++)
+        for (int place = 0; place < CHIP_PLACES; place++)
+            if (!((found | except) >> chip_places[place].address & 1) && acknowledges(bus, chip_places[place].address))
+                found |= 1U << chip_places[place].address;
+    return found;
+}
+
+static void find_behind(const struct bus *bus, uint8_t bus_index, uint8_t mux_address, uint32_t direct)
+{
+    bool upper = select(bus, mux_address, UPPER_CHANNELS) && answering(bus, direct);
+    if (!upper || (select(bus, mux_address, LOWER_CHANNELS) && answering(bus, direct)))
+        add(bus_index, mux_address, 0);
+    if (upper)
+        add(bus_index, mux_address, CHANNELS_PER_PAD);
+    select(bus, mux_address, 0);
 }
 
 static void find_on(const struct bus *bus, uint8_t bus_index)
 {
-    for (uint8_t address = TCA9548A_FIRST_ADDRESS; address < TCA9548A_FIRST_ADDRESS + TCA9548A_ADDRESSES; address++) {
-        if (!select(bus, address, 0))
-            continue;
-        bool upper = sensor_answers(bus, address, UPPER_CHANNELS);
-        if (!upper || sensor_answers(bus, address, LOWER_CHANNELS))
-            add(bus_index, address, 0);
-        if (upper)
-            add(bus_index, address, CHANNELS_PER_PAD);
-        select(bus, address, 0);
+    uint8_t muxes = 0;
+    for (uint8_t i = 0; i < TCA9548A_ADDRESSES; i++)
+        muxes |= (uint8_t)(select(bus, (uint8_t)(TCA9548A_FIRST_ADDRESS + i), 0) << i);
+    // All channels are closed now: what answers is on the bus itself, and will go on to answer.
+    const uint32_t direct = answering(bus, 0);
+    for (uint8_t i = 0; i < TCA9548A_ADDRESSES; i++)
+        if (muxes >> i & 1)
+            find_behind(bus, bus_index, (uint8_t)(TCA9548A_FIRST_ADDRESS + i), direct);
+    for (size_t i = 0; i < sizeof direct_addresses; i++) {
+        uint32_t four = direct >> direct_addresses[i] & 0xF;
+        if (four & (four - 1)) // more than one: a single answer may be of a chip of another kind
+            add(bus_index, TCA9548A_NONE, direct_addresses[i]);
     }
 }
 

@@ -14,8 +14,9 @@ struct pads {
     uint16_t crc;
 };
 
-// Every TCA9548A is a pad on channels 0 to 3, and a second pad on channels 4 to 7 if a sensor answers there. Pads are
-// ordered by port, address and channel. `usable[i]` is false for a bus whose lines are stuck. If nothing is found, one
+// Every TCA9548A is a pad on channels 0 to 3, and a second pad on channels 4 to 7 if a sensor answers there. Four
+// MLX90393 on a port itself are a pad without a switch, if two of them answer. Pads are ordered by port, address and
+// channel; after them come a port's pads without a switch. `usable[i]` is false for a bus whose lines are stuck. If nothing is found, one
 // pad is assumed, so that the board can report what is missing.
 //
 // If `remembered`, the pads found before the reset are kept. After a watchdog reset a mux may not answer for a moment;

@@ -19,22 +19,29 @@ uint32_t bench_now_us(void *context)
     return (uint32_t)((bench->now_ns - bench->reset_ns) / 1000) + bench->counter_at_reset;
 }
 
-// Visits the chips on all connected channels of all muxes of the bus. A wrong driver may talk to several at once.
+// Visits the chips on the bus itself and on all connected channels of all its muxes. A wrong driver may talk to several
+// at once.
 typedef void visitor(struct emulated_part *part, void *argument);
+
+static int visit_part(struct emulated_bus *bus, struct emulated_part *part, visitor *visit, void *argument)
+{
+    if (!part || !part->present || part->address != bus->address)
+        return 0;
+    part->kind->advance(part, bus->bench->now_ns);
+    visit(part, argument);
+    return 1;
+}
 
 static int visit_chips(struct emulated_bus *bus, visitor *visit, void *argument)
 {
     int answers = 0;
+    for (int i = 0; i < SWITCH_CHANNELS; i++)
+        answers += visit_part(bus, bus->direct[i], visit, argument);
     for (int s = 0; s < bus->switch_count; s++) {
         struct emulated_switch *sw = &bus->switches[s];
-        for (int channel = 0; channel < SWITCH_CHANNELS && sw->present; channel++) {
-            struct emulated_part *part = sw->chips[channel];
-            if (!part || !part->present || !(sw->channels >> channel & 1) || part->address != bus->address)
-                continue;
-            part->kind->advance(part, bus->bench->now_ns);
-            visit(part, argument);
-            answers++;
-        }
+        for (int channel = 0; channel < SWITCH_CHANNELS && sw->present; channel++)
+            if (sw->channels >> channel & 1)
+                answers += visit_part(bus, sw->chips[channel], visit, argument);
     }
     return answers;
 }

@@ -23,6 +23,7 @@ struct emulated_bus {
     struct bench *bench;
     struct emulated_switch switches[BENCH_SWITCHES];
     int switch_count;
+    struct emulated_part *direct[SWITCH_CHANNELS]; // on the bus itself, without a switch
     // Faults. A stuck bus fails every transfer; `recover` frees it unless it is stuck for good.
     bool stuck, stuck_for_good;
     int fail_count;              // how many of the next transfers fail with `fail_result`

@@ -107,6 +107,7 @@ class Board:
         self.places = tuple(places or PLACES[:pads])
         self.muxes: dict[tuple[int, int], Tca9548a] = {}
         self.sensors = [self._hang_pad(place, chip_ppm, seed) for seed, place in enumerate(self.places)]
+        self.buses: dict[int, Bus] = {}
         self.wires = {port: self._wire_port(port) for port in (1, 2)}
         self.converter = Hx711(lambda: self.machine.now_s, self.machine.complain)
         self.gpio_a.wire(LOAD_DATA_PIN, self.converter.data_level, lambda driven: None)
@@ -126,7 +127,7 @@ class Board:
     def _wire_port(self, port: int) -> Wires:
         muxes = [mux for (of_port, _), mux in self.muxes.items() if of_port == port]
         wires, pins = Wires(muxes), PINS[port]
-        bus = Bus(muxes)
+        bus = self.buses[port] = Bus(muxes)
         for line in ("scl", "sda"):
             self.gpio_b.wire(
                 getattr(pins, line),

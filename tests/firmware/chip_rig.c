@@ -139,8 +139,13 @@ struct sample_view chip_rig_newest(void)
 
 void chip_rig_check_counts(const struct promised *kind, const struct sample_view *view, int sensor)
 {
+    chip_rig_check_counts_of(kind, view, 0, sensor);
+}
+
+void chip_rig_check_counts_of(const struct promised *kind, const struct sample_view *view, int pad, int sensor)
+{
     for (int axis = 0; axis < 3; axis++) {
-        double due = others[0][sensor].common.field_gauss[axis] * kind->counts_per_gauss[view->gain_code][axis];
+        double due = others[pad][sensor].common.field_gauss[axis] * kind->counts_per_gauss[view->gain_code][axis];
         double tolerance = 1 + 0.002 * fabs(due); // tables of data sheets round to 0.2 %
         CHECK_BETWEEN(view->counts[sensor][axis], due - tolerance, due + tolerance);
     }

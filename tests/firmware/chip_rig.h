@@ -49,6 +49,7 @@ void chip_rig_settle(void); // what the chips convert from now on sees the field
 // The newest frame of what was sent since the last look.
 struct sample_view chip_rig_newest(void);
 void chip_rig_check_counts(const struct promised *kind, const struct sample_view *view, int sensor);
+void chip_rig_check_counts_of(const struct promised *kind, const struct sample_view *view, int pad, int sensor);
 
 // A test of each kind: `check` is a function of a `const struct promised *`.
 #define TEST_EACH_CHIP(check)                                                                                          \

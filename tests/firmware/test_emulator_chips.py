@@ -13,7 +13,7 @@ from emulator.magnetometer import Magnetometer
 from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
 from emulator.mlx90393 import Mlx90393
 from fmfts.sensor.chips import CHIPS, QMC5883L
-from fmfts.sensor.wire.packets import Result, Sample, SensorState, Verb
+from fmfts.sensor.wire.packets import NO_MUX, Result, Sample, SensorState, Verb
 
 pytestmark = pytest.mark.needs("arm-none-eabi-gcc")
 FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(4)]
@@ -184,3 +184,75 @@ def test_flashed_program_sets_a_power_cycled_chip_up_again(kind: Kind) -> None:
     samples = stream.samples(1.0)
     assert all(sample.valid == EVERYONE for sample in samples[-20:])
     assert sum(sample.fresh >> 1 & 1 for sample in samples[-20:]) > 5
+
+
+def without_a_mux() -> tuple[EmulatedStream, list[Magnetometer]]:
+    """A board with four MLX90393 on its first port itself."""
+    stream = EmulatedStream()
+    chips = []
+    for number in range(4):
+        chip = Mlx90393(
+            lambda: stream.board.machine.now_s,
+            FIELDS_GAUSS[number],
+            clock_error=(number - 1.5) * 0.015,
+            phase_s=0.0007 * number,
+            noise_gauss=0.002,
+            seed=number,
+        )
+        chip.address = 0x0C + number
+        chips.append(chip)
+    stream.board.buses[1].chips = chips
+    return stream, chips
+
+
+def check_fields(stream: EmulatedStream, pad_index: int) -> None:
+    samples = stream.samples(SECONDS, pad_index)
+    assert len(samples) / SECONDS >= 219
+    assert all(sample.valid == EVERYONE for sample in samples)
+    step_t = CHIPS["mlx90393"].step_t[0]
+    field_t = np.mean([sample.counts for sample in samples], axis=0) * step_t
+    assert field_t == pytest.approx(np.array(FIELDS_GAUSS) * 1e-4, abs=float(np.max(step_t)))
+
+
+def test_four_chips_without_a_mux_are_a_pad() -> None:
+    stream, _ = without_a_mux()
+    stream.board.unplug_mux(0)
+    stream.run(0.3)
+    asked(stream, Verb.RANGE, 0)
+    asked(stream, Verb.RATE, 220)
+    stream.run(0.5)
+    (pad,) = stream.hello.pads
+    assert (pad.mux_address, [sensor.channel for sensor in pad.sensors]) == (NO_MUX, [0x0C, 0x0D, 0x0E, 0x0F])
+    assert {sensor.state for sensor in pad.sensors} == {SensorState.OK}
+    check_fields(stream, 0)
+    assert stream.board.buses[1].conflicts == 0
+    assert stream.board.complaints == []
+
+
+def test_pad_without_a_mux_comes_after_that_with_one() -> None:
+    stream, _ = without_a_mux()
+    stream.run(0.3)
+    asked(stream, Verb.RANGE, 0)
+    stream.run(0.5)
+    assert [pad.mux_address for pad in stream.hello.pads] == [0x70, NO_MUX]
+    assert {sample.valid for sample in stream.samples(1.0)} == {EVERYONE}
+    assert {sample.valid for sample in stream.samples(1.0, pad=1)} == {EVERYONE}
+    assert stream.board.buses[1].conflicts == 0
+
+
+def test_chip_that_is_missing_without_a_mux_is_named() -> None:
+    stream, chips = without_a_mux()
+    stream.board.unplug_mux(0)
+    chips[2].absent = True
+    stream.run(1.0)
+    states = [sensor.state for sensor in stream.hello.pads[0].sensors]
+    assert states == [SensorState.OK, SensorState.OK, SensorState.NO_ANSWER, SensorState.OK]
+
+
+def test_one_chip_alone_is_no_pad_without_a_mux() -> None:
+    """It may be of a kind that the board does not look for there."""
+    stream, chips = without_a_mux()
+    for chip in chips[1:]:
+        chip.absent = True
+    stream.run(0.5)
+    assert [pad.mux_address for pad in stream.hello.pads] == [0x70]
