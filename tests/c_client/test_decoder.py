@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from c_client.built import CLIENT, HERE, NEW, REFUSED, ROOT, SANITIZED, WRONG_VERSION, Talker, build, need, run
 from c_client.messages import anything, contacts
-from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage, encode
+from fmfts.bus.encoding import encode
+from fmfts.bus.messages import ContactMessage, FingerMessage, Health, PoseMessage
 from fmfts_client import Contact, MessageError, SchemaError
 from unit.bus_messages import contact_message, finger_message, fingers_message, pose_message, two_fingers
 

@@ -15,15 +15,8 @@ from bus_messages import contact_message, finger_message, fingers_message, now_m
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmfts.bus.messages import (
-    ContactMessage,
-    FingerMessage,
-    NotFiniteError,
-    PoseMessage,
-    decode_contact,
-    encode,
-    without_estimate,
-)
+from fmfts.bus.encoding import NotFiniteError, decode_contact, encode
+from fmfts.bus.messages import ContactMessage, FingerMessage, PoseMessage, without_estimate
 from fmfts.bus.publisher import Publisher
 from fmfts_client import Contact, Endpoints, MessageError
 

@@ -11,7 +11,8 @@ import msgspec
 import pytest
 from bus_messages import contact_message, finger_message, fingers_message, pose_message, two_fingers
 
-from fmfts.bus.messages import ContactMessage, encode, without_estimate
+from fmfts.bus.encoding import encode
+from fmfts.bus.messages import ContactMessage, without_estimate
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.offline.replay import Comparison
 from fmfts.recording.file import RecordingWriter, read

@@ -24,19 +24,17 @@ from bus_messages import (
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fmfts.bus.encoding import NotFiniteError, encode, encode_facts
 from fmfts.bus.messages import (
     ContactMessage,
     EarlyMessage,
     EventMessage,
     FingerMessage,
     FrameMessage,
-    NotFiniteError,
     NowMessage,
     PoseMessage,
     StateMessage,
     StatusMessage,
-    encode,
-    encode_facts,
 )
 from fmfts_client import Contact, Event, Finger, MessageError, Now, Pose, SchemaError, Status
 from fmfts_client.fields import NOT_SENT

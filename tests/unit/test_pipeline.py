@@ -14,7 +14,8 @@ import pytest
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.origin import Origin
 from fmfts.baseline.request import BaselineRequest
-from fmfts.bus.messages import ContactMessage, decode_contact
+from fmfts.bus.encoding import decode_contact
+from fmfts.bus.messages import ContactMessage
 from fmfts.bus.publisher import Publisher
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel

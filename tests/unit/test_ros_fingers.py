@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from bus_messages import contact_message, finger_message, fingers_message, two_fingers
 
-from fmfts.bus.messages import ContactMessage, encode
+from fmfts.bus.encoding import encode
+from fmfts.bus.messages import ContactMessage
 from fmfts_client import Contact
 
 PACKAGE = Path(__file__).parents[2] / "clients/ros2/fmfts_ros"

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fmfts.baseline import BaselineError
-from fmfts.bus.messages import ContactMessage, decode_contact, encode
+from fmfts.bus.encoding import decode_contact, encode
+from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, SiliconeConfig
 from fmfts.pad import Array, rotation_from_vector
 from fmfts.pipeline.configured import contact_model_of, pipeline_of

@@ -12,7 +12,7 @@ import pytest
 from bus_messages import contact_message, pose_message, status_message
 from rich.console import Console
 
-from fmfts.bus.messages import encode
+from fmfts.bus.encoding import encode
 from fmfts.view.history import History
 from fmfts.view.picture import as_svg, render_contact, tilt_deg
 from fmfts.view.tally import Tally, now_line

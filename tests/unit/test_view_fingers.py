@@ -10,7 +10,8 @@ import pytest
 from bus_messages import contact_message, finger_message, fingers_message, two_fingers
 from rich.console import Console
 
-from fmfts.bus.messages import ContactMessage, encode
+from fmfts.bus.encoding import encode
+from fmfts.bus.messages import ContactMessage
 from fmfts.view.picture import render_contact
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import Contact

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import msgspec
 import zmq
 
+from fmfts.bus.encoding import NotFiniteError, encode_facts, not_finite_field
 from fmfts.bus.keys import ServerKey
-from fmfts.bus.messages import NotFiniteError, encode_facts, not_finite_field
 from fmfts.bus.server import BoundSocket
 from fmfts.common.exit_codes import DATA, code_of
 

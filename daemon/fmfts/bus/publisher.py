@@ -8,6 +8,7 @@ from pathlib import Path
 
 import zmq
 
+from fmfts.bus.encoding import NotFiniteError, encode, not_finite_field
 from fmfts.bus.keys import ServerKey
 from fmfts.bus.messages import (
     AnyMessage,
@@ -15,11 +16,8 @@ from fmfts.bus.messages import (
     EarlyMessage,
     EventMessage,
     FrameMessage,
-    NotFiniteError,
     StateMessage,
     StatusMessage,
-    encode,
-    not_finite_field,
     without_estimate,
 )
 from fmfts.bus.server import BoundSocket

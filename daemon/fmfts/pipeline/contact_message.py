@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
 from fmfts.baseline import Baseline, Mounting
-from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage, Vector, decode_contact
+from fmfts.bus.encoding import decode_contact
+from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, PoseMessage, Vector
 from fmfts.contact import ContactEstimate
 from fmfts.contact.now import ContactNow
 from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n

@@ -9,13 +9,8 @@ from typing import overload
 from fmfts.baseline import Baseline, Mounting
 from fmfts.baseline.job import BaselineJob
 from fmfts.baseline.origin import Origin, foreign
-from fmfts.bus.messages import (
-    ContactMessage,
-    Health,
-    StatusMessage,
-    Vector,
-    decode_contact,
-)
+from fmfts.bus.encoding import decode_contact
+from fmfts.bus.messages import ContactMessage, Health, StatusMessage, Vector
 from fmfts.bus.publisher import Publisher, contact_topic
 from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.contact_message import PackedMessage

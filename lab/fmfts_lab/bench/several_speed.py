@@ -10,7 +10,7 @@ from functools import partial
 import msgspec
 import numpy as np
 
-from fmfts.bus.messages import encode
+from fmfts.bus.encoding import encode
 from fmfts.config import SimulatedSource
 from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
 from fmfts.sensor import Frame

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from fmfts.bus.messages import ContactMessage, NowMessage, PoseMessage, encode
+from fmfts.bus.encoding import encode
+from fmfts.bus.messages import ContactMessage, NowMessage, PoseMessage
 from fmfts.pipeline.fast.compiled import NUMBERS
 
 INTEGERS = ("seq", "t_sample_ns", "t_publish_ns", "utc_ns", "now_t_ns")
