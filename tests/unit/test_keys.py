@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import msgpack
 import pytest
 import zmq
 from bus_messages import BOOT, contact_message
@@ -96,6 +99,29 @@ def test_unknown_key_gets_nothing(service: Service, tmp_path: Path, monkeypatch:
     assert not hears(service.base, SILENCE_S)
     assert not obeyed(service.base, SILENCE_S)
     assert service.carried_out == []
+    assert service.gate.refused > 0
+
+
+def test_request_ends_though_its_key_was_refused_before_it_was_sent(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a computer that is busy: then nobody takes what is sent."""
+    service.keys.add("stranger", tmp_path / "stranger.key")
+    service.keys.forget("stranger")
+    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "stranger.key"))
+    packed = msgpack.packb
+
+    def when_refused(message: dict[str, Any]) -> bytes:
+        until_s = time.monotonic() + HANDSHAKE_S
+        while not service.gate.refused and time.monotonic() < until_s:
+            time.sleep(0.01)
+        time.sleep(1.0)  # until it is told of that, and has given up
+        return bytes(packed(message))
+
+    monkeypatch.setattr("fmfts_client.control.msgpack.packb", when_refused)
+    for _ in range(3):  # it depends on the moment whether what is sent waits
+        with pytest.raises(UnreachableError, match="no answer from"):
+            request("selftest", endpoint=service.base, timeout_s=SILENCE_S)
     assert service.gate.refused > 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
+from contextlib import suppress
 from typing import Any, Callable, Optional, Union
 
 import msgpack  # type: ignore[import-untyped]
@@ -52,10 +53,14 @@ def request(
     socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
     with socket:
         socket.setsockopt(zmq.LINGER, 0)
+        # A daemon that has refused the key takes nothing any more: without this, sending would wait for ever.
+        socket.setsockopt(zmq.SNDTIMEO, round(timeout_s * 1e3))
         show_key(socket, address, endpoints.key)
         socket.connect(address)
-        socket.send(msgpack.packb({**arguments, "id": number, "verb": verb}))
         deadline = time.monotonic() + timeout_s
+        with suppress(zmq.Again):
+            socket.send(msgpack.packb({**arguments, "id": number, "verb": verb}))
+            deadline = time.monotonic() + timeout_s
         while socket.poll(max(0, round((deadline - time.monotonic()) * 1e3))):
             reply = _decode(socket.recv_multipart()[-1])
             if reply.pop("id", None) != number:
