@@ -24,7 +24,10 @@ class Range(NamedTuple):
         """ValueError names the first value that is out of the range."""
         for value in values:
             if not self.holds(value):
-                raise ValueError(f"{value:g} is no {self.of}: from {self.lowest:g} to {self.highest:g}")
+                # An integer of a file may be larger than a float can be.
+                is_huge = isinstance(value, int) and abs(value) > 10**300
+                told = "an integer of more than 300 digits" if is_huge else f"{value:g}"
+                raise ValueError(f"{told} is no {self.of}: from {self.lowest:g} to {self.highest:g}")
 
 
 # A converter of 12 bits tells 8.9 G at the coarsest gain; a gain that is off by its 5 % makes 9.4 G of it.
