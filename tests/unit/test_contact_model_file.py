@@ -207,6 +207,15 @@ def test_a_file_with_one_other_bit_is_refused(place: float, pad: Pad, tmp_path: 
         ContactModel.load(str(tmp_path / "damaged.onnx"), pad)
 
 
+def test_a_file_whose_seal_and_weights_are_both_damaged_is_refused(pad: Pad, tmp_path: Path) -> None:
+    """Else it would be taken for a model of before there were seals."""
+    content = bytearray(DEFAULT_PATH.read_bytes().replace(b"fmfts.sha256", b"fmvts.sha256"))
+    content[len(content) // 2] ^= 0x04
+    (tmp_path / "damaged.onnx").write_bytes(content)
+    with pytest.raises(ModelError, match="damaged"):
+        ContactModel.load(str(tmp_path / "damaged.onnx"), pad)
+
+
 def test_a_model_without_a_seal_is_of_an_older_version_and_loads(pad: Pad, tmp_path: Path) -> None:
     (tmp_path / "older.onnx").write_bytes(unsealed(DEFAULT_PATH.read_bytes()))
     assert ContactModel.load(str(tmp_path / "older.onnx"), pad).hash == ContactModel.load("default", pad).hash
