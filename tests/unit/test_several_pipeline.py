@@ -221,6 +221,20 @@ def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
     assert any(more for _, more in said)
 
 
+@pytest.mark.parametrize(
+    ("strong", "weak"),
+    [((2.0, -8.9), (8.0, -1.0)), ((0.6, 4.5), (9.1, 9.8)), ((0.0, 2.1), (9.2, -1.9)), ((-1.5, 6.4), (8.4, 5.3))],
+)
+def test_two_fingers_that_look_like_one_are_doubted(strong: tuple[float, float], weak: tuple[float, float]) -> None:
+    """1.6 and 0.4 N, 10 mm apart: less than a second finger needs to be told, more than one finger alone has."""
+    pressed = [steady_finger(x * 1e-3, y * 1e-3, force_n) for (x, y), force_n in ((strong, 1.6), (weak, 0.4))]
+    message = told(ready(), frames(12, *pressed))[-1]
+    assert message.contacts is not None
+    assert len(message.contacts) == 1
+    assert message.health == "degraded"
+    assert "two that are too near or too unequal to be told apart may press" in message.reason
+
+
 class _Third:
     """Magnets under one more finger."""
 

@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 # A third finger is looked for where χ² is larger than one in so many healthy frames has it, and believed where it
 # lowers χ² by so much: none of 1,200 healthy frames of two fingers has such a place.
 SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
+# One finger is doubted where χ² is so large, and another one would lower it by so much: too little to tell two, but of
+# frames of one finger one in ten thousand has it (docs/results/several.md).
+DOUBTED, DOUBTED_GAIN = 0.005, 20.0
 # After so many frames in a row that nothing explains, fingers are searched in each tenth frame only.
 SEARCHED_FRAMES, SEARCHED_EVERY = 20, 10
 # After so many frames in a row in which a sensor that was left out agrees again, it is used again.
@@ -207,6 +210,8 @@ class FingersEstimator:
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
         health, reason = reasons.health_of_axes(used, missing, memory.left_out)
+        if len(fit.fingers) == 1 and self._gain_of_another(fit, used, measured, DOUBTED) > DOUBTED_GAIN:
+            health, reason = "degraded", "; ".join(filter(None, (reason, reasons.MAYBE_TWO)))
         return FingersReading(health, reason, used, fit, counted.ids, over_range=self._is_over_range(fit))
 
     def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
@@ -218,11 +223,15 @@ class FingersEstimator:
 
     def _is_third(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, odd: Odd | None) -> bool:
         """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
-        if len(fit.fingers) < MOST_FINGERS or fit.chi2 <= limit(SUSPICIOUS, used, fit):
-            return False
-        seen = measured.only(used)
-        gain = self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self.memory.ambient_t), fit, seen)
+        gain = self._gain_of_another(fit, used, measured, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else 0.0
         return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
+
+    def _gain_of_another(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, suspicious: float) -> float:
+        """By how much one more finger lowers χ²; 0 where more than `suspicious` of healthy frames have such a χ²."""
+        if fit.chi2 <= limit(suspicious, used, fit):
+            return 0.0
+        seen = measured.only(used)
+        return self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self.memory.ambient_t), fit, seen)
 
     def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""

@@ -11,6 +11,10 @@ from fmfts.bus.messages import Health
 from fmfts.several.odd_sensor import FEWEST_VALUES
 
 THREE = "two fingers do not explain the field, a third one would: places and forces are not told"
+MAYBE_TWO = (
+    "one finger explains this field badly: two that are too near or too unequal to be told apart may press, "
+    "or something wider than a finger"
+)
 UNDETERMINED = "the sensors that are left do not tell where the fingers are"
 
 

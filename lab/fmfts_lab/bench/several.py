@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,11 +15,21 @@ from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
-from fmfts_lab.bench import several_drills, several_speed
-from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, World, read_once, world
+from fmfts_lab.bench import several_beside, several_drills, several_merged, several_speed
+from fmfts_lab.bench.several_world import (
+    BUILT,
+    BY_HAND,
+    EXACT,
+    WITHIN_MM,
+    Press,
+    World,
+    read_once,
+    two_places,
+    world,
+    worlds,
+)
 from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
-WITHIN_MM = 11.0  # fingers press within this of the middle, along x and y
 FRAMES_OF_A_PAD, ONE_FINGER_FRAMES_OF_A_PAD = 20, 500
 WRONG = 5.0  # deviations
 NOTHING = np.zeros(3)
@@ -57,9 +66,15 @@ HEAD = (
 
 
 def run(options: Namespace) -> None:
-    if options.speed or options.drills:
-        (several_speed if options.speed else several_drills).run(options)
-        return
+    for asked, other in (
+        (options.speed, several_speed),
+        (options.drills, several_drills),
+        (options.merged, several_merged),
+        (options.beside, several_beside),
+    ):
+        if asked:
+            other.run(options)
+            return
     print(HEAD)
     for name, tolerance, forces, apart_mm in (
         ("as drawn, 1 + 1 N, 9 mm apart", EXACT, (1.0, 1.0), 9.0),
@@ -85,9 +100,9 @@ def run(options: Namespace) -> None:
 
 def _two(options: Namespace, tolerance: Tolerance, forces: tuple[float, float], apart_mm: float) -> Tally:
     tally = Tally()
-    for one in _worlds(options.frames, tolerance, options.seed):
+    for one in worlds(options.frames, tolerance, options.seed, FRAMES_OF_A_PAD):
         for _ in range(FRAMES_OF_A_PAD):
-            places = _apart(one.random, apart_mm)
+            places = two_places(one.random, apart_mm)
             presses = [Press(x, y, force) for (x, y), force in zip(places.tolist(), forces, strict=True)]
             counted = _counted(one, one.measured(one.pressed(presses)))
             _add(tally, counted, np.array([press[:3] for press in presses]))
@@ -113,7 +128,7 @@ def _solved(options: Namespace, least_n: float, most_n: float) -> Tally:
 def _three(options: Namespace, whole_n: float) -> None:
     """Three fingers, which are more than are told: what is said of them, and how wrong what is told as good is."""
     health, worst, wrong, frames = Counter[str](), 0.0, 0, 0
-    for one in _worlds(options.frames, BUILT, options.seed + 2):
+    for one in worlds(options.frames, BUILT, options.seed + 2, FRAMES_OF_A_PAD):
         for _ in range(FRAMES_OF_A_PAD):
             places = _three_apart(one.random)
             presses = [Press(x, y, whole_n / 3.0) for x, y in places.tolist()]
@@ -142,7 +157,7 @@ def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
     """One finger: patches of 4 to 8 mm, friction up to 0.3, 0.1 to 2 N."""
     gains, told, frames = [], 0, 0
     errors, alone, off = [], [], []
-    for one in _worlds(options.one_finger, tolerance, options.seed + 1, ONE_FINGER_FRAMES_OF_A_PAD):
+    for one in worlds(options.one_finger, tolerance, options.seed + 1, ONE_FINGER_FRAMES_OF_A_PAD):
         for _ in range(ONE_FINGER_FRAMES_OF_A_PAD):
             random = one.random
             force, angle = random.uniform(0.1, 2.0), random.uniform(0.0, 2.0 * np.pi)
@@ -212,17 +227,3 @@ def _add(tally: Tally, counted: Counted, truth: Array) -> None:
         straight, deviation = crossed, deviation[::-1]
     tally.errors.append(straight)
     tally.deviations.append(deviation)
-
-
-def _worlds(frames: int, tolerance: Tolerance, seed: int, of_a_pad: int = FRAMES_OF_A_PAD) -> Iterator[World]:
-    for number in range(-(-frames // of_a_pad)):
-        yield world(1000 * seed + number, tolerance)
-
-
-def _apart(random: np.random.Generator, apart_mm: float) -> Array:
-    """Two places (2, 2), so far apart, on the pad's inner part."""
-    while True:
-        one, angle = random.uniform(-WITHIN_MM, WITHIN_MM, 2), random.uniform(0.0, 2.0 * np.pi)
-        other = one + apart_mm * np.array([np.cos(angle), np.sin(angle)])
-        if np.abs(other).max() <= WITHIN_MM:
-            return np.array([one, other])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ NOISE_T = HMC5983.noise_t
 RATE_HZ = 220.0
 EARTH_T = 5e-5
 BASELINE_FRAMES = 660
+WITHIN_MM = 11.0  # fingers press within this of the middle, along x and y
 SCENE = Scene(ambient_t=1e-4, moment=2.5e-3, friction=0.3)
 EXACT = Tolerance(1e-9, 1e-9, 1e-9, 1e-7, 1e-7)
 BUILT = Tolerance(1e-4, 1e-4, float(np.deg2rad(1.0)), 0.005, 0.01)  # 0.1 mm, 1°, gains of a self-test
@@ -155,3 +157,18 @@ def read_once(one: World, change: Array) -> FingersReading:
     field = one.sensed(change, one.ambient_t)
     aligned = Aligned(field, np.ones((shape[0], 1)), np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
     return estimator.read(aligned, None, {})
+
+
+def worlds(frames: int, tolerance: Tolerance, seed: int, of_a_pad: int) -> Iterator[World]:
+    """Pads enough for so many frames."""
+    for number in range(-(-frames // of_a_pad)):
+        yield world(1000 * seed + number, tolerance)
+
+
+def two_places(random: np.random.Generator, apart_mm: float) -> Array:
+    """Two places (2, 2), so far apart, on the pad's inner part."""
+    while True:
+        one, angle = random.uniform(-WITHIN_MM, WITHIN_MM, 2), random.uniform(0.0, 2.0 * np.pi)
+        other = one + apart_mm * np.array([np.cos(angle), np.sin(angle)])
+        if np.abs(other).max() <= WITHIN_MM:
+            return np.array([one, other])
