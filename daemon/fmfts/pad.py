@@ -134,7 +134,8 @@ class RestingMagnet:
 class Pad:
     """One pad with the nominal places of its drawing. The baseline estimates the places of the mounted pad.
 
-    other_magnets: those besides the first, of a pad that holds several.
+    other_magnets: those besides the first, of a pad that holds several. are_magnets_known: else those here mean
+    nothing, and the pad's contact model goes from contact to field.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Pad:
     chip: Chip = DEFAULT_CHIP  # each of the sensors is one
     silicone: Silicone = Silicone()
     other_magnets: tuple[RestingMagnet, ...] = ()
+    are_magnets_known: bool = True
 
     @property
     def magnets(self) -> tuple[RestingMagnet, ...]:

@@ -19,7 +19,7 @@ from fmfts.offline.replay import Replay
 PACKAGE = Path(fmfts.__file__).parent
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.mcap"))
 # All that a message depends on, from the configuration and a baseline's file on; what only advises in the log is not.
-ROOMS = ["baseline", "common", "config", "contact", "several", "pipeline", "pose", "runtime", "scene", "sensor"]
+ROOMS = ["baseline", "common", "config", "contact", "several", "skin", "pipeline", "pose", "runtime", "scene", "sensor"]
 FILES = ["pad.py"]
 ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
 # What NumPy and math offer that moves numbers, compares them, or rounds as IEEE 754 says: + − × ÷ √ in a fixed order.

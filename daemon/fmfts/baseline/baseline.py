@@ -19,6 +19,7 @@ from fmfts.baseline.origin import Origin, foreign
 from fmfts.baseline.recording import BaselineError, ForeignError, Recording, solvable
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.sensitivity import Sensitivity
+from fmfts.baseline.skin_mounting import SkinMounting
 from fmfts.baseline.turn import Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
 from fmfts.common.reading import damage_told, read_regular
@@ -29,7 +30,8 @@ FORMAT = 1
 Array = NDArray[np.float64]
 Kind = Literal["bare", "rest"]
 LARGEST_BYTES = 4_000_000
-AnyMounting = Mounting | ArrayMounting
+UNKNOWN_MAGNETS = "the magnets of this pad are unknown, so turning and presses tell nothing of its chips: --rest is all"
+AnyMounting = Mounting | ArrayMounting | SkinMounting
 
 
 class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -82,8 +84,16 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
             known = self._at_rest(pad, self.rest)
             return estimate_array_mounting(pad, known.tolerance, known.rest, known.bare, known.measured)
 
+    def skin_mounting(self) -> SkinMounting:
+        """As `mounting`, of a pad whose magnets are unknown. BaselineError if rest is not recorded."""
+        if self.rest is None:
+            raise BaselineError(f"pad '{self.pad}': rest is not recorded: `fmfts-daemon baseline --rest`, untouched")
+        return SkinMounting.of(self.rest.recording())
+
     def any_mounting(self, pad: Pad) -> AnyMounting:
-        """The mounting of a pad with one magnet or with several."""
+        """The mounting of a pad with one magnet, with several, or with unknown ones."""
+        if not pad.are_magnets_known:
+            return self.skin_mounting()
         return self.array_mounting(pad) if pad.other_magnets else self.mounting(pad)
 
     def require_sensors(self, sensors: int) -> None:
@@ -187,6 +197,8 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
     """`before`, which must have a rest recording, with the gains measured by turning the unloaded robot."""
     require_rest(before, "--turn")
     assert before is not None
+    if not pad.are_magnets_known:
+        raise BaselineError(UNKNOWN_MAGNETS)
     with solvable("the sensors do not see one field turn: leave the pad untouched, keep steel away, and turn again"):
         stored = StoredTurn.of(Turn.of(means))
         baseline = msgspec.structs.replace(before, turn=stored).sealed()
@@ -197,6 +209,8 @@ def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Basel
     """`before`, which must have a rest recording, with sensor places and gains estimated from unlabelled presses."""
     rest = require_rest(before, "--refine")
     assert before is not None
+    if not pad.are_magnets_known:
+        raise BaselineError(UNKNOWN_MAGNETS)
     if pad.other_magnets:
         raise BaselineError("a pad with several magnets has no --refine: --turn tells the chips' gains and rotations")
     plain = msgspec.structs.replace(before, refine=None)
@@ -218,6 +232,8 @@ def require_rest(before: Baseline | None, option: str) -> StoredRecording:
 def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording: Recording) -> None:
     """BaselineError if the magnet, solved with the last baseline, has moved; the ambient field may have turned."""
     last = before.any_mounting(pad)
+    if isinstance(last, SkinMounting):
+        return  # a change of its field may be its temperature: nobody can tell
     if isinstance(last, ArrayMounting):
         moved = moved_m(last, recording)
     else:

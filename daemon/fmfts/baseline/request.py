@@ -51,7 +51,7 @@ class Recorded:
     """A baseline that is stored and may be used."""
 
     baseline: Baseline
-    mounting: AnyMounting | None  # None of several magnets before rest was recorded
+    mounting: AnyMounting | None  # None of several or unknown magnets before rest was recorded
     path: Path
     gained: dict[str, float]
 
@@ -142,7 +142,7 @@ class BaselineRequest:
             recording = summarise(frames)
             if self.bare:
                 baseline = make_bare(self.pad, self.tolerance, recording, before, self.gains)
-                return baseline, None if self.pad.other_magnets else baseline.mounting(self.pad)
+                return baseline, None if _needs_rest(self.pad) else baseline.mounting(self.pad)
             return make_rest(self.pad, self.tolerance, recording, before, self.replaced, self.gains)
         except BaselineError as error:
             raise BaselineError(f"pad '{self.pad.name}': baseline refused: {error}") from error
@@ -168,8 +168,13 @@ def restore(pad: Pad, origin: Origin | None = None) -> Recorded:
     cannot be stored.
     """
     baseline = previous(pad, origin)
-    bare_array = pad.other_magnets and baseline.rest is None
-    return Recorded(baseline, None if bare_array else baseline.any_mounting(pad), store(baseline, pad), {})
+    unmounted = _needs_rest(pad) and baseline.rest is None
+    return Recorded(baseline, None if unmounted else baseline.any_mounting(pad), store(baseline, pad), {})
+
+
+def _needs_rest(pad: Pad) -> bool:
+    """Whether a bare recording alone makes no mounting of such a pad."""
+    return bool(pad.other_magnets) or not pad.are_magnets_known
 
 
 def _report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[str, Any]:
@@ -192,7 +197,7 @@ def _report(baseline: Baseline, mounting: AnyMounting | None, pad: Pad) -> dict[
         facts |= {"ambient_t": ambient_t.tolist(), "ambient_sd_t": deviation_t.tolist()}
     if isinstance(mounting, ArrayMounting):
         facts |= _of_several(baseline, mounting, pad)
-    elif mounting is not None and baseline.rest is not None:
+    elif isinstance(mounting, Mounting) and baseline.rest is not None:
         deviation = np.sqrt(np.diagonal(mounting.rest_covariance))
         remanence_t = mounting.remanence_t(pad)
         facts |= {

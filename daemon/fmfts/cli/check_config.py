@@ -12,8 +12,7 @@ from fmfts.common import exit_codes
 
 def run(options: argparse.Namespace) -> int:
     from fmfts.config.checks import other_silicone
-    from fmfts.contact import ModelError, NoContactModel
-    from fmfts.contact.array_model import ArrayModel
+    from fmfts.contact import ContactModel, ModelError, NoContactModel
     from fmfts.contact.model import SHEAR_UNKNOWN
     from fmfts.runtime.opening import load_models
 
@@ -36,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
                 print(f"{pad.name}: warning: no place and no force: {model.reason}", file=sys.stderr)
                 continue
             print(f"{pad.name}: {kind}, {pad.source.rate_hz} Hz, contact model {model.hash}…")
-            if isinstance(model, ArrayModel):
+            if not isinstance(model, ContactModel):
                 continue
             if (warning := other_silicone(pad)) is not None:
                 print(f"{pad.name}: warning: {warning}", file=sys.stderr)

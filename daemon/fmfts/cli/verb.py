@@ -98,6 +98,12 @@ def configured_pad(options: argparse.Namespace) -> PadConfig:
             f"pad {pad.name!r} holds {len(pad.other_magnets) + 1} magnets, and this verb is for pads with one: "
             "docs/several.md says what such a pad can do",
         )
+    if pad.is_skin:
+        raise VerbError(
+            exit_codes.CONFIG,
+            f"the magnets of pad {pad.name!r} are unknown, and this verb is for pads with one that is known: "
+            "docs/anyskin.md says what such a pad can do",
+        )
     return pad
 
 

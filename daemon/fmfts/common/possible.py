@@ -30,8 +30,8 @@ class Range(NamedTuple):
                 raise ValueError(f"{told} is no {self.of}: from {self.lowest:g} to {self.highest:g}")
 
 
-# A converter of 12 bits tells 8.9 G at the coarsest gain; a gain that is off by its 5 % makes 9.4 G of it.
-FIELD_T = Range(-1e-3, 1e-3, "field in T")
+# The widest range of any chip, the MLX90393's 397 G, and a gain that is off. A chip's own range is narrower.
+FIELD_T = Range(-5e-2, 5e-2, "field in T")
 NOISE_T = Range(0.0, 1e-4, "noise in T")
 GAIN = Range(0.1, 10.0, "gain")
 SHARE = Range(0.0, 1.0, "share")

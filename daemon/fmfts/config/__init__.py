@@ -54,6 +54,9 @@ class ServiceConfig(_Section, frozen=True):
     lock_memory: bool = False
 
 
+FIELD_RESPONSE_SUFFIX = ".response"  # of a `[pad.contact] model` that goes from contact to field
+
+
 class _HardwareSource(_Section, frozen=True):
     rate_hz: Annotated[int, Meta(ge=1, le=FASTEST_HZ)] = 220
     range_gauss: float = 2.5
@@ -227,6 +230,11 @@ class PadConfig(_Section, frozen=True, kw_only=True):
     contact: ContactConfig = field(default_factory=ContactConfig)
     rebaseline: RebaselineConfig = field(default_factory=RebaselineConfig)
 
+    @property
+    def is_skin(self) -> bool:
+        """Whether nobody knows its magnets: its contact model then goes from contact to field."""
+        return self.contact.model.endswith(FIELD_RESPONSE_SUFFIX) and not self.other_magnets
+
     def pad(self) -> Pad:
         """The nominal pad, in SI."""
         positions = np.array(self.geometry.sensors_mm, dtype=float) * 1e-3
@@ -244,6 +252,7 @@ class PadConfig(_Section, frozen=True, kw_only=True):
             chip=CHIPS[self.source.chip],
             silicone=self.silicone.si(),
             other_magnets=tuple(others),
+            are_magnets_known=not self.is_skin,
         )
 
 

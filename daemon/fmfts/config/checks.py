@@ -19,6 +19,7 @@ from fmfts.config import (
     collect,
 )
 from fmfts.config.several_checks import MAGNETS_APART_MM, Key, several_problems
+from fmfts.config.skin_checks import skin_problems
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
@@ -69,6 +70,7 @@ def _of_pads(config: Config) -> Iterator[Problem]:
             _rest,
             _model,
             several_problems,
+            skin_problems,
         )
         for check in checks:
             for keys, text in check(pad):

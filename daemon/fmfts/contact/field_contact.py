@@ -19,7 +19,7 @@ from fmfts.contact.field_response import Array, FieldResponse
 PLACES_OF_A_CELL, LOADS_BESIDE_PLACES, LOADS_ALONE = 1.5, 17, 201
 STEPS = 15
 FIRST_DAMPING, LESS, MORE = 1e-3, 0.1, 10.0
-SETTLED = 1e-6  # steps, as shares of a cell
+SETTLED, SETTLED_NEAR = 1e-6, 1e-3  # steps, as shares of a cell: after a search, and from a contact that was near
 # By so much of its range a load may lie beyond the table, whose tangent is followed there; below a rest only as noise.
 BEYOND, BELOW_REST = 1.0, 0.05
 # A place that nothing determines: this many cells. It keeps the normal matrix regular.
@@ -42,13 +42,20 @@ class FoundContacts(NamedTuple):
 
 
 class ContactFinder:
-    """Finds contacts by the table `response`. moment_share: deviation of the moment; None: the table's own."""
+    """Finds contacts by the table `response`. moment_share: deviation of the moment; None: the table's own.
 
-    def __init__(self, response: FieldResponse, moment_share: float | None = None) -> None:
+    also_ut2 (P, P): covariance of errors besides the table's; None: there are none.
+    """
+
+    def __init__(
+        self, response: FieldResponse, moment_share: float | None = None, also_ut2: Array | None = None
+    ) -> None:
         self.response = response
         share = response.moment_share if moment_share is None else moment_share
         common = share * response.reference_ut
         self._covariance = response.covariance + common[:, None] * common[None, :]
+        if also_ut2 is not None:
+            self._covariance = self._covariance + also_ut2
         self._log = np.array([log_determinant(one) for one in self._covariance])
         self._cell = np.array([axis.spacing for axis in response.axes])
         load = response.axes[-1]
@@ -82,14 +89,19 @@ class ContactFinder:
                 out.append((root, members, solve_lower(root, change[members].T)))
         return out
 
-    def find(self, change_ut: Array) -> FoundContacts:
-        """The contacts that explain changes (K, P) of the field, in the table's own scale (`Instance.change_ut`)."""
-        starts = range(0, max(len(change_ut), 1), FRAMES_AT_ONCE)
-        parts = [self._find(change_ut[start : start + FRAMES_AT_ONCE]) for start in starts]
+    def find(self, change_ut: Array, near: Array | None = None) -> FoundContacts:
+        """The contacts that explain changes (K, P) of the field, in the table's own scale (`Instance.change_ut`).
+
+        near (K, D): where the search begins; None: everywhere.
+        """
+        settled, parts = SETTLED if near is None else SETTLED_NEAR, []
+        for start in range(0, max(len(change_ut), 1), FRAMES_AT_ONCE):
+            some = slice(start, start + FRAMES_AT_ONCE)
+            contact = self._scan(change_ut[some]) if near is None else near[some]
+            parts.append(self._find(change_ut[some], contact, settled))
         return FoundContacts(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
-    def _find(self, change_ut: Array) -> FoundContacts:
-        contact = self._scan(change_ut)
+    def _find(self, change_ut: Array, contact: Array, settled: float) -> FoundContacts:
         damping = np.full(len(contact), FIRST_DAMPING)
         cost, white, slope = self._linearised(contact, change_ut)
         for _ in range(STEPS):
@@ -105,7 +117,7 @@ class ContactFinder:
             white = np.where(better[:, None], trial_white, white)
             slope = np.where(better[:, None, None], trial_slope, slope)
             damping = damping * np.where(better, LESS, MORE)
-            if (moved < SETTLED).all():
+            if (moved < settled).all():
                 break
         covariance = inverse(self._normal(slope))
         covariance[:, -1, -1] += self.response.load_share * self.response.load_share * contact[:, -1] * contact[:, -1]

@@ -11,7 +11,8 @@ two pads of it, or between two days of one, is in `Instance`. Fields are in µT,
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple, Self
 
 import msgspec
@@ -62,6 +63,12 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
         slopes = np.stack([-v * v, 3.0 * u * u - 4.0 * u, -(3.0 * v * v - 4.0 * v), u * u], axis=1) / 2.0
         return cell, values + (place - inside)[:, None] * slopes, slopes / self.spacing
+
+
+@cache
+def _corners(axes: int) -> NDArray[np.intp]:
+    """(4^axes, axes): which spline of each axis."""
+    return np.array(list(itertools.product(range(4), repeat=axes)))
 
 
 class Felt(NamedTuple):
@@ -130,10 +137,19 @@ class FieldResponse:
         """Which axis is the load: the last."""
         return len(self.axes) - 1
 
+    def only(self, values: NDArray[np.intp]) -> Self:
+        """The table of some of its values of field: of the sensors that there are."""
+        return replace(
+            self,
+            reference_ut=self.reference_ut[values],
+            coefficient=np.ascontiguousarray(self.coefficient[..., values]),
+            covariance=np.ascontiguousarray(self.covariance[:, values[:, None], values]),
+        )
+
     def felt(self, contact: Array) -> Felt:
         """What contacts (K, D) change."""
         stencils = [axis.stencil(contact[:, i]) for i, axis in enumerate(self.axes)]
-        corners = np.array(list(itertools.product(range(4), repeat=len(self.axes))))
+        corners = _corners(len(self.axes))
         weight = np.ones((len(contact), 1 + len(self.axes), len(corners)))
         row = np.zeros((len(contact), len(corners)), dtype=np.intp)
         for i, (cell, values, slopes) in enumerate(stencils):

@@ -23,8 +23,7 @@ from fmfts.pipeline.configured import (
     AnyModel,
     Pipeline,
     feel_neighbours,
-    load_array_model,
-    load_contact_model,
+    load_any_model,
     pipeline_of,
 )
 from fmfts.pipeline.contact_message import PackedMessage
@@ -220,7 +219,7 @@ class Replay:
         model: AnyModel
         for path in self._model_paths:
             try:
-                model = load_array_model(config, path) if config.other_magnets else load_contact_model(config, path)
+                model = load_any_model(config, path)
             except ModelError:
                 continue
             if model.hash == state.model:

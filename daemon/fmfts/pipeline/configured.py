@@ -11,9 +11,11 @@ from fmfts.contact import ContactModel, NoContactModel, OtherPadError
 from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
+from fmfts.contact.skin_model import SkinModel
 from fmfts.pipeline.now import Lead
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.several_pipeline import SeveralPipeline
+from fmfts.pipeline.skin_pipeline import SkinPipeline
 from fmfts.scene.neighbours import SceneNeighbour, neighbours_around
 from fmfts.scene.tracking import (
     AMBIENT_DEVIATION_T,
@@ -26,8 +28,8 @@ from fmfts.scene.tracking import (
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
 from fmfts.several.field_model import Scene
 
-AnyModel = ContactModel | NoContactModel | ArrayModel
-Pipeline = PadPipeline | SeveralPipeline
+AnyModel = ContactModel | NoContactModel | ArrayModel | SkinModel
+Pipeline = PadPipeline | SeveralPipeline | SkinPipeline
 DEFAULT_MODEL = "default"
 # The ambient field since the baseline, along each axis, while a robot turns in the Earth's field: a pad with several
 # magnets solves it anew in each frame.
@@ -55,14 +57,26 @@ def load_array_model(config: PadConfig, path: str) -> ArrayModel:
     return ArrayModel.load(ARRAY_PATH if path == DEFAULT_MODEL else Path(path), config.pad())
 
 
+def load_skin_model(config: PadConfig, path: str) -> SkinModel:
+    """The contact model at `path` of a pad whose magnets are unknown. ModelError if it cannot serve this pad."""
+    return SkinModel.load(Path(path), len(config.geometry.sensors_mm))
+
+
+def load_any_model(config: PadConfig, path: str) -> ContactModel | ArrayModel | SkinModel:
+    """The contact model at `path`, of the kind that this pad needs. ModelError if it cannot serve this pad."""
+    if config.is_skin:
+        return load_skin_model(config, path)
+    return load_array_model(config, path) if config.other_magnets else load_contact_model(config, path)
+
+
 def contact_model_of(config: PadConfig) -> AnyModel:
     """The configured contact model. No model where the file asks for "none", or for a shipped one that does not fit.
 
     ModelError if another file is configured and cannot serve this pad, or if a pad with several magnets has none.
     """
     name = config.contact.model
-    if config.other_magnets:
-        return load_array_model(config, name)
+    if config.is_skin or config.other_magnets:
+        return load_any_model(config, name)
     if name == NO_MODEL:
         return no_model_for(name)
     try:
@@ -79,6 +93,9 @@ def pipeline_of(config: PadConfig, model: AnyModel, boot: str) -> Pipeline:
     if isinstance(model, ArrayModel):
         per_k = config.magnet.temperature_coefficient_per_k
         return SeveralPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config), per_k)
+    if isinstance(model, SkinModel):
+        per_k = config.magnet.temperature_coefficient_per_k
+        return SkinPipeline(config.pad(), model, boot, rate_hz, several_scene_of(config).ambient_t, per_k)
     tracking = scene_model_of(config).tracking
     return PadPipeline(config.pad(), model, boot, rate_hz, tracking, lead_of(config))
 
@@ -96,7 +113,7 @@ def lead_of(config: PadConfig) -> Lead:
 
 
 def several_scene_of(config: PadConfig) -> Scene:
-    """What else changes the field of a pad with several magnets."""
+    """What else changes the field of a pad with several magnets, or with unknown ones."""
     moves = config.scene.ambient == "drifting" or config.scene.steel_nearby
     warming_k = HOTTER_K if config.scene.remanence == "drifting" else COEFFICIENT_SHARE * UNREAD_WARMING_K
     per_k = config.magnet.temperature_coefficient_per_k

@@ -18,6 +18,7 @@ from fmfts.pipeline import snapshot_v1
 from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
 from fmfts.pipeline.several_pipeline import SeveralMemory, SeveralPipeline
+from fmfts.pipeline.skin_pipeline import SkinPipeline, SkinPipelineMemory
 from fmfts.pose import SOLVER
 
 FORMAT = 2
@@ -70,6 +71,8 @@ def restore(pipeline: Pipeline, content: bytes) -> None:
     try:
         if isinstance(pipeline, SeveralPipeline):
             pipeline.recall(decode(_unwrapped(content), SeveralMemory))
+        elif isinstance(pipeline, SkinPipeline):
+            pipeline.recall(decode(_unwrapped(content), SkinPipelineMemory))
         else:
             pipeline.recall(_read(content))
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError) as error:

@@ -12,8 +12,9 @@ from fmfts.baseline.recording import ForeignError
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
-from fmfts.contact import ModelError, NoContactModel
+from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.contact.array_model import ArrayModel
+from fmfts.contact.skin_model import SkinModel
 from fmfts.pad import Pad
 from fmfts.pipeline.configured import AnyModel, Pipeline, contact_model_of, feel_neighbours, pipeline_of
 from fmfts.pipeline.pad_pipeline import PadPipeline
@@ -64,6 +65,10 @@ def tell_models(config: Config, models: Mapping[str, AnyModel]) -> None:
             told = f"{len(pad.other_magnets) + 1} magnets, up to two fingers"
             log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
             continue
+        if isinstance(model, SkinModel):
+            told = f"unknown magnets, {model.tells}"
+            log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, told)
+            continue
         by = model.inference.by
         log.info("pad '%s': contact model %s, SHA-256 %s…, %s", pad.name, pad.contact.model, model.hash, by)
 
@@ -83,12 +88,12 @@ def channel_of(
     """
     pipeline = pipeline_of(config, model, boot)
     pad = pipeline.pad
-    if not pad.other_magnets:
+    if not pad.other_magnets and pad.are_magnets_known:
         scene = scene_model_of(config)
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in observability_warnings(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
-    if not isinstance(model, NoContactModel | ArrayModel) and (doubt := other_silicone(config)) is not None:
+    if isinstance(model, ContactModel) and (doubt := other_silicone(config)) is not None:
         log.warning("pad '%s': %s", pad.name, doubt)
     channel = Channel(source, pad_index, pipeline, publisher, boot, float(config.source.rate_hz))
     channel.recorders.config, channel.origin = config, origin_of(config)
@@ -111,7 +116,7 @@ def channel_of(
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
-    if isinstance(pipeline, PadPipeline) and not isinstance(model, ArrayModel):
+    if isinstance(pipeline, PadPipeline) and isinstance(model, ContactModel | NoContactModel):
         advised = advice(config, pads, model.response, pipeline.mounting)
         if advised is not None:
             log.info("pad '%s': %s", pad.name, advised)

@@ -21,6 +21,7 @@ from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
+from fmfts.contact.skin_model import SkinModel
 from fmfts.pipeline.configured import AnyModel
 from fmfts.recording.baseline import require_device
 from fmfts.runtime.channel import Channel
@@ -192,12 +193,24 @@ def _range_of(model: AnyModel) -> dict[str, object]:
             "calibrated_y_m": along_m,
             "calibrated_force_n": model.response.scale_n,
         }
+    if isinstance(model, SkinModel):
+        return _range_of_skin(model)
     envelope = model.facts.envelope
     return {
         "calibrated_x_m": [value * 1e-3 for value in envelope.x_mm],
         "calibrated_y_m": [value * 1e-3 for value in envelope.y_mm],
         "calibrated_force_n": envelope.force_max_n,
     }
+
+
+def _range_of_skin(model: SkinModel) -> dict[str, object]:
+    facts: dict[str, object] = {}
+    for axis in model.response.axes:
+        if axis.name == "force_n":
+            facts["calibrated_force_n"] = axis.last
+        elif axis.name != "depth_mm":
+            facts[f"calibrated_{axis.name[0]}_m"] = [axis.first * 1e-3, axis.last * 1e-3]
+    return facts
 
 
 def _origin(channel: Channel) -> Origin | None:
