@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from typing import Any
 
 import pytest
@@ -48,6 +49,20 @@ def test_packets_that_come_again_are_not_taken_for_new_ones(back: int) -> None:
     (frame,) = line.feed(of(2101))
     assert frame.run == before.run
     assert frame.host_time_ns - before.host_time_ns == pytest.approx(PERIOD_NS, abs=PERIOD_NS / 2)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_second_of_nothing_but_old_packets_is_not_believed(seed: int) -> None:
+    """New packets come damaged, and now and then some of a second ago come again: as from a clock a second late."""
+    line, dice = line_after(2100), random.Random(seed)
+    line.feed(later_ns=0)
+    frames = []
+    for number in range(2100, 2320):
+        # Those of the last 20 ms are told with their own time, which is a second old by then.
+        burst = range(number - 220, min(number - 220 + dice.randrange(1, 12), 2095))
+        again = [of(old) for old in burst] if dice.random() < 0.1 else []
+        frames += line.feed(*again, later_ns=PERIOD_NS)
+    assert frames == []
 
 
 def test_a_board_that_was_reset_is_believed_with_its_hello_at_once() -> None:

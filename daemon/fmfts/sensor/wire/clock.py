@@ -117,6 +117,11 @@ class DeviceClock:
         newest_us: int = LINE.unpack_from(self.line, HEAD.size)[0]
         return newest_us
 
+    def since_newest_ns(self, arrival_ns: int) -> float:
+        """How long before `arrival_ns` the newest packet that it learned from was due."""
+        self._take_line()
+        return self._above_line(self._point(self._newest_us, arrival_ns))
+
     def is_plausible(self, device_us: int, arrival_ns: int) -> bool:
         """Whether this time goes on from what was learned. If it does not, `to_host_ns` begins anew."""
         self._take_line()

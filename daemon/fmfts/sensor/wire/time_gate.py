@@ -11,8 +11,8 @@ from fmfts.sensor.wire.clock import JUMP_NS, DeviceClock
 
 # So many packets in a row that go on from each other are a clock's: a reset board, whose hello was lost.
 CONVINCING = 3
-# Packets of the last seconds that come again go on from each other too, and may be the first that a board sent. Nothing
-# repeats a line for longer than this.
+# Packets of the last seconds that come again go on from each other too. A board that was reset counts from zero, so its
+# clock is no older than the last packet of before, but for this much, and for so long its packets must come.
 RECENT_US = 10_000_000
 REPEATED_NS = 100_000_000
 # How far the steps of time and arrival may differ besides JUMP_NS: an RC oscillator's tolerance, twice.
@@ -37,7 +37,7 @@ class TimeGate:
     def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
         """Whether `clock` may learn from a packet with this time."""
         self._forget_if_it_went_on(clock)
-        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(clock.newest_us, device_us, arrival_ns):
+        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(clock, device_us, arrival_ns):
             self._forget()
             return True
         return False
@@ -51,18 +51,21 @@ class TimeGate:
             self._forget()
         self._newest_us = clock.newest_us
 
-    def _is_believed(self, newest_us: int, device_us: int, arrival_ns: int) -> bool:
+    def _is_believed(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
         """A strange time: whether it is a clock's that began anew."""
         if self._goes_on(device_us, arrival_ns):
             self._count += 1
         else:
             self._count, self._since_ns = 1, arrival_ns
         self._strange = device_us, arrival_ns
-        back_us = newest_us - device_us
+        back_us = clock.newest_us - device_us
         if self._hello and back_us > 0:
             return True
-        is_recent = 0 < back_us <= RECENT_US
-        return self._count >= CONVINCING and (not is_recent or arrival_ns - self._since_ns >= REPEATED_NS)
+        needed_ns = 0
+        if 0 < back_us <= RECENT_US:
+            may_be_reset = 1000 * device_us <= clock.since_newest_ns(arrival_ns) + REPEATED_NS
+            needed_ns = REPEATED_NS if may_be_reset else 1000 * RECENT_US
+        return self._count >= CONVINCING and arrival_ns - self._since_ns >= needed_ns
 
     def _goes_on(self, device_us: int, arrival_ns: int) -> bool:
         """Whether as much time passed on both clocks since the last strange packet."""
