@@ -33,6 +33,12 @@ def skin_field(press: Array) -> Array:
     return summed
 
 
+def streamed_field(press: Array) -> Array:
+    """The same of weaker magnets, as the boards' stream can carry it: ±52 G."""
+    weaker: Array = 0.4 * skin_field(press)
+    return weaker
+
+
 def presses(count: int, seed: int) -> Array:
     random = np.random.default_rng(seed)
     place = random.uniform(-REACH_MM, REACH_MM, (count, 2))

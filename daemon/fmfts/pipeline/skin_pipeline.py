@@ -142,9 +142,8 @@ class SkinPipeline:
         if reading.contact is None or reading.deviation is None:
             return {"contact": reading.touching}
         axes = self.model.response.axes
-        told = dict(
-            zip((axis.name for axis in axes), zip(reading.contact, reading.deviation, strict=True), strict=True)
-        )
+        values = zip(reading.contact.tolist(), reading.deviation.tolist(), strict=True)
+        told = dict(zip((axis.name for axis in axes), values, strict=True))
         found: dict[str, Any] = {"contact": True, "over_range": reading.beyond}
         if reading.beyond:
             force_n = min(max(told[axes[-1].name][0], 0.0), axes[-1].last)
