@@ -45,6 +45,25 @@ def test_init_writes_a_commented_configuration_for_the_board_that_it_finds(tmp_p
     assert "[collect.gauge]" in text
 
 
+@pytest.mark.parametrize(
+    ("identification", "where", "written"),
+    [
+        ("30 00 00", {"mux_address": 0x70, "channels": [0, 1, 2, 3]}, ("mmc5983ma", 220, 8.0)),
+        ("00 00 ff", {"mux_address": 0x70, "channels": [0, 1, 2, 3]}, ("qmc5883l", 200, 8.0)),
+        ("00 06 7c", {"addresses": ["0x0c", "0x0d", "0x0e", "0x0f"]}, ("mlx90393", 220, 132.0)),
+    ],
+)
+def test_init_writes_the_chips_that_the_board_has(
+    tmp_path: Path, identification: str, where: dict, written: tuple[str, int, float]
+) -> None:
+    answers = [identification, "00 00 00", identification, identification]  # the second one is not there yet
+    board = {"uid": UID, "pads": [{"i2c_port": 1, "identification": answers} | where]}
+    (tmp_path / "pad.toml").write_text(written_for(init_config._pads_of(board, "/dev/ttyACM0"), "a board"))
+    source = load(tmp_path / "pad.toml")[0].pad[0].source
+    assert isinstance(source, BridgeSource)
+    assert (source.chip, source.rate_hz, source.range_gauss) == written
+
+
 def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:
     said(tmp_path, "init", "--simulated")
     assert said(tmp_path, "check-config").startswith("good: 1 pad")

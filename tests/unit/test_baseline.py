@@ -220,6 +220,7 @@ def test_moving_field_is_refused_with_the_figure() -> None:
     [
         (lambda f: replace(f, valid=np.array([1, 1, 0, 1], bool)), "sensor 3 answered in 0 of 200 frames"),
         (lambda f: replace(f, counts=np.where(np.eye(4, 3) > 0, -4096, f.counts).astype(np.int16)), "1 is saturated"),
+        (lambda f: replace(f, counts=np.where(np.eye(4, 3) > 0, 9000, f.counts).astype(np.int16)), "1 is telling on x"),
         (lambda f: replace(f, fresh=np.array([1, 1, 1, 0], bool)), "sensor 4 gave only 0 new samples"),
         (lambda f: replace(f, gain_code=f.sequence % 2), "range was changed"),
     ],

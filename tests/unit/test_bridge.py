@@ -16,6 +16,8 @@ import pytest
 from emulator.board import UID, Board
 from fmfts.config import BridgeSource, GeometryConfig, PadConfig
 from fmfts.sensor.bridge.bridge import Bridge
+from fmfts.sensor.chips import HMC5983
+from fmfts.sensor.chips.recognised import why_not_among
 from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import SensorState, Verb
@@ -267,6 +269,26 @@ def test_a_wrong_chip_is_named_by_what_it_answers(board: Board) -> None:
     connected(bridge, board)
     assert "answers 48 34 34" in bridge.state.sensor_faults[0, 0]
     bridge.close()
+
+
+def test_a_pad_of_other_chips_is_not_read(board: Board) -> None:
+    board.identification = b"\x30\x00\x00"
+    bridge = Bridge({0: pad(board.link)})
+    connected(bridge, board)
+    said = 'is a MMC5983MA at 0x30, not an HMC5983: set chip = "mmc5983ma"'
+    assert bridge.state.pad_faults[0] == f"pad 'left': sensor 1 (mux 0x70, channel 0) {said}"
+    board.stream(5)
+    assert run(bridge, board, until=lambda: bridge._link.heard_ns > 0) == []
+    assert 0 in bridge.state.pad_faults
+    bridge.close()
+
+
+def test_a_chip_of_another_kind_among_the_right_ones_is_to_be_replaced() -> None:
+    answers = [b"H43", b"\0\0\0", b"\x30\0\0", b"H43"]
+    sensor, said = why_not_among(HMC5983, answers) or (-1, "")
+    assert sensor == 2
+    assert said == "is a MMC5983MA at 0x30, not an HMC5983: a pad's chips must be of one kind: fit another one there"
+    assert why_not_among(HMC5983, answers[:2]) is None
 
 
 def test_another_number_of_sensors_is_refused_with_both_numbers(board: Board) -> None:

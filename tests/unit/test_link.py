@@ -48,10 +48,10 @@ def pad(name: str = "left", sensors: int = 4, **source: object) -> PadOnBoard:
     return on_board(PadConfig(name=name, source=settings, geometry=GeometryConfig(sensors_mm=positions)))
 
 
-def hello(*sensors: int, **changes: object) -> Hello:
+def hello(*sensors: int, identification: bytes = b"H43", **changes: object) -> Hello:
     """Of a board with so many sensors on each pad, set up as the config wants it."""
     pads = tuple(
-        HelloPad(1, 0x70 + i, tuple(HelloSensor(c, 0, b"H43") for c in range(n))) for i, n in enumerate(sensors)
+        HelloPad(1, 0x70 + i, tuple(HelloSensor(c, 0, identification) for c in range(n))) for i, n in enumerate(sensors)
     )
     fields = {"firmware_version": (0, 1, 0), "reset_cause": 1, "clock": 1, "uid": UID, "rate_hz": 220, "gain_code": 3}
     return Hello(**(fields | {"trigger": 0, "running": 1, "pads": pads} | changes))  # type: ignore[arg-type]

@@ -83,7 +83,7 @@ def test_board_says_what_its_chip_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(CHIPS, OTHER.name, OTHER)
     for chip, temperature_c in (("hmc5983", 26.0), ("hmc5883l", None), (OTHER.name, 32.8)):
         line = Line(pad(chip=chip, rate_hz=75))
-        line.feed(hello(4, gain_code=0, rate_hz=75))
+        line.feed(hello(4, identification=CHIPS[chip].identity, gain_code=0, rate_hz=75))
         # The first sample is a packet among others; those that follow it alone take the shorter way.
         followed = sample(temperature_raw=128, sequence=1, time_us=2 * 4545)
         (first,) = line.feed(sample(temperature_raw=128))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import SingularError
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.missing import saturated
+from fmfts.sensor.missing import saturated, untellable
 
 Array = NDArray[np.float64]
 
@@ -85,6 +85,11 @@ def summarise(frames: Sequence[Frame]) -> Recording:
     _require(
         np.asarray(~overflow.any(axis=1), dtype=np.bool_),
         lambda sensor: f"sensor {sensor + 1} is {saturated(chip, gain_code, overflow[sensor])}",
+    )
+    impossible: NDArray[np.bool_] = np.asarray(np.array([frame.impossible for frame in frames]).any(axis=0), np.bool_)
+    _require(
+        np.asarray(~impossible.any(axis=1), dtype=np.bool_),
+        lambda sensor: f"sensor {sensor + 1} is {untellable(chip, impossible[sensor])}",
     )
     fresh = np.array([frame.fresh & frame.valid for frame in frames])
     fields = np.array([frame.field_t for frame in frames])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from fmfts.common import exit_codes
 
 if TYPE_CHECKING:
     from fmfts.config.example import FoundPad
+    from fmfts.sensor.chips import Chip
     from fmfts.sensor.i2c.scan import Found
 
 DEFAULT_FILE = Path("pad.toml")
@@ -115,7 +117,6 @@ def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
 
 def _i2c_lines(bus: int, members: Sequence[Found]) -> list[str]:
     """The lines of [pad.source] for chips of one kind, at a rate and a range that suit them."""
-    from fmfts.config.example import shared_lines
     from fmfts.sensor.chips import CHIPS
 
     chip, first = CHIPS[members[0].chip], members[0]
@@ -134,12 +135,29 @@ def _i2c_lines(bus: int, members: Sequence[Found]) -> list[str]:
         ]
         if any(each.address != chip.address for each in members):
             lines.append(f"addresses = [{', '.join(f'{each.address:#04x}' for each in members)}]")
+    return [*lines, *_lines_for(chip, over_bridge=False)]
+
+
+def _lines_for(chip: Chip, *, over_bridge: bool) -> list[str]:
+    """The keys that every device has, with the rate and the range that suit this chip."""
+    from fmfts.config.example import shared_lines
+    from fmfts.sensor.chips.rates import highest_rate_hz
+
     suited = {
-        "rate_hz": str(min(USUAL_RATE_HZ, chip.free_rate_hz)),
+        "rate_hz": str(min(USUAL_RATE_HZ, highest_rate_hz(chip, "free", over_bridge=over_bridge))),
         "range_gauss": f"{next(each for each in sorted(chip.ranges_gauss) if each >= USUAL_RANGE_GAUSS):g}",
         "chip": f'"{chip.name}"',
     }
-    return [*lines, *(_with_value(line, suited) for line in shared_lines())]
+    return [_with_value(line, suited) for line in shared_lines()]
+
+
+def _chip_of(identifications: Sequence[str]) -> Chip:
+    """The kind that most of a board's sensors are, the usual one where none says. identifications: as in `status`."""
+    from fmfts.sensor.chips import DEFAULT_CHIP
+    from fmfts.sensor.chips.recognised import kind_of
+
+    kinds = Counter(kind for each in identifications if (kind := kind_of(bytes.fromhex(each))) is not None)
+    return max(kinds, key=kinds.__getitem__, default=DEFAULT_CHIP)
 
 
 def _with_value(line: str, values: Mapping[str, str]) -> str:
@@ -173,7 +191,7 @@ def _asked(source: Any) -> tuple[dict[str, Any], str]:
 
 
 def _pads_of(board: dict[str, Any], port: str) -> list[FoundPad]:
-    from fmfts.config.example import FoundPad, shared_lines
+    from fmfts.config.example import FoundPad
 
     pads: Sequence[dict[str, Any]] = board["pads"]
     names = ["left"] if len(pads) == 1 else [f"pad{number + 1}" for number in range(len(pads))]
@@ -186,9 +204,9 @@ def _pads_of(board: dict[str, Any], port: str) -> list[FoundPad]:
                 f'uid = "{board["uid"]}"     # only this board is used, on whatever port it is',
                 f"pad_index = {index}                  # which of the board's pads, from 0",
                 "baud = 460800                  # of the serial line, bits a second",
-                *shared_lines(),
+                *_lines_for(_chip_of(pad["identification"]), over_bridge=True),
             ],
-            len(pad["channels"]),
+            len(pad["identification"]),
         )
         for index, (name, pad) in enumerate(zip(names, pads, strict=True))
     ]

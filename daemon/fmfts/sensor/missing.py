@@ -24,9 +24,7 @@ def missing_sensors(frame: Frame, stuck: NDArray[np.bool_] | None = None) -> dic
         elif overflow[sensor].any():
             found[sensor] = saturated(frame.chip, frame.gain_code, overflow[sensor])
         elif impossible[sensor].any():
-            found[sensor] = (
-                f"telling on {_named(impossible[sensor])} what its converter cannot (is it a {frame.chip.label}?)"
-            )
+            found[sensor] = untellable(frame.chip, impossible[sensor])
         elif stuck is not None and stuck[sensor].any():
             found[sensor] = f"stuck on {_named(stuck[sensor])}, which repeats one value (run selftest)"
     return found
@@ -38,6 +36,11 @@ def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
     larger = [each for each in chip.ranges_gauss if each > now]
     do = f"set range_gauss = {larger[0]:g}" if larger else "no range is larger: is another magnet near?"
     return f"saturated on {_named(axes)} at ±{now:g} G ({do})"
+
+
+def untellable(chip: Chip, axes: NDArray[np.bool_]) -> str:
+    """What is wrong with a sensor whose `axes` (3,) tell a count that `chip` has not."""
+    return f"telling on {_named(axes)} what its converter cannot (is it a {chip.label}?)"
 
 
 def _named(axes: NDArray[np.bool_]) -> str:

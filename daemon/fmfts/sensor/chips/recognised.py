@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fmfts.sensor.chips import CHIPS, Chip
+
+
+def kind_of(answer: bytes) -> Chip | None:
+    """The chip that identifies itself so, None if none does. Of two that answer alike it is the first."""
+    return next((each for each in CHIPS.values() if each.is_identity(answer)), None)
 
 
 def why_not(chip: Chip, answer: bytes) -> str | None:
@@ -12,8 +19,26 @@ def why_not(chip: Chip, answer: bytes) -> str | None:
     """
     if chip.is_identity(answer):
         return None
-    other = next((each for each in CHIPS.values() if each.is_identity(answer)), None)
+    other = kind_of(answer)
     if other is None:
         return chip.why_not_identity(answer)
+    return f'{_not_but(chip, other)}: set chip = "{other.name}"'
+
+
+def why_not_among(chip: Chip, answers: Sequence[bytes]) -> tuple[int, str] | None:
+    """The first sensor of a pad that is of another kind than `chip`, and what to do; None where all may be `chip`s.
+
+    answers: of each sensor; what no known chip says tells nothing here.
+    """
+    kinds = [kind_of(answer) for answer in answers]
+    for sensor, (answer, kind) in enumerate(zip(answers, kinds, strict=True)):
+        if kind is not None and not chip.is_identity(answer):
+            alike = all(each in (None, kind) for each in kinds)
+            mend = f'set chip = "{kind.name}"' if alike else "a pad's chips must be of one kind: fit another one there"
+            return sensor, f"{_not_but(chip, kind)}: {mend}"
+    return None
+
+
+def _not_but(chip: Chip, other: Chip) -> str:
     where = f" at 0x{other.address:02X}" if len(other.addresses) == 1 else ""
-    return f'is a {other.label}{where}, not an {chip.label}: set chip = "{other.name}"'
+    return f"is a {other.label}{where}, not an {chip.label}"

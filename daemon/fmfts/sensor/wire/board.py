@@ -54,6 +54,13 @@ class Board:
             return f"there is no gain code {selftest.gain_code}"
         return self.contradiction(selftest.pad_index, len(selftest.sensors))
 
+    def mismatch(self, pad_index: int, sensors: int) -> str | None:
+        """Why samples of `sensors` sensors are not of the configured pad; None if they may be."""
+        pad = self._pads[pad_index]
+        if sensors != pad.sensors:
+            return faults.wrong_sensor_count(pad, sensors)
+        return None if self.hello is None else faults.pad_mismatch(pad, pad_index, self.hello)
+
     def describe(self) -> None:
         """Write into the state what the last hello says. Call it only for the right board."""
         hello = self.hello

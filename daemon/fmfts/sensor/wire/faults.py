@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from fmfts.sensor.chips import Chip
-from fmfts.sensor.chips.recognised import why_not
+from fmfts.sensor.chips.recognised import why_not, why_not_among
 from fmfts.sensor.wire.codec import VERSION
 from fmfts.sensor.wire.packets import NO_MUX, Hello, HelloPad, Reply, Request, Result, SensorState, Verb
 from fmfts.sensor.wired_pad import WiredPad
@@ -125,8 +125,11 @@ def pad_mismatch(pad: WiredPad, pad_index: int, hello: Hello) -> str | None:
     if pad_index >= len(hello.pads):
         wants = f"pad {pad.name!r} wants pad_index = {pad_index} (they count from 0)"
         return f"the board has {_some(len(hello.pads), 'pad')}, {wants}: correct the config"
-    sensors = len(hello.pads[pad_index].sensors)
-    return None if sensors == pad.sensors else wrong_sensor_count(pad, sensors)
+    described = hello.pads[pad_index]
+    if len(described.sensors) != pad.sensors:
+        return wrong_sensor_count(pad, len(described.sensors))
+    other = why_not_among(pad.chip, [sensor.identification for sensor in described.sensors])
+    return None if other is None else f"pad {pad.name!r}: {sensor_name(described, other[0])} {other[1]}"
 
 
 def wrong_sensor_count(pad: WiredPad, sensors: int) -> str:

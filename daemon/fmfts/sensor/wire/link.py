@@ -226,12 +226,11 @@ class Link:
         host_time_ns = self._host_time_ns(time_us, now_ns)
         if host_time_ns is None:
             return None
-        pad = self._pads.get(pad_index)
-        if pad is None or not self.is_right_board:
+        if pad_index not in self._pads or not self.is_right_board:
             return None
-        wrong = sensors != pad.sensors
-        faults.note(self._state.pad_faults, pad_index, faults.wrong_sensor_count(pad, sensors) if wrong else None)
-        return None if wrong else host_time_ns
+        wrong = self._board.mismatch(pad_index, sensors)
+        faults.note(self._state.pad_faults, pad_index, wrong)
+        return host_time_ns if wrong is None else None
 
     def _frame(self, sample: Sample, now_ns: int) -> Frame | None:
         sensors = len(sample.counts)
