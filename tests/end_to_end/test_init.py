@@ -13,7 +13,7 @@ from fmfts.cli import init_config
 from fmfts.cli.init_config import candidates
 from fmfts.cli.verb import VerbError
 from fmfts.config import BridgeSource, SimulatedSource
-from fmfts.config.example import FoundPad, written_for
+from fmfts.config.example import FoundPad, unusual, written_for
 from fmfts.config.file import load
 
 UID = "0123456789abcdef01234567"
@@ -62,6 +62,18 @@ def test_init_writes_the_chips_that_the_board_has(
     source = load(tmp_path / "pad.toml")[0].pad[0].source
     assert isinstance(source, BridgeSource)
     assert (source.chip, source.rate_hz, source.range_gauss) == written
+
+
+def test_init_says_where_chips_are_when_they_are_not_four() -> None:
+    three = {"identification": ["00 06 7c"] * 3, "addresses": ["0x0c", "0x0d", "0x0e"]}
+    one = {"identification": ["30 00 00"], "mux_address": 0x70, "channels": [4]}
+    pads = init_config._pads_of({"uid": UID, "pads": [three, one]}, "/dev/ttyACM0")
+    of_three, of_one = map(unusual, pads)
+    assert of_three is not None
+    assert of_three.startswith("pad1: 3 chips found (at 0x0c, 0x0d, 0x0e), and a standard pad has 4")
+    assert "the same address as another chip" in of_three
+    assert of_one is not None
+    assert of_one.startswith("pad2: 1 chip found (mux 0x70, channels 4)")
 
 
 def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:

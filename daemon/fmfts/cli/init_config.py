@@ -35,13 +35,14 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _init(options: argparse.Namespace) -> int:
-    from fmfts.config.example import EXAMPLE_PATH, written_for
+    from fmfts.config.example import EXAMPLE_PATH, unusual, written_for
 
     file = options.config or DEFAULT_FILE
     if file.exists():
         raise VerbError(
             exit_codes.UNWRITABLE, f"{file} exists and is left as it is: remove it, or name another with --config"
         )
+    pads: list[FoundPad] = []
     if options.simulated:
         text, where = EXAMPLE_PATH.read_text(encoding="utf-8"), "a simulated pad"
     else:
@@ -52,6 +53,8 @@ def _init(options: argparse.Namespace) -> int:
     except OSError as error:
         raise VerbError(exit_codes.UNWRITABLE, f"{file} cannot be written: {error.strerror}") from error
     print(f"{file}: written for {where}")
+    for remark in filter(None, map(unusual, pads)):
+        print(remark)
     check = f"`fmfts-daemon check-config --config {file}`"
     print(f"next: {check}" if options.simulated else f"next: compare its [pad.geometry] with your pad, then {check}")
     return 0
@@ -109,7 +112,7 @@ def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
     from fmfts.config.example import FoundPad
 
     pads = [
-        FoundPad(name, _i2c_lines(bus, members), len(members))
+        FoundPad(name, _i2c_lines(bus, members), len(members), "; ".join(map(str, members)))
         for name, members in zip(names, groups.values(), strict=True)
     ]
     return pads, f"the {'pad' if len(pads) == 1 else 'pads'} on /dev/i2c-{bus}"
@@ -207,6 +210,13 @@ def _pads_of(board: dict[str, Any], port: str) -> list[FoundPad]:
                 *_lines_for(_chip_of(pad["identification"]), over_bridge=True),
             ],
             len(pad["identification"]),
+            _places_of(pad),
         )
         for index, (name, pad) in enumerate(zip(names, pads, strict=True))
     ]
+
+
+def _places_of(pad: dict[str, Any]) -> str:
+    if "addresses" in pad:
+        return "at " + ", ".join(pad["addresses"])
+    return f"mux {pad['mux_address']:#04x}, channels " + ", ".join(map(str, pad["channels"]))

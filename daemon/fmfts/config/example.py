@@ -18,11 +18,14 @@ COLLECTING = "# --- The machine and the gauge"
 
 @dataclass(frozen=True, slots=True)
 class FoundPad:
-    """A pad that answered. source: the lines of its [pad.source]. sensors: how many chips it has."""
+    """A pad that answered. source: the lines of its [pad.source]. sensors: how many chips it has. places: where, for
+    people.
+    """
 
     name: str
     source: Sequence[str]
     sensors: int
+    places: str = ""
 
 
 def written_for(pads: Sequence[FoundPad], where: str) -> str:
@@ -34,6 +37,18 @@ def written_for(pads: Sequence[FoundPad], where: str) -> str:
     blocks = [_pad(pad, sections if number == 0 else SHORT_GEOMETRY) for number, pad in enumerate(pads)]
     head = f"# Written by `fmfts-daemon init` for {where}.\n# Compare [pad.geometry] and [pad.magnet] with your pad.\n"
     return head + general + "\n\n".join(blocks) + "\n\n" + collecting
+
+
+def unusual(pad: FoundPad) -> str | None:
+    """What to look at where a pad has not the four chips of a standard one; None where it has."""
+    if pad.sensors == 4:
+        return None
+    chips = "1 chip" if pad.sensors == 1 else f"{pad.sensors} chips"
+    return (
+        f"{pad.name}: {chips} found ({pad.places}), and a standard pad has 4: look for a chip that answers elsewhere "
+        "(another channel of the mux, the same address as another chip) or not at all (supply, SDA and SCL); then "
+        "remove this file and type `init` again. If your pad is like that, fill in its sensors_mm"
+    )
 
 
 def shared_lines() -> list[str]:
