@@ -9,88 +9,21 @@ the end it says on standard error how fast it was and what the firmware did wron
 from __future__ import annotations
 
 import argparse
-import contextlib
-import os
-import select
 import signal
 import sys
 import time
-import tty
+from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from emulator.board_port import Orders, Pty
 from emulator.stm32_board import DEFAULT_UID, Board
-from emulator.stm32_commands import Line, Session, WrongCommandError, execute
+from emulator.stm32_commands import Line, Session, execute
 
 SLICE_S = 0.002
 GIVE_UP_S = 1.0  # so far behind real time, the time lost is let go
 CHIP_NOISE_MICROTESLA = 0.2
-
-
-class Pty:
-    """The host's serial port. Nobody there: what the board sends is lost. Too slow: what does not fit is."""
-
-    def __init__(self, link: Path | None) -> None:
-        self.master, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self.master, False)
-        self.path = os.ttyname(slave)
-        os.close(slave)  # from now on a hang-up tells whether anyone has the port open
-        self.link = link
-        if link:
-            if link.is_symlink():  # only a link is ever replaced: a mistyped path must not cost a file
-                link.unlink()
-            link.symlink_to(self.path)
-
-    def exchange(self, data: bytes) -> bytes:
-        """Hand over what the board sent; what the host sent comes back."""
-        poll = select.poll()
-        poll.register(self.master, select.POLLIN)
-        if any(events & select.POLLHUP for _, events in poll.poll(0)):
-            return b""
-        if data:
-            with contextlib.suppress(BlockingIOError):
-                os.write(self.master, data)
-        try:
-            return os.read(self.master, 4096)
-        except (BlockingIOError, OSError):
-            return b""
-
-    def close(self) -> None:
-        if self.link and self.link.is_symlink() and os.readlink(self.link) == self.path:
-            self.link.unlink()
-        os.close(self.master)
-
-
-class Orders:
-    """Lines on standard input, without ever waiting for them; closed: `ended`."""
-
-    def __init__(self) -> None:
-        self.ended = False
-        self._rest = b""
-
-    def end(self) -> None:
-        self.ended = True
-
-    def lines(self) -> list[str]:
-        if not select.select([sys.stdin], [], [], 0)[0]:
-            return []
-        data = os.read(sys.stdin.fileno(), 65536)
-        self.ended |= not data
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        return [line.decode(errors="replace") for line in lines]
-
-    def obey(self, session: Session) -> None:
-        for line in self.lines():
-            if line.strip() == "quit":
-                self.end()
-                return
-            try:
-                execute(session, line)
-                print("ok", flush=True)
-            except WrongCommandError as wrong:
-                print(f"error: {wrong}", flush=True)
 
 
 def spoil(line: Line, data: bytes) -> bytes:
@@ -110,7 +43,7 @@ def stream(session: Session, pty: Pty, orders: Orders) -> float:
     begun_s = time.process_time()
     due = time.monotonic()
     while not orders.ended:
-        orders.obey(session)
+        orders.obey(partial(execute, session))
         session.board.send(pty.exchange(spoil(session.line, session.board.run(SLICE_S))))
         now = time.monotonic()
         due += SLICE_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,26 @@ PROGRAM = Path(__file__).with_name("rp2040_chip.cjs")
 
 
 class Rp2040Board:
-    """library: rp2040js. image: the flash. make(channel, time_s): a chip; all on a switch of port 1."""
+    """library: rp2040js. image: the flash. make(number, time_s): a chip. channels: of the switch on port 1, for each
+    chip; None: they hang on port 1 without a switch.
+    """
 
-    def __init__(self, library: Path, image: Path, make: Callable[[int, Callable[[], float]], Any]) -> None:
+    def __init__(
+        self,
+        library: Path,
+        image: Path,
+        make: Callable[[int, Callable[[], float]], Any],
+        channels: Sequence[int] | None = range(4),
+    ) -> None:
         self.now_s = 0.0
         self.baud = 0
         self.warnings = ""
         self.sent = bytearray()
         self.over_usb: list[bytes] = []
         self.found: dict[str, Any] = {}
-        self.chips = [make(channel, lambda: self.now_s) for channel in range(4)]
-        self.mux = Tca9548a(0x70, dict(enumerate(self.chips)))
-        self.buses = [Bus([self.mux]), Bus([])]
+        self.chips = [make(number, lambda: self.now_s) for number in range(4)]
+        self.mux = Tca9548a(0x70, dict(zip(channels or (), self.chips, strict=False)))
+        self.buses = [Bus([], self.chips) if channels is None else Bus([self.mux]), Bus([])]
         self.complaints: list[str] = []
         self.converter = Hx711(lambda: self.now_s, self.complaints.append)
         self._process = subprocess.Popen(
@@ -89,10 +97,13 @@ class Rp2040Board:
                 return
             else:
                 self.now_s = float(words[0])
-                self._answer(str(self._on_pins(verb, *map(int, words[1:]))))
+                answer = self._on_pins(verb, *map(int, words[1:]))
+                if answer is not None:
+                    self._answer(str(answer))
         raise AssertionError(f"node ended with {self._process.wait()}")
 
-    def _on_pins(self, verb: str, number: int = 0, value: int = 0, reading: int = 0) -> int:
+    def _on_pins(self, verb: str, number: int = 0, value: int = 0, reading: int = 0) -> int | None:
+        """None: the emulator waits for no answer."""
         if verb == "clock":
             self.converter.clock_driven(bool(number))
         if verb in ("clock", "data"):
@@ -100,9 +111,10 @@ class Rp2040Board:
         bus = self.buses[number]
         if verb == "start":
             return int(bus.start(value, bool(reading)))
-        if verb == "put":
-            return int(bus.put(value))
         if verb == "get":
             return bus.get()
-        bus.stop()
-        return 1
+        if verb == "put":
+            bus.put(value)
+        else:
+            bus.stop()
+        return None

@@ -1,5 +1,6 @@
 // An RP2040 of rp2040js that runs an image of flash. What hangs on its pins is elsewhere: each event is a line on standard
-// output, those that need an answer wait for a line on standard input. usage: node rp2040_chip.cjs RP2040JS IMAGE
+// output, those that need an answer wait for a line on standard input. The others wait for one that needs an answer, since
+// each handing over costs as much as a hundred emulated instructions. usage: node rp2040_chip.cjs RP2040JS IMAGE
 "use strict";
 const fs = require("fs");
 const { addFlash } = require("./spi_flash.cjs");
@@ -14,11 +15,14 @@ const BOOT2 = 0x20041f00; // where the ROM copies it
 const FLASH_ID = [0xe6, 0x61, 0x38, 0x52, 0x83, 0x0a, 0x5c, 0x21];
 
 let input = "";
+let output = "";
 function say(line) {
-    fs.writeSync(1, line + "\n");
+    output += line + "\n";
 }
 function ask(line) {
     say(line);
+    for (let rest = Buffer.from(output); rest.length > 0; ) rest = rest.subarray(fs.writeSync(1, rest));
+    output = "";
     while (!input.includes("\n")) {
         const chunk = Buffer.alloc(4096);
         const count = fs.readSync(0, chunk, 0, chunk.length, null);
@@ -47,14 +51,22 @@ function after(ns, action) {
 }
 
 chip.i2c.forEach((port, number) => {
+    let answered = false; // whoever answers to its address takes every byte
     port.onStart = () => after(BIT_NS, () => port.completeStart());
     port.onConnect = (address, mode) =>
-        after(BYTE_NS, () => port.completeConnect(ask(`start ${seconds()} ${number} ${address} ${mode}`) === "1"));
-    port.onWriteByte = (value) => after(BYTE_NS, () => port.completeWrite(ask(`put ${seconds()} ${number} ${value}`) === "1"));
+        after(BYTE_NS, () => {
+            answered = ask(`start ${seconds()} ${number} ${address} ${mode}`) === "1";
+            port.completeConnect(answered);
+        });
+    port.onWriteByte = (value) =>
+        after(BYTE_NS, () => {
+            say(`put ${seconds()} ${number} ${value}`);
+            port.completeWrite(answered);
+        });
     port.onReadByte = () => after(BYTE_NS, () => port.completeRead(Number(ask(`get ${seconds()} ${number}`))));
     port.onStop = () =>
         after(BIT_NS, () => {
-            ask(`stop ${seconds()} ${number}`);
+            say(`stop ${seconds()} ${number}`);
             port.completeStop();
         });
 });

@@ -8,14 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from emulator.board_port import WrongCommandError
 from emulator.stm32_board import SENSORS, Board
 
 TESLA_PER_MICROTESLA, GAUSS_PER_MICROTESLA = 1e-6, 1e-2
 AXES = "xyz"
-
-
-class WrongCommandError(Exception):
-    """A line that is refused and changes nothing; the text says why."""
 
 
 class Line:
