@@ -41,7 +41,7 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
-TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
+TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
 .PHONY: transcript recordings model pictures chips-page
@@ -97,13 +97,13 @@ firmware-for-tests: | test-packages
 test-firmware-long: test-packages $(VENV)/.installed-test
 	FMFTS_EMULATED_SECONDS=30 $(BIN)/python -m pytest tests/firmware/test_emulator_stream.py --durations=5
 
-# The RP2040's firmware on an emulator of the whole chip; node and npm must be there. RP2040JS=DIR: an rp2040js of yours.
+# The RP2040's firmware on an emulator of the whole chip, and the daemon's verbs on it; node and npm must be there. RP2040JS=DIR: an rp2040js of yours.
 .PHONY: test-rp2040
 test-rp2040: test-packages $(VENV)/.installed-test
 ifeq ($(RP2040JS),)
 	@npm install --silent --no-save --no-audit --no-fund --prefix $(VENV) rp2040js@1.4.1
 endif
-	RP2040JS=$(RP2040JS) $(BIN)/python -m pytest tests/firmware/rp2040_drills.py
+	RP2040JS=$(RP2040JS) $(BIN)/python -m pytest -n 2 tests/firmware/rp2040_drills.py tests/firmware/rp2040_daemon_drills.py
 
 # Shorter: VERSIONS="--python 3.12 --set oldest tests/unit/test_bus.py".
 VERSIONS ?=
