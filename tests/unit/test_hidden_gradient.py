@@ -170,7 +170,7 @@ def test_a_magnet_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
 
 def test_a_neighbour_that_turns_along_is_none_that_comes_near(pad: Pad) -> None:
     beside = Placement(np.array([0.03, 0.0, 0.0]), np.eye(3), 3e-4)
-    neighbour = NeighbourView(Sighting.unseen(pad.magnet, State.at_rest(pad)), beside).at(0)
+    neighbour = NeighbourView(Sighting.unseen(pad), beside).at(0)
     there_t = np.tile(EARTH_T, (4, 1)) + neighbour.field(pad.sensors, neighbour.rest)
     gradient, random = follower(pad, reference_of(pad, there_t, None)), np.random.default_rng(3)
     assert np.linalg.norm(gradient.reference.field_t - EARTH_T) > 1e-5

@@ -27,7 +27,7 @@ def placement(position: np.ndarray, turn: np.ndarray) -> Placement:
 
 def view(pad: Pad, *, position_m: tuple[float, float, float] = (0.025, 0.0, 0.0)) -> NeighbourView:
     turn = rotation_from_vector(np.array([0.3, -0.2, 0.5]))
-    return NeighbourView(Sighting.unseen(pad.magnet, State.at_rest(pad)), Placement(np.array(position_m), turn, 0.0))
+    return NeighbourView(Sighting.unseen(pad), Placement(np.array(position_m), turn, 0.0))
 
 
 @given(vectors, vectors, vectors, vectors, vectors)
@@ -37,7 +37,7 @@ def test_neighbour_has_the_field_that_the_common_frame_gives_it(
     pad = PadConfig(name="one", source=SimulatedSource()).pad()
     own, others = placement(here, here_turn), placement(there + np.array([0.0, 0.0, 3.0]), there_turn)
     moved = State.at_rest(pad).stepped(np.append(1e-3 * step, [0.1 * step[0], 0.1 * step[1]]))
-    sighting = Sighting(pad.magnet, State.at_rest(pad), moved, np.diag(STEP_SD**2), 0)
+    sighting = Sighting((pad.magnet,), (State.at_rest(pad),), (moved,), np.diag(STEP_SD**2), np.zeros((1, 2)), 0)
     seen = NeighbourView(sighting, others.seen_from(own)).at(0)
     places = np.array([own.point(place) for place in pad.sensors.position_m])
     magnet = pad.magnet.strength_t_m3, pad.magnet.octupole_m2
@@ -51,8 +51,8 @@ def test_covariance_of_a_neighbour_turns_with_its_axes(pad: Pad) -> None:
     sighting = neighbour.sighting
     sighting.covariance, sighting.time_ns = np.outer(step, step), 0
     seen = neighbour.at(0)
-    there = neighbour._placed(sighting.last.stepped(step))
-    arrived = there.step_from(seen.now)
+    (there,) = neighbour._placed([sighting.last[0].stepped(step)])
+    arrived = there.step_from(seen.now[0])
     arrived_square = np.outer(arrived, arrived) + np.diag([0.0] * 5 + [MOMENT_DEVIATION**2])
     # A step on the sphere is its tangent to second order: 2e-3 of a radian.
     np.testing.assert_allclose(seen.covariance, arrived_square, rtol=1e-4, atol=1e-11)
@@ -76,11 +76,12 @@ def test_pose_beside_an_uncertain_neighbour_is_as_uncertain_as_it_says(pad: Pad)
     rest = State.at_rest(pad)
     own = dipole_field(pad.sensors.position_m, rest.position_m, rest.axis, pad.magnet.strength_t_m3)
     sighting = neighbour.sighting
-    sighting.last = rest.stepped(np.array([1e-4, 0.0, -3e-4, 0.05, 0.0]))
+    last = rest.stepped(np.array([1e-4, 0.0, -3e-4, 0.05, 0.0]))
+    sighting.last = (last,)
     sighting.covariance, sighting.time_ns = np.diag(STEP_SD**2 - np.eye(6)[5] * MOMENT_DEVIATION**2), 0
     seen = neighbour.at(0)
     for _ in range(300):
-        truth = neighbour._placed(sighting.last.stepped(STEP_SD * random.standard_normal(6)))
+        truth = neighbour._placed([last.stepped(STEP_SD * random.standard_normal(6))])
         # What a baseline leaves: this magnet, and what the neighbour has changed since.
         change = seen.field(pad.sensors, truth) - seen.field(pad.sensors, seen.rest)
         field = with_rest(own + change + random.normal(0.0, NOISE_T, (4, 3)), pad.sensors, [seen])

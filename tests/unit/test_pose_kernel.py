@@ -27,7 +27,7 @@ from fmfts.pose import (
     parts_of,
     tangent_basis,
 )
-from fmfts.pose.kernel import Batch, solve_kernel
+from fmfts.pose.kernel import Batch, _kernel, solve_kernel
 from fmfts.pose.model import predict
 from fmfts.pose.problem import (
     NOISE,
@@ -196,7 +196,7 @@ def test_arrays_of_the_wrong_size_are_refused(pad: Pad) -> None:
     batch = Batch.of(problem.measurements[None], problem.magnets, problem.parts, TRUTH.vector())
     with pytest.raises(ValueError, match="bytes"):
         replace(batch, covariance=np.empty((1, 9, 9))).solve(1e-3, 50)
-    crowd = np.tile(problem.magnets, (9, 1))
+    crowd = np.tile(problem.magnets, (_kernel.MAX_MAGNETS + 1, 1))
     with pytest.raises(ValueError, match="magnets"):
         replace(batch, magnets=crowd[None]).solve(1e-3, 50)
 

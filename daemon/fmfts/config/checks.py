@@ -35,7 +35,8 @@ CLOSEST_MM = 2.0  # a nearer magnet would touch the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: a larger number was meant in another unit
 SENSOR_SPACING_MM = 1.0
 FIRST_MUX = 0x70
-MOST_NEIGHBOURS = 3  # the solver's state holds four magnets
+MOST_NEIGHBOURS = 3
+MOST_OTHER_MAGNETS = 8  # of the neighbours of a pad with one magnet: the solver's state holds nine
 
 
 def problems_in(config: Config) -> list[Problem]:
@@ -226,6 +227,12 @@ def _neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                 yield keys, f"there is no such pad: the pads are {', '.join(names)}"
             elif neighbour == pad.name:
                 yield keys, "a pad is not its own neighbour"
+            elif not pad.other_magnets and _magnets_of(pad, pads, index + 1) > MOST_OTHER_MAGNETS:
+                yield (
+                    keys,
+                    f"with it, the neighbours have more than {MOST_OTHER_MAGNETS} magnets, which a pad with one magnet "
+                    "cannot follow: name the nearest",
+                )
             elif _magnets_apart_mm(pad, pads[names.index(neighbour)]) < MAGNETS_APART_MM:
                 yield (
                     ("pad", number, "placement", "position_mm"),
@@ -234,9 +241,17 @@ def _neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                 )
 
 
+def _magnets_of(pad: PadConfig, pads: Sequence[PadConfig], count: int) -> int:
+    """How many magnets the first `count` neighbours have."""
+    named = pad.scene.neighbours[:count]
+    return sum(len(other.other_magnets) + 1 for other in pads if other.name in named)
+
+
 def _magnets_apart_mm(one: PadConfig, other: PadConfig) -> float:
-    first, second = (pad.placement.si().point(pad.pad().rest_position_m) * 1e3 for pad in (one, other))
-    return math.dist(first, second)
+    first, second = (
+        [pad.placement.si().point(magnet.rest_position_m) * 1e3 for magnet in pad.pad().magnets] for pad in (one, other)
+    )
+    return min(math.dist(a, b) for a in first for b in second)
 
 
 def _sensor_addresses(pad: PadConfig) -> set[tuple[Key, ...]]:

@@ -25,11 +25,6 @@ def several_problems(pad: PadConfig) -> Iterator[tuple[tuple[Key, ...], str]]:
     for second, place in enumerate(places[1:]):
         if min(math.dist(place, other) for other in places[: second + 1]) < MAGNETS_APART_MM:
             yield ("other_magnets", second, "rest_mm"), f"another magnet is within {MAGNETS_APART_MM:g} mm of it"
-    if pad.scene.neighbours:
-        yield (
-            ("scene", "neighbours"),
-            "a pad with several magnets does not model its neighbours: set steel_nearby = true",
-        )
     if pad.contact.model in (NO_MODEL, "shear"):
         yield ("contact", "model"), 'a pad with several magnets needs "default", or the file of a model made for it'
     if source.publish == "sample":

@@ -24,7 +24,7 @@ from fmfts.pose import (
     parts_of,
     solve,
 )
-from fmfts.pose.neighbour import NeighbourEstimate, joined, with_rest
+from fmfts.pose.neighbour import NeighbourEstimate, joined, their_magnets, with_rest
 from fmfts.pose.state import GRADIENT
 from fmfts.sensor.chips import NOISE_T
 
@@ -85,7 +85,7 @@ def _solve(field_t: Array, pad: Pad, start: State, options: PoseOptions) -> Pose
         parts=parts,
         prior=prior,
         octupole=options.octupole,
-        neighbours=[other.magnet for other in options.neighbours],
+        neighbours=their_magnets(options.neighbours),
     )
 
 

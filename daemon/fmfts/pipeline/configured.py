@@ -128,6 +128,6 @@ def feel_neighbours(
     neighbours = list(neighbours_around(config, configs))
     for neighbour in neighbours:
         one, other = pipelines[config.name], pipelines[neighbour.name]
-        if neighbour.is_felt and isinstance(one, PadPipeline) and isinstance(other, PadPipeline):
-            one.feel(other, neighbour.placement)
+        if neighbour.is_felt:
+            one.feel(other.be_felt(), neighbour.placement)
     return neighbours

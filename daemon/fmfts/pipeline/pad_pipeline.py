@@ -19,6 +19,7 @@ from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
+from fmfts.pose.state import NEIGHBOUR_SIZE
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
@@ -62,7 +63,7 @@ class PadPipeline:
         self._why_none = NO_BASELINE
         self._writer = MessageWriter(pad.name, boot, model.hash)
         self._compiled: FastPath | None = None  # not None while C holds the memory
-        self._sighting = Sighting.unseen(pad.magnet, State.at_rest(pad))
+        self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
         self._among_others = False
         self._missing: dict[int, str] = {}
@@ -108,13 +109,18 @@ class PadPipeline:
         self.hand_back()
         baselined = BaselinedPad.of(self.pad, baseline, self._tracking, mounting)
         self._estimator = Estimator(baselined, self._model, self._rate_hz, self._alignment.stopped_us, self._lead)
-        self._sighting.rests(self._estimator.mounting.rest)
+        self._sighting.rests((self._estimator.mounting.rest,))
         return self._estimator.mounting
 
-    def feel(self, neighbour: PadPipeline, placement: Placement) -> None:
-        """From the next frame on, model the magnet of another pad, too. placement: of that pad, in this one's axes."""
-        self._neighbours.append(NeighbourView(neighbour._sighting, placement))
-        self._among_others = neighbour._among_others = True
+    def feel(self, neighbour: Sighting, placement: Placement) -> None:
+        """From the next frame on, model the magnets of another pad, too. placement: of that pad, in this one's axes."""
+        self._neighbours.append(NeighbourView(neighbour, placement))
+        self._among_others = True
+
+    def be_felt(self) -> Sighting:
+        """Where this pad's magnet is, for another pad that feels it: kept up to date from the next frame on."""
+        self._among_others = True
+        return self._sighting
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
@@ -189,7 +195,8 @@ class PadPipeline:
             taken = Taken(newest.field_t[0], newest.time_us[0], frame.fresh, frame.sequence, frame.device_time_us)
             reading = self._estimator.read(aligned, frame.temperature_c, seen, self._missing, taken)
             if reading.estimate is not None and (reading.contact is not None or reading.distance_m is not None):
-                self._sighting.saw(reading.estimate, sampled_ns)
+                estimate = reading.estimate
+                self._sighting.saw((estimate.state,), estimate.covariance[:NEIGHBOUR_SIZE, :NEIGHBOUR_SIZE], sampled_ns)
             if reading.health == "ok" and not self._among_others:
                 self._compiled = self._estimator.hand_over(self._alignment)
         return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline, frame)
@@ -199,11 +206,13 @@ class PadPipeline:
         """What the pipeline remembers between two frames. After this call Python judges the next frame."""
         self.hand_back()
         estimator, sighting = self._estimator, self._sighting
+        (last,) = sighting.last
+        assert isinstance(last, State)
         return PipelineMemory(
             self._alignment.memory,
             None if estimator is None else estimator.memory,
             *(self._writer.number, self._writer.sampled_ns),
-            (sighting.last, sighting.covariance, sighting.time_ns),
+            (last, sighting.covariance, sighting.time_ns),
             self._why_none,
         )
 
@@ -219,7 +228,8 @@ class PadPipeline:
         if self._estimator is not None and memory.estimator is not None:
             self._estimator.recall(memory.estimator)
         self._writer.number, self._writer.sampled_ns = memory.number, memory.sampled_ns
-        self._sighting.last, self._sighting.covariance, self._sighting.time_ns = memory.sighting
+        last, self._sighting.covariance, self._sighting.time_ns = memory.sighting
+        self._sighting.last = (last,)
         self._why_none = memory.why_no_estimator
 
     def hand_back(self) -> None:

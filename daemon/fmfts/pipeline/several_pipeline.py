@@ -15,29 +15,32 @@ from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.messages import ContactMessage, Health
 from fmfts.common.memory import require_alike
 from fmfts.contact.array_model import ArrayModel
-from fmfts.pad import Pad
+from fmfts.pad import Pad, Placement
 from fmfts.pipeline.fingers_message import FingersWriter
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
 from fmfts.pose import Alignment, repeats_allowed
 from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
+from fmfts.pose.neighbour import NeighbourView, Sighting, SightingMemory
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
 from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
 from fmfts.several.field_model import Scene
+from fmfts.several.sighted import rest_of
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"
 
 
 @dataclass(slots=True)
 class SeveralMemory:
-    """As PipelineMemory, of a pad with several magnets."""
+    """As PipelineMemory, of a pad with several magnets. sighting: None where no neighbour feels the pad."""
 
     alignment: AlignmentMemory
     fingers: FingersMemory | None
     number: int
     sampled_ns: int
     why_no_estimator: str
+    sighting: SightingMemory | None = None
 
 
 class SeveralPipeline:
@@ -66,6 +69,9 @@ class SeveralPipeline:
         self._writer = FingersWriter(pad.name, boot, model.hash)
         self._missing: dict[int, str] = {}
         self._frame_times = 0, 0
+        self._sighting = Sighting.unseen(pad)
+        self._neighbours: list[NeighbourView] = []
+        self._is_felt = False
 
     @property
     def baseline(self) -> Baseline | None:
@@ -119,7 +125,18 @@ class SeveralPipeline:
         )
         if before is not None:  # a finger of before is another one
             self._estimator.memory.counter.next_id = before.memory.counter.next_id
+        self._sighting.rests(*rest_of(mounting))
         return mounting
+
+    def feel(self, neighbour: Sighting, placement: Placement) -> None:
+        """From the next frame on, take the magnets of another pad into account. placement: of that pad, in this one's
+        axes."""
+        self._neighbours.append(NeighbourView(neighbour, placement))
+
+    def be_felt(self) -> Sighting:
+        """Where this pad's magnets are, for another pad that feels them: kept up to date from the next frame on."""
+        self._is_felt = True
+        return self._sighting
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
@@ -140,7 +157,10 @@ class SeveralPipeline:
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
         else:
             self._missing = missing_sensors(frame, aligned.repeats > estimator.repeats_allowed)
-            reading = estimator.read(aligned, frame.temperature_c, self._missing)
+            seen = [view.at(sampled_ns) for view in self._neighbours]
+            reading = estimator.read(aligned, frame.temperature_c, self._missing, seen)
+            if self._is_felt and (sighted := estimator.sighted(reading)) is not None:
+                self._sighting.saw(*sighted, sampled_ns)
         return self._writer.message(reading, sampled_ns, frame.temperature_c, estimator, self._baseline)
 
     def answer(self, frame: Frame) -> ContactMessage:
@@ -166,6 +186,7 @@ class SeveralPipeline:
             None if estimator is None else estimator.memory,
             *(self._writer.number, self._writer.sampled_ns),
             self._why_none,
+            self._sighting.memory if self._is_felt else None,
         )
 
     def recall(self, memory: SeveralMemory) -> None:
@@ -179,6 +200,8 @@ class SeveralPipeline:
             self._estimator.recall(memory.fingers)
         self._writer.number, self._writer.sampled_ns = memory.number, memory.sampled_ns
         self._why_none = memory.why_no_estimator
+        if memory.sighting is not None:
+            self._sighting.recall(memory.sighting)
 
     def hand_back(self) -> None:
         """Nothing is lent to C."""

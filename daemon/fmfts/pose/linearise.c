@@ -21,9 +21,10 @@ FMFTS_INLINE double sense_row(size_t n, const fmfts_search *search, const double
 /* Sums JᵀJ, Jᵀρ and ρᵀρ as outer products of rows of J that end with their residual. n: search->ordered. */
 FMFTS_INLINE void add_rows(size_t n, const fmfts_search *search, const double *state, fmfts_linear *out)
 {
-    double column[FMFTS_MAX_COLUMNS] = {0}, own[TOGETHER][FMFTS_STRIDE];
+    double column[FMFTS_MAX_COLUMNS], own[TOGETHER][FMFTS_STRIDE];
     fmfts_sight sight[FMFTS_MAX_MAGNETS];
     out->raw_square = 0.0;
+    fmfts_fill(column, search->columns, 0.0);
     for (size_t i = 0; i <= n; i++) {
         for (size_t j = i; j <= n; j++) {
             out->a[i][j] = 0.0;

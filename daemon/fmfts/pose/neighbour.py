@@ -1,23 +1,34 @@
-"""A neighbour's magnet as an unknown in a pad's state. Its prior is where its own pad saw it last.
+"""Neighbouring pads' magnets as unknowns in a pad's state. Their prior is where their own pad saw them last.
 
-The baseline already subtracts the field of the neighbour at rest. The modelled rest field is therefore added again, and
-the solve models the neighbour where it is now: only the change between the two counts.
+The baseline already subtracts the field of the neighbours at rest. The modelled rest field is therefore added again,
+and the solve models the magnets where they are now: only the change between the two counts. A pad with several magnets
+does not solve them, but considers them: it subtracts the change, and widens the covariance of its field (`change_of`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 
 import numpy as np
 
 from fmfts.arithmetic.elementary import exp, square
-from fmfts.arithmetic.matrix import lengths, product
-from fmfts.pad import Array, Magnet, Placement, SensorArray
-from fmfts.pose.dipole import dipole_field
+from fmfts.arithmetic.matrix import added, lengths, product
+from fmfts.pad import Array, Magnet, Pad, Placement, SensorArray
+from fmfts.pose.dipole import dipole_derivatives, dipole_field
 from fmfts.pose.problem import Part, Parts, Prior
 from fmfts.pose.solver import PoseEstimate
-from fmfts.pose.state import AXIS, NEIGHBOUR_SIZE, POSITION, SIZE, Neighbour, State, tangent_basis
+from fmfts.pose.state import (
+    AXIS,
+    NEIGHBOUR_SIZE,
+    NEIGHBOUR_VALUES,
+    POSITION,
+    SIZE,
+    Neighbour,
+    State,
+    tangent_basis,
+)
 
 # The largest speed of a magnet in a tap of 1 N in 50 ms: how far it may have moved since it was seen.
 SPEED_M_PER_S, TURN_RAD_PER_S = 0.02, 2.0
@@ -27,53 +38,108 @@ REACH_M, REACH_RAD = 1.2e-3, 0.2
 MOMENT_DEVIATION = 1e-3
 COLUMNS = NEIGHBOUR_SIZE
 
+Where = Sequence[Neighbour | State]  # one for each magnet
+
+
+@dataclass(slots=True)
+class SightingMemory:
+    """values (M, 7): position, axis and log moment of each magnet. covariance (6M, 6M), time_ns: as in `Sighting`."""
+
+    values: Array
+    covariance: Array
+    time_ns: int | None
+
 
 @dataclass(slots=True)
 class Sighting:
-    """Where a pad's magnet was last seen, in the pad's own axes. covariance (6, 6): of a step from there.
+    """Where a pad's M magnets were last seen, in the pad's own axes. covariance (6M, 6M): of a step from there.
 
-    time_ns: when, on the host's clock; None if never: the magnet is then assumed at rest.
+    time_ns: when, on the host's clock; None if never: the magnets are then assumed at rest. rest_error (M, 2): what the
+    baseline left open, which `covariance` does not contain: deviations of each magnet's place in m, and of its field
+    relative to that.
     """
 
-    magnet: Magnet
-    rest: State
-    last: State
+    magnets: tuple[Magnet, ...]
+    rest: Where
+    last: Where
     covariance: Array
+    rest_error: Array
     time_ns: int | None = None
 
     @classmethod
-    def unseen(cls, magnet: Magnet, rest: State) -> Sighting:
-        return cls(magnet, rest, rest, np.zeros((COLUMNS, COLUMNS)))
+    def unseen(cls, pad: Pad) -> Sighting:
+        """Of the pad as drawn."""
+        others = (Neighbour(one.rest_position_m, one.rest_axis, 0.0) for one in pad.other_magnets)
+        rest: Where = (State.at_rest(pad), *others)
+        count = len(pad.magnets)
+        covariance = np.zeros((COLUMNS * count, COLUMNS * count))
+        return cls(tuple(one.magnet for one in pad.magnets), rest, rest, covariance, np.zeros((count, 2)))
 
-    def rests(self, rest: State) -> None:
+    def rests(self, rest: Where, rest_error: Array | None = None) -> None:
         """Begin again from the rest state of a new baseline."""
         self.rest = self.last = rest
-        self.covariance, self.time_ns = np.zeros((COLUMNS, COLUMNS)), None
+        self.covariance, self.time_ns = np.zeros_like(self.covariance), None
+        self.rest_error = np.zeros_like(self.rest_error) if rest_error is None else rest_error
 
-    def saw(self, estimate: PoseEstimate, time_ns: int) -> None:
-        self.last, self.covariance, self.time_ns = estimate.state, estimate.covariance[:COLUMNS, :COLUMNS], time_ns
+    def saw(self, last: Where, covariance: Array, time_ns: int) -> None:
+        """covariance (6M, 6M): of a step from `last`."""
+        self.last, self.covariance, self.time_ns = last, covariance, time_ns
+
+    @property
+    def memory(self) -> SightingMemory:
+        values = [np.concatenate([one.position_m, one.axis, [one.log_moment]]) for one in self.last]
+        return SightingMemory(np.array(values), self.covariance, self.time_ns)
+
+    def recall(self, memory: SightingMemory) -> None:
+        last = tuple(Neighbour(one[:3], one[3:6], float(one[NEIGHBOUR_VALUES - 1])) for one in memory.values)
+        self.last, self.covariance, self.time_ns = last, memory.covariance, memory.time_ns
 
 
 @dataclass(frozen=True, slots=True)
 class NeighbourEstimate:
-    """A neighbour at one instant, in this pad's axes. covariance (6, 6). placement_m: deviation of its pad's place."""
+    """A neighbour's M magnets at one instant, in this pad's axes. covariance (6M, 6M).
 
-    magnet: Magnet
-    rest: Neighbour
-    now: Neighbour
+    placement_m: deviation of its pad's place. rest_error (M, 2): see `Sighting`.
+    """
+
+    magnets: tuple[Magnet, ...]
+    rest: tuple[Neighbour, ...]
+    now: tuple[Neighbour, ...]
     covariance: Array
     placement_m: float
+    rest_error: Array
 
-    def field(self, sensors: SensorArray, where: Neighbour) -> Array:
-        """The field (N, 3) T of the neighbour at `where`, in sensor axes."""
-        strength = self.magnet.strength_t_m3 * exp(where.log_moment)
-        octupole_m2 = self.magnet.modelled_octupole_m2
-        return sensors.to_sensor(dipole_field(sensors.position_m, where.position_m, where.axis, strength, octupole_m2))
+    def field(self, sensors: SensorArray, where: Where) -> Array:
+        """The field (N, 3) T of all its magnets at `where`, in sensor axes."""
+        return added(self.fields(sensors, where))
+
+    def fields(self, sensors: SensorArray, where: Where) -> list[Array]:
+        """As `field`, of each magnet."""
+        return [
+            sensors.to_sensor(dipole_field(sensors.position_m, one.position_m, one.axis, *_strength(magnet, one)))
+            for magnet, one in zip(self.magnets, where, strict=True)
+        ]
+
+    def slope(self, sensors: SensorArray) -> Array:
+        """(3N, 6M): the derivative of the field now, in sensor axes, by a step of the magnets."""
+        columns = []
+        for magnet, now in zip(self.magnets, self.now, strict=True):
+            own, by_position, by_axis = dipole_derivatives(
+                sensors.position_m, now.position_m, now.axis, *_strength(magnet, now)
+            )
+            columns += [by_position, product(by_axis, tangent_basis(now.axis)), own[:, :, None]]
+        by_step = product(sensors.axes.transpose(0, 2, 1), np.concatenate(columns, axis=2))
+        slope: Array = by_step.reshape(3 * len(sensors), -1)
+        return slope
+
+
+def _strength(magnet: Magnet, where: Neighbour | State) -> tuple[float, float]:
+    return magnet.strength_t_m3 * exp(where.log_moment), magnet.modelled_octupole_m2
 
 
 @dataclass(frozen=True, slots=True)
 class NeighbourView:
-    """What one pad knows of another pad's magnet. placement: the other pad's, in this one's axes."""
+    """What one pad knows of another pad's magnets. placement: the other pad's, in this one's axes."""
 
     sighting: Sighting
     placement: Placement
@@ -85,19 +151,26 @@ class NeighbourView:
         if sighting.time_ns is not None:
             age_s = abs(time_ns - sighting.time_ns) * 1e-9
             reach_m, reach_rad = min(SPEED_M_PER_S * age_s, REACH_M), min(TURN_RAD_PER_S * age_s, REACH_RAD)
-        moved = square(np.array([reach_m] * 3 + [reach_rad] * 2 + [MOMENT_DEVIATION]))
-        turn = np.eye(COLUMNS)
+        count = len(sighting.magnets)
+        moved = square(np.array(([reach_m] * 3 + [reach_rad] * 2 + [MOMENT_DEVIATION]) * count))
+        turn = np.eye(COLUMNS * count)
         rest, now = self._placed(sighting.rest), self._placed(sighting.last)
-        turn[POSITION, POSITION] = self.placement.rotation
-        turn[AXIS, AXIS] = product(
-            tangent_basis(now.axis).T, self.placement.rotation, tangent_basis(sighting.last.axis)
+        for number, (there, here) in enumerate(zip(sighting.last, now, strict=True)):
+            own = turn[COLUMNS * number :, COLUMNS * number :]
+            own[POSITION, POSITION] = self.placement.rotation
+            own[AXIS, AXIS] = product(tangent_basis(here.axis).T, self.placement.rotation, tangent_basis(there.axis))
+        return NeighbourEstimate(
+            sighting.magnets,
+            rest,
+            now,
+            product(turn, sighting.covariance, turn.T) + np.diag(moved),
+            self.placement.tolerance_m,
+            sighting.rest_error,
         )
-        covariance = product(turn, sighting.covariance, turn.T) + np.diag(moved)
-        return NeighbourEstimate(sighting.magnet, rest, now, covariance, self.placement.tolerance_m)
 
-    def _placed(self, state: State) -> Neighbour:
+    def _placed(self, magnets: Where) -> tuple[Neighbour, ...]:
         place, turn = self.placement, self.placement.rotation
-        return Neighbour(place.point(state.position_m), product(turn, state.axis), state.log_moment)
+        return tuple(Neighbour(place.point(one.position_m), product(turn, one.axis), one.log_moment) for one in magnets)
 
 
 def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
@@ -106,30 +179,51 @@ def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEsti
 
 
 def placement_deviation(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """Deviation (N, 1) T from errors of placement: a dipole's change of field varies by 4/r of itself per metre."""
+    """Deviation (N, 1) T from errors of placement, and of what rests there: a dipole's change of field varies by 4/r of
+    itself per metre."""
     variance = np.zeros(len(sensors))
     for other in seen:
-        change = other.field(sensors, other.now) - other.field(sensors, other.rest)
-        distance = lengths(sensors.position_m - other.now.position_m)
-        variance += square(change).sum(axis=1) * square(4.0 * other.placement_m / distance) / 3.0
+        changes = zip(other.fields(sensors, other.now), other.fields(sensors, other.rest), strict=True)
+        for (now_t, rest_t), now, (off_m, share) in zip(changes, other.now, other.rest_error.tolist(), strict=True):
+            change, distance = now_t - rest_t, lengths(sensors.position_m - now.position_m)
+            of_place = square(4.0 * other.placement_m / distance) + square(4.0 * off_m / distance)
+            variance += square(change).sum(axis=1) * (of_place + square(share)) / 3.0
     return np.sqrt(variance)[:, None]
+
+
+def change_of(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> tuple[Array, Array]:
+    """By how much the neighbours have changed the field since they rested, (N, 3) T in sensor axes, and the covariance
+    (3N, 3N) of that."""
+    change = np.zeros((len(sensors), 3))
+    covariance = np.diag(square(np.repeat(placement_deviation(sensors, seen), 3)))
+    for other in seen:
+        change = change + (other.field(sensors, other.now) - other.field(sensors, other.rest))
+        slope = other.slope(sensors)
+        covariance = covariance + product(slope, other.covariance, slope.T)
+    return change, covariance
 
 
 def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEstimate]) -> tuple[State, Parts, Prior]:
     """Add the neighbours to start, parts and prior of a problem."""
-    columns = SIZE + COLUMNS * len(seen)
+    now = tuple(chain.from_iterable(other.now for other in seen))
+    columns = SIZE + COLUMNS * len(now)
     covariance = np.zeros((columns, columns))
     covariance[:SIZE, :SIZE] = prior.covariance
-    for index, other in enumerate(seen):
-        own = slice(SIZE + COLUMNS * index, SIZE + COLUMNS * (index + 1))
-        covariance[own, own] = other.covariance
-    now = tuple(other.now for other in seen)
-    others = np.full(COLUMNS * len(seen), Part.PRIOR, dtype=parts.dtype)
+    first = SIZE
+    for other in seen:
+        own = slice(first, first + len(other.covariance))
+        covariance[own, own], first = other.covariance, own.stop
+    others = np.full(COLUMNS * len(now), Part.PRIOR, dtype=parts.dtype)
     return (
         replace(start, neighbours=now),
         np.concatenate([parts, others]),
         Prior(replace(prior.mean, neighbours=now), covariance),
     )
+
+
+def their_magnets(seen: Sequence[NeighbourEstimate]) -> list[Magnet]:
+    """Of the neighbours that `joined` adds, in its order."""
+    return [magnet for other in seen for magnet in other.magnets]
 
 
 def without_neighbours(
@@ -138,6 +232,6 @@ def without_neighbours(
     """Subtract the neighbours, where the estimate has them, from the field (N, 3), and drop them from the estimate."""
     if estimate is None or not seen:
         return field_t, estimate
-    pairs = zip(seen, estimate.state.neighbours, strict=True)
-    alone = replace(estimate.state, neighbours=())
-    return field_t - sum(other.field(sensors, where) for other, where in pairs), replace(estimate, state=alone)
+    where = iter(estimate.state.neighbours)
+    fields = [other.field(sensors, tuple(islice(where, len(other.magnets)))) for other in seen]
+    return field_t - sum(fields), replace(estimate, state=replace(estimate.state, neighbours=()))

@@ -7,9 +7,10 @@
 #include <stdint.h>
 
 /* A state as values: position 3, axis 3, log moment, ambient 3, gradient 5; then 7 for each neighbour.
- * A step as columns: position 3, tilt 2, log moment, ambient 3, gradient 5; then 6 for each neighbour. */
+ * A step as columns: position 3, tilt 2, log moment, ambient 3, gradient 5; then 6 for each neighbour.
+ * There is room for the pad's own magnet and, for example, two neighbouring pads of four. */
 #ifndef FMFTS_MAX_MAGNETS
-#define FMFTS_MAX_MAGNETS 4
+#define FMFTS_MAX_MAGNETS 9
 #endif
 #define FMFTS_VALUES(magnets) (8 + 7 * (magnets))
 #define FMFTS_COLUMNS(magnets) (8 + 6 * (magnets))

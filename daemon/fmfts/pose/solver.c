@@ -48,7 +48,8 @@ static bool damped_step(const fmfts_search *search, fmfts_linear *here, double d
 static void take_step(const fmfts_search *search, const double *state, const double *step, double *tried)
 {
     const fmfts_problem *problem = search->problem;
-    double move[FMFTS_MAX_COLUMNS] = {0};
+    double move[FMFTS_MAX_COLUMNS];
+    fmfts_fill(move, search->columns, 0.0);
     for (size_t i = 0; i < search->active; i++) {
         move[search->order[i]] = step[i];
     }
@@ -130,10 +131,10 @@ static fmfts_summary solve(const fmfts_problem *problem, double *work, double *s
     search.active = search.ordered = 0;
     search.with_gradient = false;
     search.sources.count = problem->magnet_count;
-    fmfts_fill(search.sources.log_moment, FMFTS_MAX_MAGNETS, NAN);
     if (!fmfts_valid(problem)) {
         return summary;
     }
+    fmfts_fill(search.sources.log_moment, problem->magnet_count, NAN);
     place_sources(problem->magnets, problem->start, &search.sources);
     if (!fmfts_prepare_columns(&search, factored) || !fmfts_prepare_rows(&search, (fmfts_row *)work)) {
         return summary;

@@ -15,7 +15,7 @@ from fmfts.pad import Pad
 from fmfts.pose.field_errors import SensorErrors
 from fmfts.pose.foreign_field import with_foreign_field
 from fmfts.pose.gate import FALSE_ALARM, LOG_MOMENT_REACH, STRONGER, fits, is_plausible, probability
-from fmfts.pose.neighbour import NeighbourEstimate, joined, without_neighbours
+from fmfts.pose.neighbour import NeighbourEstimate, joined, their_magnets, without_neighbours
 from fmfts.pose.problem import Part, Prior, Status
 from fmfts.pose.residual_monitor import FEWEST_SENSORS, ResidualMonitor, TrackHealth, without
 from fmfts.pose.solver import PoseEstimate, solve
@@ -218,7 +218,7 @@ class Tracker:
             deviation_t=deviation_t,
             parts=parts,
             prior=prior if gradient or self._has_prior or self._neighbours else None,
-            neighbours=[other.magnet for other in self._neighbours],
+            neighbours=their_magnets(self._neighbours),
             stop_chi2=STOP_TRACKING,
         )
 

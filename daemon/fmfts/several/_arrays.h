@@ -8,7 +8,7 @@
 
 #include "several.h"
 
-enum { MOST_BUFFERS = 14 };
+enum { MOST_BUFFERS = 15 };
 
 /* The arrays of one call: a packed model, the work space, what is read, then what is written. */
 typedef struct {

@@ -39,11 +39,22 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
     return false;
 }
 
-/* fit(model, work, search, start, field, variance, used, ambient, fingers, covariance, misfit, ambient, shear,
+/* Whether array `which` is a covariance of all values, or empty: then there is none. */
+static bool has_foreign(const call *c, int which)
+{
+    return !c->buffer[which].len || has_doubles(c, which, c->model.values * c->model.values);
+}
+
+static const double *foreign(const call *c, int which)
+{
+    return c->buffer[which].len ? array(c, which) : NULL;
+}
+
+/* fit(model, work, search, start, field, variance, foreign, used, ambient, fingers, covariance, misfit, ambient, shear,
  * shear_deviation) */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
 {
-    enum { SEARCH = FIRST, START, FIELD, VARIANCE, USED, AMBIENT, FINGERS, COVARIANCE, MISFIT, FOUND_AMBIENT, SHEAR,
+    enum { SEARCH = FIRST, START, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, FINGERS, COVARIANCE, MISFIT, FOUND_AMBIENT, SHEAR,
            SHEAR_DEVIATION, ALL };
     call c;
     fmfts_search search;
@@ -55,11 +66,13 @@ PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
     if (understood(&c, START)) {
         size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers;
         if (searches(&c, SEARCH, values, &search) && has_doubles(&c, FIELD, values) && has_doubles(&c, VARIANCE, values) &&
-            has(&c, USED, values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, FINGERS, unknowns) &&
+            has_foreign(&c, FOREIGN) && has(&c, USED, values) && has_doubles(&c, AMBIENT, 3) &&
+            has_doubles(&c, FINGERS, unknowns) &&
             has_doubles(&c, COVARIANCE, unknowns * unknowns) && has_doubles(&c, MISFIT, values) &&
             has_doubles(&c, FOUND_AMBIENT, 3) && has_doubles(&c, SHEAR, 2 * c.fingers) &&
             has_doubles(&c, SHEAR_DEVIATION, 2 * c.fingers)) {
-            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf};
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf,
+                                       foreign(&c, FOREIGN)};
             fmfts_found found = {
                 .fingers = array(&c, FINGERS),
                 .covariance = array(&c, COVARIANCE),
@@ -77,10 +90,10 @@ PyObject *fmfts_py_fit(PyObject *module, PyObject *args)
     return result;
 }
 
-/* whitener(model, work, fingers, variance, used, ambient, root) */
+/* whitener(model, work, fingers, variance, foreign, used, ambient, root) */
 PyObject *fmfts_py_whitener(PyObject *module, PyObject *args)
 {
-    enum { FINGERS = FIRST, VARIANCE, USED, AMBIENT, ROOT, ALL };
+    enum { FINGERS = FIRST, VARIANCE, FOREIGN, USED, AMBIENT, ROOT, ALL };
     call c;
     PyObject *result = NULL;
     (void)module;
@@ -88,9 +101,10 @@ PyObject *fmfts_py_whitener(PyObject *module, PyObject *args)
         return NULL;
     }
     size_t there = used(&c, USED);
-    if (understood(&c, FINGERS) && has_doubles(&c, VARIANCE, c.model.values) && has(&c, USED, c.model.values) &&
-        has_doubles(&c, AMBIENT, 3) && has_doubles(&c, ROOT, there * there)) {
-        fmfts_measured measured = {.variance_t2 = array(&c, VARIANCE), .used = c.buffer[USED].buf};
+    if (understood(&c, FINGERS) && has_doubles(&c, VARIANCE, c.model.values) && has_foreign(&c, FOREIGN) &&
+        has(&c, USED, c.model.values) && has_doubles(&c, AMBIENT, 3) && has_doubles(&c, ROOT, there * there)) {
+        fmfts_measured measured = {
+            .variance_t2 = array(&c, VARIANCE), .used = c.buffer[USED].buf, .foreign_t2 = foreign(&c, FOREIGN)};
         fmfts_refusal refusal =
             fmfts_whitener(&c.model, c.fingers, array(&c, FINGERS), &measured, array(&c, AMBIENT), c.work);
         memcpy(array(&c, ROOT), c.work->root, there * there * sizeof(double));

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
 from typing import NamedTuple
@@ -19,12 +19,15 @@ from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import CHANGE, Magnets
+from fmfts.pose.neighbour import NeighbourEstimate, change_of
+from fmfts.pose.state import Neighbour
 from fmfts.several import reasons
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
 from fmfts.several.recovery import Recovery
+from fmfts.several.sighted import poses_of, sighted
 
 Array = NDArray[np.float64]
 
@@ -69,7 +72,7 @@ class FingersMemory:
 class FingersReading(NamedTuple):
     """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
 
-    more: two fingers do not explain the frame.
+    more: two fingers do not explain the frame. measured: what `fit` was made from.
     """
 
     health: Health
@@ -79,6 +82,7 @@ class FingersReading(NamedTuple):
     ids: tuple[int, ...] = ()
     more: bool = False
     over_range: bool = False
+    measured: Measured | None = None
 
 
 class FingersEstimator:
@@ -112,6 +116,8 @@ class FingersEstimator:
         self.rest_variance = np.maximum(np.diagonal(mounting.rest_covariance), 0.0).reshape(-1, REST)
         remanences_t = np.array(mounting.remanences_t(pad))
         self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
+        # Of the last frame: the change of the field around, and the factor on the magnets' moments.
+        self._around_t, self._moment = self.memory.ambient_t, 1.0
         self._no_variance = np.zeros((len(mounting.magnets), CHANGE))
         # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
         by_ambient = self.fitter.model.by_ambient
@@ -151,8 +157,22 @@ class FingersEstimator:
     def forget_touch(self) -> None:
         self._counter.forget()
 
-    def read(self, aligned: Aligned, temperature_c: float | None, missing: Mapping[int, str]) -> FingersReading:
-        """Judge one aligned frame. missing: what is wrong with sensors that cannot be used."""
+    def sighted(self, reading: FingersReading) -> tuple[tuple[Neighbour, ...], Array] | None:
+        """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if it does not tell."""
+        if reading.fit is None or reading.measured is None or reading.over_range:
+            return None
+        poses = poses_of(self.fitter, reading.fit, reading.measured, self._around_t)
+        return sighted(self.mounting, *poses, self._moment, self.scene.moment)
+
+    def read(
+        self,
+        aligned: Aligned,
+        temperature_c: float | None,
+        missing: Mapping[int, str],
+        neighbours: Sequence[NeighbourEstimate] = (),
+    ) -> FingersReading:
+        """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
+        other pads at the time of this frame."""
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
@@ -160,7 +180,7 @@ class FingersEstimator:
             self._counter.forget()
         there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        measured = self._measured(aligned, temperature_c, there)
+        measured = self._measured(aligned, temperature_c, there, neighbours)
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
             used[left_out] = False
@@ -183,11 +203,11 @@ class FingersEstimator:
         memory = self.memory
         if memory.unexplained > SEARCHED_FRAMES and memory.unexplained % SEARCHED_EVERY:
             # A search takes long, and steel that lies beside the pad would make it each frame.
-            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), memory.ambient_t)
+            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._around_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
                 return self._unexplained(nobody, used)
         before = memory.counter.copy()
-        counted = self._counter.update(measured.only(used), memory.ambient_t)
+        counted = self._counter.update(measured.only(used), self._around_t)
         fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         odd = None if explained else self._odd_sensor(measured, there, before)
         if self._is_third(fit, used, measured, odd):
@@ -198,7 +218,7 @@ class FingersEstimator:
             used[odd.sensor] = False
             memory.left_out, memory.agrees_frames = odd.sensor, 0
             memory.counter = self._counter.memory = odd.memory
-            counted = self._counter.update(measured.only(used), memory.ambient_t)
+            counted = self._counter.update(measured.only(used), self._around_t)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         elif explained and memory.left_out >= 0:
             self._try_again(measured, there, fit)
@@ -212,14 +232,15 @@ class FingersEstimator:
         health, reason = reasons.health_of_axes(used, missing, memory.left_out)
         if len(fit.fingers) == 1 and self._gain_of_another(fit, used, measured, DOUBTED) > DOUBTED_GAIN:
             health, reason = "degraded", "; ".join(filter(None, (reason, reasons.MAYBE_TWO)))
-        return FingersReading(health, reason, used, fit, counted.ids, over_range=self._is_over_range(fit))
+        over_range = self._is_over_range(fit)
+        return FingersReading(health, reason, used, fit, counted.ids, False, over_range, measured.only(used))
 
     def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
         memory = self.memory
         self._cold.memory.next_id = memory.counter.next_id
         memories = (before, memory.counter.copy())
         searched = memory.unexplained % len(there)
-        return odd_sensor(self.fitter, measured, there, memory.ambient_t, memories, searched, self._cold)
+        return odd_sensor(self.fitter, measured, there, self._around_t, memories, searched, self._cold)
 
     def _is_third(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, odd: Odd | None) -> bool:
         """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
@@ -231,12 +252,12 @@ class FingersEstimator:
         if fit.chi2 <= limit(suspicious, used, fit):
             return 0.0
         seen = measured.only(used)
-        return self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self.memory.ambient_t), fit, seen)
+        return self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self._around_t), fit, seen)
 
     def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
         memory = self.memory
-        again = self.fitter.fit(fit.fingers, measured.only(there), memory.ambient_t)
+        again = self.fitter.fit(fit.fingers, measured.only(there), self._around_t)
         agrees = again.chi2 - fit.chi2 < quantile(AGREES, max(int(there[memory.left_out].sum()), 1))
         memory.agrees_frames = memory.agrees_frames + 1 if agrees and there[memory.left_out].any() else 0
         if memory.agrees_frames >= AGREES_FRAMES:
@@ -247,18 +268,35 @@ class FingersEstimator:
         self.memory.unexplained += 1
         return FingersReading("disturbed", reasons.unexplained(fit.chi2), used)
 
-    def _measured(self, aligned: Aligned, temperature_c: float | None, there: NDArray[np.bool_]) -> Measured:
+    def _measured(
+        self,
+        aligned: Aligned,
+        temperature_c: float | None,
+        there: NDArray[np.bool_],
+        neighbours: Sequence[NeighbourEstimate],
+    ) -> Measured:
         """The change of the magnets' field since the baseline, at the baseline's temperature."""
         mounting, memory, first_c = self.mounting, self.memory, self._temperature_c
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
         warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
-        own = mounting.magnet_field(np.where(there, aligned.field_t, 0.0)) / (1.0 + self._magnet_per_k * warmer_k)
+        self._moment = 1.0 + self._magnet_per_k * warmer_k
+        own, self._around_t, foreign_t2 = (
+            mounting.magnet_field(np.where(there, aligned.field_t, 0.0)),
+            memory.ambient_t,
+            None,
+        )
+        if neighbours:
+            foreign_t, foreign_t2 = change_of(mounting.sensors, neighbours)
+            own = own - foreign_t
+            # Chips that are turned read the neighbours' field wrong, too; over the pad it is about even.
+            self._around_t = memory.ambient_t + mounting.sensors.to_pad(foreign_t).mean(axis=0)
+        own = own / self._moment
         noise = mounting.noise_t * aligned.noise_share / mounting.gain
         bend = np.where(np.isfinite(aligned.bend_t), aligned.bend_t, 0.0)
         now_t = np.abs(self.fitter.model.predict(memory.counter.fingers).field_t) if memory.counter.count else 0.0
         left_t = self.silicone * memory.recovery.beyond_t(now_t)
         variance_t2 = (square(noise) + square(bend)).ravel() + square(left_t)
-        return Measured((own - mounting.rest_field_t).ravel(), variance_t2, there.ravel())
+        return Measured((own - mounting.rest_field_t).ravel(), variance_t2, there.ravel(), foreign_t2)
 
     def _is_over_range(self, fit: Fit) -> bool:
         """Beyond the table, in force or in place, the place and the force are not known. The place of a weak finger is

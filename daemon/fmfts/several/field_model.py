@@ -174,18 +174,29 @@ class FieldModel:
             self.mounting.errors.at(predicted.change, ambient_t),
         ]
         if len(fingers):
-            causes = []
-            for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True):
-                causes += [scene.friction * force * one.by_shear, 0.5 * PATCH_MM2 * one.laplacian[:, None]]
             by_pose = predicted.by_pose * self._si
-            moved = [self._by_place(one) for one in predicted.pressed]
-            causes.append(product(added(moved), self._off_root_mm))
-            columns.append(product(by_pose, np.concatenate(causes, axis=1)))
+            columns.append(product(by_pose, self._moves(fingers, predicted)))
             columns.append(by_pose * self._response_error(fingers, predicted))
         factor = np.concatenate(columns, axis=1)
         covariance: Array = product(factor, factor.T)
         covariance[range(len(variance_t2)), range(len(variance_t2))] += variance_t2
         return covariance
+
+    def considered_moves(self, fingers: Array, predicted: Predicted) -> Array:
+        """(5M, C) what moves the poses besides the places and forces of the fingers, each by one deviation, in SI."""
+        if not len(fingers):
+            return np.zeros((len(self._si), 0))
+        of_table = np.diag(self._response_error(fingers, predicted))
+        moves: Array = self._si[:, None] * np.concatenate([self._moves(fingers, predicted), of_table], axis=1)
+        return moves
+
+    def _moves(self, fingers: Array, predicted: Predicted) -> Array:
+        """(5M, 3K + 2M) as `considered_moves`, without the errors of the table, in the response's units."""
+        causes = []
+        for (_, _, force), one in zip(fingers.tolist(), predicted.pressed, strict=True):
+            causes += [self.scene.friction * force * one.by_shear, 0.5 * PATCH_MM2 * one.laplacian[:, None]]
+        moved = [self._by_place(one) for one in predicted.pressed]
+        return np.concatenate([*causes, product(added(moved), self._off_root_mm)], axis=1)
 
     def _shifted(self, one: Pressed, off_mm: Array) -> Array:
         """(5M,) how much more the magnets move in the drawing's places than `off_mm` (M, 2) beside them."""

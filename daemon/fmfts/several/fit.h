@@ -35,10 +35,11 @@ typedef struct {
 } fmfts_search;
 
 /* As Measured; field_t or variance_t2 may be NULL where they are not asked for. Arrays of all values; used: 1 where there
- * is one. */
+ * is one. foreign_t2 [values][values], NULL: none. */
 typedef struct {
     const double *field_t, *variance_t2;
     const uint8_t *used;
+    const double *foreign_t2;
 } fmfts_measured;
 
 /* As Fit; whoever calls gives the arrays. */

@@ -89,6 +89,7 @@ class Fitter:
             self.model.work,
             doubles(fingers),
             doubles(measured.variance_t2),
+            measured.foreign,
             there,
             doubles(ambient_t),
             root,
@@ -126,6 +127,7 @@ class Fitter:
             doubles(start),
             doubles(measured.field_t),
             doubles(measured.variance_t2),
+            measured.foreign,
             measured.there,
             doubles(ambient_t),
             fingers,
@@ -209,6 +211,8 @@ class Fitter:
 
     def _root(self, fingers: Array, predicted: Predicted, measured: Measured, ambient_t: Array) -> Array:
         covariance = self.model.covariance(fingers, predicted, measured.variance_t2, ambient_t)
+        if measured.foreign_t2 is not None:
+            covariance = covariance + measured.foreign_t2
         return cholesky(covariance[np.ix_(measured.used, measured.used)])
 
     def _told(self, fingers: Array, predicted: Predicted, root: Array, measured: Measured) -> Fit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,27 @@ Array = NDArray[np.float64]
 class Measured:
     """A field's change since rest (3N,), its variance by noise (3N,), and which values there are (3N,).
 
-    The others may be NaN.
+    The others may be NaN. foreign_t2 (3N, 3N): covariance of what was subtracted for neighbouring pads; None: nothing.
     """
 
     field_t: Array
     variance_t2: Array
     used: NDArray[np.bool_]
+    foreign_t2: Array | None = None
 
     @property
     def there(self) -> NDArray[np.bool_]:
         """`used` as C reads it."""
         return np.ascontiguousarray(self.used, dtype=np.bool_)
 
+    @property
+    def foreign(self) -> Array:
+        """`foreign_t2` as C reads it: nothing where there is none."""
+        return np.empty(0) if self.foreign_t2 is None else np.ascontiguousarray(self.foreign_t2, dtype=np.float64)
+
     def only(self, used: NDArray[np.bool_]) -> Measured:
         """Of these axes (N, 3)."""
-        return Measured(self.field_t, self.variance_t2, used.ravel())
+        return replace(self, used=used.ravel())
 
     def checked(self, *names: str, **others: Array) -> None:
         """ValueError that names a value that there is, of the fields `names`, or a number of `others`, not finite."""

@@ -57,7 +57,7 @@ def odd_sensor(
         used[sensor] = False
         if used.sum() < FEWEST_VALUES:
             continue
-        without = Measured(measured.field_t, measured.variance_t2, used.ravel())
+        without = measured.only(used)
         try:
             for memory in memories:
                 fit = fitter.fit(memory.fingers, without, ambient_t)

@@ -37,7 +37,9 @@ bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *fin
     fmfts_several_covariance(model, fingers, finger, predicted, measured->variance_t2, ambient_t, work);
     for (size_t i = 0; i < work->used; i++) {
         for (size_t j = 0; j < work->used; j++) {
-            work->root[i * work->used + j] = work->covariance[work->index[i] * model->values + work->index[j]];
+            size_t place = work->index[i] * model->values + work->index[j];
+            double foreign = measured->foreign_t2 ? measured->foreign_t2[place] : 0.0;
+            work->root[i * work->used + j] = work->covariance[place] + foreign;
         }
     }
     return fmfts_factored(work->used, work->root, refusal);

@@ -8,8 +8,9 @@ from fmfts.baseline import Baseline
 from fmfts.baseline.request import DURATION_S, BaselineRequest
 from fmfts.config import PadConfig
 from fmfts.sensor.frame import Frame
-from fmfts.simulation.array import SimulatedArray, simulated_pad
+from fmfts.simulation.array import simulated_pad
 from fmfts.simulation.finger import no_finger
+from fmfts.simulation.neighbour import NeighbourMagnets
 from fmfts.simulation.source import Simulated
 
 
@@ -23,13 +24,15 @@ def simulated_baseline(config: PadConfig, beside: Sequence[PadConfig] = ()) -> B
 
 def hold_still(source: Simulated, mounted: bool) -> None:
     """Stop everything, as a person does for a baseline: nothing touches any pad, and the robot stands still."""
-    source.finger = no_finger
-    if isinstance(source, SimulatedArray):
-        source.second_finger = None
-    for neighbour in source.neighbours:
-        neighbour.finger = no_finger
+    for pad in pressed_pads(source):
+        pad.finger, pad.second_finger = no_finger, None
     source.turning_rad_per_s = 0.0
     source.mounted = mounted
+
+
+def pressed_pads(source: Simulated) -> list[Simulated | NeighbourMagnets]:
+    """All that fingers may press: the pad, and its neighbours as it feels them."""
+    return [source, *source.neighbours]
 
 
 def _frames(config: PadConfig, beside: Sequence[PadConfig], mounted: bool) -> list[Frame]:

@@ -133,9 +133,14 @@ def _eased(time_s: float, begin_s: float, end_s: float, ramp_s: float = 0.3) -> 
     return (1.0 - cos(pi * rise)) / 2.0
 
 
-def finger_of(source: SimulatedSource) -> Finger:
-    """The finger that the config names."""
-    return ScriptedFinger(source.seed, source.finger_friction) if source.finger == "script" else no_finger
+def fingers_of(source: SimulatedSource) -> tuple[Finger, Finger | None]:
+    """The finger that the config names, and the second one, if there is one."""
+    if source.finger != "script":
+        return no_finger, None
+    if source.fingers == 2:
+        both = MeetingFingers(source.seed)
+        return both.staying, both.coming
+    return ScriptedFinger(source.seed, source.finger_friction), None
 
 
 @lru_cache(maxsize=64)

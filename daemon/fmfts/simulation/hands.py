@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmfts.simulation.baseline import hold_still
+from fmfts.simulation.baseline import hold_still, pressed_pads
 from fmfts.simulation.finger import REACH_M, Stroke, Touch
 from fmfts.simulation.source import Simulated
 
@@ -37,7 +37,7 @@ class Hands:
 
     def __init__(self, source: Simulated, *, bare: bool, turn: bool, refine: bool) -> None:
         self._source = source
-        self._fingers = [source.finger, *(each.finger for each in source.neighbours)]
+        self._fingers = [(each.finger, each.second_finger) for each in pressed_pads(source)]
         self._before = source.mounted, source.tumbling, source.turning_rad_per_s
         hold_still(source, mounted=not bare)
         source.tumbling = turn
@@ -48,6 +48,5 @@ class Hands:
         """The pad is as it was, and what the configuration says of it goes on."""
         source = self._source
         source.mounted, source.tumbling, source.turning_rad_per_s = self._before
-        source.finger, *others = self._fingers
-        for neighbour, finger in zip(source.neighbours, others, strict=True):
-            neighbour.finger = finger
+        for pad, fingers in zip(pressed_pads(source), self._fingers, strict=True):
+            pad.finger, pad.second_finger = fingers

@@ -1,47 +1,30 @@
-"""Simulates the magnet of a neighbouring pad, with its own finger, as a simulated pad feels it."""
+"""Simulates the magnets of a neighbouring pad, with its own fingers, as a simulated pad feels them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.pad import Array, Placement
 from fmfts.simulation.cylinder import cylinder_field
-from fmfts.simulation.finger import Finger, columns, finger_of
+from fmfts.simulation.finger import Finger, columns, fingers_of
 from fmfts.simulation.mounted import MountedPad
+from fmfts.simulation.mounted_magnets import FieldOfFingers, MountedMagnets
 from fmfts.simulation.pad_file import mechanics_of
 
 
 @dataclass(slots=True)
-class NeighbourMagnet:
-    """placement: of the magnet's pad, in the axes of the pad that feels it. finger: may be replaced at any time."""
+class OneMagnet:
+    """placement: of the magnet's pad, in the axes of the pad that feels it. The fingers may be replaced at any time; no
+    second one presses such a pad."""
 
     built: MountedPad
     placement: Placement
     remanence_per_k: float
     finger: Finger
-
-    @classmethod
-    def beside(cls, pad: PadConfig, neighbour: PadConfig, source: SimulatedSource) -> Self:
-        """The magnet of `neighbour` as `pad` feels it, with a random error of its place. source: of `neighbour`."""
-        nominal = neighbour.placement.si().seen_from(pad.placement.si())
-        random = seeded(source, f"beside {pad.name}")
-        placement = Placement(
-            nominal.position_m + random.normal(0.0, nominal.tolerance_m, 3), nominal.rotation, nominal.tolerance_m
-        )
-        tolerance = neighbour.tolerance.si()
-        built = MountedPad.built(
-            neighbour.pad(),
-            seeded(source, "pad"),
-            mechanics_of(neighbour, source),
-            tolerance.sensor_rotation_rad,
-            tolerance.cross_axis,
-        )
-        finger = finger_of(source)
-        return cls(built, placement, neighbour.magnet.temperature_coefficient_per_k, finger)
+    second_finger: Finger | None = None
 
     def field(self, place_m: Array, sampled_s: Array, warming_k: float) -> Array:
         """Field (N, 3) in tesla at places (N, 3), in the axes of the pad that feels it, each at its own time (N,)."""
@@ -49,6 +32,52 @@ class NeighbourMagnet:
         turn, magnet = self.placement.rotation, self.built.pad.magnet
         warm = magnet.with_remanence(magnet.remanence_t * (1.0 + self.remanence_per_k * warming_k))
         return cylinder_field(place_m, self.placement.position_m + position_m @ turn.T, axis @ turn.T, warm)
+
+
+@dataclass(slots=True)
+class SeveralMagnets:
+    """As OneMagnet, of a pad with several."""
+
+    inside: FieldOfFingers
+    placement: Placement
+    remanence_per_k: float
+    finger: Finger
+    second_finger: Finger | None
+
+    def field(self, place_m: Array, sampled_s: Array, warming_k: float) -> Array:
+        """As OneMagnet.field."""
+        turn, fingers = self.placement.rotation, [each for each in (self.finger, self.second_finger) if each]
+        there_m = (place_m - self.placement.position_m) @ turn
+        field_t: Array = self.inside.at(there_m, sampled_s, fingers, 1.0 + self.remanence_per_k * warming_k) @ turn.T
+        return field_t
+
+
+NeighbourMagnets = OneMagnet | SeveralMagnets
+
+
+def neighbour_of(pad: PadConfig, neighbour: PadConfig, source: SimulatedSource) -> NeighbourMagnets:
+    """The magnets of `neighbour` as `pad` feels them, with a random error of its place. source: of `neighbour`.
+
+    ValueError where no such pad is simulated.
+    """
+    nominal = neighbour.placement.si().seen_from(pad.placement.si())
+    random = seeded(source, f"beside {pad.name}")
+    placement = Placement(
+        nominal.position_m + random.normal(0.0, nominal.tolerance_m, 3), nominal.rotation, nominal.tolerance_m
+    )
+    per_k, fingers = neighbour.magnet.temperature_coefficient_per_k, fingers_of(source)
+    if neighbour.other_magnets:
+        inside = FieldOfFingers(MountedMagnets.of(neighbour, seeded(source, "pad")))
+        return SeveralMagnets(inside, placement, per_k, *fingers)
+    tolerance = neighbour.tolerance.si()
+    built = MountedPad.built(
+        neighbour.pad(),
+        seeded(source, "pad"),
+        mechanics_of(neighbour, source),
+        tolerance.sensor_rotation_rad,
+        tolerance.cross_axis,
+    )
+    return OneMagnet(built, placement, per_k, *fingers)
 
 
 def seeded(source: SimulatedSource, what: str) -> np.random.Generator:

@@ -16,11 +16,11 @@ from fmfts.sensor.chips.selftest import no_selftest, selftest_facts
 from fmfts.sensor.frame import AGE_UNKNOWN_US, Frame
 from fmfts.sensor.source import CannotError, SourceError, SourceState
 from fmfts.simulation.chip import ChipArray
-from fmfts.simulation.finger import Finger, Touch, columns, finger_of
+from fmfts.simulation.finger import Finger, Touch, columns, fingers_of
 from fmfts.simulation.finger_shape import SHAPES
 from fmfts.simulation.imperfections import Imperfections, PadNow, cast
 from fmfts.simulation.mounted import MountedPad
-from fmfts.simulation.neighbour import NeighbourMagnet, seeded
+from fmfts.simulation.neighbour import NeighbourMagnets, neighbour_of, seeded
 from fmfts.simulation.pad_file import mechanics_of
 
 CATCH_UP_FRAMES = 4  # as many as a board's transmit queue holds; after a longer stall the older frames are lost
@@ -35,7 +35,8 @@ class Simulated:
     """A Source of one simulated pad; the same seed and start give the same frames.
 
     `mounted = False` removes the magnet (for a bare baseline), `turning_rad_per_s = 0` stops the robot, `tumbling`
-    turns it through all directions in twenty seconds, `finger` may be replaced at any time. The time is that given to
+    turns it through all directions in twenty seconds, `finger` may be replaced at any time; `second_finger` presses
+    besides it where the pad has several magnets, None: none does. The time is that given to
     `poll`, so that a test or a baseline can run faster than real time. It starts at the first poll.
     """
 
@@ -55,15 +56,15 @@ class Simulated:
             raise ValueError(f"pad {config.name!r}: the source is {type(source).__name__}, not a simulated one")
         drawing = config.pad()
         self.state = SourceState(description=f"simulated pad, seed {source.seed}")
-        self.finger: Finger = finger_of(source)
+        self.finger, self.second_finger = fingers_of(source)
         self.mounted = True
         self.tumbling = False
         self.turning_rad_per_s = float(np.deg2rad(source.turning_deg_per_s))
         random = seeded(source, "pad")
         try:
             self._built = self._build(config, source, random, perfect)
-            self.neighbours = [
-                NeighbourMagnet.beside(config, other, other.source)
+            self.neighbours: list[NeighbourMagnets] = [
+                neighbour_of(config, other, other.source)
                 for other in beside
                 if isinstance(other.source, SimulatedSource)
             ]
@@ -112,6 +113,11 @@ class Simulated:
     def built(self) -> MountedPad:
         """The pad as it was built, with its errors, for tests; a daemon must not use it."""
         return self._built
+
+    @property
+    def fingers(self) -> list[Finger]:
+        """Those that press."""
+        return [self.finger] if self.second_finger is None else [self.finger, self.second_finger]
 
     @property
     def time_s(self) -> float:

@@ -75,7 +75,7 @@ def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) 
         for pad in pads:
             for neighbour in neighbours_around(pad, pads):
                 if neighbour.is_felt:
-                    pipelines[pad.name].feel(pipelines[neighbour.name], neighbour.placement)
+                    pipelines[pad.name].feel(pipelines[neighbour.name].be_felt(), neighbour.placement)
     truths = {name: Truth(source.built, fingers[name]) for name, source in sources.items()}
     touched: dict[str, bool | None] = dict.fromkeys(fingers)
     outcome = Outcome()

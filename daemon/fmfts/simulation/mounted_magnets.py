@@ -1,0 +1,104 @@
+"""The magnets of a simulated pad with several, and their field under one or two fingers.
+
+A magnet that was cast beside its place feels a press as one in its place feels a press beside. Fingers add up: docs/
+results/several.md has how far that holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from fmfts.config import PadConfig
+from fmfts.contact.array_model import ARRAY_PATH, ArrayModel
+from fmfts.contact.array_response import CHANGE, ArrayResponse
+from fmfts.contact.contract import ModelError
+from fmfts.pad import Array, Pad
+from fmfts.pose.magnets import Magnets, rest_frames
+from fmfts.simulation.cylinder import cylinder_field
+from fmfts.simulation.finger import Finger, Touch
+from fmfts.simulation.mounted import MAGNET_PLACE_M, MAGNET_TILT_RAD, REMANENCE
+
+MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class MountedMagnets:
+    """The magnets of a built pad at rest. frames (M, 3, 3): see `rest_frames`. remanence_t (M,). off_mm (M, 2): how far
+    each one is cast beside its place."""
+
+    drawing: Pad
+    response: ArrayResponse
+    magnets: Magnets
+    frames: Array
+    remanence_t: Array
+    off_mm: Array
+
+    @classmethod
+    def of(cls, config: PadConfig, random: np.random.Generator | None) -> Self:
+        """With random building errors; without, if `random` is None. ValueError where no such pad is simulated."""
+        drawing = config.pad()
+        try:
+            response = ArrayModel.load(ARRAY_PATH, drawing).response
+        except ModelError as error:
+            raise ValueError(f"pad '{config.name}': only the shipped pad with several magnets is simulated") from error
+        return cls.built(drawing, response, random)
+
+    @classmethod
+    def built(cls, drawing: Pad, response: ArrayResponse, random: np.random.Generator | None) -> Self:
+        """With random building errors; without, if `random` is None."""
+        drawn, count = Magnets.drawn(drawing), len(drawing.magnets)
+        frames = rest_frames(drawn.axis)
+        remanence_t = np.array([one.magnet.remanence_t for one in drawing.magnets])
+        if random is None:
+            return cls(drawing, response, drawn, frames, remanence_t, np.zeros((count, 2)))
+        off = np.concatenate(
+            [random.normal(0.0, MAGNET_PLACE_M, (count, 3)), random.normal(0.0, MAGNET_TILT_RAD, (count, 2))], axis=1
+        )
+        remanence_t = remanence_t * random.normal(1.0, REMANENCE, count)
+        magnets = drawn.changed(off.ravel(), frames)
+        return cls(drawing, response, magnets, rest_frames(magnets.axis), remanence_t, off[:, :2] * 1e3)
+
+    def field(self, place_m: Array, touches: Sequence[Touch], warmer: float) -> Array:
+        """(N, 3) in pad axes under fingers at once. warmer: factor on all remanences."""
+        count = len(self.remanence_t)
+        change = np.zeros((count, CHANGE))
+        for touch in touches:
+            if touch.force_n == 0.0 and touch.shear_x_n == 0.0 and touch.shear_y_n == 0.0:
+                continue
+            for number, (x, y) in enumerate(self.off_mm.tolist()):
+                pressed = self.response.pressed(touch.x_m * 1e3 - x, touch.y_m * 1e3 - y, touch.force_n)
+                own = pressed.change + pressed.by_shear @ np.array([touch.shear_x_n, touch.shear_y_n])
+                change[number] += own.reshape(count, CHANGE)[number]
+        moved = self.magnets.changed((change * MM).ravel(), self.frames)
+        field_t = np.zeros((len(place_m), 3))
+        for number, one in enumerate(self.drawing.magnets):
+            magnet = one.magnet.with_remanence(float(self.remanence_t[number]) * warmer)
+            field_t += cylinder_field(place_m, moved.position_m[number], moved.axis[number], magnet)
+        return field_t
+
+
+@dataclass(slots=True)
+class FieldOfFingers:
+    """Remembers the field that it computed last: it changes only when a finger, the places or the temperature do."""
+
+    inside: MountedMagnets
+    _known: object = None
+    _field_t: Array = field(default_factory=lambda: np.empty(0))
+
+    def at(self, place_m: Array, sampled_s: Array, fingers: Sequence[Finger], warmer: float) -> Array:
+        """(N, 3) in pad axes at places (N, 3), each at its own time (N,). warmer: factor on all remanences."""
+        touches = [[finger(moment) for finger in fingers] for moment in sampled_s.tolist()]
+        now = place_m.tobytes(), touches, warmer
+        if now != self._known:
+            if all(each == touches[0] for each in touches):
+                self._field_t = self.inside.field(place_m, touches[0], warmer)
+            else:
+                places = place_m[:, None]
+                each = [self.inside.field(place, own, warmer)[0] for place, own in zip(places, touches, strict=True)]
+                self._field_t = np.array(each)
+            self._known = now
+        return self._field_t
