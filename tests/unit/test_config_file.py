@@ -15,9 +15,11 @@ from hypothesis import strategies as st
 
 from fmfts.config import AnyskinSource, BridgeSource, Config, I2cSource, ReplaySource, SimulatedSource
 from fmfts.config import file as config_file
+from fmfts.config.checks import MOST_OTHER_MAGNETS
 from fmfts.config.conversion import convert
 from fmfts.config.example import ARRAY_PATH
 from fmfts.config.file import ConfigError, load
+from fmfts.pose import _kernel
 from fmfts_lab.finite_elements.array_model import array_config
 
 SHIPPED = Path(__file__).parents[2] / "config.toml"
@@ -93,6 +95,29 @@ def test_what_is_wrong_with_several_magnets_is_told_where_it_is_written(
     tmp_path: Path, text: str, expected: str
 ) -> None:
     assert expected in complaint(tmp_path, text)
+
+
+def array_beside(name: str, x_mm: int, neighbours: list[str]) -> str:
+    text = ARRAY_PATH.read_text().replace('name = "array"', f'name = "{name}"')
+    return text + f"\n[pad.scene]\nneighbours = {neighbours}\n[pad.placement]\nposition_mm = [{x_mm}, 0, 0]\n"
+
+
+def test_pads_with_several_magnets_may_have_neighbours(tmp_path: Path) -> None:
+    one = array_beside("one", 40, ["two", "a"]) + array_beside("two", 90, ["one"])
+    config, _ = load(write(tmp_path, one + PAD + '[pad.scene]\nneighbours = ["one", "two"]\n'))
+    assert [pad.scene.neighbours for pad in config.pad] == [("two", "a"), ("one",), ("one", "two")]
+
+
+def test_neighbours_of_more_magnets_than_a_state_holds_are_refused(tmp_path: Path) -> None:
+    assert _kernel.MAX_MAGNETS == MOST_OTHER_MAGNETS + 1
+    arrays = "".join(array_beside(name, 40 * number, []) for number, name in enumerate("xyz", 1))
+    told = complaint(tmp_path, arrays + PAD + '[pad.scene]\nneighbours = ["x", "y", "z"]\n')
+    assert "scene.neighbours, name 3 = 'z': with it, the neighbours have more than 8 magnets" in told
+
+
+def test_a_magnet_that_is_where_a_neighbours_second_one_is_is_refused(tmp_path: Path) -> None:
+    there = PAD + '[pad.scene]\nneighbours = ["x"]\n[pad.placement]\nposition_mm = [34, -6, 0]\n'
+    assert "its magnet is where that of its neighbour 'x' is" in complaint(tmp_path, array_beside("x", 40, []) + there)
 
 
 def all_keys(kind: Any) -> set[str]:

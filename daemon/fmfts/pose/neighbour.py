@@ -120,17 +120,27 @@ class NeighbourEstimate:
             for magnet, one in zip(self.magnets, where, strict=True)
         ]
 
-    def slope(self, sensors: SensorArray) -> Array:
-        """(3N, 6M): the derivative of the field now, in sensor axes, by a step of the magnets."""
-        columns = []
+    def fields_and_slope(self, sensors: SensorArray) -> tuple[list[Array], Array]:
+        """The fields now, as `fields`, and the derivative (3N, 6M) of their sum by a step of the magnets."""
+        fields, columns = [], []
         for magnet, now in zip(self.magnets, self.now, strict=True):
             own, by_position, by_axis = dipole_derivatives(
                 sensors.position_m, now.position_m, now.axis, *_strength(magnet, now)
             )
+            fields.append(sensors.to_sensor(own))
             columns += [by_position, product(by_axis, tangent_basis(now.axis)), own[:, :, None]]
         by_step = product(sensors.axes.transpose(0, 2, 1), np.concatenate(columns, axis=2))
-        slope: Array = by_step.reshape(3 * len(sensors), -1)
-        return slope
+        return fields, by_step.reshape(3 * len(sensors), -1)
+
+    def placement_variance(self, sensors: SensorArray, changes: Sequence[Array]) -> Array:
+        """(N,) T² along each axis, from errors of placement, and of what rests there: a dipole's change of field varies
+        by 4/r of itself per metre. changes: of each magnet's field since it rested."""
+        variance = np.zeros(len(sensors))
+        for change, now, (off_m, share) in zip(changes, self.now, self.rest_error.tolist(), strict=True):
+            distance = lengths(sensors.position_m - now.position_m)
+            of_place = square(4.0 * self.placement_m / distance) + square(4.0 * off_m / distance)
+            variance += square(change).sum(axis=1) * (of_place + square(share)) / 3.0
+        return variance
 
 
 def _strength(magnet: Magnet, where: Neighbour | State) -> tuple[float, float]:
@@ -179,28 +189,29 @@ def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEsti
 
 
 def placement_deviation(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """Deviation (N, 1) T from errors of placement, and of what rests there: a dipole's change of field varies by 4/r of
-    itself per metre."""
+    """Deviation (N, 1) T of the change of the neighbours' field, from errors of placement."""
     variance = np.zeros(len(sensors))
     for other in seen:
-        changes = zip(other.fields(sensors, other.now), other.fields(sensors, other.rest), strict=True)
-        for (now_t, rest_t), now, (off_m, share) in zip(changes, other.now, other.rest_error.tolist(), strict=True):
-            change, distance = now_t - rest_t, lengths(sensors.position_m - now.position_m)
-            of_place = square(4.0 * other.placement_m / distance) + square(4.0 * off_m / distance)
-            variance += square(change).sum(axis=1) * (of_place + square(share)) / 3.0
+        changes = _less(other.fields(sensors, other.now), other.fields(sensors, other.rest))
+        variance += other.placement_variance(sensors, changes)
     return np.sqrt(variance)[:, None]
 
 
 def change_of(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> tuple[Array, Array]:
     """By how much the neighbours have changed the field since they rested, (N, 3) T in sensor axes, and the covariance
     (3N, 3N) of that."""
-    change = np.zeros((len(sensors), 3))
-    covariance = np.diag(square(np.repeat(placement_deviation(sensors, seen), 3)))
+    change, variance = np.zeros((len(sensors), 3)), np.zeros(len(sensors))
+    covariance = np.zeros((change.size, change.size))
     for other in seen:
-        change = change + (other.field(sensors, other.now) - other.field(sensors, other.rest))
-        slope = other.slope(sensors)
+        now, slope = other.fields_and_slope(sensors)
+        changes = _less(now, other.fields(sensors, other.rest))
+        change, variance = change + added(changes), variance + other.placement_variance(sensors, changes)
         covariance = covariance + product(slope, other.covariance, slope.T)
-    return change, covariance
+    return change, covariance + np.diag(np.repeat(variance, 3))
+
+
+def _less(fields: Sequence[Array], others: Sequence[Array]) -> list[Array]:
+    return [field - other for field, other in zip(fields, others, strict=True)]
 
 
 def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEstimate]) -> tuple[State, Parts, Prior]:

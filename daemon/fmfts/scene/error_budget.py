@@ -135,16 +135,15 @@ def _causes(surroundings: Surroundings, pad: Pad, state: State, model: Model) ->
 
 
 def _of_neighbour(config: PadConfig, other: PadConfig, rows: Array) -> Array:
-    """(3N, 5) changes of the field by the neighbour's hardest press, along each direction of its magnet's pose."""
-    placement, pad = other.placement.si().seen_from(config.placement.si()), other.pad()
-    axis = placement.rotation @ pad.rest_axis
-    rest = Neighbour(placement.point(pad.rest_position_m), axis, 0.0)
+    """(3N, 5M) changes of the field by the neighbour's hardest press, along each direction of its magnets' poses."""
+    placement = other.placement.si().seen_from(config.placement.si())
     size = np.array([REACH_M / np.sqrt(3.0)] * 3 + [REACH_RAD / np.sqrt(2.0)] * 2)
     columns = []
-    for direction in np.eye(CHANGE) * size:
+    for one, direction in product(other.pad().magnets, np.eye(CHANGE) * size):
+        rest = Neighbour(placement.point(one.rest_position_m), placement.rotation @ one.rest_axis, 0.0)
         moved = rest.stepped(np.append(direction, 0.0))
         ends = [
-            dipole_field(rows[:, :3], place.position_m, place.axis, pad.magnet.strength_t_m3) for place in (rest, moved)
+            dipole_field(rows[:, :3], place.position_m, place.axis, one.magnet.strength_t_m3) for place in (rest, moved)
         ]
         columns.append(np.sum(rows[:, DIRECTION] * (ends[1] - ends[0]), axis=1))
     return np.stack(columns, axis=1)

@@ -130,6 +130,8 @@ def main() -> None:
     verb.set_defaults(run=tools.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")
+    verb.add_argument("--magnets", nargs="+", choices=("1+1", "4+1", "4+4"), help="of the pads of a pair")
+    verb.add_argument("--scenes", nargs="+", choices=neighbours.AMBIENTS, default=neighbours.AMBIENTS)
     verb.set_defaults(run=neighbours.run)
     verb = verbs.add_parser(
         "contact", help="the contact model beside maximum likelihood: errors, honesty, touch, motion"

@@ -7,21 +7,27 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig, PlacementConfig, SceneConfig, SimulatedSource, neighbours_of
-from fmfts.pipeline.configured import load_contact_model
-from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.scene.neighbours import neighbours_around
-from fmfts.scene.tracking import tracking_model_for
+from fmfts.pipeline.configured import Pipeline, contact_model_of, feel_neighbours, pipeline_of
+from fmfts.simulation.array import simulated_pad
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import UNLOADED_AT_START_S, Finger, ScriptedFinger, Touch
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import AS_DRAWN, FRAME_NS, RATE_HZ, Ambient
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
+from fmfts_lab.finite_elements.array_model import array_config
 
-DISTANCES_MM = (20, 30, 60, 100, 200)
+# By the magnets in the pads of a pair: the distances that are tried. Pads of four magnets are 40 mm wide.
+DISTANCES_MM = {
+    (1, 1): (20, 30, 60, 100, 200),
+    (4, 1): (40, 60, 100),
+    (4, 4): (40, 60, 100),
+}
+RANGE_GAUSS = {1: 4.0, 4: 8.1}
 AMBIENTS: tuple[Ambient, ...] = ("constant", "drifting")
 # The second pad is rolled against the first, like two fingertips. Its finger presses while the first one rests.
 TURN_DEG = (8.0, 0.0, 0.0)
@@ -49,33 +55,35 @@ class Outcome:
         )
 
 
-def pair(distance_mm: float, ambient: Ambient, seed: int) -> tuple[PadConfig, PadConfig]:
-    """Two pads that name each other. At 20 mm their fields add up to more than the usual ±2.5 G."""
+def pair(
+    distance_mm: float, ambient: Ambient, seed: int, magnets: tuple[int, int] = (1, 1)
+) -> tuple[PadConfig, PadConfig]:
+    """Two pads that name each other, of 1 or 4 magnets. At 20 mm their fields add up to more than the usual ±2.5 G."""
 
-    def pad(name: str, other: str, seed: int, placement: PlacementConfig) -> PadConfig:
+    def pad(name: str, other: str, seed: int, count: int, placement: PlacementConfig) -> PadConfig:
         turning = 20.0 if ambient == "drifting" else 0.0
-        return PadConfig(
+        source = SimulatedSource(seed=seed, range_gauss=RANGE_GAUSS[count], finger="none", turning_deg_per_s=turning)
+        return msgspec.structs.replace(
+            PadConfig(name=name, source=source) if count == 1 else array_config(),
             name=name,
-            source=SimulatedSource(seed=seed, range_gauss=4.0, finger="none", turning_deg_per_s=turning),
+            source=source,
             tolerance=AS_DRAWN,
             scene=SceneConfig(ambient=ambient, neighbours=(other,)),
             placement=placement,
         )
 
-    beside = PlacementConfig(position_mm=(distance_mm, 0.0, 0.0), rotation_deg=TURN_DEG)
-    return pad("first", "second", seed, PlacementConfig()), pad("second", "first", seed + 1000, beside)
+    beside, (first, second) = PlacementConfig(position_mm=(distance_mm, 0.0, 0.0), rotation_deg=TURN_DEG), magnets
+    return pad("first", "second", seed, first, PlacementConfig()), pad("second", "first", seed + 1000, second, beside)
 
 
 def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) -> Outcome:
-    """Run both pads in step. told: whether each takes the other's magnet into account."""
+    """Run both pads in step. told: whether each takes the other's magnets into account."""
     fingers = {pads[0].name: _later(pads[0], 0.0), pads[1].name: _later(pads[1], LATER_S)}
     sources = {pad.name: _source(pad, pads, fingers) for pad in pads}
     pipelines = {pad.name: _pipeline(pad, pads) for pad in pads}
     if told:
         for pad in pads:
-            for neighbour in neighbours_around(pad, pads):
-                if neighbour.is_felt:
-                    pipelines[pad.name].feel(pipelines[neighbour.name].be_felt(), neighbour.placement)
+            feel_neighbours(pad, pads, pipelines)
     truths = {name: Truth(source.built, fingers[name]) for name, source in sources.items()}
     touched: dict[str, bool | None] = dict.fromkeys(fingers)
     outcome = Outcome()
@@ -98,7 +106,7 @@ def pressed_pair(pads: tuple[PadConfig, PadConfig], told: bool, seconds: float) 
 
 
 def _messages(
-    sources: dict[str, Simulated], pipelines: dict[str, PadPipeline], seconds: float
+    sources: dict[str, Simulated], pipelines: dict[str, Pipeline], seconds: float
 ) -> Iterator[ContactMessage]:
     for step in range(round(seconds * RATE_HZ)):
         for name, source in sources.items():
@@ -117,18 +125,15 @@ def _later(pad: PadConfig, later_s: float) -> Finger:
 
 def _source(pad: PadConfig, pads: tuple[PadConfig, PadConfig], fingers: dict[str, Finger]) -> Simulated:
     others = neighbours_of(pad, pads)
-    source = Simulated(pad, others)
+    source = simulated_pad(pad, others)
     source.finger = fingers[pad.name]
     for other, magnet in zip(others, source.neighbours, strict=True):
         magnet.finger = fingers[other.name]
     return source
 
 
-def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> PadPipeline:
-    model = load_contact_model(pad)
-    pipeline = PadPipeline(
-        pad.pad(), model, "bench", float(RATE_HZ), tracking_model_for(pad.scene, pad.magnet).tracking
-    )
+def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> Pipeline:
+    pipeline = pipeline_of(pad, contact_model_of(pad), "bench")
     pipeline.use(simulated_baseline(pad, neighbours_of(pad, pads)))
     return pipeline
 
@@ -136,9 +141,17 @@ def _pipeline(pad: PadConfig, pads: tuple[PadConfig, PadConfig]) -> PadPipeline:
 def run(options: Namespace) -> None:
     """Print the table."""
     print(f"two pads, both pressed, {options.seconds:g} s each; errors of place and force in published deviations\n")
-    print("distance  scene     neighbour   ok %   rms sd   worst  wrong  false contacts")
-    for ambient in AMBIENTS:
-        for distance_mm in DISTANCES_MM:
-            for told in (False, True):
-                outcome = pressed_pair(pair(distance_mm, ambient, options.seed), told, options.seconds)
-                print(f"{distance_mm:5d} mm  {ambient:9} {'told' if told else 'not told':9} {outcome.line}", flush=True)
+    print("magnets  distance  scene     neighbour   ok %   rms sd   worst  wrong  false contacts")
+    for magnets, distances_mm in DISTANCES_MM.items():
+        if options.magnets and "+".join(map(str, magnets)) not in options.magnets:
+            continue
+        for ambient in options.scenes:
+            for distance_mm in distances_mm:
+                for told in (False, True):
+                    pads = pair(distance_mm, ambient, options.seed, magnets)
+                    outcome = pressed_pair(pads, told, options.seconds)
+                    print(
+                        f"{magnets[0]} + {magnets[1]} {distance_mm:7d} mm  {ambient:9} "
+                        f"{'told' if told else 'not told':9} {outcome.line}",
+                        flush=True,
+                    )

@@ -97,9 +97,10 @@ def _beside_t(surroundings: Surroundings, pad: Pad) -> Array:
     """(N, 3) field of the neighbours' magnets at rest, in sensor axes."""
     field = np.zeros_like(pad.sensors.position_m)
     for other in surroundings.others:
-        there, their = other.placement.si().seen_from(surroundings.config.placement.si()), other.pad()
-        place, axis = there.point(their.rest_position_m), there.rotation @ their.rest_axis
-        field += dipole_field(pad.sensors.position_m, place, axis, their.magnet.strength_t_m3)
+        there = other.placement.si().seen_from(surroundings.config.placement.si())
+        for one in other.pad().magnets:
+            place, axis = there.point(one.rest_position_m), there.rotation @ one.rest_axis
+            field += dipole_field(pad.sensors.position_m, place, axis, one.magnet.strength_t_m3)
     return pad.sensors.to_sensor(field)
 
 
