@@ -240,6 +240,12 @@ def test_a_table_of_another_skin_is_refused(model: Path, tmp_path: Path) -> None
         contact_model_of(config(tmp_path / "no.response"))
 
 
+def test_a_skin_is_nobodys_neighbour(model: Path) -> None:
+    beside = PadConfig(name="beside", source=SimulatedSource(), scene=SceneConfig(neighbours=("skin",)))
+    told = " ".join(text for _, text in problems_in(Config(pad=(config(model), beside))))
+    assert "the magnets of 'skin' are unknown, and so is their field here" in told
+
+
 def test_what_such_a_pad_cannot_do_is_told_by_the_configuration(model: Path) -> None:
     assert not problems_in(Config(pad=(config(model),)))
     simulated = PadConfig(name="skin", source=SimulatedSource(), contact=ContactConfig(model=str(model)))

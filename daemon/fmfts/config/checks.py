@@ -227,6 +227,8 @@ def _neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                 yield keys, f"there is no such pad: the pads are {', '.join(names)}"
             elif neighbour == pad.name:
                 yield keys, "a pad is not its own neighbour"
+            elif pads[names.index(neighbour)].is_skin:
+                yield keys, f"the magnets of {neighbour!r} are unknown, and so is their field here: keep it away"
             elif not pad.other_magnets and _magnets_of(pad, pads, index + 1) > MOST_OTHER_MAGNETS:
                 yield (
                     keys,

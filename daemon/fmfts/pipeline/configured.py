@@ -128,6 +128,6 @@ def feel_neighbours(
     neighbours = list(neighbours_around(config, configs))
     for neighbour in neighbours:
         one, other = pipelines[config.name], pipelines[neighbour.name]
-        if neighbour.is_felt:
+        if neighbour.is_felt and not isinstance(one, SkinPipeline) and not isinstance(other, SkinPipeline):
             one.feel(other.be_felt(), neighbour.placement)
     return neighbours
