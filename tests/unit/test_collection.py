@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from fmfts.baseline.job import EXTRA_S, Collection
+from dataclasses import replace
+
+from fmfts.baseline.job import EXTRA_S, SETTLING_S, Collection
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.simulation.finger import no_finger
 from fmfts.simulation.source import Simulated
@@ -37,3 +39,25 @@ def test_recording_ends_though_frames_lack() -> None:
     count, spent_s = collected(50, 0.5, 50)
     assert count < 50
     assert 0.5 + EXTRA_S <= spent_s < 0.5 + EXTRA_S + 1.0
+
+
+def test_recording_begins_when_the_board_has_the_configured_range() -> None:
+    source = Simulated(PadConfig(name="left", source=SimulatedSource()))
+    frames = record(source, no_finger, 2.0)
+    before = int(SETTLING_S * 220) - 10
+
+    def taken(others: range) -> list[int]:
+        collection = Collection(source, 0.5)
+        for number, frame in enumerate(frames):
+            if not collection.complete:
+                collection.take(replace(frame, gain_code=7) if number in others else frame)
+        return [frame.gain_code for frame in collection.frames]
+
+    assert 7 not in taken(range(before))
+    assert len(taken(range(before))) >= 109
+    # Whoever changes it later, has to record again: nothing says which half is the pad's.
+    settled = before + 20
+    collection = Collection(source, 1.0)
+    for number, frame in enumerate(frames[:400]):
+        collection.take(frame if number < settled else replace(frame, gain_code=7))
+    assert len({frame.gain_code for frame in collection.frames}) == 2

@@ -20,6 +20,8 @@ from fmfts.sensor.tasks import PATIENCE_S, Selftest
 OVERTIME_S = 5.0
 # A computer that is busy loses frames. So long a recording goes on for the fewest that it needs.
 EXTRA_S = 2.5
+# A board that was just opened has the range of before, until the request for the configured one has arrived.
+SETTLING_S = 0.5
 
 
 class Collection:
@@ -35,6 +37,8 @@ class Collection:
         self._went_back = False
 
     def take(self, frame: Frame) -> None:
+        if self.frames and frame.gain_code != self.frames[-1].gain_code and self._span_s < SETTLING_S:
+            self.frames.clear()
         self._went_back |= bool(self.frames) and frame.device_time_us < self.frames[-1].device_time_us
         self.frames.append(frame)
         self._heard_s = time.monotonic()
