@@ -59,7 +59,8 @@ def test_a_chip_without_a_mux_that_falls_silent_is_named_by_its_address_and_come
         assert kernel.order(direct=2, set={"absent": True}) == "done"
         run(source, lambda frames: source.state.sensor_faults)
         assert source.state.sensor_faults == {
-            (0, 2): "sensor 3 (at 0x0e) does not answer: check its supply, SDA, SCL and address pins"
+            (0, 2): "sensor 3 (at 0x0e) does not answer: check its supply, SDA, SCL and address pins "
+            "(two chips at one address spoil each other)"
         }
         assert run(source, lambda frames: len(frames) > 5)[-1].valid.tolist() == [True, True, False, True]
         assert kernel.order(direct=2, set={"absent": False}) == "done"

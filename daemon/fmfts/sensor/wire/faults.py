@@ -49,7 +49,7 @@ def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | No
         what = why_not(chip, pad.sensors[sensor].identification) or "did not identify itself when started"
     elif state == SensorState.NO_ANSWER:
         what = (
-            "does not answer: check its supply, SDA, SCL and address pins"
+            "does not answer: check its supply, SDA, SCL and address pins (two chips at one address spoil each other)"
             if pad.mux_address == NO_MUX
             else f"does not answer at 0x{chip.address:02X}: check SDA/SCL of that channel"
         )
