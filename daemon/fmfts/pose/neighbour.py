@@ -78,8 +78,8 @@ class Sighting:
     def rests(self, rest: Where, rest_error: Array | None = None) -> None:
         """Begin again from the rest state of a new baseline."""
         self.rest = self.last = rest
-        self.covariance, self.time_ns = np.zeros_like(self.covariance), None
-        self.rest_error = np.zeros_like(self.rest_error) if rest_error is None else rest_error
+        self.covariance, self.time_ns = np.zeros(self.covariance.shape), None
+        self.rest_error = np.zeros(self.rest_error.shape) if rest_error is None else rest_error
 
     def saw(self, last: Where, covariance: Array, time_ns: int) -> None:
         """covariance (6M, 6M): of a step from `last`."""
