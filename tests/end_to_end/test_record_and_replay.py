@@ -20,6 +20,7 @@ from mcap.stream_reader import StreamReader
 
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
+from fmfts.config.example import ARRAY_PATH
 from fmfts.recording.file import HEADER_BYTES, is_whole, read
 
 TAPPED = """
@@ -44,6 +45,24 @@ name = "far"
 type = "simulated"
 seed = 3
 """
+
+
+def beside(x_mm: int, neighbours: list[str]) -> str:
+    """What is the same of each pad of AMONG_ARRAYS, after its magnets: where it sits, and among whom."""
+    return f"\n[pad.scene]\nneighbours = {neighbours}\n[pad.placement]\nposition_mm = [{x_mm}, 0, 0]\n"
+
+
+def array(name: str, x_mm: int, neighbours: list[str]) -> str:
+    text = ARRAY_PATH.read_text().replace('name = "array"', f'name = "{name}"')
+    return text.replace("fingers = 1 ", "rate_hz = 75\nfingers = 2 ") + beside(x_mm, neighbours)
+
+
+AMONG_ARRAYS = (
+    array("array", 0, ["one", "other"])
+    + array("other", 45, ["array"])
+    + '[[pad]]\nname = "one"\n[pad.source]\ntype = "simulated"\nrate_hz = 75\n'
+    + beside(-45, ["array"])
+)
 PATIENCE_S = 60.0  # for what takes two seconds, and three processes, on a computer that does other things
 
 
@@ -91,21 +110,32 @@ def contacts(output: Path) -> list[tuple[str, int]]:
 def test_replay_of_a_recording_begun_in_the_middle_is_identical(
     daemon: RunningDaemon, tmp_path: Path, options: tuple[str, ...], pads: list[str]
 ) -> None:
-    process = recorder(daemon, tmp_path / "a.mcap", *options)
+    replays_identically(daemon, tmp_path / "a.mcap", options, pads)
+
+
+def test_replay_of_pads_beside_one_with_several_magnets_is_identical(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    with RunningDaemon(tmp_path_factory.mktemp("daemon"), AMONG_ARRAYS) as daemon:
+        replays_identically(daemon, tmp_path / "a.mcap", ("--pad", "one"), ["array", "one", "other"])
+
+
+def replays_identically(daemon: RunningDaemon, output: Path, options: tuple[str, ...], pads: list[str]) -> None:
+    process = recorder(daemon, output, *options)
     until = time.monotonic() + PATIENCE_S
-    while len(contacts(tmp_path / "a.mcap")) < 400 * len(pads):  # not quite two seconds, where nothing is late
+    while len(contacts(output)) < 400 * len(pads):  # not quite two seconds, where nothing is late
         assert time.monotonic() < until
         time.sleep(0.5)  # each look reads the whole recording
     process.send_signal(signal.SIGTERM)
     said, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, complaint
     assert json.loads(said)["pads"] == pads
-    replayed = daemon.command("replay", tmp_path / "a.mcap", "--json")
+    replayed = daemon.command("replay", output, "--json")
     assert replayed.returncode == 0, replayed
     facts = json.loads(replayed.stdout)
     assert facts["different"] == 0
     assert facts["identical"] > 100
-    assert is_whole(tmp_path / "a.mcap")
+    assert is_whole(output)
 
 
 @pytest.mark.real_time  # a computer that is late leaves frames out
