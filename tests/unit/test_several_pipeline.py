@@ -210,7 +210,7 @@ def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
         both = (steady_finger(-8e-3, -1e-3, 0.6), steady_finger(8e-3, 2e-3, 0.6), steady_finger(x_m, y_m, 0.6))
         source.finger, source.second_finger = both[0], both[1]
         known = source.inside.field
-        source.inside = _Third(known, both[2](0.0))  # type: ignore[assignment]
+        source.fields.inside = _Third(known, both[2](0.0))  # type: ignore[assignment]
         for step in range(40):
             for frame in source.poll(step * PERIOD_NS):
                 message = made.process(frame)

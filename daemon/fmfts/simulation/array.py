@@ -16,12 +16,16 @@ from fmfts.simulation.source import Simulated
 class SimulatedArray(Simulated):
     """A Source of one simulated pad with several magnets."""
 
+    @property
+    def inside(self) -> MountedMagnets:
+        """The magnets as they were built, for tests."""
+        return self.fields.inside
+
     def _build(
         self, config: PadConfig, source: SimulatedSource, random: np.random.Generator, perfect: bool
     ) -> MountedPad:
         drawing = config.pad()
-        self.inside = MountedMagnets.of(config, None if perfect else random)
-        self._fields = FieldOfFingers(self.inside)
+        self.fields = FieldOfFingers(MountedMagnets.of(config, None if perfect else random))
         if perfect:
             return MountedPad(drawing, np.ones((len(drawing.sensors), 3)), np.zeros(3), np.eye(3))
         sensors, tolerance = drawing.sensors, config.tolerance.si()
@@ -48,7 +52,7 @@ class SimulatedArray(Simulated):
     def _magnet_field(self, sampled_s: Array, warming_k: float) -> Array:
         """(N, 3) field of the magnets."""
         warmer = 1.0 + self._magnet_per_k * warming_k
-        return self._fields.at(self._built.pad.sensors.position_m, sampled_s, self.fingers, warmer)
+        return self.fields.at(self._built.pad.sensors.position_m, sampled_s, self.fingers, warmer)
 
 
 def simulated_pad(config: PadConfig, beside: Sequence[PadConfig] = ()) -> Simulated:
