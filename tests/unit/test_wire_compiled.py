@@ -23,15 +23,16 @@ axes = st.tuples(i16, i16, i16)
 
 @st.composite
 def samples(draw: st.DrawFn) -> Sample:
-    sensors = draw(st.integers(1, 8))
+    sensors = draw(st.integers(1, 16))
+    masks = mask if sensors <= 8 else u16
     return Sample(
         pad_index=draw(st.integers(0, 15)),
         sequence=draw(st.integers(0, 2**32 - 1)),
         time_us=draw(st.integers(0, 2**48 - 1)),
         gain_code=draw(st.integers(0, 7)),
         trigger=draw(st.integers(0, 1)),
-        valid=draw(mask),
-        fresh=draw(mask),
+        valid=draw(masks),
+        fresh=draw(masks),
         temperature_raw=draw(i16),
         counts=np.array(draw(st.lists(i16, min_size=3 * sensors, max_size=3 * sensors)), np.int16).reshape(-1, 3),
         age_us=np.array(draw(st.lists(u16, min_size=sensors, max_size=sensors)), np.uint16),
@@ -41,7 +42,7 @@ def samples(draw: st.DrawFn) -> Sample:
 @st.composite
 def lines(draw: st.DrawFn) -> bytes:
     """A packet, one that was damaged on its way, a lone zero, or garbage."""
-    early = st.builds(Early, st.integers(0, 15), st.integers(0, 7), st.integers(0, 7), st.integers(0, 2**48 - 1), axes)
+    early = st.builds(Early, st.integers(0, 15), st.integers(0, 15), st.integers(0, 7), st.integers(0, 2**48 - 1), axes)
     line = bytearray(encode(draw(st.one_of(samples(), early, st.builds(Reply, mask, mask, mask)))))
     kind = draw(st.sampled_from(["whole", "whole", "damaged", "cut", "zero", "garbage"]))
     if kind == "damaged":

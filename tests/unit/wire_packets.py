@@ -39,8 +39,9 @@ axes = st.tuples(signed16, signed16, signed16)
 
 @st.composite
 def samples(draw: st.DrawFn) -> Sample:
-    n = draw(st.integers(1, 8))
-    sizes = {"pad_index": 4, "sequence": 32, "time_us": 48, "gain_code": 3, "trigger": 1, "valid": 8, "fresh": 8}
+    n = draw(st.integers(1, 16))
+    sizes = {"pad_index": 4, "sequence": 32, "time_us": 48, "gain_code": 3, "trigger": 1}
+    sizes |= dict.fromkeys(("valid", "fresh"), 8 if n <= 8 else 16)
     fields = {name: draw(unsigned(bits)) for name, bits in sizes.items()}
     counts = draw(st.lists(axes, min_size=n, max_size=n))
     ages = draw(st.lists(unsigned(16), min_size=n, max_size=n))
@@ -53,20 +54,22 @@ def tuples_of(strategy: st.SearchStrategy, most: int) -> st.SearchStrategy[tuple
 
 u8, u16, u32, u48 = (unsigned(bits) for bits in (8, 16, 32, 48))
 hello_sensors = st.builds(HelloSensor, u8, u8, st.binary(min_size=3, max_size=3))
-hello_pads = st.builds(HelloPad, u8, u8, tuples_of(hello_sensors, 8))
+hello_pads = st.builds(
+    HelloPad, u8, u8, tuples_of(hello_sensors, 14)
+)  # 16, but three such pads are more than a packet holds
 hellos = st.builds(
     Hello, st.tuples(u8, u8, u8), u8, u8, st.binary(min_size=12, max_size=12), u16, unsigned(3), unsigned(1),
     unsigned(1), tuples_of(hello_pads, 3), unsigned(1),
 )  # fmt: skip
-status_pads = st.builds(StatusPad, u32, u32, u32, tuples_of(u8, 8))
-selftests = st.builds(Selftest, u8, unsigned(4), u8, tuples_of(st.builds(SelftestSensor, u8, axes, axes), 8))
+status_pads = st.builds(StatusPad, u32, u32, u32, tuples_of(u8, 16))
+selftests = st.builds(Selftest, u8, unsigned(4), u8, tuples_of(st.builds(SelftestSensor, u8, axes, axes), 16))
 packets = st.one_of(
     samples(),
     hellos,
     st.builds(Status, u48, u32, u32, tuples_of(status_pads, 3)),
     st.builds(Reply, u8, u8, u8),
     st.builds(Load, u32, u48, st.integers(-(2**31), 2**31 - 1)),
-    st.builds(Early, unsigned(4), unsigned(3), unsigned(3), u48, axes),
+    st.builds(Early, unsigned(4), unsigned(4), unsigned(3), u48, axes),
     selftests,
     st.builds(Request, st.integers(8, 15), u8, u8, u16),
 )

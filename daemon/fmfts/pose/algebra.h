@@ -16,8 +16,9 @@
 
 typedef double fmfts_matrix[FMFTS_STRIDE][FMFTS_STRIDE];
 
-/* factored: A + damping·diag(A) = UᵀDU, with unit U above the diagonal and 1/D on it. False if it is singular. */
-FMFTS_INLINE bool factor(size_t n, fmfts_matrix a, double damping, fmfts_matrix factored)
+/* factored: A + damping·diag(A) = UᵀDU, with unit U above the diagonal and 1/D on it. False if it is singular.
+ * stride: the columns of both; a constant, as everywhere here. */
+FMFTS_INLINE bool factor_of_stride(size_t stride, size_t n, double (*a)[stride], double damping, double (*factored)[stride])
 {
     for (size_t i = 0; i < n; i++) {
         for (size_t j = i; j < n; j++) {
@@ -45,7 +46,12 @@ FMFTS_INLINE bool factor(size_t n, fmfts_matrix a, double damping, fmfts_matrix 
     return true;
 }
 
-FMFTS_INLINE void solve_factored(size_t n, fmfts_matrix factored, double *x)
+FMFTS_INLINE bool factor(size_t n, fmfts_matrix a, double damping, fmfts_matrix factored)
+{
+    return factor_of_stride(FMFTS_STRIDE, n, a, damping, factored);
+}
+
+FMFTS_INLINE void solve_factored_of_stride(size_t stride, size_t n, double (*factored)[stride], double *x)
 {
     for (size_t k = 0; k < n; k++) {
         for (size_t j = k + 1; j < n; j++) {
@@ -58,6 +64,11 @@ FMFTS_INLINE void solve_factored(size_t n, fmfts_matrix factored, double *x)
             x[k] -= factored[k][j] * x[j];
         }
     }
+}
+
+FMFTS_INLINE void solve_factored(size_t n, fmfts_matrix factored, double *x)
+{
+    solve_factored_of_stride(FMFTS_STRIDE, n, factored, x);
 }
 
 /* inverse (full, symmetric) = V D⁻¹ Vᵀ with V = U⁻¹. The factored matrix becomes V. */

@@ -93,7 +93,8 @@ static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_me
  * least squares gives the same as the projection on parity space in mean_residuals.py. False if the matrix is singular. */
 static bool chi2_of(const mean_problem *p, double *chi2)
 {
-    fmfts_matrix spread, factored, normal;
+    fmfts_matrix normal, factored_normal;
+    double spread[FMFTS_AXES][FMFTS_AXES], factored[FMFTS_AXES][FMFTS_AXES];
     double solved[BASE_COLUMNS + 1][FMFTS_AXES], step[BASE_COLUMNS + 1];
     size_t axes = (size_t)p->axes, last = (size_t)p->unknowns;
     for (size_t i = 0; i < axes; i++) {
@@ -104,14 +105,14 @@ static bool chi2_of(const mean_problem *p, double *chi2)
             }
         }
     }
-    if (!factor(axes, spread, 0.0, factored)) {
+    if (!factor_of_stride(FMFTS_AXES, axes, spread, 0.0, factored)) {
         return false;
     }
     for (size_t c = 0; c <= last; c++) {
         for (size_t i = 0; i < axes; i++) {
             solved[c][i] = p->jacobian[i][c];
         }
-        solve_factored(axes, factored, solved[c]);
+        solve_factored_of_stride(FMFTS_AXES, axes, factored, solved[c]);
         for (size_t r = 0; r <= c; r++) {
             normal[r][c] = 0.0;
             for (size_t i = 0; i < axes; i++) {
@@ -119,13 +120,13 @@ static bool chi2_of(const mean_problem *p, double *chi2)
             }
         }
     }
-    if (!factor(last, normal, 0.0, factored)) {
+    if (!factor(last, normal, 0.0, factored_normal)) {
         return false;
     }
     for (size_t i = 0; i < last; i++) {
         step[i] = normal[i][last];
     }
-    solve_factored(last, factored, step);
+    solve_factored(last, factored_normal, step);
     *chi2 = normal[last][last];
     for (size_t i = 0; i < last; i++) {
         *chi2 -= normal[i][last] * step[i];

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 STATES, POSE, RATE, AMBIENT_CHANGE = 13, slice(0, 5), slice(5, 10), slice(10, 13)
 MODES = 2
-MOST_SENSORS = 8  # of a pad: FMFTS_SENSORS
+EARLY_PLACES = 8  # of early_us at least: recordings of pads with fewer sensors hold so many, too
 STILL, MOVING = range(MODES)
 # How fast the rates die out while the pad is still.
 CALM_S = 0.03
@@ -81,9 +81,9 @@ class MotionMemory:
     since the filter began.
 
     The others are of samples that came before their frame, since the last frame; recordings of old versions lack them.
-    early_us (8,): time of each sensor's newest, 0 before the first. early_from_us, early_modes: motion_us and modes
-    after that frame. early_state (2, 13), early_covariance (2, 13, 13), early_chi2_sum and early_widths (2,): of each
-    mode.
+    early_us (N,), at least EARLY_PLACES: time of each sensor's newest, 0 before the first. early_from_us, early_modes:
+    motion_us and modes after that frame. early_state (2, 13), early_covariance (2, 13, 13), early_chi2_sum and
+    early_widths (2,): of each mode.
     """
 
     motion_us: float
@@ -91,7 +91,7 @@ class MotionMemory:
     motion_covariance: Array
     modes: Array
     followed: float
-    early_us: Array = field(default_factory=lambda: np.zeros(MOST_SENSORS))
+    early_us: Array = field(default_factory=lambda: np.zeros(EARLY_PLACES))
     early_from_us: float = 0.0
     early_modes: Array = field(default_factory=lambda: np.zeros(MODES))
     early_state: Array = field(default_factory=lambda: np.zeros((MODES, STATES)))
@@ -137,6 +137,7 @@ class MotionFilter:
         self._walk = ambient_walk_t2_per_s
         self._surprise_chi2, self._early_chi2 = surprise_chi2, early_chi2
         self.memory = MotionMemory(0.0, np.zeros(STATES), np.zeros((STATES, STATES)), np.full(MODES, 1.0 / MODES), 0.0)
+        self.memory.early_us = self._no_early()
 
     def forget(self) -> None:
         """Stop, until the next begin()."""
@@ -152,7 +153,7 @@ class MotionFilter:
         memory.motion_covariance = np.zeros((STATES, STATES))
         memory.motion_covariance[np.ix_(places, places)] = FIRST_COVARIANCE * covariance[np.ix_(known, known)]
         memory.motion_covariance[RATE, RATE] = FIRST_RATE_S * drive
-        memory.modes, memory.early_us = np.full(MODES, 1.0 / MODES), np.zeros(MOST_SENSORS)
+        memory.modes, memory.early_us = np.full(MODES, 1.0 / MODES), self._no_early()
 
     def is_next(self, sensor: int, time_us: float) -> bool:
         """Whether a sample, after others that came before their frame, goes on from those that the filter took."""
@@ -178,7 +179,7 @@ class MotionFilter:
         if not self._take(modes, samples, order, log_moment, drive):
             return False
         memory.followed += 1.0
-        memory.early_us = np.zeros(MOST_SENSORS)
+        memory.early_us = self._no_early()
         return self._is_sound(modes.chi2, self._surprise_chi2)
 
     def follow_early(self, samples: Samples, sensor: int, log_moment: float, drive: Array) -> bool:
@@ -193,6 +194,9 @@ class MotionFilter:
         memory.early_chi2_sum, memory.early_widths = modes.chi2, modes.widths
         sound = self._is_sound(modes.chi2 - before, self._early_chi2)
         return sound and self._is_sound(modes.chi2, self._surprise_chi2)
+
+    def _no_early(self) -> Array:
+        return np.zeros(max(EARLY_PLACES, len(self._pad.sensors)))
 
     def _modes(self) -> _Modes:
         memory = self.memory

@@ -15,7 +15,6 @@
 #include "problem.h"
 
 enum {
-    FMFTS_SENSORS = FMFTS_WIRE_SENSORS,
     FMFTS_AXES = 3 * FMFTS_SENSORS,
     FMFTS_STATE = FMFTS_VALUES(1),
     FMFTS_STEP = FMFTS_COLUMNS(1),

@@ -51,8 +51,7 @@ class Frame:
         readings = np.empty((len(self.counts), 4), "<i2")
         readings[:, :3] = self.counts
         readings[:, 3] = self.age_us.view(np.int16)
-        valid, fresh = (int(np.packbits(mask, bitorder="little")[0]) for mask in (self.valid, self.fresh))
-        return self.gain_code, valid, fresh, readings.tobytes()
+        return self.gain_code, mask_of(self.valid), mask_of(self.fresh), readings.tobytes()
 
     @property
     def overflow(self) -> NDArray[np.bool_]:
@@ -156,6 +155,11 @@ _put_temperature_c = Frame.__dict__["temperature_c"].__set__
 _put_run = Frame.__dict__["run"].__set__
 _put_chip = Frame.__dict__["chip"].__set__
 _put_packed = WireFrame.__dict__["_packed"].__set__
+
+
+def mask_of(flags: NDArray[np.bool_]) -> int:
+    """Bit i is flags[i]."""
+    return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
 
 
 @lru_cache(maxsize=1024)

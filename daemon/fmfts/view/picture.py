@@ -135,7 +135,7 @@ def _figures(
     figures.add_row("latency", f"{sending_ms:.2f} ms to publish" if contact.t_sample_ns else "–")
     if arrival_s is not None and contact.t_sample_ns:
         figures.add_row("", f"{arrival_s * 1e3:.2f} ms to here")
-    used = [str(sensor + 1) for sensor in range(8) if contact.sensors_ok >> sensor & 1]
+    used = [str(sensor + 1) for sensor in range(contact.sensors_ok.bit_length()) if contact.sensors_ok >> sensor & 1]
     figures.add_row("sensors", " ".join(used) or "none")
     figures.add_row("", "–" if contact.temperature_c is None else f"{contact.temperature_c:.1f} °C")
     return figures

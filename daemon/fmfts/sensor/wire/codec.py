@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from fmfts.sensor.frame import READING_BYTES
 from fmfts.sensor.wire.packets import (
+    BOARD_SENSORS,
     MAX_PADS,
     MAX_SENSORS,
+    MORE_SENSORS,
     Early,
     Hello,
     HelloPad,
@@ -30,6 +33,8 @@ from fmfts.sensor.wire.packets import (
 )
 
 VERSION = 1
+ONE_MASK = 0xFF  # the sensors whose bits fit into the masks that every sample has
+EARLY_MORE = 0x08  # of an early sample's sensor, the bit that stands beside the gain code
 
 _SAMPLE = Layout("<BBIIHBBBh")
 _HELLO = Layout("<B3BBB12sHBB")
@@ -38,6 +43,7 @@ _HELLO_SENSOR = Layout("<BB3s")
 _STATUS = Layout("<BIHIIB")
 _STATUS_PAD = Layout("<IIIB")
 _REPLY = Layout("<BBBB")
+_MORE_MASKS = Layout("<BB")
 _SELFTEST = Layout("<BBBB")
 _SELFTEST_SENSOR = Layout("<B3h3h")
 _LOAD = Layout("<BIIHi")
@@ -55,6 +61,20 @@ def _count(value: int, most: int, what: str) -> int:
     return value
 
 
+def _sensors(told: int, room: int) -> int:
+    """How many sensors a packet is of. told: its four bits. room: for how many it is long enough."""
+    if told != MORE_SENSORS:
+        return _count(told, BOARD_SENSORS, "sensors")
+    if not BOARD_SENSORS < room <= MAX_SENSORS:
+        raise MalformedError(f"bytes for {room} sensors: more than {BOARD_SENSORS}, at most {MAX_SENSORS}")
+    return room
+
+
+def _told(sensors: int) -> int:
+    """The four bits for a number of sensors."""
+    return sensors if sensors <= BOARD_SENSORS else MORE_SENSORS
+
+
 def _whole(packet: bytes, end: int) -> None:
     if len(packet) != end:
         raise MalformedError(f"{len(packet)} bytes where {end} are due")
@@ -66,8 +86,14 @@ def _records(layout: Layout, packet: bytes, start: int, end: int) -> Iterator[tu
 
 def _unpack_sample(packet: bytes) -> Sample:
     _, pad, sequence, time_low, time_high, flags, valid, fresh, temperature = _SAMPLE.unpack_from(packet)
-    sensors = _count(pad >> 4, MAX_SENSORS, "sensors")
-    _whole(packet, _SAMPLE.size + 8 * sensors)
+    sensors = _sensors(pad >> 4, (len(packet) - _SAMPLE.size - _MORE_MASKS.size) // READING_BYTES)
+    masks = _SAMPLE.size + READING_BYTES * sensors
+    if sensors > BOARD_SENSORS:
+        _whole(packet, masks + _MORE_MASKS.size)
+        more_valid, more_fresh = _MORE_MASKS.unpack_from(packet, masks)
+        valid, fresh = valid | more_valid << BOARD_SENSORS, fresh | more_fresh << BOARD_SENSORS
+    else:
+        _whole(packet, masks)
     readings = np.frombuffer(packet, "<i2", 4 * sensors, _SAMPLE.size).reshape(sensors, 4)
     return Sample(
         pad & 15,
@@ -90,16 +116,17 @@ def _pack_sample(sample: Sample) -> bytes:
     readings[:, 3] = np.asarray(sample.age_us, "<u2").view("<i2")
     header = _SAMPLE.pack(
         VERSION << 4 | PacketType.SAMPLE,
-        sample.pad_index | sensors << 4,
+        sample.pad_index | _told(sensors) << 4,
         sample.sequence,
         sample.time_us & 0xFFFFFFFF,
         sample.time_us >> 32,
         sample.gain_code | sample.trigger << 3,
-        sample.valid,
-        sample.fresh,
+        sample.valid & ONE_MASK,
+        sample.fresh & ONE_MASK,
         sample.temperature_raw,
     )
-    return header + readings.tobytes()
+    more = (sample.valid >> BOARD_SENSORS, sample.fresh >> BOARD_SENSORS)
+    return header + readings.tobytes() + (_MORE_MASKS.pack(*more) if sensors > BOARD_SENSORS else b"")
 
 
 def _unpack_hello(packet: bytes) -> Hello:
@@ -165,15 +192,16 @@ def _pack_reply(reply: Reply) -> bytes:
 
 def _unpack_selftest(packet: bytes) -> Selftest:
     _, request_id, pad, gain_code = _SELFTEST.unpack_from(packet)
-    end = _SELFTEST.size + _SELFTEST_SENSOR.size * _count(pad >> 4, MAX_SENSORS, "sensors")
-    records = _records(_SELFTEST_SENSOR, packet, _SELFTEST.size, end)
+    records = _sensors(pad >> 4, (len(packet) - _SELFTEST.size) // _SELFTEST_SENSOR.size)
+    end = _SELFTEST.size + _SELFTEST_SENSOR.size * records
     _whole(packet, end)
-    sensors = tuple(SelftestSensor(state, tuple(axes[:3]), tuple(axes[3:])) for state, *axes in records)
+    each = _records(_SELFTEST_SENSOR, packet, _SELFTEST.size, end)
+    sensors = tuple(SelftestSensor(state, tuple(axes[:3]), tuple(axes[3:])) for state, *axes in each)
     return Selftest(request_id, pad & 15, gain_code, sensors)
 
 
 def _pack_selftest(selftest: Selftest) -> bytes:
-    pad = selftest.pad_index | len(selftest.sensors) << 4
+    pad = selftest.pad_index | _told(len(selftest.sensors)) << 4
     header = _SELFTEST.pack(VERSION << 4 | PacketType.SELFTEST, selftest.request_id, pad, selftest.gain_code)
     return header + b"".join(_SELFTEST_SENSOR.pack(one.state, *one.positive, *one.negative) for one in selftest.sensors)
 
@@ -193,12 +221,15 @@ def _unpack_early(packet: bytes) -> Early:
     _whole(packet, _EARLY.size)
     _, place, gain_code, time_low, time_high, *counts = _EARLY.unpack(packet)
     x, y, z = counts
-    return Early(place & 15, place >> 4 & 7, gain_code & 7, time_low | time_high << 32, (x, y, z))
+    return Early(
+        place & 15, place >> 4 & 7 | gain_code & EARLY_MORE, gain_code & 7, time_low | time_high << 32, (x, y, z)
+    )
 
 
 def _pack_early(early: Early) -> bytes:
-    place, time = 128 | early.sensor << 4 | early.pad_index, (early.time_us & 0xFFFFFFFF, early.time_us >> 32)
-    return _EARLY.pack(VERSION << 4 | PacketType.EARLY, place, early.gain_code, *time, *early.counts)
+    place, time = 128 | (early.sensor & 7) << 4 | early.pad_index, (early.time_us & 0xFFFFFFFF, early.time_us >> 32)
+    gain_code = early.gain_code | early.sensor & EARLY_MORE
+    return _EARLY.pack(VERSION << 4 | PacketType.EARLY, place, gain_code, *time, *early.counts)
 
 
 def _unpack_request(packet: bytes) -> Request:

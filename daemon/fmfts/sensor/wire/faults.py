@@ -36,9 +36,10 @@ def note(book: dict[Key, str], subject: Key, sentence: str | None) -> None:
 
 def sensor_name(pad: HelloPad, sensor: int) -> str:
     """The sensor's name for people, who count from one."""
-    if pad.mux_address == NO_MUX:
-        return f"sensor {sensor + 1} (at 0x{pad.sensors[sensor].channel:02x})"
-    return f"sensor {sensor + 1} (mux 0x{pad.mux_address:02x}, channel {pad.sensors[sensor].channel})"
+    mux, channel = pad.way_to(sensor)
+    if mux is None:
+        return f"sensor {sensor + 1} (at 0x{channel:02x})"
+    return f"sensor {sensor + 1} (mux 0x{mux:02x}, channel {channel})"
 
 
 def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | None:
@@ -53,6 +54,10 @@ def sensor_fault(pad: HelloPad, sensor: int, state: int, chip: Chip) -> str | No
             if pad.mux_address == NO_MUX
             else f"does not answer at 0x{chip.address:02X}: check SDA/SCL of that channel"
         )
+    elif state == SensorState.MUX_SILENT and len(pad.muxes) > 1:
+        # A mux that does not answer may have a channel open, so nothing is read through the others either.
+        muxes = " or ".join(f"0x{mux:02x}" for mux in pad.muxes)
+        what = f"cannot be reached, mux {muxes} does not answer: check their supply, address pins and RESET"
     else:
         what = _STATE_SENTENCES.get(state, f"reports state {state}, unknown to this version: update the daemon")
     return f"{sensor_name(pad, sensor)} {what}"
@@ -86,9 +91,12 @@ def identity(hello: Hello, chip: Chip, *, has_selftest: bool) -> dict[str, objec
 
 
 def _way_to(pad: HelloPad) -> dict[str, object]:
-    channels = [sensor.channel for sensor in pad.sensors]
+    ways = [pad.way_to(sensor) for sensor in range(len(pad.sensors))]
+    channels = [channel for _, channel in ways]
     if pad.mux_address == NO_MUX:
         return {"addresses": [f"0x{address:02x}" for address in channels]}
+    if len(pad.muxes) > 1:
+        return {"mux_addresses": [f"0x{mux:02x}" for mux, _ in ways], "channels": channels}
     return {"mux_address": pad.mux_address, "channels": channels}
 
 

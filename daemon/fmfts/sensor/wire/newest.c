@@ -12,7 +12,7 @@ typedef struct {
 } kind;
 
 typedef struct {
-    kind frames[FMFTS_WIRE_PADS], early[FMFTS_WIRE_PADS][FMFTS_WIRE_SENSORS];
+    kind frames[FMFTS_WIRE_PADS], early[FMFTS_WIRE_PADS][FMFTS_SENSORS];
 } seen_packets;
 
 /* Whether a packet of this time is superseded by those that follow it. */

@@ -8,7 +8,12 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-MAX_SENSORS = 8
+MAX_SENSORS = 16  # of a pad
+BOARD_SENSORS = 8  # of a pad on a board; only a bus of this computer reads more
+MOST_DESCRIBED = 44  # sensors of all pads together: a hello of three pads holds no more
+MORE_SENSORS = 9  # in place of their number in four bits: more than a board's, and the packet's length says how many
+MUX_BASE, MUX_MASK = 0x70, 0x07  # of muxes' addresses: they differ in the last three bits
+CHANNEL_BITS, CHANNEL_MASK = 3, 0x07  # of a sensor's channel; above it, how many addresses its mux is after the pad's
 MAX_PADS = 3
 ALL_PADS = 255
 NO_MUX = 0  # in place of a mux's address: then a sensor's channel is its own address
@@ -16,7 +21,7 @@ TEMPERATURE_UNKNOWN = -32768
 UID_BYTES = 12
 LINE_BITS_PER_BYTE = 10  # on a serial line: start, eight data bits, stop
 EARLY_BYTES = 19  # of an early packet on the line
-FRAME_BYTES = (21, 8)  # of a sample packet on the line: fixed, and for each sensor
+FRAME_BYTES = (21, 8)  # of a sample packet of up to eight sensors on the line: fixed, and for each sensor
 
 
 def frame_bytes(sensors: int) -> int:
@@ -66,7 +71,10 @@ class SensorState(IntEnum):
 
 
 class Sample(Struct, frozen=True, eq=False, gc=False):
-    """counts (N, 3) int16 in the order x, y, z; age_us (N,) uint16; valid and fresh are masks, bit i = sensor i."""
+    """counts (N, 3) int16 in the order x, y, z; age_us (N,) uint16; valid and fresh are masks, bit i = sensor i.
+
+    N is at most MAX_SENSORS.
+    """
 
     pad_index: int
     sequence: int
@@ -90,6 +98,24 @@ class HelloPad(Struct, frozen=True):
     i2c_port: int
     mux_address: int
     sensors: tuple[HelloSensor, ...]
+
+    def way_to(self, sensor: int) -> tuple[int | None, int]:
+        """Mux and channel of a sensor (from 0); without a mux None, and the sensor's own address."""
+        channel = self.sensors[sensor].channel
+        if self.mux_address == NO_MUX:
+            return None, channel
+        return MUX_BASE | (self.mux_address + (channel >> CHANNEL_BITS)) & MUX_MASK, channel & CHANNEL_MASK
+
+    @property
+    def muxes(self) -> list[int]:
+        """Addresses of the muxes that its sensors are behind, each once."""
+        found = (self.way_to(sensor)[0] for sensor in range(len(self.sensors)))
+        return sorted({mux for mux in found if mux is not None})
+
+
+def channel_byte(pad_mux: int, mux: int, channel: int) -> int:
+    """`HelloSensor.channel` of a sensor behind `mux`, in a pad that names `pad_mux`: see `HelloPad.way_to`."""
+    return (mux - pad_mux & MUX_MASK) << CHANNEL_BITS | channel
 
 
 class Hello(Struct, frozen=True):

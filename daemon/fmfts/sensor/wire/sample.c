@@ -10,6 +10,9 @@ enum {
     FIXED_BYTES = 17,
     EARLY_BODY_BYTES = 15,
     CRC_BYTES = 2,
+    ONE_MASK = 8,         /* sensors whose bits fit into the masks that every sample has */
+    MORE = 9,             /* in place of their number: more than these, and the packet's length says how many */
+    MORE_MASKS_BYTES = 2, /* valid and fresh of the others, after the readings */
 };
 
 static uint64_t little_endian(const uint8_t *bytes, int count)
@@ -69,7 +72,13 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
 {
     uint8_t packet[FMFTS_LONGEST_LINE];
     size_t body = checked(line, size, HEADER, packet), sensors = body ? packet[1] >> 4 : 0;
-    if (sensors < 1 || sensors > FMFTS_WIRE_SENSORS || body != FIXED_BYTES + FMFTS_READING_BYTES * sensors) {
+    bool wide = sensors == MORE && body > FIXED_BYTES + MORE_MASKS_BYTES;
+    if (wide) {
+        sensors = (body - FIXED_BYTES - MORE_MASKS_BYTES) / FMFTS_READING_BYTES;
+    }
+    size_t masks = FIXED_BYTES + FMFTS_READING_BYTES * sensors; /* where those of sensor 9 and those after it are */
+    if (sensors < 1 || sensors > FMFTS_SENSORS || wide != (sensors > ONE_MASK) ||
+        body != masks + (wide ? MORE_MASKS_BYTES : 0)) {
         return false;
     }
     sample->pad_index = packet[1] & 15;
@@ -78,8 +87,8 @@ bool fmfts_read_sample(const uint8_t *line, size_t size, fmfts_sample *sample)
     sample->time_us = little_endian(packet + 6, 6);
     sample->gain_code = packet[12] & 7;
     sample->trigger = packet[12] >> 3 & 1;
-    sample->valid = packet[13];
-    sample->fresh = packet[14];
+    sample->valid = (uint16_t)(packet[13] | (wide ? packet[masks] << ONE_MASK : 0));
+    sample->fresh = (uint16_t)(packet[14] | (wide ? packet[masks + 1] << ONE_MASK : 0));
     sample->temperature_raw = (int16_t)little_endian(packet + 15, 2);
     memcpy(sample->readings, packet + FIXED_BYTES, FMFTS_READING_BYTES * sensors);
     return true;
@@ -92,7 +101,7 @@ bool fmfts_read_early_sample(const uint8_t *line, size_t size, fmfts_early_sampl
         return false;
     }
     early->pad_index = packet[1] & 15;
-    early->sensor = packet[1] >> 4 & 7;
+    early->sensor = (uint8_t)((packet[1] >> 4 & 7) | (packet[2] & 8));
     early->gain_code = packet[2] & 7;
     early->time_us = little_endian(packet + 3, 6);
     for (int axis = 0; axis < 3; axis++) {

@@ -15,11 +15,12 @@ enum {
 };
 
 typedef struct {
-    uint8_t readings[FMFTS_READING_BYTES * FMFTS_WIRE_SENSORS];
+    uint8_t readings[FMFTS_READING_BYTES * FMFTS_SENSORS];
     uint64_t time_us;
     uint32_t sequence;
     int16_t temperature_raw;
-    uint8_t pad_index, sensors, gain_code, trigger, valid, fresh;
+    uint16_t valid, fresh;
+    uint8_t pad_index, sensors, gain_code, trigger;
 } fmfts_sample;
 
 /* Decodes `size` bytes of a line, without its closing zero. False: they are no sample of this wire version. */
