@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
+
+import numpy as np
 
 from fmfts.common.reading import read_regular
 from fmfts.contact.array_response import LARGEST_BYTES, ArrayResponse, ResponseError
 from fmfts.contact.contract import ModelError, OtherPadError
-from fmfts.pad import Pad
+from fmfts.pad import Pad, SensorArray
 
 ARRAY_PATH = Path(__file__).with_name("array.response")
+# Places (8, 3) in mm of the second standard pad's sensors. A table of presses is of magnets and silicone, but its hash
+# is that of a whole pad, and these sensors are in it.
+STANDARD_SENSORS_MM = np.array(
+    [(12, 0, 0), (-12, 0, 0), (0, 12, 0), (0, -12, 0), (12, 12, 0), (12, -12, 0), (-12, 12, 0), (-12, -12, 0)], float
+)
 
 
 @dataclass(frozen=True, slots=True)
 class ArrayModel:
-    """response: of the pad. hash: of the file's content, as messages and recordings name it."""
+    """response: of the pad's magnets. hash: of the file's content, as messages and recordings name it."""
 
     response: ArrayResponse
     hash: str
 
     @classmethod
     def load(cls, path: Path, pad: Pad) -> Self:
-        """ModelError if the file cannot be used, OtherPadError if it is for another pad."""
+        """ModelError if the file cannot be used, OtherPadError if it is for other magnets.
+
+        A file made for the pad's magnets over the standard sensors is for this pad too, whatever its own sensors are.
+        """
         try:
             content = read_regular(path, LARGEST_BYTES)
             response = ArrayResponse.of(content, str(path))
@@ -32,11 +42,12 @@ class ArrayModel:
             raise ModelError(f"contact model {path}: cannot be read: {error.strerror}") from error
         except ResponseError as error:
             raise ModelError(f"contact model {error}") from error
-        if response.geometry_hash != pad.geometry_hash:
+        drawn = replace(pad, sensors=SensorArray.aligned(STANDARD_SENSORS_MM * 1e-3))
+        if response.geometry_hash not in (pad.geometry_hash, drawn.geometry_hash):
             raise OtherPadError(
                 f"contact model {path}: is for another pad: its dimensions have the hash {response.geometry_hash}, "
-                f"those of pad '{pad.name}' {pad.geometry_hash}: compare [[pad.magnet]] and sensors_mm with "
-                "docs/several.md; a pad of another structure needs a table of its own"
+                f"those of pad '{pad.name}' {pad.geometry_hash}, over the standard sensors {drawn.geometry_hash}: "
+                "compare [[pad.magnet]] with docs/several.md; other magnets need a table of their own"
             )
         if response.magnets != len(pad.magnets):
             raise ModelError(f"contact model {path}: is of {response.magnets} magnets, the pad has {len(pad.magnets)}")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fmfts.config import GeometryConfig, MagnetConfig, PadConfig, SimulatedSource
-from fmfts.contact.array_model import ARRAY_PATH
+from fmfts.contact.array_model import ARRAY_PATH, STANDARD_SENSORS_MM
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array
 from fmfts.simulation.mechanics import spline_collocation
@@ -24,7 +24,6 @@ from fmfts_lab.finite_elements.reciprocity import Influence
 
 DATA = Path(__file__).with_name("array")
 UNITS = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the CSV's µm to mm
-SENSORS_MM = ((12, 0), (-12, 0), (0, 12), (0, -12), (12, 12), (12, -12), (-12, 12), (-12, -12))
 HEIGHT_MM = 12.0
 Signs = tuple[float, float]
 
@@ -38,7 +37,7 @@ def array_config(name: str = "array", seed: int = 1, fingers: int = 1) -> PadCon
     return PadConfig(
         name=name,
         source=SimulatedSource(seed=seed, range_gauss=8.1, fingers=2 if fingers == 2 else 1),
-        geometry=GeometryConfig(sensors_mm=tuple((x, y, 0) for x, y in SENSORS_MM)),
+        geometry=GeometryConfig(sensors_mm=tuple((x, y, z) for x, y, z in STANDARD_SENSORS_MM.tolist())),
         magnet=magnets[0],
         other_magnets=tuple(magnets[1:]),
     )
