@@ -14,7 +14,7 @@ from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c, PadOnStream
 # Settings that may differ between pads of one device; all others belong to the device and must be equal.
 _SETTINGS_OF_A_PAD = {
     BridgeSource: {"pad_index", "publish"},
-    I2cSource: {"mux_address", "channels", "addresses", "publish"},
+    I2cSource: {"mux_address", "mux_addresses", "channels", "addresses", "publish"},
     ReplaySource: {"pad", "rate_hz", "range_gauss", "trigger", "chip"},
 }
 
@@ -95,7 +95,7 @@ def on_i2c(pad: PadConfig) -> PadOnI2c:
         **_chips_of(pad),
         bus=source.bus,
         clock_hz=source.clock_hz,
-        mux_address=source.mux_address if source.channels else None,
+        mux_addresses=source.sensor_muxes,
         channels=source.channels,
         addresses=source.sensor_addresses(len(pad.geometry.sensors_mm)),
     )
@@ -113,11 +113,21 @@ def origin_of(pad: PadConfig) -> Origin | None:
     match pad.source:
         case BridgeSource(chip=chip, uid=uid, pad_index=pad_index):
             return Origin("bridge", chip, uid=None if uid is None else uid.lower(), pad_index=pad_index)
-        case I2cSource(chip=chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses):
+        case I2cSource(chip=chip, bus=bus, channels=channels, addresses=addresses):
             if not channels:
                 own = pad.source.sensor_addresses(len(pad.geometry.sensors_mm))
                 return Origin("i2c", chip, bus=bus, addresses=own)
-            return Origin("i2c", chip, bus=bus, mux_address=mux_address, channels=channels, addresses=addresses or None)
+            muxes = pad.source.sensor_muxes
+            one, several = (muxes[0], None) if len(set(muxes)) == 1 else (None, muxes)
+            return Origin(
+                "i2c",
+                chip,
+                bus=bus,
+                mux_address=one,
+                mux_addresses=several,
+                channels=channels,
+                addresses=addresses or None,
+            )
         case AnyskinSource(chip=chip, port=port):
             return Origin("anyskin", chip, port=port)
         case SimulatedSource(chip=chip, seed=seed):

@@ -98,7 +98,8 @@ def emulated_pad(
     """A pad of these emulated chips, configured as `chip`: each behind a channel of its own, or at its own address."""
     bus = EmulatedBus(clock, Bus([Tca9548a(0x70, dict(enumerate(chips)))]) if muxed else Bus([], chips))
     addresses = (CHIPS[chip].address,) * len(chips) if muxed else tuple(one.address for one in chips)
-    wiring = PadWiring("left", 0x70 if muxed else None, tuple(range(len(chips))) if muxed else (), addresses)
+    muxes, channels = ((0x70,) * len(chips), tuple(range(len(chips)))) if muxed else ((), ())
+    wiring = PadWiring("left", muxes, channels, addresses)
     switches = Switches(bus, {0x70} if muxed else set())
     settings = Settings(gain_code, rate_hz, trigger)
     return I2cPad(bus, switches, wiring, 0, settings, CHIPS[chip]), bus  # type: ignore[arg-type]

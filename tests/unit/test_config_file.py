@@ -26,6 +26,11 @@ SHIPPED = Path(__file__).parents[2] / "config.toml"
 PAD = '[[pad]]\nname = "a"\n[pad.source]\ntype = "simulated"\n'
 BRIDGE = '[[pad]]\nname = "b"\n[pad.source]\ntype = "bridge"\nport = "/dev/ttyUSB0"\n'
 I2C = '[[pad]]\nname = "i"\n[pad.source]\ntype = "i2c"\nbus = 1\n'
+SIXTEEN = [[i, 0, 0] for i in range(0, 32, 2)]
+TWO_MUXES = (
+    f"mux_addresses = {8 * [0x70] + 8 * [0x71]}\nchannels = {2 * list(range(8))}\n"
+    f"[pad.geometry]\nsensors_mm = {SIXTEEN}\n"
+)
 
 
 def write(folder: Path, text: str) -> Path:
@@ -188,7 +193,13 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "channels = [0, 1]", "source.channels = [0, 1]: one channel for each of the 4 sensors"),
         (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [-8, -8, 0]]", "at least 3 sensors are needed: with two, a diagonal pair is singular"),
-        (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 18, 2)]}", "at most 8 sensors"),
+        (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 34, 2)]}", "at most 16 sensors"),
+        (BRIDGE + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 18, 2)]}", 'a board carries at most 8 sensors: for more, type = "i2c" reads them with two muxes'),
+        (I2C + "channels = []\nmux_addresses = [0x70, 0x70, 0x71, 0x71]", "source.mux_addresses = [112, 112, 113, 113]: without a mux leave it out"),
+        (I2C + "mux_addresses = [0x70, 0x71]", "source.mux_addresses = [112, 113]: one mux for each of the 4 sensors"),
+        (I2C + "mux_addresses = [0x70, 0x70, 0x71, 0x78]", "source.mux_addresses, sensor 4 = 120: a TCA9548A is at 0x70 to 0x77"),
+        (I2C + "mux_addresses = [0x70, 0x71, 0x70, 0x71]\nchannels = [0, 0, 1, 0]", "each sensor needs a channel of its own: sensors 2 and 4 are both at 0x1e on channel 0 of mux 0x71"),
+        (I2C + "rate_hz = 75\nmux_addresses = [0x70, 0x70, 0x71, 0x71]\n" + I2C.replace('"i"', '"j"') + "rate_hz = 75\nmux_address = 0x71\nchannels = [3, 4, 5, 6]", "pad 'j' (second [[pad]]): source.channels = [3, 4, 5, 6]: pad 'i' reads the same sensors"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [8, 8, 0.5]]", "geometry.sensors_mm, sensor 3 = [8, 8, 0.5]: is within 1 mm of sensor 1 (these are millimetres)"),
         (PAD + "[pad.geometry]\nsensor_rotations_deg = [[0, 0, 90]]", "either empty or one rotation vector for each of the 4 sensors, not 1"),
         (PAD + "[pad.magnet]\nrest_axis = [0, 0, 0]", "magnet.rest_axis = [0, 0, 0]: a direction is needed, and this has none"),
@@ -227,6 +238,9 @@ def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, ex
         I2C + 'trigger = "simultaneous"\nrate_hz = 127',
         I2C + "clock_hz = 100000\nrate_hz = 165",
         I2C + "mux_address = 0x77",
+        I2C + "mux_addresses = [0x70, 0x70, 0x71, 0x71]\nchannels = [0, 1, 0, 1]",
+        I2C + "rate_hz = 75\n" + TWO_MUXES,
+        PAD + f"[pad.geometry]\nsensors_mm = {SIXTEEN}",
         '[bus]\nendpoint = "tcp://127.0.0.1:5570"\n' + PAD,
         '[bus]\nendpoint = "tcp://0.0.0.0:5570"\nkeys = "keys"\n' + PAD,
         PAD + 'chip = "hmc5883l"\ntrigger = "simultaneous"\nrate_hz = 160',

@@ -109,6 +109,6 @@ def test_facts_name_no_gain() -> None:
 def test_only_the_i2c_bus_has_this_test() -> None:
     """A board's firmware tests bias straps alone."""
     common = {"name": "left", "sensors": 2, "chip": LIS3MDL, "rate_hz": 80, "range_gauss": 4.0, "trigger": "free"}
-    wiring = {"bus": 1, "clock_hz": 400_000, "mux_address": None, "channels": (), "addresses": (0x1C, 0x1E)}
+    wiring = {"bus": 1, "clock_hz": 400_000, "mux_addresses": (), "channels": (), "addresses": (0x1C, 0x1E)}
     assert PadOnI2c(**common, **wiring).has_selftest
     assert not PadOnBoard(**common, port="/dev/null", baud=460_800, uid=None).has_selftest

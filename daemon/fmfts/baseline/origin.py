@@ -14,7 +14,8 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     """The sensors of one pad. A fact that is None is not known.
 
     uid, pad_index: of a board. bus, mux_address, channels, addresses: of chips on an I2C bus, which have no numbers of
-    their own; addresses: None where the mux's channels tell them apart.
+    their own; addresses: None where the mux's channels tell them apart; mux_addresses: of each sensor's mux, in place
+    of mux_address, where there are several.
     port: of a board that tells no identity of its own. seed: of a simulated pad. chip: what kind of chip they are.
     """
 
@@ -28,6 +29,7 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     seed: int | None = None
     addresses: tuple[int, ...] | None = None
     port: str | None = None
+    mux_addresses: tuple[int, ...] | None = None
 
     def on(self, board: Mapping[str, object]) -> Origin:
         """The same with what the board says of itself (`SourceState.board`)."""
@@ -37,7 +39,10 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
         )
 
     def agrees_with(self, other: Origin) -> bool:
-        """False if a fact that both know differs."""
+        """False if a fact that both know differs. One mux for all sensors, and one for each, are two wirings."""
+        wirings = {(each.mux_address is None, each.mux_addresses is None) for each in (self, other)}
+        if wirings == {(True, False), (False, True)}:
+            return False
         mine, its = msgspec.structs.astuple(self), msgspec.structs.astuple(other)
         return all(one is None or two is None or one == two for one, two in zip(mine, its, strict=True))
 
@@ -52,11 +57,15 @@ class Origin(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
                 addresses = ", ".join(f"0x{each:02x}" for each in self.addresses)
                 return f"I2C bus {self.bus}, addresses {addresses}, {self.chip}"
             case "i2c":
-                mux = "?" if self.mux_address is None else f"0x{self.mux_address:02x}"
                 channels = ", ".join(map(str, self.channels or ()))
-                return f"I2C bus {self.bus}, mux {mux}, channels {channels}, {self.chip}"
+                return f"I2C bus {self.bus}, {self._muxes()}, channels {channels}, {self.chip}"
             case _:
                 return f"a simulated pad, seed {self.seed}, {self.chip}"
+
+    def _muxes(self) -> str:
+        if self.mux_addresses is not None:
+            return f"muxes {', '.join(f'0x{each:02x}' for each in self.mux_addresses)}"
+        return f"mux {'?' if self.mux_address is None else f'0x{self.mux_address:02x}'}"
 
 
 def foreign(pad: str, whose: Origin, mine: Origin) -> str:

@@ -75,9 +75,15 @@ class BridgeSource(_HardwareSource, frozen=True, tag="bridge", tag_field="type",
 class I2cSource(_HardwareSource, frozen=True, tag="i2c", tag_field="type", kw_only=True):
     bus: Annotated[int, Meta(ge=0)]
     mux_address: int = 0x70
+    mux_addresses: tuple[int, ...] = ()  # of each sensor's mux, where a pad has several; empty: all are mux_address
     channels: tuple[Annotated[int, Meta(ge=0, le=7)], ...] = (0, 1, 2, 3)  # empty: without a mux
     addresses: tuple[Annotated[int, Meta(ge=0x08, le=0x77)], ...] = ()  # empty: where such chips are first
     clock_hz: Annotated[int, Meta(ge=10_000, le=400_000)] = 400_000
+
+    @property
+    def sensor_muxes(self) -> tuple[int, ...]:
+        """The address of each sensor's mux; empty without a mux."""
+        return (self.mux_addresses or (self.mux_address,) * len(self.channels)) if self.channels else ()
 
     def sensor_addresses(self, sensors: int) -> tuple[int, ...]:
         """The address of each of the pad's chips; fewer than `sensors` where these chips have not as many."""

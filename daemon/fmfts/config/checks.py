@@ -17,24 +17,23 @@ from fmfts.config import (
     ReplaySource,
     SimulatedSource,
     collect,
+    i2c_checks,
 )
-from fmfts.config.several_checks import MAGNETS_APART_MM, Key, several_problems
+from fmfts.config.i2c_checks import Key, Problem
+from fmfts.config.several_checks import MAGNETS_APART_MM, several_problems
 from fmfts.config.skin_checks import skin_problems
 from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
-from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz, no_trigger
-from fmfts.sensor.wire.packets import MAX_SENSORS
+from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
+from fmfts.sensor.wire.packets import BOARD_SENSORS, MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
-
-Problem = tuple[tuple[Key, ...], str]  # the path of keys to a value, and what is wrong with it
 
 FEWEST_SENSORS = 3
 CLOSEST_MM = 2.0  # a nearer magnet would touch the chip
 FARTHEST_MM = 100.0  # the field there is 12 mG, six times the noise: a larger number was meant in another unit
 SENSOR_SPACING_MM = 1.0
-FIRST_MUX = 0x70
 MOST_NEIGHBOURS = 3
 MOST_OTHER_MAGNETS = 8  # of the neighbours of a pad with one magnet: the solver's state holds nine
 
@@ -45,7 +44,7 @@ def problems_in(config: Config) -> list[Problem]:
     problems += ((("collect", *keys), text) for keys, text in collect.problems(config.collect))
     problems += _names(config.pad)
     if not problems:
-        for check in (_neighbours, _shared_sensors, _i2c_buses):
+        for check in (_neighbours, _shared_sensors, i2c_checks.of_buses):
             problems += check(config.pad)
     return problems
 
@@ -109,33 +108,7 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
     if isinstance(source, SimulatedSource) and source.mechanics != "standard" and not Path(source.mechanics).is_file():
         yield ("source", "mechanics"), 'neither "standard" nor a file: `fmfts-daemon pad-model -o PAD.npz` makes one'
     if isinstance(source, I2cSource):
-        yield from _on_i2c(source, len(pad.geometry.sensors_mm))
-
-
-def _on_i2c(source: I2cSource, sensors: int) -> Iterator[Problem]:
-    chip = CHIPS[source.chip]
-    if source.channels and not FIRST_MUX <= source.mux_address <= FIRST_MUX + 7:
-        yield ("source", "mux_address"), "a TCA9548A is at 0x70 to 0x77 (112 to 119), as its pins A0 to A2 say"
-    if source.channels and len(source.channels) != sensors:
-        yield ("source", "channels"), f"one channel for each of the {sensors} sensors in geometry.sensors_mm"
-        return
-    addresses = source.sensor_addresses(sensors)
-    where = ", ".join(f"0x{each:02x}" for each in chip.addresses)
-    foreign = [each for each in addresses if each not in chip.addresses]
-    if len(addresses) != sensors and not source.addresses:
-        yield (
-            ("source", "channels"),
-            f"without a mux at most {len(chip.addresses)} chips fit on a bus: an {chip.label} can be at {where}; name "
-            "the channels of a mux",
-        )
-    elif len(addresses) != sensors:
-        yield ("source", "addresses"), f"one address for each of the {sensors} sensors in geometry.sensors_mm"
-    elif foreign:
-        yield ("source", "addresses"), f"an {chip.label} can be at {where}, not at 0x{foreign[0]:02x}"
-    elif source.channels and len(set(zip(source.channels, addresses, strict=True))) != sensors:
-        yield ("source", "channels"), "each sensor needs a channel of its own"
-    elif not source.channels and len(set(addresses)) != sensors:
-        yield ("source", "addresses"), "each sensor needs an address of its own"
+        yield from i2c_checks.of_pad(source, len(pad.geometry.sensors_mm))
 
 
 def _sensors(pad: PadConfig) -> Iterator[Problem]:
@@ -146,8 +119,13 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
             f"at least {FEWEST_SENSORS} sensors are needed: with two, a diagonal pair is singular at rest "
             "and an adjacent pair is ten times less certain along one axis",
         )
-    if len(places) > MAX_SENSORS:
-        yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors: a mux has eight channels"
+    if len(places) > BOARD_SENSORS and isinstance(pad.source, BridgeSource):
+        yield (
+            ("geometry", "sensors_mm"),
+            f'a board carries at most {BOARD_SENSORS} sensors: for more, type = "i2c" reads them with two muxes',
+        )
+    elif len(places) > MAX_SENSORS:
+        yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors"
     for (first, one), (second, other) in combinations(enumerate(places), 2):
         if math.dist(one, other) < SENSOR_SPACING_MM:
             yield (
@@ -267,10 +245,7 @@ def _sensor_addresses(pad: PadConfig) -> set[tuple[Key, ...]]:
         addresses = source.sensor_addresses(len(pad.geometry.sensors_mm))
         if not source.channels:
             return {(source.bus, address) for address in addresses}
-        return {
-            (source.bus, source.mux_address, channel, address)
-            for channel, address in zip(source.channels, addresses, strict=False)
-        }
+        return {(source.bus, *way) for way in zip(source.sensor_muxes, source.channels, addresses, strict=False)}
     return set()
 
 
@@ -281,32 +256,3 @@ def _shared_sensors(pads: Sequence[PadConfig]) -> Iterator[Problem]:
             words = {I2cSource: "channels", AnyskinSource: "port"}
             what = words.get(type(other.source), "pad_index")
             yield ("pad", second, "source", what), f"pad {pads[first].name!r} reads the same sensors"
-
-
-def _i2c_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
-    sensors_on: dict[int, list[int]] = {}  # bus → sensors of each pad
-    muxed: dict[int, bool] = {}
-    clock_hz: dict[int, int] = {}
-    for number, pad in enumerate(pads):
-        source = pad.source
-        if not isinstance(source, I2cSource):
-            continue
-        if clock_hz.setdefault(source.bus, source.clock_hz) != source.clock_hz:
-            yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
-        sensors = sensors_on.setdefault(source.bus, [])
-        sensors.append(len(pad.geometry.sensors_mm))
-        muxed[source.bus] = bool(source.channels) or muxed.get(source.bus, False)
-        most_hz = i2c_rate_hz(
-            CHIPS[source.chip],
-            source.trigger,
-            source.clock_hz,
-            sum(sensors),
-            len(sensors),
-            muxed=muxed[source.bus],
-        )
-        if source.rate_hz > most_hz:
-            mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
-            yield (
-                ("pad", number, "source", "rate_hz"),
-                f"at most {most_hz}: more than bus {source.bus} can carry, {sum(sensors)} sensors with {mode}",
-            )

@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator
 
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.config.i2c_checks import Problem
 from fmfts.contact.no_model import NO_MODEL
 
 FEWEST_SENSORS = 5
 MAGNETS_APART_MM = 5.0  # nearer ones would be in each other's rubber
-Key = str | int
 
 
-def several_problems(pad: PadConfig) -> Iterator[tuple[tuple[Key, ...], str]]:
+def several_problems(pad: PadConfig) -> Iterator[Problem]:
     """What a pad with several magnets cannot do yet, and what only such a pad can."""
     source, places = pad.source, [one.rest_mm for one in (pad.magnet, *pad.other_magnets)]
     if not pad.other_magnets:

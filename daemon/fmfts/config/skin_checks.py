@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fmfts.config import PadConfig, SimulatedSource
-from fmfts.config.several_checks import Key
+from fmfts.config.i2c_checks import Problem
 
 
-def skin_problems(pad: PadConfig) -> Iterator[tuple[tuple[Key, ...], str]]:
+def skin_problems(pad: PadConfig) -> Iterator[Problem]:
     """What such a pad cannot do."""
     if not pad.is_skin:
         return

@@ -17,6 +17,8 @@ ITEMS = {
     "sensors_mm": "sensor",
     "sensor_rotations_deg": "sensor",
     "channels": "sensor",
+    "mux_addresses": "sensor",
+    "addresses": "sensor",
     "neighbours": "name",
     "pad": "pad",
 }

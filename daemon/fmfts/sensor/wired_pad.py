@@ -41,14 +41,14 @@ class PadOnBoard(WiredPad):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PadOnI2c(WiredPad):
-    """`channels` of the switch at `mux_address`, one a sensor; None and empty: the sensors are straight on the bus.
+    """`mux_addresses` and `channels`: of each sensor's switch; empty where the sensors are straight on the bus.
 
     `addresses`: of each sensor's chip.
     """
 
     bus: int
     clock_hz: int
-    mux_address: int | None
+    mux_addresses: tuple[int, ...]
     channels: tuple[int, ...]
     addresses: tuple[int, ...]
 

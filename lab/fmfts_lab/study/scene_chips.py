@@ -16,7 +16,7 @@ import numpy as np
 from fmfts.config import PadConfig
 from fmfts.scene import Cost, Surroundings, configured, costs
 from fmfts.sensor.chips import CHIPS, Chip
-from fmfts.sensor.chips.rates import i2c_rate_hz
+from fmfts.sensor.chips.rates import BusLoad, i2c_rate_hz
 from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_facts import largest_field_gauss, recommended_range_gauss
 
@@ -74,7 +74,7 @@ def settings(chip: Chip, sensors: int, range_gauss: float | None) -> list[Settin
     """At 220 Hz or as near as it comes, at the host's word where that is quieter, and at the best rate."""
     found = []
     for trigger in ("free", "simultaneous") if chip.has_trigger else ("free",):
-        most = i2c_rate_hz(chip, trigger, CLOCK_HZ, sensors, 1, muxed=_needs_mux(chip, sensors))
+        most = i2c_rate_hz(chip, trigger, CLOCK_HZ, BusLoad(sensors, 1, _needs_mux(chip, sensors)))
         rates = {min(USUAL_HZ, most), most} if trigger == "free" else {min(USUAL_HZ, most)}
         found += [Setting(chip, rate, trigger, range_gauss) for rate in sorted(rates)]
     quietest_t = min(setting.noise_t for setting in found if setting.trigger == "free")

@@ -15,7 +15,7 @@ from fmfts.pad import Array, Pad
 from fmfts.pose import dipole_field
 from fmfts.scene import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS, Chip
-from fmfts.sensor.chips.rates import highest_rate_hz, i2c_rate_hz
+from fmfts.sensor.chips.rates import BusLoad, highest_rate_hz, i2c_rate_hz
 
 
 def limits(surroundings: Surroundings) -> list[str]:
@@ -125,7 +125,7 @@ def _rate(surroundings: Surroundings) -> str:
     most = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, I2cSource):
         sensors = len(surroundings.config.geometry.sensors_mm)
-        on_bus = i2c_rate_hz(chip, source.trigger, source.clock_hz, sensors, 1, muxed=bool(source.channels))
+        on_bus = i2c_rate_hz(chip, source.trigger, source.clock_hz, BusLoad.of([(sensors, source.sensor_muxes)]))
         most = min(most, on_bus)
     if most < 220:
         return f"rate: {source.rate_hz} Hz, at most {most} for these chips, this trigger and this bus's clock; not 220"

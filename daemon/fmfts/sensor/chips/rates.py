@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Self
+
 from fmfts.sensor.chips.chip import Chip
 
 BRIDGE_HZ = 220  # docs/wire.md, host → board: the most that the firmware accepts of any chip
 # On I2C. Select: START, address, control byte, STOP; then the chip's own transfer.
 BITS_PER_SELECTION = 20
-BITS_PER_PAD = 20  # the mux's control byte read back
+BITS_PER_GROUP = 20  # the mux's control byte read back
 
 
 def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
@@ -25,20 +28,42 @@ def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:
     return min(rates) * (1.0 + chip.clock_tolerance)
 
 
-def i2c_cycle_s(chip: Chip, clock_hz: int, sensors: int, pads: int, trigger: str, *, muxed: bool = True) -> float:
+class BusLoad(NamedTuple):
+    """What is read on one I2C bus. groups: of chips that one write reaches, those of each pad behind one mux; without a
+    mux, the pads. changes: how often a reading of all goes from one mux of a pad to another; each closes a mux."""
+
+    sensors: int
+    groups: int
+    muxed: bool = True
+    changes: int = 0
+
+    @classmethod
+    def of(cls, pads: Iterable[tuple[int, Sequence[int]]]) -> Self:
+        """pads: of each its number of sensors, and the mux of each sensor (none without a mux)."""
+        each = list(pads)
+        return cls(
+            sum(sensors for sensors, _ in each),
+            sum(max(len(set(muxes)), 1) for _, muxes in each),
+            any(muxes for _, muxes in each),
+            sum(one != other for _, muxes in each for one, other in zip(muxes, [*muxes[1:], *muxes[:1]], strict=True)),
+        )
+
+
+def i2c_cycle_s(chip: Chip, clock_hz: int, load: BusLoad, trigger: str) -> float:
     """Time on the wires for one reading of all sensors of a bus."""
-    bits = sensors * chip.driver.sample_bits
-    if muxed:
-        bits += sensors * BITS_PER_SELECTION + pads * BITS_PER_PAD
-    if trigger == "simultaneous":  # with a mux one write reaches all sensors of a pad
-        bits += pads * (BITS_PER_SELECTION + chip.driver.trigger_bits) if muxed else sensors * chip.driver.trigger_bits
+    bits = load.sensors * chip.driver.sample_bits
+    if load.muxed:
+        bits += (load.sensors + load.changes) * BITS_PER_SELECTION + load.groups * BITS_PER_GROUP
+    if trigger == "simultaneous":
+        trigger_bits = chip.driver.trigger_bits
+        bits += load.groups * (BITS_PER_SELECTION + trigger_bits) if load.muxed else load.sensors * trigger_bits
     return bits / clock_hz
 
 
-def i2c_rate_hz(chip: Chip, trigger: str, clock_hz: int, sensors: int, pads: int, *, muxed: bool = True) -> int:
+def i2c_rate_hz(chip: Chip, trigger: str, clock_hz: int, load: BusLoad) -> int:
     """What chips and bus allow together: simultaneous conversions have to end before they can be read."""
     waiting_s = chip.single_wait_s if trigger == "simultaneous" else 0.0
-    bus_hz = int(1.0 / (waiting_s + i2c_cycle_s(chip, clock_hz, sensors, pads, trigger, muxed=muxed)))
+    bus_hz = int(1.0 / (waiting_s + i2c_cycle_s(chip, clock_hz, load, trigger)))
     return min(chip.highest_rate_hz(trigger), bus_hz)
 
 

@@ -14,7 +14,7 @@ from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.i2c.bus import NOT_ACKNOWLEDGED, ChipWires, I2cBus
 from fmfts.sensor.i2c.others import identity_of_another
-from fmfts.sensor.i2c.reader_config import PadWiring
+from fmfts.sensor.i2c.reader_config import PadWiring, ways
 from fmfts.sensor.i2c.sensor import Sensor, now_us
 from fmfts.sensor.wire.packets import (
     NO_MUX,
@@ -25,6 +25,7 @@ from fmfts.sensor.wire.packets import (
     Sample,
     SensorState,
     StatusPad,
+    channel_byte,
 )
 from fmfts.sensor.wired_pad import Settings
 
@@ -61,11 +62,9 @@ class I2cPad:
     _turn: int = 0
 
     def __post_init__(self) -> None:
-        wiring = self.wiring
-        channels = wiring.channels or (None,) * len(wiring.addresses)
         self.sensors = [
-            Sensor(ChipWires(self.bus, address), channel)
-            for address, channel in zip(wiring.addresses, channels, strict=True)
+            Sensor(ChipWires(self.bus, address), mux_address, channel)
+            for mux_address, channel, address in ways(self.wiring)
         ]
 
     def configure(self, settings: Settings) -> None:
@@ -75,15 +74,16 @@ class I2cPad:
             self._guard(sensor, self._set_up)
 
     def trigger(self) -> int:
-        """Start a conversion in all working chips, those of one address with one write.
+        """Start a conversion in all working chips, those of one address behind one mux with one write.
 
         Returns the time (µs) at which it will have ended.
         """
         working = [sensor for sensor in self.sensors if sensor.state == SensorState.OK]
-        for wires in dict.fromkeys(sensor.wires for sensor in working):
+        for mux_address, wires in dict.fromkeys((sensor.mux_address, sensor.wires) for sensor in working):
             try:
-                channels = [sensor.channel for sensor in working if sensor.wires == wires]
-                self._select(tca9548a.several(channel for channel in channels if channel is not None))
+                alike = [one for one in working if (one.mux_address, one.wires) == (mux_address, wires)]
+                channels = (one.channel for one in alike if one.channel is not None)
+                self._select(mux_address, tca9548a.several(channels))
                 wires.write(self.chip.driver.trigger)
             except (MuxError, OSError):
                 self.bus_errors += 1  # reading each sensor shows which one failed
@@ -138,46 +138,52 @@ class I2cPad:
             self._guard(sensor, self._check)
 
     def mux_misuse(self) -> str | None:
-        """A sentence if the mux is not as this process left it. Samples may then be another sensor's: drops them."""
-        address = self.wiring.mux_address
-        if address is None:
-            return None
-        try:
-            control = self.switches.foreign_control(address)
-        except OSError:
-            self.bus_errors += 1  # reading the sensors shows what is wrong
-            return None
-        if control is None:
-            return None
-        self.bus_errors += 1
-        for sensor in self.sensors:
-            sensor.sampled_us = None
-        return (
-            f"mux 0x{address:02x} on {self.bus.path}: its control byte is 0x{control:02x}, which this daemon did not "
-            "write: another program uses the mux, or it was reset; stop that program"
-        )
+        """A sentence if a mux is not as this process left it. Samples may then be another sensor's: drops them."""
+        for address in dict.fromkeys(self.wiring.mux_addresses):
+            try:
+                control = self.switches.foreign_control(address)
+            except OSError:
+                self.bus_errors += 1  # reading the sensors shows what is wrong
+                continue
+            if control is None:
+                continue
+            self.bus_errors += 1
+            for sensor in self.sensors:
+                sensor.sampled_us = None
+            return (
+                f"mux 0x{address:02x} on {self.bus.path}: its control byte is 0x{control:02x}, which this daemon did "
+                "not write: another program uses the mux, or it was reset; stop that program"
+            )
+        return None
 
     def describe(self, bus_number: int) -> HelloPad:
         """Without a mux, the wire has 0 as its address, and the sensor's own address as the channel (docs/wire.md)."""
+        pad_mux = next(iter(self.wiring.mux_addresses), NO_MUX)
         sensors = tuple(
-            HelloSensor(one.wires.address if one.channel is None else one.channel, one.state, one.identification)
+            HelloSensor(
+                one.wires.address
+                if one.mux_address is None or one.channel is None
+                else channel_byte(pad_mux, one.mux_address, one.channel),
+                one.state,
+                one.identification,
+            )
             for one in self.sensors
         )
-        return HelloPad(bus_number & 0xFF, self.wiring.mux_address or NO_MUX, sensors)
+        return HelloPad(bus_number & 0xFF, pad_mux, sensors)
 
     def status(self) -> StatusPad:
         return StatusPad(self.bus_errors, 0, self.config_repairs, tuple(one.state for one in self.sensors))
 
     def select(self, sensor: Sensor) -> None:
-        self._select(tca9548a.NO_CHANNEL if sensor.channel is None else tca9548a.one(sensor.channel))
+        control = tca9548a.NO_CHANNEL if sensor.channel is None else tca9548a.one(sensor.channel)
+        self._select(sensor.mux_address, control)
 
     @property
     def setup(self) -> Setup:
         return Setup(self.settings.gain_code, self.settings.rate_hz, bool(self.settings.trigger))
 
-    def _select(self, control: int) -> None:
-        """Connect these channels of the pad's mux, and none of any other. Without a mux: none at all."""
-        address = self.wiring.mux_address
+    def _select(self, address: int | None, control: int) -> None:
+        """Connect these channels of the mux at `address`, and none of any other. None: none at all."""
         self.bus.place = "no mux" if address is None else f"mux 0x{address:02x}, channels 0b{control:08b}"
         try:
             self.switches.select(address, control)

@@ -42,7 +42,7 @@ class Reader:
         self._config = config
         self._chip = CHIPS[config.chip]
         self._settings = Settings(config.gain_code, config.rate_hz, config.trigger)
-        muxes = {pad.mux_address for pad in config.pads if pad.mux_address is not None}
+        muxes = {mux for pad in config.pads for mux in pad.mux_addresses}
         self._switches = Switches(bus, muxes)
         for address in muxes.union(*(pad.addresses for pad in config.pads)):
             bus.require_unbound(address)

@@ -7,17 +7,17 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 
 from fmfts.sensor.chips import CHIPS
-from fmfts.sensor.chips.rates import i2c_cycle_s, i2c_rate_hz
+from fmfts.sensor.chips.rates import BusLoad, i2c_cycle_s, i2c_rate_hz
 from fmfts.sensor.source import SourceError
-from fmfts.sensor.wire.packets import MAX_PADS, MAX_SENSORS
+from fmfts.sensor.wire.packets import MAX_PADS, MAX_SENSORS, MOST_DESCRIBED
 from fmfts.sensor.wired_pad import PadOnI2c, Settings
 
 
 class PadWiring(Struct, frozen=True):
-    """mux_address, channels: None and empty where the chips are straight on the bus."""
+    """mux_addresses, channels: of each sensor; empty where the chips are straight on the bus."""
 
     name: str
-    mux_address: int | None
+    mux_addresses: tuple[int, ...]
     channels: tuple[int, ...]
     addresses: tuple[int, ...]
 
@@ -44,19 +44,17 @@ class ReaderConfig(Struct, frozen=True):
         return sum(len(pad.addresses) for pad in self.pads)
 
     @property
-    def muxed(self) -> bool:
-        return any(pad.mux_address is not None for pad in self.pads)
+    def load(self) -> BusLoad:
+        return BusLoad.of((len(pad.addresses), pad.mux_addresses) for pad in self.pads)
 
     @property
     def cycle_s(self) -> float:
         """Time on the wires for one reading of all sensors."""
-        chip = CHIPS[self.chip]
-        return i2c_cycle_s(chip, self.clock_hz, self.sensors, len(self.pads), self.trigger_name, muxed=self.muxed)
+        return i2c_cycle_s(CHIPS[self.chip], self.clock_hz, self.load, self.trigger_name)
 
     @property
     def highest_rate_hz(self) -> int:
-        chip = CHIPS[self.chip]
-        return i2c_rate_hz(chip, self.trigger_name, self.clock_hz, self.sensors, len(self.pads), muxed=self.muxed)
+        return i2c_rate_hz(CHIPS[self.chip], self.trigger_name, self.clock_hz, self.load)
 
 
 def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
@@ -64,7 +62,7 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
     in_order = [pads[index] for index in sorted(pads)]
     first = in_order[0]
     settings = Settings.of(first)
-    wirings = tuple(PadWiring(pad.name, pad.mux_address, pad.channels, pad.addresses) for pad in in_order)
+    wirings = tuple(PadWiring(pad.name, pad.mux_addresses, pad.channels, pad.addresses) for pad in in_order)
     for pad in in_order:
         _check_channels(pad)
     _check_sharing(wirings)
@@ -84,6 +82,12 @@ def reader_config(pads: Mapping[int, PadOnI2c]) -> ReaderConfig:
 def _check_channels(pad: PadOnI2c) -> None:
     """Every sensor can be reached, and by a way of its own."""
     channels, addresses = pad.channels, pad.addresses
+    muxes = pad.mux_addresses
+    if len(muxes) != len(channels):
+        raise SourceError(
+            f"pad {pad.name!r}: {len(muxes)} mux_addresses, but {len(channels)} channels: one mux and one channel a "
+            "sensor, or neither"
+        )
     if (channels and len(channels) != pad.sensors) or not 1 <= pad.sensors <= MAX_SENSORS:
         raise SourceError(
             f"pad {pad.name!r}: {len(channels)} channels, but {pad.sensors} places in geometry.sensors_mm: "
@@ -104,21 +108,24 @@ def _check_channels(pad: PadOnI2c) -> None:
 
 def ways(pad: PadOnI2c | PadWiring) -> list[tuple[int | None, int | None, int]]:
     """Mux, channel and address of each sensor."""
-    channels = pad.channels or (None,) * len(pad.addresses)
-    return [(pad.mux_address, channel, address) for channel, address in zip(channels, pad.addresses, strict=True)]
+    none = (None,) * len(pad.addresses)
+    return list(zip(pad.mux_addresses or none, pad.channels or none, pad.addresses, strict=True))
 
 
 def _check_sharing(wirings: Sequence[PadWiring]) -> None:
     if len(wirings) > MAX_PADS:
         raise SourceError(f"{len(wirings)} pads on one I2C bus ({_names(wirings)}): at most {MAX_PADS}")
-    direct = {address: pad.name for pad in wirings if pad.mux_address is None for address in pad.addresses}
+    sensors = sum(len(pad.addresses) for pad in wirings)
+    if sensors > MOST_DESCRIBED:
+        raise SourceError(f"{sensors} sensors on one I2C bus ({_names(wirings)}): at most {MOST_DESCRIBED}")
+    direct = {address: pad.name for pad in wirings if not pad.channels for address in pad.addresses}
     for index, pad in enumerate(wirings):
         for other in wirings[:index]:
             theirs = set(ways(other))
             for mux, channel, address in (way for way in ways(pad) if way in theirs):
                 where = f"address 0x{address:02x}" if mux is None else f"channel {channel} of mux 0x{mux:02x}"
                 raise SourceError(f"pads {other.name!r} and {pad.name!r} both use {where}")
-        hidden = set(pad.addresses) & set(direct) if pad.mux_address is not None else set()
+        hidden = set(pad.addresses) & set(direct) if pad.channels else set()
         if hidden:
             address = min(hidden)
             raise SourceError(

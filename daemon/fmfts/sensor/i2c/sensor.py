@@ -21,7 +21,8 @@ class Sensor:
     """`sampled_us`: time of the last sample, None if none is usable. `block`: the data registers as last read."""
 
     wires: ChipWires
-    channel: int | None  # of the mux; None: straight on the bus
+    mux_address: int | None  # None: straight on the bus
+    channel: int | None  # of the mux
     state: SensorState = SensorState.NOT_STARTED
     identification: bytes = bytes(3)
     axes: Axes = (0, 0, 0)

@@ -1,0 +1,102 @@
+"""What is wrong with the configuration of pads on an I2C bus: ways to the chips, and what a bus can carry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from fmfts.config import I2cSource, PadConfig
+from fmfts.sensor.chips import CHIPS
+from fmfts.sensor.chips.rates import BusLoad, i2c_rate_hz
+from fmfts.sensor.wire.packets import MOST_DESCRIBED
+
+Key = str | int
+Problem = tuple[tuple[Key, ...], str]  # the path of keys to a value, and what is wrong with it
+
+FIRST_MUX = 0x70
+WHERE_MUXES_ARE = "a TCA9548A is at 0x70 to 0x77 (112 to 119), as its pins A0 to A2 say"
+
+
+def of_pad(source: I2cSource, sensors: int) -> Iterator[Problem]:
+    """Keys of [pad.source] in a pad with so many sensors."""
+    chip = CHIPS[source.chip]
+    yield from _muxes(source, sensors)
+    if source.channels and len(source.channels) != sensors:
+        yield ("source", "channels"), f"one channel for each of the {sensors} sensors in geometry.sensors_mm"
+        return
+    addresses = source.sensor_addresses(sensors)
+    where = ", ".join(f"0x{each:02x}" for each in chip.addresses)
+    foreign = [each for each in addresses if each not in chip.addresses]
+    if len(addresses) != sensors and not source.addresses:
+        yield (
+            ("source", "channels"),
+            f"without a mux at most {len(chip.addresses)} chips fit on a bus: an {chip.label} can be at {where}; name "
+            "the channels of a mux",
+        )
+    elif len(addresses) != sensors:
+        yield ("source", "addresses"), f"one address for each of the {sensors} sensors in geometry.sensors_mm"
+    elif foreign:
+        yield ("source", "addresses"), f"an {chip.label} can be at {where}, not at 0x{foreign[0]:02x}"
+    elif source.channels:
+        yield from _ways(source, addresses)
+    elif len(set(addresses)) != sensors:
+        yield ("source", "addresses"), "each sensor needs an address of its own"
+
+
+def _muxes(source: I2cSource, sensors: int) -> Iterator[Problem]:
+    if not source.mux_addresses:
+        if source.channels and not _is_mux(source.mux_address):
+            yield ("source", "mux_address"), WHERE_MUXES_ARE
+        return
+    if not source.channels:
+        yield ("source", "mux_addresses"), "without a mux leave it out; with muxes, channels says where each sensor is"
+    elif len(source.mux_addresses) != sensors:
+        yield ("source", "mux_addresses"), f"one mux for each of the {sensors} sensors in geometry.sensors_mm"
+    for number, address in enumerate(source.mux_addresses):
+        if not _is_mux(address):
+            yield ("source", "mux_addresses", number), WHERE_MUXES_ARE
+
+
+def _is_mux(address: int) -> bool:
+    return FIRST_MUX <= address <= FIRST_MUX + 7
+
+
+def _ways(source: I2cSource, addresses: Sequence[int]) -> Iterator[Problem]:
+    """Two sensors that are in one place."""
+    first: dict[tuple[int, int, int], int] = {}
+    for number, way in enumerate(zip(source.sensor_muxes, source.channels, addresses, strict=False)):
+        before = first.setdefault(way, number)
+        if before != number:
+            mux, channel, address = way
+            yield (
+                ("source", "channels"),
+                f"each sensor needs a channel of its own: sensors {before + 1} and {number + 1} are both at "
+                f"0x{address:02x} on channel {channel} of mux 0x{mux:02x}; a second mux goes into mux_addresses",
+            )
+            return
+
+
+def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
+    """What pads that share a bus ask of it together."""
+    on: dict[int, list[tuple[int, Sequence[int]]]] = {}  # bus → sensors of each pad, and the mux of each sensor
+    clock_hz: dict[int, int] = {}
+    for number, pad in enumerate(pads):
+        source = pad.source
+        if not isinstance(source, I2cSource):
+            continue
+        if clock_hz.setdefault(source.bus, source.clock_hz) != source.clock_hz:
+            yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
+        there = on.setdefault(source.bus, [])
+        there.append((len(pad.geometry.sensors_mm), source.sensor_muxes))
+        load = BusLoad.of(there)
+        if load.sensors > MOST_DESCRIBED:
+            yield (
+                ("pad", number, "geometry", "sensors_mm"),
+                f"bus {source.bus} then has {load.sensors} sensors: at most {MOST_DESCRIBED} on one bus",
+            )
+        most_hz = i2c_rate_hz(CHIPS[source.chip], source.trigger, source.clock_hz, load)
+        if source.rate_hz > most_hz:
+            mode = f'trigger = "{source.trigger}" and clock_hz = {source.clock_hz}'
+            yield (
+                ("pad", number, "source", "rate_hz"),
+                f"at most {most_hz}: more than bus {source.bus} can carry, {load.sensors} sensors with {mode}",
+            )
