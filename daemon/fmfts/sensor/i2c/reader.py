@@ -147,7 +147,7 @@ class Reader:
             self._send(self._status())
         elif request.verb == Verb.SELFTEST:
             for pad in self._pads if request.pad_index == ALL_PADS else [self._pads[request.pad_index]]:
-                self._send(i2c_selftest.measure(pad, request.request_id))
+                self._send(i2c_selftest.measure(pad, request.request_id, lambda: self._send(self._status())))
 
     def _change(self, request: Request) -> Result:
         now, value = self._settings, request.argument

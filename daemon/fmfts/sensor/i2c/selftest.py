@@ -6,6 +6,7 @@ With a bias strap (HMC5983 data sheet 900425), or with a field of the chip's own
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from fmfts.sensor.chips.chip import Axes, OwnField
 from fmfts.sensor.chips.selftest import own_field_counts, selftest_failures, strap_counts, strap_of
@@ -18,13 +19,19 @@ POLL_S = 2e-3
 NOTHING: Axes = (0, 0, 0)
 
 
-def measure(pad: I2cPad, request_id: int) -> Selftest:
-    """Measure every sensor without bias and with it, then configure all as before. Blocks 0.1 to 0.3 s a sensor."""
+def measure(pad: I2cPad, request_id: int, after_each: Callable[[], object] = lambda: None) -> Selftest:
+    """Measure every sensor without bias and with it, then configure all as before. Blocks 0.1 to 0.3 s a sensor.
+
+    after_each: called after each sensor, so that whoever waits hears that the work goes on.
+    """
     test = pad.chip.own_field
     gain_code = strap_of(pad.chip).gain_code if test is None else test.gain_code
-    sensors = tuple(_measure_sensor(pad, sensor, gain_code) for sensor in pad.sensors)
+    sensors = []
+    for sensor in pad.sensors:
+        sensors.append(_measure_sensor(pad, sensor, gain_code))
+        after_each()
     pad.configure(pad.settings)
-    return Selftest(request_id, pad.index, gain_code, sensors)
+    return Selftest(request_id, pad.index, gain_code, tuple(sensors))
 
 
 def _measure_sensor(pad: I2cPad, sensor: Sensor, gain_code: int) -> SelftestSensor:
