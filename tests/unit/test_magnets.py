@@ -63,7 +63,7 @@ def test_slopes_are_the_field_s_differences() -> None:
 def test_what_a_baseline_leaves_uncertain_is_as_large_as_the_errors_that_it_causes(
     tolerance: object, honest: float
 ) -> None:
-    """Of thirty built pads the rms of error over deviation is one; MOST_CAUSES leaves out a little."""
+    """Of thirty built pads the rms of error over deviation is one; the causes that are kept leave out a little."""
     ratios = []
     for seed in range(30):
         one = world(seed, tolerance)  # type: ignore[arg-type]

@@ -34,7 +34,9 @@ ITERATIONS, SETTLED = 30, 1e-6  # the search ends when no step is larger, in pri
 TYPICAL_CHANGE = np.array([2e-5, 2e-5, 4e-4, 3e-2, 3e-2])
 # A press moves each magnet down; the errors are those of a change half way.
 HALF_A_PRESS = np.array([0.0, 0.0, -2e-4, 0.0, 0.0])
-MOST_CAUSES = 48  # independent causes of errors that are kept; what is left out is a hundredth of the variance
+# So many independent causes of errors are kept for each sensor, and of a small pad as many as of one with eight.
+# What is left out is 2 to 3 % of the variance with eight sensors and with sixteen. FMFTS_SEVERAL_CAUSES has room.
+CAUSES_A_SENSOR, FEWEST_CAUSES = 6, 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +184,7 @@ def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldE
     all_by_field = product(all_by_field.reshape(-1, len(scaled)), root)
     rows = np.concatenate([by_pose, all_by_field * (AMBIENT_DEVIATION_T / 10.0)])
     power, causes = eigen(product(rows.T, rows))
-    kept = causes[:, np.argsort(power, kind="stable")[::-1][:MOST_CAUSES]]
+    kept = causes[:, np.argsort(power, kind="stable")[::-1][: max(FEWEST_CAUSES, CAUSES_A_SENSOR * count)]]
     typical = np.tile(TYPICAL_CHANGE, len(magnets))[:, None, None]
     return FieldErrors(
         product(by_pose, kept).reshape(size, gain.size, -1) / typical,
