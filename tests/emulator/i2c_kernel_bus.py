@@ -2,7 +2,7 @@
 and /dev/i2c-8, which no order concerns, with one.
 
 With a kind of chip as its argument, /dev/i2c-7 has such chips instead: four behind one mux ("qmc5883l"), or one at each
-address that follows, without a mux ("mlx90393 12 13 14 15").
+address that follows, without a mux ("mlx90393 12 13 14 15"). With "hmc5983" its two muxes have eight each.
 
 Run by the system's Python (it needs gir1.2-umockdev-1.0). Prints the test bed's directory, then obeys one JSON object
 a line on stdin and prints "done" after each:
@@ -149,7 +149,9 @@ def main() -> None:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     testbed = UMockdev.Testbed.new()
     buses = {number: Bus(some_muxes(count)) for number, count in MUXES.items()}
-    if len(sys.argv) > 1:
+    if sys.argv[1:] == ["hmc5983"]:
+        buses[7] = Bus(some_muxes(MUXES[7], 8))
+    elif len(sys.argv) > 1:
         buses[7] = bus_of(sys.argv[1], [int(each) for each in sys.argv[2:]])
     kernels = {number: KernelBus(bus) for number, bus in buses.items()}
     for number, kernel in kernels.items():
@@ -170,7 +172,7 @@ def main() -> None:
     loop.run()
 
 
-def some_muxes(count: int) -> list[Tca9548a]:
+def some_muxes(count: int, chips: int = 4) -> list[Tca9548a]:
     start = time.monotonic()
     return [
         Tca9548a(
@@ -179,10 +181,10 @@ def some_muxes(count: int) -> list[Tca9548a]:
                 channel: Hmc5983(
                     lambda: time.monotonic() - start,
                     field_gauss=(0.1 * (channel + 1), -0.05 * (channel + 1), 0.3 + m),
-                    clock_error=(channel - 1.5) * 0.02,
+                    clock_error=(channel % 4 - 1.5) * 0.02,
                     phase_s=0.001 * channel,
                 )
-                for channel in range(4)
+                for channel in range(chips)
             },
         )
         for m in range(count)

@@ -76,7 +76,7 @@ class KernelBus:
 
 @contextmanager
 def kernel_bus(*chips: object) -> Iterator[KernelBus]:
-    """Seen by processes that are started meanwhile. chips: a kind, and addresses where they have no mux."""
+    """Seen by processes that are started meanwhile. chips: see i2c_kernel_bus.py."""
     if missing():
         needed.missing(PACKAGES)
     bus = KernelBus(*chips)

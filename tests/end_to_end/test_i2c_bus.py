@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from end_to_end.kernel_bus import KernelBus, all_valid, expected_counts, kernel_bus, pad, run
+from fmfts.config import PadConfig
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 
@@ -199,6 +200,43 @@ def test_two_pads_on_one_bus_never_have_two_channels_open(kernel: KernelBus) -> 
         of_pad = [frame for frame in frames if frame.pad_index == mux and frame.valid.all()]
         assert all(np.array_equal(frame.counts, expected_counts(3, mux=mux)) for frame in of_pad)
     assert kernel.report()["conflicts"] == 0
+
+
+def wide() -> PadConfig:
+    """Sixteen sensors behind two muxes."""
+    return pad(sensors=16, mux_addresses=(0x70,) * 8 + (0x71,) * 8, channels=(*range(8), *range(8)))
+
+
+def test_sixteen_sensors_behind_two_muxes_arrive_as_one_frame_and_a_silent_one_is_named() -> None:
+    with kernel_bus("hmc5983") as kernel:
+        source = kernel.open(wide())
+        last = run(source, lambda frames: len(frames) > 30 and all_valid(frames))[-1]
+        assert np.array_equal(last.counts[:8], expected_counts(3, sensors=8, mux=0))
+        assert np.array_equal(last.counts[8:], expected_counts(3, sensors=8, mux=1))
+        assert source.state.board["pads"][0]["mux_addresses"] == ["0x70"] * 8 + ["0x71"] * 8  # type: ignore[index]
+        kernel.chip(4, mux=1, absent=True)
+        last = run(
+            source, lambda frames: (0, 12) in source.state.sensor_faults and frames and not frames[-1].valid[12]
+        )[-1]
+        assert last.valid.sum() == 15
+        assert source.state.sensor_faults[0, 12].startswith("sensor 13 (mux 0x71, channel 4) does not answer at 0x1E")
+        kernel.chip(4, mux=1, absent=False)
+        run(source, all_valid)
+        assert kernel.report()["conflicts"] == 0
+        assert source.state.crc_errors == source.state.garbage_bytes == 0
+
+
+def test_sixteen_sensors_behind_two_muxes_are_tested_in_one_request() -> None:
+    with kernel_bus("hmc5983") as kernel:
+        kernel.chip(7, mux=1, strap=0.1)
+        source = kernel.open(wide())
+        run(source, all_valid)
+        source.request_selftest(0)
+        run(source, lambda frames: source.selftest_result(0))
+        sensors = source.selftest_result(0)["sensors"]
+        assert [one["passed"] for one in sensors] == [True] * 15 + [False]
+        assert "x: +45 and -45 counts" in sensors[15]["failures"][0]
+        run(source, all_valid)
 
 
 def test_a_selftest_measures_every_axis_and_streaming_goes_on(kernel: KernelBus) -> None:

@@ -21,6 +21,7 @@ from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import Decoder, encode
 from fmfts.sensor.wire.link import Link
 from fmfts.sensor.wire.packets import (
+    MAX_SENSORS,
     Hello,
     HelloPad,
     HelloSensor,
@@ -109,7 +110,7 @@ def test_no_packet_ever_raises_whatever_its_fields(sent: list[tuple[Packet, int]
             assert frame.counts.shape == ((4, 3), (3, 3))[frame.pad_index]
             assert frame.host_time_ns <= line.now_ns
         line.link.outgoing(line.now_ns)
-    assert all(0 <= sensor < 8 for _, sensor in line.state.sensor_faults)
+    assert all(0 <= sensor < MAX_SENSORS for _, sensor in line.state.sensor_faults)
     result = line.link.selftest_result(0)
     assert result is None or "passed" in result
 
