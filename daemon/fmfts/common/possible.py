@@ -25,7 +25,7 @@ class Range(NamedTuple):
         for value in values:
             if not self.holds(value):
                 # An integer of a file may be larger than a float can be.
-                is_huge = isinstance(value, int) and abs(value) > 10**300
+                is_huge = isinstance(value, int) and value.bit_length() > 1000
                 told = "an integer of more than 300 digits" if is_huge else f"{value:g}"
                 raise ValueError(f"{told} is no {self.of}: from {self.lowest:g} to {self.highest:g}")
 
