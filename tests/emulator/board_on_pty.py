@@ -38,7 +38,7 @@ def spoil(line: Line, data: bytes) -> bytes:
     return data
 
 
-def stream(session: Session, pty: Pty, orders: Orders) -> float:
+def stream(session: Session, pty: Pty, orders: Orders, pace: float) -> float:
     """Until the orders end. Returns board seconds per second of CPU time."""
     begun_s = time.process_time()
     due = time.monotonic()
@@ -46,7 +46,7 @@ def stream(session: Session, pty: Pty, orders: Orders) -> float:
         orders.obey(partial(execute, session))
         session.board.send(pty.exchange(spoil(session.line, session.board.run(SLICE_S))))
         now = time.monotonic()
-        due += SLICE_S
+        due += SLICE_S / pace
         if now < due:
             time.sleep(due - now)
         elif now > due + GIVE_UP_S:
@@ -60,6 +60,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--link", type=Path, help="make this a symbolic link to the pty, and remove it at the end")
     parser.add_argument("--pads", type=int, choices=(1, 2, 3), default=1)
     parser.add_argument("--uid", type=bytes.fromhex, default=DEFAULT_UID, help="96-bit id, 24 hex digits")
+    parser.add_argument("--pace", type=float, default=1.0, help="the board's seconds in one of ours, at most")
     parser.add_argument("--no-crystal", action="store_true", help="the 8 MHz crystal does not start")
     return parser.parse_args()
 
@@ -75,7 +76,7 @@ def main() -> int:
     pty = Pty(chosen.link)
     print(f"pty: {pty.path}", flush=True)
     try:
-        factor = stream(session, pty, orders)
+        factor = stream(session, pty, orders, chosen.pace)
         print(f"{factor:.2f} board seconds per second of CPU time", *board.complaints, sep="\n", file=sys.stderr)
     except KeyboardInterrupt:
         pass

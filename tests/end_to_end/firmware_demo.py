@@ -15,8 +15,7 @@ SEED = 1
 def main() -> int:
     # Imported here, where Ctrl-C is waited for: it takes half a second.
     sys.path.insert(0, str(Path(__file__).parents[1]))
-    from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, EmulatedBoard, PressedPad
-    from end_to_end.processes import RunningDaemon
+    from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, EmulatedBoard, PressedPad, SlowedDaemon
     from fmfts.config.file import load
     from fmfts.simulation.finger import ScriptedFinger
     from fmfts.view.listen import listen
@@ -32,7 +31,7 @@ def main() -> int:
     with (
         tempfile.TemporaryDirectory(prefix="fmfts-firmware-") as name,
         EmulatedBoard(Path(name)) as board,
-        RunningDaemon(Path(name), EMULATED_CONFIG.format(port=board.port)) as daemon,
+        SlowedDaemon(Path(name), EMULATED_CONFIG.format(port=board.port)) as daemon,
         PressedPad(board, load(daemon.config)[0].pad[0].pad()) as pressed,
     ):
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)

@@ -6,22 +6,40 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost
+from emulator.pace import slowed
+from end_to_end.processes import BRIDGE_CONFIG, ROOT, FirmwareHost, RunningDaemon
 from fmfts.pad import Pad
 from fmfts.simulation.finger import Finger
 from fmfts.simulation.mounted import MountedPad
+from fmfts_client import Contact
 
 ELF = ROOT / "firmware" / "build" / "fmfts.elf"
 RUNNER = ROOT / "tests" / "emulator" / "board_on_pty.py"
 MOVES_A_SECOND = 100
-# A frame costs about 4 ms of a processor, twice that on a slow one. At 220 Hz the board's clock would stand now and
-# then, and the daemon leaves late frames out; tests/firmware/test_emulator_stream.py has 220 Hz, in the board's time.
 EMULATED_CONFIG = BRIDGE_CONFIG + "rate_hz = 75\n"
+PACE = 0.2  # of real time: an emulated second costs up to three of a processor, and tests run beside each other
+PATIENCE_S = 120.0
+
+
+class SlowedDaemon(RunningDaemon):
+    """A daemon for which time passes as for the emulated board, its verbs too."""
+
+    def __init__(self, folder: Path, config: str) -> None:
+        slower = slowed(PACE)
+        super().__init__(folder, config, through=["env", *(f"{name}={value}" for name, value in slower.items())])
+        self.environment |= slower
+
+    def now_ns(self) -> int:
+        return self.wait_for(lambda contact: True).t_publish_ns
+
+    def wait_for(self, wanted: Callable[[Contact], bool], patience_s: float = PATIENCE_S) -> Contact:
+        return super().wait_for(wanted, patience_s)
 
 
 class EmulatedBoard(FirmwareHost):
@@ -33,7 +51,7 @@ class EmulatedBoard(FirmwareHost):
         )
         self.port = folder / "board"
         self._process = subprocess.Popen(
-            [sys.executable, RUNNER, ELF, "--link", self.port, *options],
+            [sys.executable, RUNNER, ELF, "--link", self.port, "--pace", str(PACE), *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

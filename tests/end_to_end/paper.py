@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,7 +80,7 @@ def arrivals(host: FirmwareHost, daemon: RunningDaemon) -> Iterator[Arrival]:
     assert recorded.returncode == 0, recorded.stderr
     for reading in readings():
         host.field(reading.field_t)
-        since_ns = time.monotonic_ns() + SAMPLE_NS
+        since_ns = daemon.now_ns() + SAMPLE_NS
         # On a busy computer frames of the reading before may still lie anywhere in the chain.
         before = daemon.wait_for(
             lambda contact, since_ns=since_ns: contact.pose is not None and contact.t_sample_ns > since_ns

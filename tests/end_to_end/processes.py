@@ -144,6 +144,10 @@ class RunningDaemon:
         """A verb of fmfts-daemon in this daemon's surroundings."""
         return run_command(*arguments, environment=self.environment)
 
+    def now_ns(self) -> int:
+        """The time of its samples."""
+        return time.monotonic_ns()
+
     def subscribe(self, *kinds: str) -> Subscription:
         return Subscription(kinds or ("contact",), None, self.base)
 

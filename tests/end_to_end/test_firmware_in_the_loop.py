@@ -8,16 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, EmulatedBoard, PressedPad
+from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, EmulatedBoard, PressedPad, SlowedDaemon
 from end_to_end.paper import arrivals
 from end_to_end.processes import RunningDaemon
 from fmfts.pad import Pad
 from fmfts_client import Status
 
-pytestmark = [
-    pytest.mark.real_time,  # the emulated board keeps time while it gets a good part of a core
-    pytest.mark.needs("arm-none-eabi-gcc"),
-]
+pytestmark = pytest.mark.needs("arm-none-eabi-gcc", "faketime")
 
 
 @pytest.fixture
@@ -28,7 +25,7 @@ def board(tmp_path: Path) -> Iterator[EmulatedBoard]:
 
 def test_the_papers_readings_arrive_as_its_poses(tmp_path: Path, board: EmulatedBoard) -> None:
     """The same limits as with the host-built core: the counts that leave the board are the same."""
-    with RunningDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
+    with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         arrived = list(arrivals(board, daemon))
     assert len(arrived) == 10
     for arrival in arrived:
@@ -39,7 +36,7 @@ def test_the_papers_readings_arrive_as_its_poses(tmp_path: Path, board: Emulated
 def test_a_press_arrives_where_it_was_made_and_a_lost_sensor_is_told(
     tmp_path: Path, board: EmulatedBoard, pad: Pad
 ) -> None:
-    with PressedPad(board, pad) as pressed, RunningDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
+    with PressedPad(board, pad) as pressed, SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         daemon.wait_for(lambda contact: contact.health == "no_baseline" and contact.sensors_ok == 0b1111)
         recorded = daemon.command("baseline", "--rest", "--duration-s", "1", "--config", daemon.config)
         assert recorded.returncode == 0, recorded.stderr
@@ -58,10 +55,10 @@ def test_a_press_arrives_where_it_was_made_and_a_lost_sensor_is_told(
 
 
 def test_the_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: EmulatedBoard) -> None:
-    with RunningDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
+    with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
         with daemon.subscribe("status") as messages:
-            statuses = [messages.receive(10.0) for _ in range(4)]
+            statuses = [messages.receive(60.0) for _ in range(4)]
         last = Status.from_message(statuses[-1].body)
         assert last.crc_errors == last.gaps == last.reconnects == 0
 
@@ -77,7 +74,7 @@ def test_the_daemon_counts_no_error_on_the_emulated_line(tmp_path: Path, board: 
 def test_status_tells_what_happened_on_the_board_and_that_it_is_over(
     tmp_path: Path, board: EmulatedBoard, order: str, told: str, mend: str
 ) -> None:
-    with RunningDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
+    with SlowedDaemon(tmp_path, EMULATED_CONFIG.format(port=board.port)) as daemon:
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
         board.tell(order)
         daemon.wait_for(lambda contact: contact.sensors_ok != 0b1111)
@@ -92,7 +89,7 @@ def _faults(daemon: RunningDaemon, present: bool) -> Sequence[str]:
     faults: Sequence[str] = ()
     with daemon.subscribe("status") as messages:
         for _ in range(10):
-            message = messages.receive(5.0)
+            message = messages.receive(60.0)
             assert message is not None
             faults = Status.from_message(message.body).sensor_faults
             if bool(faults) is present:

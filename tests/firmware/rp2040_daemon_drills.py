@@ -17,6 +17,8 @@ from pathlib import Path
 import pytest
 from test_stm32_build import FIRMWARE, make
 
+from emulator.pace import slowed
+
 ROOT = FIRMWARE.parent
 LIBRARY = Path(os.environ.get("RP2040JS") or ROOT / ".venv/node_modules/rp2040js")
 RUNNER = ROOT / "tests/emulator/rp2040_on_pty.py"
@@ -53,13 +55,10 @@ class Slowed:
     """The daemon's verbs at the board's pace, with sockets and state in a folder."""
 
     def __init__(self, folder: Path) -> None:
-        shown = subprocess.run(
-            ["faketime", "-f", f"+0 x{PACE}", "env"], capture_output=True, text=True, check=True
-        ).stdout.splitlines()
-        # Not through `faketime`: it stays the parent, and would be told to end in place of the daemon.
-        slower = dict(line.split("=", 1) for line in shown if line.startswith(("LD_PRELOAD=", "FAKETIME=")))
         self._folder = folder
-        self._surroundings = os.environ | slower | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": f"{folder}/state"}
+        self._surroundings = (
+            os.environ | slowed(PACE) | {"FMFTS_BUS": f"ipc://{folder}", "XDG_STATE_HOME": f"{folder}/state"}
+        )
 
     def begun(self, *verb: str | Path) -> subprocess.Popen[str]:
         return subprocess.Popen(
