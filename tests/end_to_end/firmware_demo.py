@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -15,17 +16,17 @@ SEED = 1
 def main() -> int:
     # Imported here, where Ctrl-C is waited for: it takes half a second.
     sys.path.insert(0, str(Path(__file__).parents[1]))
-    from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, EmulatedBoard, PressedPad, SlowedDaemon
+    from end_to_end.firmware_in_the_loop import EMULATED_CONFIG, PACE, EmulatedBoard, PressedPad, SlowedDaemon
     from fmfts.config.file import load
     from fmfts.simulation.finger import ScriptedFinger
-    from fmfts.view.listen import listen
 
     end_on_signals()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float)
     seconds = parser.parse_args().seconds
     print(
-        "finger → magnet → emulated sensors → firmware on an emulated STM32F103 → pty → fmfts-daemon → ZeroMQ → here",
+        "finger → magnet → emulated sensors → firmware on an emulated STM32F103 → pty → fmfts-daemon → ZeroMQ → here\n"
+        f"(a second of the board, and of the daemon, takes {1 / PACE:g})",
         flush=True,
     )
     with (
@@ -40,8 +41,12 @@ def main() -> int:
         if recorded.returncode:
             sys.stderr.write(recorded.stderr)
             return recorded.returncode
-        pressed.press(ScriptedFinger(SEED))
-        return listen(None, seconds, endpoint=daemon.base)
+        finger = ScriptedFinger(SEED)
+        pressed.press(lambda at_s: finger(PACE * at_s))
+        # A process of its own: the time of the messages is the slowed daemon's.
+        duration = [] if seconds is None else ["--seconds", str(seconds)]
+        command = [sys.executable, "-m", "fmfts", "listen", *duration]
+        return subprocess.run(command, env=daemon.environment, check=False).returncode
 
 
 if __name__ == "__main__":
