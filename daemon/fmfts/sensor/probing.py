@@ -19,7 +19,12 @@ def faults_of(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHI
     state = source.state
     sensors = {sensor: text for (pad, sensor), text in state.sensor_faults.items() if pad == pad_index}
     seen = {sensor: f"sensor {sensor + 1} is {what}" for sensor, what in missing.items()}
-    pads = [text for pad, text in state.pad_faults.items() if pad == pad_index]
+    # What the pad is said to be, one of its sensors may be said to be, too.
+    pads = [
+        text
+        for pad, text in state.pad_faults.items()
+        if pad == pad_index and not any(text.endswith(of_sensor) for of_sensor in sensors.values())
+    ]
     return pads + [text for _, text in sorted((seen | sensors).items())] + sorted(state.warnings.values())
 
 
@@ -33,11 +38,13 @@ def is_sound(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHIN
 def probe_facts(
     pad: str, source: Source, pad_index: int, silence: str, missing: Mapping[int, str] = NOTHING_MISSING
 ) -> dict[str, Any]:
-    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected.
+    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected, unless it is
+    known why nothing of this pad can be used.
 
     missing: as for `faults_of`. sound: the pad is connected, and all its sensors can be used.
     """
     state = source.state
+    silence = "" if pad_index in state.pad_faults else silence
     connected = state.connected and not silence
     return {
         "pad": pad,
