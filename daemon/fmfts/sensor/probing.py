@@ -38,8 +38,8 @@ def is_sound(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHIN
 def probe_facts(
     pad: str, source: Source, pad_index: int, silence: str, missing: Mapping[int, str] = NOTHING_MISSING
 ) -> dict[str, Any]:
-    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected, unless it is
-    known why nothing of this pad can be used.
+    """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected, unless
+    something is known to be wrong with the whole pad.
 
     missing: as for `faults_of`. sound: the pad is connected, and all its sensors can be used.
     """
