@@ -71,7 +71,9 @@ def pressed(config: PadConfig) -> list[Frame]:
 
 
 @pytest.mark.skipif(not AVAILABLE, reason="the healthy path was not compiled")
-@pytest.mark.parametrize("sensors", [9, 12, 16])
+@pytest.mark.parametrize(
+    "sensors", [pytest.param(9, marks=pytest.mark.long), pytest.param(12, marks=pytest.mark.long), 16]
+)
 def test_one_magnet_over_many_sensors_says_the_same_in_c_and_in_python(sensors: int) -> None:
     config = with_sensors(config_of(3), sensors)
     baseline = simulated_baseline(config)
@@ -101,6 +103,7 @@ def test_silent_twelfth_sensor_of_one_magnet_is_named_and_the_others_track() -> 
     assert message.force_n == pytest.approx(FORCE_N, abs=0.1)
 
 
+@pytest.mark.long
 def test_sixteen_sensors_tell_near_fingers_apart_more_often_than_eight_do() -> None:
     told = []
     for config in (array_config(seed=1), with_sensors(array_config(seed=1), 16)):
@@ -114,6 +117,7 @@ def test_sixteen_sensors_tell_near_fingers_apart_more_often_than_eight_do() -> N
     assert told == [3, 6]
 
 
+@pytest.mark.long
 def test_sixteen_sensors_place_two_near_fingers_better_than_eight_do() -> None:
     off, deviation = [], []
     for config in (EIGHT, SIXTEEN):

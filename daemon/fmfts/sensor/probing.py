@@ -39,12 +39,13 @@ def probe_facts(
     pad: str, source: Source, pad_index: int, silence: str, missing: Mapping[int, str] = NOTHING_MISSING
 ) -> dict[str, Any]:
     """silence: what is known of frames that do not come, "" where they do. Who sends none is not connected, unless
-    something is known to be wrong with the whole pad.
+    its sensors are known, and are why nothing of the pad is used.
 
     missing: as for `faults_of`. sound: the pad is connected, and all its sensors can be used.
     """
     state = source.state
-    silence = "" if pad_index in state.pad_faults else silence
+    if pad_index in state.pad_faults and any(pad == pad_index for pad, _ in state.sensor_faults):
+        silence = ""
     connected = state.connected and not silence
     return {
         "pad": pad,
