@@ -50,7 +50,7 @@ def _error(world: World, mounting: Mounting) -> tuple[np.ndarray, np.ndarray]:
 HAND_PLACED = replace(TOLERANCE, gain=0.05, sensor_rotation_rad=np.radians(1.5), cross_axis=0.002)
 TOLERANCES = [
     pytest.param(TOLERANCE, id="0.5 %", marks=pytest.mark.long),
-    pytest.param(replace(TOLERANCE, gain=0.05), id="5 %"),
+    pytest.param(replace(TOLERANCE, gain=0.05), id="5 %", marks=pytest.mark.long),
     pytest.param(HAND_PLACED, id="hand-placed"),
 ]
 

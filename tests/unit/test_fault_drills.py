@@ -16,7 +16,7 @@ from fmfts_lab.bench.tapped import ManyFrames, Well, tapped, tapping
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 
 
-@pytest.mark.parametrize("ambient", ["constant", "drifting"])
+@pytest.mark.parametrize("ambient", [pytest.param("constant", marks=pytest.mark.long), "drifting"])
 def test_broken_axis_is_never_believed_for_longer_than_half_a_second(ambient: Ambient) -> None:
     outcomes = drilled(sensor_faults((1,), (0,)), (1,), ambients=(ambient,), touches=("pressed",))
     assert {outcome.kind for outcome in outcomes} >= {"invalid", "saturated", "stuck", "offset 100 mG", "gain 5 %"}

@@ -165,7 +165,7 @@ def with_faults(frames: Sequence[Frame]) -> Iterator[Frame]:
             yield frame
 
 
-@pytest.mark.parametrize("scene", ["drifting", "constant"])
+@pytest.mark.parametrize("scene", ["drifting", pytest.param("constant", marks=pytest.mark.long)])
 def test_a_session_with_faults_says_the_same_and_comes_back(scene: str) -> None:
     """The memory goes from C to Python and back, and nothing is lost of it."""
     config = config_of(4, ambient=scene)
