@@ -23,7 +23,7 @@ from fmfts.sources import on_i2c
 SYSTEM_PYTHON = "/usr/bin/python3"
 SERVER = Path(__file__).parents[1] / "emulator" / "i2c_kernel_bus.py"
 PACKAGES = "umockdev, gir1.2-umockdev-1.0 and python3-gi"
-PATIENCE_S = 20.0  # liveness on a busy machine; starting a reader takes half a second
+PATIENCE_S = 60.0  # liveness on a busy machine; starting a reader takes half a second on an idle one
 
 
 @cache  # all of /usr/lib is looked through

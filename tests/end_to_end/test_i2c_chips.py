@@ -187,6 +187,16 @@ def test_init_tells_chips_behind_two_muxes_apart(tmp_path: Path) -> None:
     ]
 
 
+def test_init_on_a_bus_that_is_held_says_in_which_call_it_hangs(tmp_path: Path) -> None:
+    with kernel_bus() as kernel:
+        kernel.order(block_s=60)
+        hung = run_command("init", "--i2c", "7", "--config", tmp_path / "pad.toml")
+        kernel.order(block_s=0)
+    assert hung.returncode == exit_codes.UNAVAILABLE, hung
+    assert "no pad found: /dev/i2c-7 hangs in writing 08 to 0x70" in hung.stderr
+    assert "look for SDA or SCL held low" in hung.stderr
+
+
 def test_a_selftest_of_lis3mdl_names_the_broken_axis_and_streaming_goes_on() -> None:
     with wired("lis3mdl") as (kernel, source):
         run(source, all_valid)

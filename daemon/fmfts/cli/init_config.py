@@ -97,7 +97,7 @@ def _on_i2c(bus: int) -> tuple[list[FoundPad], str]:
     try:
         found = scanned(bus)
     except SourceError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"no pad found: /dev/i2c-{bus}: {error}") from error
+        raise VerbError(exit_codes.UNAVAILABLE, f"no pad found: {error}") from error
     if not found:
         raise VerbError(
             exit_codes.UNAVAILABLE,

@@ -1,13 +1,16 @@
-"""Finds the muxes and chips on an I2C bus, whatever the configuration says: `python -m fmfts.sensor.i2c.scan BUS`.
+"""Finds the muxes and chips on an I2C bus: `python -m fmfts.sensor.i2c.scan BUS CALL_RECORD_FD`.
 
-A process of its own, because a wedged bus blocks each call for seconds. It prints JSON, or ends with 1 and a sentence.
+It asks what is there, whatever the configuration says. A process of its own, because a wedged bus blocks each call for
+seconds. It prints JSON, or ends with 1 and a sentence.
 """
 
 from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import msgspec
 
@@ -17,7 +20,10 @@ from fmfts.sensor.i2c.bus import CallRecord, I2cBus
 from fmfts.sensor.i2c.others import chips_answering
 from fmfts.sensor.source import SourceError
 
-PATIENCE_S = 10.0
+STUCK_S = 2.0  # in one call; a transfer takes less than a millisecond
+PATIENCE_S = 60.0  # for the whole scan: a second, but much longer on a busy computer
+LOOK_S = 0.1
+CLOSE_S = 1.0
 
 
 class Found(msgspec.Struct, frozen=True):
@@ -37,14 +43,38 @@ class Found(msgspec.Struct, frozen=True):
 
 def scanned(bus: int) -> list[Found]:
     """What is on the bus now. SourceError if it cannot be opened, is in use, or hangs."""
-    command = [sys.executable, "-m", "fmfts.sensor.i2c.scan", str(bus)]
+    record = CallRecord()
+    command = [sys.executable, "-m", "fmfts.sensor.i2c.scan", str(bus), str(record.descriptor)]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, pass_fds=[record.descriptor])
     try:
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    except subprocess.TimeoutExpired:
-        raise SourceError(f"/dev/i2c-{bus} hangs: look for SDA or SCL held low") from None
-    if ended.returncode != 0:
-        raise SourceError((ended.stderr.strip().splitlines() or [f"its scan ended with {ended.returncode}"])[-1])
-    return msgspec.json.decode(ended.stdout, type=list[Found])
+        output, sentences = _ended(process, bus, record)
+    finally:
+        record.close()
+    if process.returncode != 0:
+        raise SourceError(
+            (sentences.strip().splitlines() or [f"the scan of /dev/i2c-{bus} ended with {process.returncode}"])[-1]
+        )
+    return msgspec.json.decode(output, type=list[Found])
+
+
+def _ended(process: subprocess.Popen[str], bus: int, record: CallRecord) -> tuple[str, str]:
+    """What the scan printed on stdout and stderr. SourceError if one of its calls is stuck, or all take too long."""
+    given_up_s = time.monotonic() + PATIENCE_S
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return process.communicate(timeout=LOOK_S)
+        call, now_s = record.current(), time.monotonic()
+        if call is not None and now_s - call[0] / 1e9 > STUCK_S:
+            reason = f"/dev/i2c-{bus} hangs in {call[1]}: look for SDA or SCL held low"
+        elif now_s > given_up_s:
+            reason = f"the scan of /dev/i2c-{bus} has not ended after {PATIENCE_S:.0f} s: this computer is overloaded"
+        else:
+            continue
+        process.kill()
+        with suppress(subprocess.TimeoutExpired):  # a process that is stuck in the kernel dies when its call returns
+            process.communicate(timeout=CLOSE_S)
+        raise SourceError(reason)
 
 
 def scan(bus: I2cBus) -> Iterator[Found]:
@@ -76,9 +106,12 @@ def _is_mux(bus: I2cBus, address: int) -> bool:
 
 def main(arguments: Sequence[str]) -> int:
     try:
-        found = list(scan(I2cBus(int(arguments[0]), CallRecord())))
-    except (SourceError, OSError) as error:
+        found = list(scan(I2cBus(int(arguments[0]), CallRecord(int(arguments[1])))))
+    except SourceError as error:
         print(error, file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"/dev/i2c-{arguments[0]}: {error.strerror}", file=sys.stderr)
         return 1
     print(msgspec.json.encode(found).decode())
     return 0
