@@ -22,6 +22,7 @@ from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
 from fmfts.config.example import ARRAY_PATH
 from fmfts.recording.file import HEADER_BYTES, is_whole, read
+from fmfts_client import Subscription
 
 TAPPED = """
 [[pad]]
@@ -121,14 +122,18 @@ def test_replay_of_pads_beside_one_with_several_magnets_is_identical(
         replays_identically(daemon, tmp_path / "a.mcap", ("--pad", "one"), ["array", "one", "other"], 150)
 
 
+def wait_for_contacts(daemon: RunningDaemon, pad: str, count: int) -> None:
+    """Until so many more have come; a look into the recording would read all of it, ever longer."""
+    with Subscription(("contact",), pad, daemon.base) as messages:
+        for _ in range(count):
+            assert messages.receive(PATIENCE_S) is not None
+
+
 def replays_identically(
     daemon: RunningDaemon, output: Path, options: tuple[str, ...], pads: list[str], contacts_a_pad: int = 400
 ) -> None:
     process = recorder(daemon, output, *options)
-    until = time.monotonic() + PATIENCE_S
-    while len(contacts(output)) < contacts_a_pad * len(pads):  # 400: not quite two seconds, where nothing is late
-        assert time.monotonic() < until
-        time.sleep(0.5)  # each look reads the whole recording
+    wait_for_contacts(daemon, pads[0], contacts_a_pad)  # 400: not quite two seconds, where nothing is late
     process.send_signal(signal.SIGTERM)
     said, complaint = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, complaint
