@@ -17,7 +17,7 @@ from fmfts.pipeline.estimator import Estimator, EstimatorMemory
 from fmfts.pipeline.fast import FastPath, Lane, Passed
 from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
-from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
+from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.pose.state import NEIGHBOUR_SIZE
 from fmfts.sensor import Frame
@@ -180,8 +180,8 @@ class PadPipeline:
         return passed, self._writer.passed(passed)
 
     def _judge(self, frame: Frame) -> ContactMessage:
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed)
-        if frame.valid.any() and self._alignment.memory.without_news <= MOST_WITHOUT_NEWS:
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        if frame.valid.any() and not aligned.is_old:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:
             sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one

@@ -23,8 +23,8 @@ static double sampled_us(const fmfts_frame *frame, int sensor)
     return frame->time_us - age_us(frame, sensor);
 }
 
-/* Forgets all samples if the board was reset, or if no frame came for long. */
-static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
+/* Forgets all samples if no frame came for long. False if the board was reset: Python knows what that ends. */
+static bool forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
     double newest = 0.0, before = 0.0;
@@ -32,8 +32,11 @@ static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pos
         newest = fmax(newest, sampled_us(frame, i));
         before = fmax(before, memory->time_us[i]);
     }
-    if (before == 0.0 || (newest >= before - parameters->stopped_us[0] && newest <= before + parameters->longest_gap_us[0])) {
-        return;
+    if (before != 0.0 && newest < before - parameters->stopped_us[0]) {
+        return false;
+    }
+    if (before == 0.0 || newest <= before + parameters->longest_gap_us[0]) {
+        return true;
     }
     for (int i = 0; i < 3 * sensors; i++) {
         memory->time_us[i] = 0.0;
@@ -41,6 +44,7 @@ static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pos
     for (int i = 0; i < 9 * sensors; i++) {
         memory->field_t[i] = NAN;
     }
+    return true;
 }
 
 /* Which samples are not in the memory: the fresh ones, and those that were fresh in a frame unseen here. */
@@ -67,7 +71,9 @@ static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     if ((frame->valid & all) != all || frame->gain_code >= FMFTS_GAIN_CODES) {
         return false;
     }
-    forget_before_gap(parameters, memory, frame);
+    if (!forget_before_gap(parameters, memory, frame)) {
+        return false;
+    }
     unsigned new = new_samples(parameters, memory, frame);
     if (!(new & all)) {
         return false;
