@@ -23,7 +23,7 @@ NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 
 class Taken(NamedTuple):
-    """When a frame was taken, and what touched the pad. sampled_ns: when its newest sample was, which may be an old one."""
+    """When a frame was taken, and what touched the pad. sampled_ns: when its newest sample was, maybe long before."""
 
     taken_ns: int
     touch: Touch
