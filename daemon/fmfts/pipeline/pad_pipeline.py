@@ -14,7 +14,7 @@ from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
-from fmfts.pipeline.fast import FastPath, Lane, Passed
+from fmfts.pipeline.fast import FastPath, Lane, Missing, Passed
 from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import AlignmentMemory
@@ -90,7 +90,7 @@ class PadPipeline:
     @property
     def missing(self) -> dict[int, str]:
         """Sensor (from 0) → why it could not be used in the last frame; empty while frames are absent."""
-        return {} if self._compiled is not None else self._missing
+        return self._missing
 
     @property
     def detection_limit_n(self) -> float:
@@ -197,8 +197,8 @@ class PadPipeline:
             if reading.estimate is not None and (reading.contact is not None or reading.distance_m is not None):
                 estimate = reading.estimate
                 self._sighting.saw((estimate.state,), estimate.covariance[:NEIGHBOUR_SIZE, :NEIGHBOUR_SIZE], sampled_ns)
-            if reading.health == "ok" and not self._among_others:
-                self._compiled = self._estimator.hand_over(self._alignment)
+            if reading.is_steady and not self._among_others:
+                self._compiled = self._estimator.hand_over(self._alignment, reading, Missing.of(frame))
         return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline, frame)
 
     @property

@@ -147,6 +147,7 @@ class Alignment:
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
+        bend[~running] = 0.0  # what is not told has no error
         noise_share, repeats = root_of_squares(share, 1.0 - share), memory.repeats.copy()
         return Aligned(field, noise_share, bend, instant, repeats, began_anew=began_anew)
 

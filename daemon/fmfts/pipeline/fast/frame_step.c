@@ -20,6 +20,12 @@ static bool misses_temperature(const fmfts_pose_parameters *parameters, double t
     return isnan(temperature_c) && !isnan(parameters->rest_temperature_c[0]);
 }
 
+/* Whether no sensor and no axis is missing: else Python forgot `now`, which is not told. */
+static bool is_whole(const fmfts_pose_memory *memory)
+{
+    return memory->gain_code[0] < 0.0;
+}
+
 /* _pose_message of contact_message.py */
 static void put_pose(const fmfts_message_parameters *parameters, const double *state, const fmfts_pose *pose,
                       fmfts_numbers *n)
@@ -114,7 +120,7 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     if (!fmfts_keep_inside(&parameters->contact, &question) ||
         !fmfts_estimate_contact(&parameters->contact, &question, network,
                                 parameters->contact.refine_steps[0] > 0.0 ? response : NULL, response_bytes, &estimate) ||
-        (parameters->now.tells_now[0] != 0.0 &&
+        (parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) &&
          !fmfts_tell_now(&pad, next, frame, &pose, &estimate, outcome))) {
         return FMFTS_NO_NUMBER;
     }
