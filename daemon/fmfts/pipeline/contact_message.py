@@ -119,14 +119,16 @@ class MessageWriter:
     def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline, verdict: Verdict) -> Template:
         """The message of a reading of this kind, with room for any numbers."""
         over_range = kind == Kind.OVER_RANGE
-        contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0, 0.0)
+        outputs, shear = (5, np.zeros(2)) if verdict.tells_shear else (3, None)
+        covariance, force_min_n = np.zeros((outputs, outputs)), 0.0 if over_range else None
+        contact = ContactEstimate(0.0, 0.0, 0.0, covariance, over_range, force_min_n, 0.0, 0.0, shear)
         state = mounting.rest
         estimate = PoseEstimate(
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
         )
         now = None
         if verdict.tells_now and not over_range:
-            none = np.zeros(3)
+            none = np.zeros(outputs)
             now = ContactNow(0.0, none, none, none, none, kind != Kind.QUIET)
         used = np.repeat(np.array(verdict.whole)[:, None], 3, axis=1)
         reading = Reading(verdict.health, verdict.reason, used, estimate, contact, kind != Kind.QUIET, now=now)

@@ -134,6 +134,8 @@ class Estimator:
             return None
         if self._ambient_motion is not None and self._ambient_motion.is_moving:
             return None
+        if self._model.smoothing_s > 0.0 and self.memory.smoother.pose is None:
+            return None
         if not self._tracker.can_be_handed_over or (is_whole and not (self._now is None or self._now.runs)):
             return None
         if alignment.memory.without_news:

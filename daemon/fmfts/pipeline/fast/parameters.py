@@ -20,6 +20,7 @@ from fmfts.contact.model import (
     TINY,
 )
 from fmfts.contact.refinement import STEPS
+from fmfts.contact.smoothing import COMPONENTS, JUMP_PROBABILITY
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
 from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, tracker
@@ -165,6 +166,8 @@ def put_contact(
     parameters.put("own_deviation", model.own_deviation)
     parameters.put("trained_force_n", model.trained_force_n)
     parameters.put("slipping_n", model.slipping_n)
+    parameters.put("smoothing_s", model.smoothing_s)
+    parameters.put("smoothing_jump_chi2", quantile(JUMP_PROBABILITY, COMPONENTS))
 
 
 def put_message(parameters: DoubleTable, mounting: Mounting, remanence_t: float) -> None:

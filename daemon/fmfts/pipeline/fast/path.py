@@ -63,6 +63,7 @@ class Verdict(NamedTuple):
     reason: str
     whole: tuple[bool, ...]
     tells_now: bool
+    tells_shear: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +164,8 @@ class FastPath:
         self._outcome = self._judged.data
         self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
         self._lane: Lane | None = None
-        self.verdict = Verdict("ok", "", (), False)
+        self._tells_shear = model.has_shear
+        self.verdict = Verdict("ok", "", (), False, False)
 
     @classmethod
     def of(
@@ -184,8 +186,8 @@ class FastPath:
     ) -> Self | None:
         """A fast path; None if C cannot serve this pad.
 
-        C serves contact models of the compiled network without shear and without smoothing, whose error tables fit into
-        tables.h. change_error (8, 5, M), repeats_allowed (N, 3).
+        C serves contact models of the compiled network, whose error tables fit into tables.h. change_error (8, 5, M),
+        repeats_allowed (N, 3).
         """
         if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
             return None
@@ -245,7 +247,8 @@ class FastPath:
         frame wait for it: what Python judged, C does not know.
         """
         whole = tuple(bool(sensor.all()) for sensor in missing.used)
-        self.verdict = Verdict(health, reason, whole, self.tells_now and missing.gain_code < 0)
+        tells_now = self.tells_now and missing.gain_code < 0
+        self.verdict = Verdict(health, reason, whole, tells_now, self._tells_shear)
         self._judged.fill(0.0)
         for memory in memories:
             hand_over(memory, self._memory)
