@@ -119,6 +119,38 @@ def test_frames_without_new_samples_are_old_and_say_so(pipeline: PadPipeline, cl
     assert not any(map(is_wrong, messages + again[5:]))
 
 
+def test_frames_without_new_samples_that_come_seldom_are_old_by_time(pipeline: PadPipeline) -> None:
+    """A computer that has too little time leaves frames out: three of those that are left may span 60 ms and more."""
+    frames = taps(1.5)
+    last = frames[150]
+    messages = [pipeline.process(frame) for frame in frames[:151]]
+    seldom = [
+        replace(frame, counts=last.counts, age_us=last.age_us, fresh=np.zeros(4, dtype=bool))
+        for frame in frames[156:185:7]
+    ]
+    stale = [pipeline.process(frame) for frame in seldom]
+    assert [message.health for message in stale] == ["lost"] * 5
+    assert {message.t_sample_ns for message in stale} == {messages[-1].t_sample_ns}
+    assert pipeline.process(frames[186]).health == "ok"
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_touch_does_not_outlast_a_reset_of_the_board(pipeline: PadPipeline, compiled: bool) -> None:
+    """Nobody knows how much time passed until its first packet came through: the finger may be gone."""
+    frames = taps(1.6)
+    messages = [pipeline.process(frame) for frame in frames[:211]]
+    assert messages[-1].contact is True
+    if not compiled:
+        pipeline.hand_back()
+    reset = [
+        replace(frame, device_time_us=frame.device_time_us - frames[220].device_time_us, run=1, sequence=number)
+        for number, frame in enumerate(frames[229:260])
+    ]
+    after = [pipeline.process(frame).contact for frame in reset]
+    assert True not in after
+    assert after[-1] is False
+
+
 class TestPulledMagnet:
     @staticmethod
     def messages(pipeline: PadPipeline, config: PadConfig, lifted: Callable[[float], float]) -> list[ContactMessage]:

@@ -110,6 +110,32 @@ def test_a_hello_of_long_ago_lets_no_old_packet_in() -> None:
     assert line.feed(of(100), later_ns=41 * PERIOD_NS) == []
 
 
+@pytest.mark.parametrize("with_hello", [True, False])
+def test_a_clock_does_not_begin_with_a_packet_that_waited_here(with_hello: bool) -> None:
+    """The board is reset while this host does not read for 0.4 s; what it read first is as old as that."""
+    line = line_after(300)
+    line.link._clock.found_empty(line.now_ns)
+    backlog = [of(number) for number in range(3)]
+    assert line.feed(*([hello(4)] if with_hello else []), *backlog, later_ns=400_000_000) == []
+    for number in range(88, 120):
+        line.link._clock.found_empty(line.now_ns)
+        for frame in line.feed(of(number)):
+            assert frame.host_time_ns == line.now_ns
+    assert frame.sequence == 119
+
+
+def test_a_board_slower_than_the_clocks_patience_is_believed_with_its_second_packet() -> None:
+    """At 10 Hz every packet may have waited since the one before was read."""
+    line = line_after(300)
+    frames = []
+    for number in range(4):
+        line.link._clock.found_empty(line.now_ns)
+        packets = [hello(4)] if number == 0 else []
+        frames += line.feed(*packets, of(number, time_us=1000 + 100_000 * number), later_ns=100_000_000)
+    assert [frame.sequence for frame in frames] == [1, 2, 3]
+    assert "packets" not in line.state.warnings
+
+
 def test_a_computer_that_was_suspended_goes_on() -> None:
     """Its clock stood for an hour, the board's did not."""
     line = line_after(300)

@@ -23,6 +23,8 @@ def hand_over(memory: Any, table: DoubleTable) -> None:
     shared, others = _fields_of(type(memory), table.names)
     for name in shared:
         value = getattr(memory, name)
+        if value is None:
+            continue  # there is nothing to go on from, and C makes nothing of it
         table.put(name, value.vector() if hasattr(value, "vector") else value)
     for name in others:
         value = getattr(memory, name)
@@ -34,6 +36,8 @@ def resume(memory: Any, table: DoubleTable) -> None:
     """Take back what `hand_over` wrote and C went on with, each field in the type that it had."""
     shared, others = _fields_of(type(memory), table.names)
     for name in shared:
+        if getattr(memory, name) is None:
+            continue
         setattr(memory, name, _like(getattr(memory, name), table[name]))
     for name in others:
         value = getattr(memory, name)

@@ -15,13 +15,17 @@ bool fmfts_drive(const fmfts_now_parameters *parameters, const void *response, s
         memcpy(drive, parameters->untouched_drive, sizeof parameters->untouched_drive);
         return true;
     }
-    if (!response || !fmfts_view_response(response, response_bytes, &table) || table.loads != CONTACT - 2) {
+    if (!response || !fmfts_view_response(response, response_bytes, &table) || (int)table.loads != estimate->outputs - 2) {
         return false;
     }
-    const double press[CONTACT] = {estimate->place[0] * 1e3, estimate->place[1] * 1e3, fmax(estimate->place[2], 0.0)};
+    const double *place = estimate->place;
+    double press[CONTACT] = {place[0] * 1e3, place[1] * 1e3, fmax(place[2], 0.0)};
+    for (int load = 3; load < estimate->outputs; load++) {
+        press[load] = place[load];
+    }
     fmfts_respond(&table, press, change, slope);
     for (int i = 0; i < MOVED; i++) {
-        for (int c = 0; c < CONTACT; c++) {
+        for (int c = 0; c < estimate->outputs; c++) {
             turned[i][c] = 0.0;
             for (int k = 0; k < MOVED; k++) {
                 turned[i][c] += parameters->to_pose[MOVED * i + k] * slope[k][c];
@@ -31,7 +35,7 @@ bool fmfts_drive(const fmfts_now_parameters *parameters, const void *response, s
     for (int i = 0; i < MOVED; i++) {
         for (int j = 0; j < MOVED; j++) {
             double sum = 0.0;
-            for (int c = 0; c < CONTACT; c++) {
+            for (int c = 0; c < estimate->outputs; c++) {
                 sum += turned[i][c] * parameters->drive_power[c] * turned[j][c];
             }
             drive[MOVED * i + j] = sum;

@@ -5,12 +5,13 @@
 
 enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE };
 typedef struct {
+    int outputs;
     double contact[CONTACT];
     double variance[CONTACT];
     double *by_pose;
 } found;
 
-static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
+static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; newtons stay */
 
 static double root_of_squares(double a, double b)
 {
@@ -48,7 +49,7 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
         pose[i] = (float)question->pose[i];
     }
     fmfts_infer(network, pose, contact, jacobian);
-    for (int i = 0; i < CONTACT; i++) {
+    for (int i = 0; i < found->outputs; i++) {
         const float *row = jacobian + POSE * i;
         found->contact[i] = contact[i];
         found->variance[i] = 0.0;
@@ -66,7 +67,8 @@ static bool refine(const fmfts_contact_parameters *parameters, const fmfts_quest
                    const fmfts_response *response, found *found)
 {
     double moved[FMFTS_MOVED], covariance[FMFTS_MOVED * FMFTS_MOVED], spread[CONTACT * CONTACT];
-    if (response->loads != CONTACT - 2) {
+    int outputs = found->outputs;
+    if ((int)response->loads != outputs - 2) {
         return false;
     }
     for (int i = 0; i < FMFTS_MOVED; i++) {
@@ -79,8 +81,8 @@ static bool refine(const fmfts_contact_parameters *parameters, const fmfts_quest
     if (!fmfts_refine(response, moved, covariance, (int)parameters->refine_steps[0], found->contact, spread)) {
         return false;
     }
-    for (int i = 0; i < CONTACT; i++) {
-        found->variance[i] = spread[(CONTACT + 1) * i];
+    for (int i = 0; i < outputs; i++) {
+        found->variance[i] = spread[(outputs + 1) * i];
     }
     return true;
 }
@@ -133,17 +135,26 @@ static int bin_in_tables(const fmfts_contact_parameters *parameters, const doubl
 }
 
 /* ContactEstimate.central_force_sd_n */
-static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const double *found)
+static double central_force_sd_n(const fmfts_contact_parameters *parameters, const double *contact, const found *found)
 {
-    return root_of_squares(sqrt(found[2]), parameters->own_deviation[CONTACT * bin_in_tables(parameters, contact, 0) + 2]);
+    int bin = bin_in_tables(parameters, contact, 0);
+    return root_of_squares(sqrt(found->variance[2]), parameters->own_deviation[found->outputs * bin + 2]);
+}
+
+/* Whether the place is outside of the calibrated places along one axis. */
+static bool is_beyond_edge(const fmfts_contact_parameters *parameters, const double *contact, int axis)
+{
+    return contact[axis] < parameters->edges_m[2 * axis] || contact[axis] > parameters->edges_m[2 * axis + 1];
 }
 
 /* The variance in SI: the pose's, and the model's own error. That of a place is at most that of a place on the pad. */
-static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const double *found, double variance[CONTACT])
+static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const found *answer,
+                      double variance[CONTACT])
 {
+    const double *found = answer->variance;
     int bin = bin_in_tables(parameters, contact, radius_bin(parameters, contact));
-    const double *own = parameters->own_deviation + CONTACT * bin;
-    for (int i = 0; i < CONTACT; i++) {
+    const double *own = parameters->own_deviation + answer->outputs * bin;
+    for (int i = 0; i < answer->outputs; i++) {
         variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
         variance[i] += i < 2 ? parameters->magnet_off_m[i] * parameters->magnet_off_m[i] : 0.0;
     }
@@ -152,9 +163,8 @@ static void spread_of(const fmfts_contact_parameters *parameters, const double *
     double astray = certain * astray_share(doubt(parameters, contact[2], trained));
     for (int i = 0; i < 2; i++) {
         double even = parameters->spread_m[i] * parameters->spread_m[i];
-        bool beyond = contact[i] < parameters->edges_m[2 * i] || contact[i] > parameters->edges_m[2 * i + 1];
         double ratio = variance[i] + astray * even;
-        variance[i] = beyond ? even : ratio * even / fmax(ratio, certain * even);
+        variance[i] = is_beyond_edge(parameters, contact, i) ? even : ratio * even / fmax(ratio, certain * even);
     }
 }
 
@@ -162,7 +172,7 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
                             const fmfts_network *network, const void *response, size_t response_bytes,
                             fmfts_estimate *estimate)
 {
-    found found = {.by_pose = estimate->by_pose};
+    found found = {.outputs = (int)network->outputs, .by_pose = estimate->by_pose};
     fmfts_response table;
     double variance[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n[0];
     answer_of(network, question, &found);
@@ -170,16 +180,18 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
                       refine(parameters, question, &table, &found))) {
         return false;
     }
-    for (int i = 0; i < FMFTS_CONTACT; i++) {
+    for (int i = 0; i < found.outputs; i++) {
         place[i] = found.contact[i] * UNIT[i];
     }
-    spread_of(parameters, place, found.variance, variance);
-    for (int i = 0; i < FMFTS_CONTACT; i++) {
+    spread_of(parameters, place, &found, variance);
+    estimate->outputs = found.outputs;
+    estimate->refused = found.outputs == CONTACT && (is_beyond_edge(parameters, place, 0) || is_beyond_edge(parameters, place, 1));
+    for (int i = 0; i < found.outputs; i++) {
         estimate->deviation[i] = sqrt(variance[i]);
     }
     estimate->over_range = question->share < 1.0 || too_hard(parameters, place, variance[2]);
     estimate->force_min_n = fmax(fmin(place[2], limit) - parameters->certain_deviations[0] * estimate->deviation[2], 0.0);
-    estimate->central_force_sd_n = central_force_sd_n(parameters, place, found.variance);
+    estimate->central_force_sd_n = central_force_sd_n(parameters, place, &found);
     estimate->doubt = doubt(parameters, place[2], variance[2]);
     return isfinite(place[2]);
 }

@@ -107,8 +107,8 @@ class ContactModel:
 
     @property
     def plain(self) -> bool:
-        """Whether the fast path can serve this model: it has no shear and does not smooth."""
-        return not self.has_shear and self.smoothing_s == 0.0 and (self.refiner is None or self.refiner.compiled)
+        """Whether the fast path can serve this model."""
+        return self.refiner is None or self.refiner.compiled
 
     @property
     def shear_is_unknown(self) -> bool:

@@ -3,11 +3,11 @@
 
 #include <math.h>
 
-enum { CONTACT = FMFTS_CONTACT, FORCE = 2 };
+enum { FORCE = 2 /* and the shears after it */ };
 
 void fmfts_shrink(const fmfts_now_parameters *parameters, double moving, fmfts_contact_now *now)
 {
-    for (int i = 0; i < CONTACT; i++) {
+    for (int i = 0; i < now->outputs; i++) {
         double prior = parameters->usual_rate[i] * parameters->usual_rate[i], variance = now->rate_deviation[i];
         double share = prior / (prior + variance);
         now->rate[i] *= share;
@@ -18,8 +18,8 @@ void fmfts_shrink(const fmfts_now_parameters *parameters, double moving, fmfts_c
 
 void fmfts_carry(const fmfts_now_parameters *parameters, double lead_s, bool pressed, fmfts_contact_now *now)
 {
-    for (int i = 0; i < CONTACT; i++) {
-        now->value[i] += i == FORCE ? parameters->lead_share[0] * lead_s * now->rate[i] : now->rate[i] * lead_s;
+    for (int i = 0; i < now->outputs; i++) {
+        now->value[i] += i >= FORCE ? parameters->lead_share[0] * lead_s * now->rate[i] : now->rate[i] * lead_s;
         now->deviation[i] += now->rate_deviation[i] * lead_s;
     }
     now->value[FORCE] = fmax(now->value[FORCE], 0.0);

@@ -26,8 +26,9 @@
 FMFTS_STRUCT(fmfts_now_parameters, FMFTS_NOW_PARAMETERS)
 FMFTS_STRUCT(fmfts_now_memory, FMFTS_NOW_MEMORY)
 
-/* Place (m) and force (N), their rates per second, and the deviations of both. */
+/* Place (m), force and shears (N), their rates per second, and the deviations of both. */
 typedef struct {
+    int outputs;
     double value[FMFTS_CONTACT], deviation[FMFTS_CONTACT], rate[FMFTS_CONTACT], rate_deviation[FMFTS_CONTACT];
 } fmfts_contact_now;
 

@@ -1,4 +1,4 @@
-/* A healthy frame, from the change of pose to a contact: touch.c, estimate.c, network.c and refine.c. The reference is the
+/* A healthy frame, from the change of pose to a contact: touch.c, smooth.c, estimate.c, network.c and refine.c. The reference is the
  * Python beside them. */
 #ifndef FMFTS_CONTACT_STEP_H
 #define FMFTS_CONTACT_STEP_H
@@ -9,7 +9,7 @@
 #include "network.h"
 #include "refine.h"
 
-enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
+enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_MAX_OUTPUTS };
 
 /* What these steps need of a contact model and a touch detector. Units of the model: mm, N, and components of the axis. */
 #define FMFTS_CONTACT_PARAMETERS(X)                                                                                    \
@@ -36,13 +36,18 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = 3 };
     X(force_bin_n, FMFTS_BINS)  /* upper ends of all bins but the last */                                              \
     X(radius_bins, 1)                                                                                                  \
     X(radius_bin_m, FMFTS_BINS)                                                                                        \
-    X(own_deviation, 3 * FMFTS_BINS * FMFTS_BINS)                                                                      \
+    X(own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                           \
     X(trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                                        \
-    X(slipping_n, FMFTS_BINS)   /* by radius */
+    X(slipping_n, FMFTS_BINS)   /* by radius */                                                                        \
+    X(smoothing_s, 1)           /* smoothing.py; 0: none */                                                            \
+    X(smoothing_jump_chi2, 1)
 
 #define FMFTS_CONTACT_MEMORY(X)                                                                                        \
     X(touched, 1)                                                                                                      \
-    X(quiet_frames, 1)
+    X(quiet_frames, 1)                                                                                                 \
+    X(pose, 6)                  /* smoothing.py, in m and components of the axis */                                    \
+    X(speed, 6)                                                                                                        \
+    X(acceleration, 6)
 
 FMFTS_STRUCT(fmfts_contact_parameters, FMFTS_CONTACT_PARAMETERS)
 FMFTS_STRUCT(fmfts_contact_memory, FMFTS_CONTACT_MEMORY)
@@ -54,13 +59,15 @@ typedef struct {
     double share;
 } fmfts_question;
 
-/* place: x, y (m) and force (N), with deviations. The others are as in ContactEstimate. doubt: see estimate.py. */
+/* place: x, y (m), force and, of a model that tells them, two shears (N), with deviations. The others are as in ContactEstimate.
+ * doubt: see estimate.py. */
 typedef struct {
+    int outputs; /* 3 or 5 */
     double place[FMFTS_CONTACT];
     double deviation[FMFTS_CONTACT];
     double by_pose[FMFTS_CONTACT * FMFTS_POSE]; /* the network's Jacobian, in the model's units */
     double force_min_n, central_force_sd_n, doubt;
-    bool over_range;
+    bool over_range, refused;
 } fmfts_estimate;
 
 /* touch.c: χ² of a change of pose [5] with its covariance [5][5]. False if that is not one. */
@@ -70,6 +77,10 @@ bool fmfts_chi2_from_rest(const double *change, const double *covariance, double
  * before. False if that is no covariance. */
 bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const double *change,
                  const double *covariance, double elapsed_s);
+
+/* smooth.c: smooths the pose of the question, if that is configured. False if its covariance is none. */
+bool fmfts_smooth(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, double elapsed_s,
+                  fmfts_question *question);
 
 /* estimate.c: moves the question into the range that the model was trained on. False if the magnet is lifted. */
 bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_question *question);

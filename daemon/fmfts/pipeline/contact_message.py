@@ -17,7 +17,7 @@ from fmfts.bus.messages import NO_ESTIMATE, ContactMessage, Health, NowMessage, 
 from fmfts.contact import ContactEstimate
 from fmfts.contact.now import ContactNow
 from fmfts.pipeline.deviations import quiet_force_sd_n, touched_force_sd_n
-from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template
+from fmfts.pipeline.fast import FastPath, Judged, Kind, Lane, Passed, Template, Verdict
 from fmfts.pose import AMBIENT, SOLVER, PoseEstimate, Status
 from fmfts.pose.state import SIZE
 from fmfts.sensor import Frame
@@ -30,7 +30,7 @@ class Reading:
     """What one frame says. used (N, 3): the axes that it was solved from. None: no trustworthy value.
 
     distance_m: how far the magnet is from rest, and the deviation of that; of a pad without a contact model only.
-    now: the contact at the time of publishing.
+    now: the contact at the time of publishing. is_steady: health and reason stay while the same axes are missing.
     """
 
     health: Health
@@ -42,10 +42,11 @@ class Reading:
     detection_limit_n: float = 0.0
     distance_m: tuple[float, float] | None = None
     now: ContactNow | None = None
+    is_steady: bool = False
 
 
 class PackedMessage(msgspec.Struct, frozen=True, gc=False):
-    """The encoded message of a healthy frame."""
+    """The encoded message of a frame that C judged: of a healthy one, or one that lacks what the ones before lacked."""
 
     payload: bytes
     kind: Kind
@@ -66,9 +67,8 @@ class MessageWriter:
         self._model = model
         self.number = 0
         self.sampled_ns = 0
-        self._tells_now = False  # whether the packed messages have `now`
         self._templates: tuple[Template, ...] = ()  # one for each Kind
-        self._templates_of: tuple[bool, str, bool] | None = None  # (temperature unknown, baseline id, tells now)
+        self._templates_of: tuple[bool, str, Verdict] | None = None  # (temperature unknown, baseline id, verdict)
         self._last: ContactMessage | None = None  # of the last frame that Python judged
         self._last_kind: Kind | None = None  # kind of the last message; None unless it was a packed one
 
@@ -76,10 +76,10 @@ class MessageWriter:
         self, path: FastPath, judged: Judged, frame: Frame, mounting: Mounting, baseline: Baseline
     ) -> PackedMessage:
         """The message of the frame that `path` judged last."""
-        if self._templates_of != (frame.temperature_c is None, baseline.id, path.tells_now):
-            self._tells_now = path.tells_now
-            self._templates = tuple(self._template(kind, frame, mounting, baseline) for kind in Kind)
-            self._templates_of = frame.temperature_c is None, baseline.id, path.tells_now
+        templates_of = frame.temperature_c is None, baseline.id, path.verdict
+        if self._templates_of != templates_of:
+            self._templates = tuple(self._template(kind, frame, mounting, baseline, path.verdict) for kind in Kind)
+            self._templates_of = templates_of
         self._last_kind = judged.kind
         self.sampled_ns = frame.host_time_ns - (frame.device_time_us - judged.instant_us) * 1000
         return self._packed(path, judged.kind, judged.now_us, frame.device_time_us, frame.host_time_ns)
@@ -116,20 +116,22 @@ class MessageWriter:
         self.number, self.sampled_ns, self._last_kind = passed.number, passed.t_sample_ns, passed.kind
         return PackedMessage(passed.payload, passed.kind, passed.t_sample_ns, passed.t_publish_ns)
 
-    def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline) -> Template:
-        """The message of a healthy reading of this kind, with room for any numbers."""
+    def _template(self, kind: Kind, frame: Frame, mounting: Mounting, baseline: Baseline, verdict: Verdict) -> Template:
+        """The message of a reading of this kind, with room for any numbers."""
         over_range = kind == Kind.OVER_RANGE
-        contact = ContactEstimate(0.0, 0.0, 0.0, np.zeros((3, 3)), over_range, 0.0 if over_range else None, 0.0, 0.0)
+        outputs, shear = (5, np.zeros(2)) if verdict.tells_shear else (3, None)
+        covariance, force_min_n = np.zeros((outputs, outputs)), 0.0 if over_range else None
+        contact = ContactEstimate(0.0, 0.0, 0.0, covariance, over_range, force_min_n, 0.0, 0.0, shear)
         state = mounting.rest
         estimate = PoseEstimate(
             state, np.zeros((SIZE, SIZE)), 0.0, 0, 0, 0.0, 0, Status.CONVERGED, np.zeros(SIZE), remanence_t=0.0
         )
         now = None
-        if self._tells_now and not over_range:
-            none = np.zeros(3)
+        if verdict.tells_now and not over_range:
+            none = np.zeros(outputs)
             now = ContactNow(0.0, none, none, none, none, kind != Kind.QUIET)
-        used = np.ones((len(frame.valid), 3), np.bool_)
-        reading = Reading("ok", "", used, estimate, contact, kind != Kind.QUIET, now=now)
+        used = np.repeat(np.array(verdict.whole)[:, None], 3, axis=1)
+        reading = Reading(verdict.health, verdict.reason, used, estimate, contact, kind != Kind.QUIET, now=now)
         number, sampled_ns = self.number, self.sampled_ns
         message = self.message(reading, 0, frame.temperature_c, mounting, baseline, frame)
         self.number, self.sampled_ns = number, sampled_ns

@@ -15,7 +15,7 @@ from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import Reading
-from fmfts.pipeline.fast import FastPath
+from fmfts.pipeline.fast import FastPath, Missing
 from fmfts.pipeline.now import Early, Lead, NowEstimator, NowMemory, Taken
 from fmfts.pose import Aligned, Alignment, displacement
 from fmfts.pose.alignment import has_jumped
@@ -117,8 +117,14 @@ class Estimator:
                 None if self._now is None else self._now.parameters,
             )
 
-    def hand_over(self, alignment: Alignment) -> FastPath | None:
-        """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame."""
+    def hand_over(self, alignment: Alignment, reading: Reading, missing: Missing) -> FastPath | None:
+        """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame.
+
+        reading, missing: of the last frame. C goes on while the same is missing.
+        """
+        is_whole = reading.health == "ok"
+        if not reading.is_steady or (reading.used != missing.used).any():
+            return None  # what is missing is not all that is wrong: a sensor at odds with the others, or stuck
         if (
             self._path is None
             or self.memory.last_us is None
@@ -128,11 +134,13 @@ class Estimator:
             return None
         if self._ambient_motion is not None and self._ambient_motion.is_moving:
             return None
-        if not self._tracker.can_be_handed_over or not (self._now is None or self._now.runs):
+        if self._model.smoothing_s > 0.0 and self.memory.smoother.pose is None:
+            return None
+        if not self._tracker.can_be_handed_over or (is_whole and not (self._now is None or self._now.runs)):
             return None
         if alignment.memory.without_news:
             return None
-        self._path.take_over(alignment.memory, self.memory)
+        self._path.take_over(missing, reading.health, reading.reason, alignment.memory, self.memory)
         return self._path
 
     def take_back(self, path: FastPath, alignment: Alignment) -> None:
@@ -142,7 +150,7 @@ class Estimator:
             self._now.taken_back()
         self._tracker.resumed(path.was_sound)
         if self._ambient_motion is not None:
-            self._ambient_motion.passed(path.passed)
+            self._ambient_motion.passed(path.passed, were_ok=path.verdict.health == "ok")
 
     def recall(self, memory: EstimatorMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
@@ -226,6 +234,8 @@ class Estimator:
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
+        if aligned.began_anew:
+            self._touch.forget()  # nobody knows for how long nothing was seen: the finger may be gone
         self._silicone.passed(elapsed_s)
         not_stuck = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))
@@ -268,7 +278,8 @@ class Estimator:
         if touching and contact.over_range and has_jumped(aligned):
             track = _degraded(track, JUMPED)
         return Reading(
-            track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
+            *(track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n),
+            is_steady=track.is_steady,
         )
 
 
@@ -280,7 +291,8 @@ def _held(track: Track, unread_s: float) -> Track:
 
 
 def _degraded(track: Track, told: str) -> Track:
-    return replace(track, health="degraded", reason=f"{track.reason}; {told}" if track.reason else told)
+    reason = f"{track.reason}; {told}" if track.reason else told
+    return replace(track, health="degraded", reason=reason, is_steady=False)
 
 
 def _without_model(

@@ -14,10 +14,10 @@ from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import MessageWriter, PackedMessage, Reading
 from fmfts.pipeline.estimator import Estimator, EstimatorMemory
-from fmfts.pipeline.fast import FastPath, Lane, Passed
+from fmfts.pipeline.fast import FastPath, Lane, Missing, Passed
 from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
-from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
+from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.pose.state import NEIGHBOUR_SIZE
 from fmfts.sensor import Frame
@@ -90,7 +90,7 @@ class PadPipeline:
     @property
     def missing(self) -> dict[int, str]:
         """Sensor (from 0) → why it could not be used in the last frame; empty while frames are absent."""
-        return {} if self._compiled is not None else self._missing
+        return self._missing
 
     @property
     def detection_limit_n(self) -> float:
@@ -180,8 +180,8 @@ class PadPipeline:
         return passed, self._writer.passed(passed)
 
     def _judge(self, frame: Frame) -> ContactMessage:
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed)
-        if frame.valid.any() and self._alignment.memory.without_news <= MOST_WITHOUT_NEWS:
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        if frame.valid.any() and not aligned.is_old:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:
             sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one
@@ -197,8 +197,8 @@ class PadPipeline:
             if reading.estimate is not None and (reading.contact is not None or reading.distance_m is not None):
                 estimate = reading.estimate
                 self._sighting.saw((estimate.state,), estimate.covariance[:NEIGHBOUR_SIZE, :NEIGHBOUR_SIZE], sampled_ns)
-            if reading.health == "ok" and not self._among_others:
-                self._compiled = self._estimator.hand_over(self._alignment)
+            if reading.is_steady and not self._among_others:
+                self._compiled = self._estimator.hand_over(self._alignment, reading, Missing.of(frame))
         return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline, frame)
 
     @property

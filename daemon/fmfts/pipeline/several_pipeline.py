@@ -19,7 +19,7 @@ from fmfts.pad import Pad, Placement
 from fmfts.pipeline.fingers_message import FingersWriter
 from fmfts.pipeline.pad_pipeline import NO_BASELINE
 from fmfts.pose import Alignment, repeats_allowed
-from fmfts.pose.alignment import MOST_WITHOUT_NEWS, AlignmentMemory
+from fmfts.pose.alignment import AlignmentMemory
 from fmfts.pose.neighbour import NeighbourView, Sighting, SightingMemory
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
@@ -146,8 +146,8 @@ class SeveralPipeline:
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
         self._frame_times = frame.device_time_us, frame.host_time_ns
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed)
-        if frame.valid.any() and self._alignment.memory.without_news <= MOST_WITHOUT_NEWS:
+        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        if frame.valid.any() and not aligned.is_old:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:
             sampled_ns = self._writer.sampled_ns  # the frame holds no new sample, so the newest is still the last one

@@ -23,17 +23,26 @@ static double sampled_us(const fmfts_frame *frame, int sensor)
     return frame->time_us - age_us(frame, sensor);
 }
 
-/* Forgets all samples if the board was reset, or if no frame came for long. */
-static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
+/* Whether a sensor's samples may be used: not if the frames that are judged here are those without it. */
+static bool is_there(const fmfts_pose_memory *memory, int sensor)
+{
+    return !((unsigned)memory->silent[0] >> sensor & 1);
+}
+
+/* Forgets all samples if no frame came for long. False if the board was reset: Python knows what that ends. */
+static bool forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
     double newest = 0.0, before = 0.0;
     for (int i = 0; i < sensors; i++) {
-        newest = fmax(newest, sampled_us(frame, i));
+        newest = is_there(memory, i) ? fmax(newest, sampled_us(frame, i)) : newest;
         before = fmax(before, memory->time_us[i]);
     }
-    if (before == 0.0 || (newest >= before - parameters->stopped_us[0] && newest <= before + parameters->longest_gap_us[0])) {
-        return;
+    if (before != 0.0 && newest < before - parameters->stopped_us[0]) {
+        return false;
+    }
+    if (before == 0.0 || newest <= before + parameters->longest_gap_us[0]) {
+        return true;
     }
     for (int i = 0; i < 3 * sensors; i++) {
         memory->time_us[i] = 0.0;
@@ -41,9 +50,11 @@ static void forget_before_gap(const fmfts_pose_parameters *parameters, fmfts_pos
     for (int i = 0; i < 9 * sensors; i++) {
         memory->field_t[i] = NAN;
     }
+    return true;
 }
 
-/* Which samples are not in the memory: the fresh ones, and those that were fresh in a frame unseen here. */
+/* Which samples are not in the memory: the fresh ones, and those that were fresh in a frame unseen here; of the sensors that
+ * are there. */
 static unsigned new_samples(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     unsigned new = frame->fresh;
@@ -54,51 +65,61 @@ static unsigned new_samples(const fmfts_pose_parameters *parameters, const fmfts
     }
     for (int i = 0; newest - before > GAP_SHARE * parameters->stopped_us[0] && i < (int)parameters->sensors[0]; i++) {
         bool later = sampled_us(frame, i) - memory->time_us[i] > UNSEEN_SHARE * parameters->stopped_us[0];
-        new |= (unsigned)(later && age_us(frame, i) < AGE_UNKNOWN_US) << i;
+        new |= (unsigned)(later && is_there(memory, i) && age_us(frame, i) < AGE_UNKNOWN_US) << i;
     }
     return new;
 }
 
-/* Puts the new samples into the memory. False if none is new, or if one is missing, saturated or stuck. */
+/* Puts one axis' count into the memory. False if it is stuck, if it cannot be, or if it is saturated and was not before. */
+static bool push_axis(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame, int axis,
+                      bool is_new)
+{
+    int sensors = (int)parameters->sensors[0], axes = 3 * sensors;
+    int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * (axis / 3) + 2 * (axis % 3));
+    int saturated = (int)parameters->saturated_count[0], largest = (int)parameters->largest_count[0];
+    double *sample = memory->field_t + axis, *repeats = memory->repeats + axis;
+    bool is_saturated = count == saturated;
+    if (is_saturated != (memory->saturated[axis] != 0.0) || (!is_saturated && (count > largest || count < -largest - 1))) {
+        return false;
+    }
+    if (is_new) {
+        *sample = is_saturated ? NAN : count * parameters->step_t[3 * frame->gain_code + axis % 3];
+        *repeats = *sample == sample[axes] ? *repeats + 1.0 : 0.0;
+    }
+    /* Without three samples of an axis Python judges, unless C itself has just forgotten those before a gap. */
+    bool is_known = memory->passed[0] != 0.0 || (isfinite(sample[2 * axes]) && isfinite(sample[axes]));
+    return is_saturated || (is_known && *repeats <= parameters->repeats_allowed[axis]);
+}
+
+/* Puts the new samples into the memory. False if none is new, if one is stuck, or if others are missing than in the frames
+ * before. */
 static bool push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame)
 {
     int sensors = (int)parameters->sensors[0];
-    unsigned all = (1u << sensors) - 1;
-    if ((frame->valid & all) != all || frame->gain_code >= FMFTS_GAIN_CODES) {
+    unsigned all = (1u << sensors) - 1, there = all & ~(unsigned)memory->silent[0];
+    /* What is said of a saturated axis depends on the range. */
+    bool is_as_before = (frame->valid & all) == there && !(frame->fresh & all & ~there) &&
+                        (memory->gain_code[0] < 0.0 || frame->gain_code == memory->gain_code[0]);
+    if (!is_as_before || frame->gain_code >= FMFTS_GAIN_CODES || !forget_before_gap(parameters, memory, frame)) {
         return false;
     }
-    forget_before_gap(parameters, memory, frame);
     unsigned new = new_samples(parameters, memory, frame);
     if (!(new & all)) {
         return false;
     }
     for (int i = 0; i < sensors; i++) {
-        double *sample[3], *time = memory->time_us + i;
-        for (int k = 0; k < 3; k++) {
-            sample[k] = memory->field_t + 3 * (k * sensors + i);
-        }
+        double *sample = memory->field_t + 3 * i, *time = memory->time_us + i;
+        int axes = 3 * sensors;
         bool is_new = new >> i & 1;
         if (is_new) {
-            memcpy(sample[2], sample[1], 3 * sizeof(double));
-            memcpy(sample[1], sample[0], 3 * sizeof(double));
+            memcpy(sample + 2 * axes, sample + axes, 3 * sizeof(double));
+            memcpy(sample + axes, sample, 3 * sizeof(double));
             time[2 * sensors] = time[sensors];
             time[sensors] = time[0];
             time[0] = sampled_us(frame, i);
         }
-        for (int axis = 0; axis < 3; axis++) {
-            int count = (int16_t)little_endian(frame->readings + FMFTS_READING_BYTES * i + 2 * axis);
-            int saturated = (int)parameters->saturated_count[0], largest = (int)parameters->largest_count[0];
-            if (count == saturated || count > largest || count < -largest - 1) {
-                return false;
-            }
-            if (is_new) {
-                double *repeats = memory->repeats + 3 * i + axis;
-                sample[0][axis] = count * parameters->step_t[3 * frame->gain_code + axis];
-                *repeats = sample[0][axis] == sample[1][axis] ? *repeats + 1.0 : 0.0;
-            }
-            /* Without three samples of an axis Python judges, unless C itself has just forgotten those before a gap. */
-            if ((memory->passed[0] == 0.0 && !(isfinite(sample[2][axis]) && isfinite(sample[1][axis]))) ||
-                !(memory->repeats[3 * i + axis] <= parameters->repeats_allowed[3 * i + axis])) {
+        for (int axis = 3 * i; is_there(memory, i) && axis < 3 * i + 3; axis++) {
+            if (!push_axis(parameters, memory, frame, axis, is_new)) {
                 return false;
             }
         }
@@ -153,6 +174,7 @@ static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pos
     double change[3];
     for (int k = 0; k < 3; k++) {
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
+        change[k] = isnan(change[k]) ? 0.0 : change[k]; /* what was not measured says nothing of the other axes */
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
         field->variance_t2[axis] += fmfts_lasting_variance(parameters, memory, axis, change);
@@ -168,14 +190,19 @@ bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     double latest = -INFINITY, instant = INFINITY;
     for (int i = 0; i < sensors; i++) {
         latest = fmax(latest, memory->time_us[i]);
-        instant = fmin(instant, memory->time_us[i]);
+        instant = is_there(memory, i) ? fmin(instant, memory->time_us[i]) : instant;
     }
     if (!(latest - instant <= parameters->stopped_us[0])) {
         return false;
     }
     field->instant_us = instant;
     for (int axis = 0; axis < 3 * sensors; axis++) {
-        interpolate(parameters, memory, axis, instant, field);
+        if (is_there(memory, axis / 3)) {
+            interpolate(parameters, memory, axis, instant, field);
+        } else {
+            field->field_t[axis] = NAN;
+            field->lasting_t2[axis] = field->variance_t2[axis] = 0.0;
+        }
     }
     for (int i = 0; i < sensors; i++) {
         add_lasting(parameters, memory, i, field);

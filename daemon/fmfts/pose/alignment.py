@@ -25,7 +25,8 @@ STOPPED_PERIODS = 2.5
 # Shares of STOPPED_PERIODS. After 1.5 periods without a frame, one was lost, or left out as newer ones superseded it.
 # Then a sample is new, too, that is half a period later than the last one: the frame that had it first never came here.
 GAP_SHARE, UNSEEN_SHARE = 0.6, 0.2
-# After so many frames without any new sample, none of a chip is in them: the next one tells of the past.
+# After so many frames without any new sample, or periods of them, none of a chip is in them: the next one tells of the
+# past. Frames are left out by a computer that has too little time, so that they alone do not count it.
 MOST_WITHOUT_NEWS = 3
 # After a longer gap than this (or STOPPED_PERIODS, at low rates) the samples before it say nothing of the motion since:
 # the line from them to the next sample would make that as uncertain as the whole way that the pad moved in the gap.
@@ -41,7 +42,8 @@ class Aligned:
     """field_t (N, 3): at `time_us` (the board's clock), NaN where a sensor has no value.
 
     noise_share (N, 1): noise of field_t over that of one sample. bend_t (N, 3): the error that curvature may cause.
-    repeats (N, 3): how many new samples in a row repeated the value before.
+    repeats (N, 3): how many new samples in a row repeated the value before. is_old: nothing new came for too long.
+    began_anew: the board's clock did, so nobody knows how much time has passed.
     """
 
     field_t: Array
@@ -49,6 +51,8 @@ class Aligned:
     bend_t: Array
     time_us: int
     repeats: NDArray[np.int64]
+    is_old: bool = False
+    began_anew: bool = False
 
 
 @dataclass(slots=True)
@@ -72,21 +76,30 @@ class Alignment:
             np.full((3, count, 3), np.nan), np.zeros((3, count), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
         )
         self.stopped_us = STOPPED_PERIODS * period_us
+        self._old_us = (MOST_WITHOUT_NEWS + 1) * period_us
 
     def push(
-        self, field_t: Array, time_us: Times, fresh: NDArray[np.bool_], timed: NDArray[np.bool_] | None = None
+        self,
+        field_t: Array,
+        time_us: Times,
+        fresh: NDArray[np.bool_],
+        timed: NDArray[np.bool_] | None = None,
+        frame_us: int | None = None,
     ) -> Aligned:
         """Add a frame, and align. field_t (N, 3), time_us (N,): the newest samples. fresh (N,): which are new.
 
         timed (N,): which sensors gave a sample at all, and tell its time; None: all. The `time_us` of the others means
-        nothing, because their age is not known. Without any such sensor, the instant stays where it was.
+        nothing, because their age is not known. Without any such sensor, the instant stays where it was. frame_us: the
+        frame's own time; None: that of its newest sample.
         """
         memory = self.memory
         told_us = time_us if timed is None else time_us[timed]
+        began_anew = False
         if told_us.size and memory.time_us[0].any():
             later_us = told_us.max() - memory.time_us[0].max()
             # The board was reset, so its clock began again; or no frame came for long.
-            if later_us < -self.stopped_us or later_us > longest_gap_us(self.stopped_us):
+            began_anew = bool(later_us < -self.stopped_us)
+            if began_anew or later_us > longest_gap_us(self.stopped_us):
                 memory.field_t[:], memory.time_us[:] = np.nan, 0
         fresh = self._new(time_us, fresh, timed)
         if fresh.all():
@@ -104,9 +117,13 @@ class Alignment:
         newest, previous, oldest = memory.field_t
         time, before, oldest_time = memory.time_us
         running = (time.max() - time <= self.stopped_us) & np.isfinite(field_t).any(axis=1)
-        if not running.any() or memory.without_news > MOST_WITHOUT_NEWS:
-            nothing = np.full_like(newest, np.nan)
-            return Aligned(nothing, np.ones((len(newest), 1)), nothing, int(time.max()), memory.repeats.copy())
+        is_old = memory.without_news > MOST_WITHOUT_NEWS
+        if memory.without_news and frame_us is not None:
+            is_old |= bool(frame_us - time.max() > self._old_us)
+        if not running.any() or is_old:
+            nothing, share_of_one = np.full_like(newest, np.nan), np.ones((len(newest), 1))
+            repeats = memory.repeats.copy()
+            return Aligned(nothing, share_of_one, nothing, int(time.max()), repeats, is_old, began_anew)
         instant = int(time[running].min())
         # Share of the previous sample: 0 for the chip whose newest sample is at the instant. It never extrapolates.
         share = np.clip((time - instant) / np.maximum(time - before, 1), 0.0, 1.0)[:, None]
@@ -130,7 +147,9 @@ class Alignment:
         # Without a third sample the step itself bounds the error.
         step = np.abs(share * (newest - previous))
         bend = np.where(np.isfinite(bend), bend, np.where(np.isfinite(step), step, 0.0))
-        return Aligned(field, root_of_squares(share, 1.0 - share), bend, instant, memory.repeats.copy())
+        bend[~running] = 0.0  # what is not told has no error
+        noise_share, repeats = root_of_squares(share, 1.0 - share), memory.repeats.copy()
+        return Aligned(field, noise_share, bend, instant, repeats, began_anew=began_anew)
 
     def _new(self, time_us: Times, fresh: NDArray[np.bool_], timed: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
         """Which samples (N,) are not in the memory: fresh ones, and those that were fresh in a frame unseen here."""

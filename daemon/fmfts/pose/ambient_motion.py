@@ -60,9 +60,12 @@ class AmbientMotionDetector:
         """Whether the ambient field was found to move; frames are then `disturbed`."""
         return self.memory.moved_t > 0.0
 
-    def passed(self, frames: int) -> None:
-        """Note that the fast path judged so many frames, all of them ok."""
+    def passed(self, frames: int, were_ok: bool) -> None:
+        """Note that the fast path judged so many frames: all ok, or all without a sensor, which tell nothing."""
         self.memory.frames_seen += frames
+        if not were_ok:
+            self.memory.well_frames = 0
+            return
         self.memory.well_frames += frames
         if self.memory.well_frames >= WELL_FRAMES:
             self._forget()

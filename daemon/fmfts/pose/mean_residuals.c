@@ -4,8 +4,8 @@
 #include "model.h"
 #include "step.h"
 
-/* The mean residuals as a least-squares problem, in units of their noise. jacobian: over the unknowns; its last column is
- * the mean. patterns: errors that healthy sensors have, one deviation each. */
+/* The mean residuals of the axes that are there, as a least-squares problem, in units of their noise. jacobian: over the
+ * unknowns; its last column is the mean. patterns: errors that healthy sensors have, one deviation each. */
 typedef struct {
     int axes, unknowns, patterns;
     double jacobian[FMFTS_AXES][BASE_COLUMNS + 1];
@@ -43,6 +43,10 @@ static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
             const double *direction = parameters->direction + 3 * axis;
             double predicted = sense_all(&sources, sight, memory->state, place, direction, false, jacobian[axis]);
             double *frames = &memory->frames[axis];
+            if (isnan(field->field_t[axis])) {
+                *frames = memory->mean_t[axis] = memory->lasting_t2[axis] = 0.0;
+                continue;
+            }
             *frames = fmin(*frames + 1.0, parameters->memory_frames[0]);
             memory->mean_t[axis] += (field->field_t[axis] - predicted - memory->mean_t[axis]) / *frames;
             memory->lasting_t2[axis] += (field->lasting_t2[axis] - memory->lasting_t2[axis]) / *frames;
@@ -68,23 +72,28 @@ static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_me
                     mean_problem *p)
 {
     double moment_deviation = sqrt(memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN]);
-    p->axes = 3 * (int)parameters->sensors[0];
-    p->unknowns = 0;
+    int axes = 3 * (int)parameters->sensors[0];
+    p->axes = p->unknowns = 0;
     p->patterns = 1 + (int)parameters->field_errors[0];
-    for (int axis = 0; axis < p->axes; axis++) {
+    for (int axis = 0; axis < axes; axis++) {
+        if (memory->frames[axis] == 0.0) {
+            continue;
+        }
+        double *row = p->jacobian[p->axes], *pattern = p->pattern[p->axes];
+        p->axes++;
         double frames = memory->frames[axis], memory_frames = parameters->memory_frames[0], noise = parameters->noise_t[axis];
         double effective = frames < memory_frames ? frames : 2.0 * memory_frames - 1.0;
         double weight = 1.0 / sqrt(noise * noise / effective + memory->lasting_t2[axis]);
         p->unknowns = 0;
         for (int c = 0; c < BASE_COLUMNS; c++) {
             if (parameters->part[c] == FMFTS_FREE || parameters->part[c] == FMFTS_PRIOR) {
-                p->jacobian[axis][p->unknowns++] = weight * jacobian[axis][c];
+                row[p->unknowns++] = weight * jacobian[axis][c];
             }
         }
-        p->jacobian[axis][p->unknowns] = weight * memory->mean_t[axis];
-        p->pattern[axis][0] = weight * jacobian[axis][LOG_COLUMN] * moment_deviation;
+        row[p->unknowns] = weight * memory->mean_t[axis];
+        pattern[0] = weight * jacobian[axis][LOG_COLUMN] * moment_deviation;
         for (int cause = 1; cause < p->patterns; cause++) {
-            p->pattern[axis][cause] = weight * error_of(parameters, memory, p->axes, axis, cause - 1);
+            pattern[cause] = weight * error_of(parameters, memory, axes, axis, cause - 1);
         }
     }
 }
@@ -138,7 +147,7 @@ bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_m
 {
     double jacobian[FMFTS_AXES][BASE_COLUMNS], chi2;
     mean_problem problem;
-    int ready = 0, axes = 3 * (int)parameters->sensors[0];
+    int ready = 0, seen = 0, axes = 3 * (int)parameters->sensors[0];
     push_change(parameters, memory);
     push(parameters, memory, field, jacobian);
     memory->since[0] += 1.0;
@@ -146,20 +155,22 @@ bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_m
         return true;
     }
     for (int axis = 0; axis < axes; axis++) {
+        seen += memory->frames[axis] > 0.0;
         ready += memory->frames[axis] >= 2.0 * parameters->judged_every[0];
     }
-    if (ready == 0) {
-        return true; /* too few frames since a disturbance */
-    }
-    if (ready < axes) {
+    if (ready != 0 && ready < seen) {
         return false;
     }
     collect(parameters, memory, jacobian, &problem);
-    if (!chi2_of(&problem, &chi2) || !(chi2 < parameters->alarm_chi2[0])) {
-        return false;
+    int freedom = ready - problem.unknowns;
+    memory->lasting_misfit[0] = 1.0;
+    if (freedom > 0) { /* else there are too few frames since a disturbance, or too few axes */
+        if (!chi2_of(&problem, &chi2) || !(chi2 < parameters->alarm_chi2[freedom])) {
+            return false;
+        }
+        memory->lasting_misfit[0] = fmax(chi2 / parameters->sound_chi2[freedom], 1.0);
+        memory->sound[0] = chi2 < parameters->sound_chi2[freedom];
     }
-    memory->lasting_misfit[0] = fmax(chi2 / parameters->sound_chi2[0], 1.0);
-    memory->sound[0] = chi2 < parameters->sound_chi2[0];
     memory->was_sound[0] = fmax(memory->was_sound[0], memory->sound[0]);
     return true;
 }

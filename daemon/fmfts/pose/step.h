@@ -1,7 +1,8 @@
 /* A healthy frame, from counts to pose: alignment.c, tracker.c, mean_residuals.c and change.c. The Python file of the same name
  * explains each step, and is its oracle.
  *
- * If a frame is not healthy in every respect, these functions return false, and Python judges the frame. Re-entrant: no
+ * If a frame is not healthy in every respect, but for the sensors that `silent` and the axes that `saturated` name, these
+ * functions return false, and Python judges the frame. Re-entrant: no
  * allocation, no globals. SI units unless a name says otherwise. Arrays are row-major.
  */
 #ifndef FMFTS_POSE_STEP_H
@@ -60,13 +61,13 @@ enum {
     X(log_moment_reach, 1)                                                                                             \
     X(strongest, 1)                                                                                                    \
     X(vague_m, 1)                                                                                                      \
-    X(gate_chi2, 1)                                                                                                    \
-    X(freedom, 1)                                                                                                      \
+    X(gate_chi2, FMFTS_AXES + 1) /* by degrees of freedom; NaN: none */                                                \
+    X(unknowns, 1)                                                                                                     \
     X(misfit_frames, 1)         /* tracker.py */                                                                       \
     X(memory_frames, 1)         /* mean_residuals.py */                                                                    \
     X(judged_every, 1)                                                                                                 \
-    X(alarm_chi2, 1)                                                                                                   \
-    X(sound_chi2, 1)                                                                                                   \
+    X(alarm_chi2, FMFTS_AXES + 1) /* by degrees of freedom */                                                          \
+    X(sound_chi2, FMFTS_AXES + 1)                                                                                      \
     X(field_errors, 1)          /* field_errors.py: how many */                                                        \
     X(by_pose, 5 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                    \
     X(by_field, 3 * FMFTS_AXES * FMFTS_FIELD_ERRORS)                                                                   \
@@ -111,7 +112,10 @@ enum {
     X(crept, 5 * FMFTS_DECADES)                                                                                        \
     X(pressed, 5)                                                                                                      \
     X(foreign_t, 1)                                                                                                    \
-    X(passed, 1)                /* frames since Python handed the memory over */
+    X(passed, 1)                /* frames since Python handed the memory over */                                        \
+    X(silent, 1)                /* sensors that every frame since then lacks, as a mask; path.py */                     \
+    X(saturated, FMFTS_AXES)    /* axes that are saturated in every frame since then */                                 \
+    X(gain_code, 1)             /* that all of them have, negative: any */
 
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
 FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)

@@ -19,7 +19,7 @@ class Track:
     """The verdict on one frame. estimate: None unless health is ok or degraded.
 
     used (N, 3): the axes that the estimate was solved from. reason: empty if ok. stronger: the frame fits a magnet that
-    is stronger than at its baseline, which no magnet is.
+    is stronger than at its baseline, which no magnet is. is_steady: the verdict stays while the same axes are missing.
     """
 
     estimate: PoseEstimate | None
@@ -27,6 +27,7 @@ class Track:
     health: TrackHealth
     reason: str
     stronger: bool = False
+    is_steady: bool = False
 
 
 @dataclass(slots=True)

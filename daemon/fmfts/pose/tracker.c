@@ -42,8 +42,15 @@ static void write_measurements(const fmfts_pose_parameters *parameters, const fm
     }
 }
 
+/* Degrees of freedom: the values that were measured, without the unknowns. */
+static int freedom_of(const fmfts_pose_parameters *parameters, const fmfts_summary *found)
+{
+    return (int)found->rows - (int)parameters->unknowns[0];
+}
+
 static bool fits(const fmfts_pose_parameters *parameters, const fmfts_summary *found, const double *state, const double *covariance)
 {
+    int freedom = freedom_of(parameters, found);
     double square = 0.0, trace = 0.0, stronger = state[LOG_VALUE] - parameters->rest[LOG_VALUE];
     for (int i = 0; i < 3; i++) {
         square += (state[i] - parameters->rest[i]) * (state[i] - parameters->rest[i]);
@@ -52,7 +59,7 @@ static bool fits(const fmfts_pose_parameters *parameters, const fmfts_summary *f
     return found->status == FMFTS_CONVERGED && sqrt(square) < parameters->reach_m[0] &&
            trace < parameters->vague_m[0] * parameters->vague_m[0] &&
            stronger > -parameters->log_moment_reach[0] && stronger < parameters->strongest[0] &&
-           found->chi2 < parameters->gate_chi2[0];
+           freedom > 0 && found->chi2 < parameters->gate_chi2[freedom];
 }
 
 bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field, double temperature_c,
@@ -90,7 +97,7 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     pose->elapsed_s = elapsed;
     memcpy(memory->state, state, sizeof state);
     memcpy(memory->covariance, pose->covariance, sizeof memory->covariance);
-    memory->misfit[0] += (found.chi2 / parameters->freedom[0] - memory->misfit[0]) / parameters->misfit_frames[0];
+    memory->misfit[0] += (found.chi2 / freedom_of(parameters, &found) - memory->misfit[0]) / parameters->misfit_frames[0];
     double misfit = fmax(memory->misfit[0], memory->lasting_misfit[0]);
     for (int i = 0; i < FMFTS_STEP * FMFTS_STEP; i++) {
         pose->covariance[i] *= misfit;

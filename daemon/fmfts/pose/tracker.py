@@ -140,8 +140,8 @@ class Tracker:
             return self._explain(field_t, deviation_t, prior, estimate)
         published = self._accept(estimate)
         if whole.all():
-            return Track(published, used, "ok", "")
-        return Track(published, used, "degraded", f"{self._why_not(whole)}: left out")
+            return Track(published, used, "ok", "", is_steady=True)
+        return Track(published, used, "degraded", f"{self._why_not(whole)}: left out", is_steady=True)
 
     def _fits(self, estimate: PoseEstimate) -> bool:
         return fits(estimate, self._rest, self._strongest)

@@ -176,7 +176,7 @@ class FingersEstimator:
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
-        if elapsed_s > self._longest_gap_s:
+        if elapsed_s > self._longest_gap_s or aligned.began_anew:
             self._counter.forget()
         there = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)

@@ -111,7 +111,7 @@ class SkinEstimator:
         elapsed_s = 0.0 if memory.last_us is None else (aligned.time_us - memory.last_us) * 1e-6
         memory.last_us = aligned.time_us
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
-        if elapsed_s > max(LONGEST_GAP_S, 2.5 / self.rate_hz):
+        if elapsed_s > max(LONGEST_GAP_S, 2.5 / self.rate_hz) or aligned.began_anew:
             memory.touching = False
         used = np.isfinite(aligned.field_t) & (aligned.repeats <= self.repeats_allowed)
         told = [f"sensor {sensor + 1} is {why}" for sensor, why in missing.items()]

@@ -20,34 +20,28 @@ from fmfts.contact import ContactModel
 from fmfts.contact.session import SessionInference
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.contact.verified import read
-from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
-from fmfts.pipeline.fast import Lane
-from fmfts.pipeline.fast.compiled import _fast
-from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.runtime.fast_loop import send_function
-from fmfts.scene.tracking import tracking_model_for
-from fmfts.sensor.patience import BEHIND, IN_TIME
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.link import Link
-from fmfts.simulation.baseline import simulated_baseline
 from fmfts.sources import on_board
 from fmfts_client.endpoints import for_daemon
+from fmfts_lab.bench import frame_states
 from fmfts_lab.bench import latency_rig as rig
+from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole, pipeline_of
 from fmfts_lab.bench.latency import pad_of
 
 OTHER_BYTES = 48_000_000  # more than the last cache holds
 SETTLED = 300  # so many frames at the beginning are not measured
 HOT_FRAMES, COLD_FRAMES = 1500, 300
-NEVER_NS = 1 << 62  # the frames' times are not this computer's, so that none is overdue
-PERIOD_NS = round(1e9 / rig.RATE_HZ)
 
 
 def run(options: argparse.Namespace) -> None:
     """Print the medians: on a busy computer some frames are interrupted."""
-    del options
+    if options.states:
+        frame_states.run()
+        return
     simulated, other = pad_of(0), np.zeros(OTHER_BYTES // 8)
     config = msgspec.structs.replace(simulated, source=BridgeSource(port="bench"))
     lines = [encode(sample) for sample in rig.samples(simulated, (SETTLED + HOT_FRAMES) / rig.RATE_HZ)]
@@ -94,40 +88,3 @@ def costs(
             in_python.hand_back()
             timed("judge and contact by the stages in Python", in_python._judge, frame)
     return {name: values[SETTLED:] for name, values in found.items()}
-
-
-class Whole:
-    """A pad whose frames go from their bytes to the bus in one call, as in the daemon's fast path."""
-
-    LINE = 0  # stands for a descriptor; nothing reads it
-
-    def __init__(self, config: PadConfig, publisher: Publisher) -> None:
-        self._clock, self._topic = DeviceClock(), contact_topic(config.name)
-        self._link = Link({0: on_board(config)}, SourceState("bench"), self._clock)
-        self._pipeline = pipeline_of(config)
-        send = send_function()
-        assert send is not None
-        self._loop = _fast.Loop(-1, send, publisher.address, IN_TIME, BEHIND)
-        self._lane: Lane | None = None
-
-    def take(self, line: bytes, arrival_ns: int) -> bool:
-        return self._lane is not None and self._loop.take(self.LINE, line, arrival_ns)
-
-    def take_in_python(self, line: bytes, arrival_ns: int) -> None:
-        """Process in Python a line that C did not take; C may take the next ones."""
-        if self._lane is not None:
-            self._loop.end(self.LINE)
-            self._pipeline.end(self._lane)
-        for frame in self._link.feed(line, arrival_ns):
-            self._pipeline.answer(frame)
-        self._lane = self._pipeline.begin(self._clock.line, self._topic, 0, NEVER_NS)
-        if self._lane is not None:
-            self._loop.begin(self.LINE, b"", (self._lane.compiled,))
-
-
-def pipeline_of(config: PadConfig) -> PadPipeline:
-    """The pad's pipeline, with its simulated baseline in use."""
-    pad, scene = config.pad(), tracking_model_for(config.scene, config.magnet)
-    pipeline = PadPipeline(pad, load_contact_model(config), "bench", float(rig.RATE_HZ), scene.tracking)
-    pipeline.use(simulated_baseline(pad_of(0)))
-    return pipeline

@@ -65,14 +65,14 @@ def measured(load: Load, recorded: list[list[bytes]], seconds: float, folder: Pa
     with busy(load.busy):
         hold_to(load.duty, pid, load_ns[1])
     cpu = float((np.array(cpu_by_thread(pid)) - before).sum()) / (load_ns[1] - load_ns[0])
-    written_ns, lost = board_pipe.recv()
+    written_ns, due_ns, lost = board_pipe.recv()
     sleep_until(int(written_ns.max()) + 500_000_000)
     listener_pipe.send("stop")
     heard: Sequence[Heard] = listener_pipe.recv()
     board_pipe.send("stop")
     for process in (board, listener):
         process.join()
-    return heard, Written(written_ns, lost, load_ns), cpu
+    return heard, Written(written_ns, due_ns, lost, load_ns), cpu
 
 
 def of_daemon(load: Load, recorded: list[list[bytes]], seconds: float) -> tuple[Verdict, float]:

@@ -13,7 +13,7 @@ from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.overload_rig import Written
 
 STALE_NS = 100_000_000  # a message that is `ok` may never speak of an older frame
-FALSE_NS = 10_000_000  # `t_sample_ns` is false where it is so far from the frame's own
+FALSE_NS = 10_000_000  # `t_sample_ns` is false where it is so far from the frame's own time
 CALM_NS = 20_000_000  # the daemon is itself again when every pad's frames are this new …
 PAUSE_NS = 50_000_000  # … and none pauses for so long
 
@@ -81,13 +81,14 @@ def judge(heard: Sequence[Heard], written: Written) -> Verdict:
     ages = np.array([one.published_ns - at_ns[one.pad, one.frame] for one in judged], dtype=np.int64)
     arrivals = np.array([one.arrived_ns - at_ns[one.pad, one.frame] for one in judged], dtype=np.int64)
     verdict = Verdict(in_load.sum(axis=1), (published & in_load).sum(axis=1), ages, arrivals, healths=healths)
-    ages_of_samples = [at_ns[one.pad, one.frame] - one.sampled_ns for one in found]
+    ages_of_samples = [written.due_ns[one.pad, one.frame] - one.sampled_ns for one in found]
     usual_ns = int(np.median(ages_of_samples)) if ages_of_samples else 0
     for one in found:
         if one.health == "ok":
             written_ns = int(at_ns[one.pad, one.frame])
             verdict.stale_ok += one.published_ns - written_ns > STALE_NS
-            is_false = abs(written_ns - usual_ns - one.sampled_ns) > FALSE_NS
+            due_ns = int(written.due_ns[one.pad, one.frame])
+            is_false = abs(due_ns - usual_ns - one.sampled_ns) > FALSE_NS
             verdict.false_times += is_false and one.published_ns >= begin_ns
     verdict.calm_after_s = _calm_after_s(found, at_ns, end_ns)
     return verdict

@@ -53,9 +53,12 @@ class Load:
 
 @dataclass(frozen=True)
 class Written:
-    """When each frame was handed to its pty: written_ns (pads, frames); lost: frames that found no room there."""
+    """When each frame was handed to its pty, and when it was due, which is what it tells of its own time: written_ns,
+    due_ns (pads, frames). A board that the computer held up is late, and its clock is not. lost: frames that found no
+    room."""
 
     written_ns: Times
+    due_ns: Times
     lost: NDArray[np.bool_]
     load_ns: tuple[int, int]
 
@@ -103,13 +106,15 @@ def boards(pipe: Connection, recorded: list[list[bytes]], load_s: float) -> None
     pipe.recv()
     go_first()
     count, frames = len(recorded), len(recorded[0])
-    written_ns, lost = np.zeros((count, frames), dtype=np.int64), np.zeros((count, frames), dtype=np.bool_)
+    written_ns, dues_ns = np.zeros((2, count, frames), dtype=np.int64)
+    lost = np.zeros((count, frames), dtype=np.bool_)
     period_ns, start_ns = 1e9 / rig.RATE_HZ, time.monotonic_ns() + 50_000_000
     begin_ns = start_ns + round(WARM_UP_S * 1e9)
     pipe.send((begin_ns, begin_ns + round(load_s * 1e9)))
     for number in range(frames):
         for pad, (ours, _) in enumerate(ends):
             due_ns = start_ns + round((number + pad * PHASES // count / PHASES) * period_ns)
+            dues_ns[pad, number] = due_ns
             if (left_ns := due_ns - time.monotonic_ns()) > 0:
                 time.sleep(left_ns * 1e-9)
             written_ns[pad, number] = time.monotonic_ns()
@@ -119,7 +124,7 @@ def boards(pipe: Connection, recorded: list[list[bytes]], load_s: float) -> None
                 lost[pad, number] = True
         if number % 50 == 0:
             rig.answer(answers)
-    pipe.send((written_ns, lost))
+    pipe.send((written_ns, dues_ns, lost))
     pipe.recv()
 
 

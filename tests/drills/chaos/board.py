@@ -23,10 +23,11 @@ NOT_TOLD = Touch(0.0, 0.0, 0.0, 0)
 
 
 class Taken(NamedTuple):
-    """When a frame was taken, and what touched the pad."""
+    """When a frame was taken, and what touched the pad. sampled_ns: when its newest sample was, maybe long before."""
 
     taken_ns: int
     touch: Touch
+    sampled_ns: int
 
 
 class ChaosBoard(Board):
@@ -48,6 +49,7 @@ class ChaosBoard(Board):
         self._rest = b""
         self._lifted_for = 0
         self._old: Sample | None = None
+        self._sampled_ns = self._born_ns  # when `_old` was
         self.is_plugged = True
 
     def tick(self, now_ns: int) -> None:
@@ -85,9 +87,9 @@ class ChaosBoard(Board):
             if name in CHIPS:
                 sample = CHIPS[name](sample, self._old or sample, self._dice)
         if "stale" not in now and "frozen" not in now:
-            self._old = sample
+            self._old, self._sampled_ns = sample, now_ns
         self.last_touch = touch
-        self.by_mark[mark].append(Taken(now_ns, touch))
+        self.by_mark[mark].append(Taken(now_ns, touch, self._sampled_ns))
         self.made += 1
         line = encode(sample)
         data, whole = line, True

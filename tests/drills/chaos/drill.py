@@ -75,7 +75,7 @@ class Drill:
     any_age: bool = False
     faults: Counter[str] = field(default_factory=Counter)
     latches: list[dict[str, Any]] = field(default_factory=list)
-    recoveries_s: list[float] = field(default_factory=list)
+    recoveries: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)  # seconds, and after what
 
     def __post_init__(self) -> None:
         self._dice = random.Random(self.seed)
@@ -184,7 +184,7 @@ class Drill:
         rested_ns = board.rested_ns(now_ns) if "lifted" in trouble.faults else 0
         since_ns = max(trouble.ends_ns, self._disturbed_ns, rested_ns)
         if judge.ok_ns.get(name, 0) > trouble.ends_ns:
-            self.recoveries_s.append((now_ns - trouble.ends_ns) * 1e-9)
+            self.recoveries.append((max(now_ns - since_ns, 0) * 1e-9, trouble.faults))
         elif now_ns - since_ns < int(PATIENCE_S * 1e9):
             if not trouble.is_latched and self._is_latched(judge, name, since_ns, now_ns):
                 trouble.is_latched = True
@@ -247,7 +247,7 @@ class Drill:
         ages_ms = sorted(age * 1e-6 for age in judge.ages_ns) or [0.0]
         missing = {n: status[n]["frames"] - status[n]["dropped"] - judge.published[n] for n in self._boards}
         unaccounted = {n: max(missing[n] - judge.unheard[n], -missing[n], 0) for n in self._boards}
-        recoveries = sorted(self.recoveries_s) or [0.0]
+        recoveries = sorted(self.recoveries) or [(0.0, ())]
         return {
             "frames": sum(board.made for board in boards),
             "written": sum(board.written for board in boards),
@@ -265,15 +265,28 @@ class Drill:
             "wrong_by_faults": [[count, *what] for what, count in judge.by_faults.most_common(KEPT)],
             "ok_older_than_100_ms": judge.stale,
             "ok_with_a_false_time": judge.false_times,
+            "false_times_by_faults": [[count, *what] for what, count in judge.false_times_by_faults.most_common(KEPT)],
             "old_by_faults": [[count, *what] for what, count in judge.stale_by_faults.most_common(KEPT)],
             "age_ms": {"p50": round(ages_ms[len(ages_ms) // 2], 1), "p99": round(ages_ms[len(ages_ms) * 99 // 100], 1)},
             "latches": self.latches[:KEPT],
             "latched": len(self.latches),
-            "recovery_s": {"p50": round(recoveries[len(recoveries) // 2], 3), "longest": round(recoveries[-1], 3)},
+            "recovery_s": {
+                "p50": round(recoveries[len(recoveries) // 2][0], 3),
+                "longest": round(recoveries[-1][0], 3),
+                "slowest": [[round(seconds, 2), *faults] for seconds, faults in recoveries[: -KEPT // 2 : -1]],
+            },
             "health": dict(judge.health),
+            "wrong_ones": [
+                [pad, what, round(since_s, 2), _told(contact)] for pad, what, since_s, contact in judge.wrong
+            ],
             "faults": dict(self.faults),
             "seconds": round(seconds, 1),
         }
+
+
+def _told(contact: dict[str, Any]) -> dict[str, Any]:
+    names = ("health", "reason", "seq", "force_n", "force_sd_n", "temperature_c")
+    return {name: contact[name] for name in names}
 
 
 MUST_BE_NONE = ("wrong", "unaccounted", "latched")

@@ -17,7 +17,7 @@ from drills.chaos.pressed import MARKS, MIDDLE_C, SETTLED, STEP_C
 
 WRONG_DEVIATIONS = 5.0
 OLDEST_OK_NS = 100_000_000
-# How far the time that a contact claims may be from the time at which its frame was taken.
+# How far the time that a contact claims may be from the time at which its newest sample was taken.
 TIME_ERROR_NS = 30_000_000
 WITHOUT_FRAME = ("stale", "disconnected")
 KEPT = 40
@@ -27,7 +27,7 @@ RECENT_NS = 1_000_000_000
 class Judge:
     """Listens to a daemon's contacts in a thread of its own. Read the counters after `close`.
 
-    wrong: (pad, what, seconds since the start, contact). stale: `ok` although its frame was older than 100 ms.
+    wrong: (pad, what, seconds since the start, contact). stale: `ok` although its samples were older than 100 ms.
     false_times: `ok` with a `t_sample_ns` that is more than 30 ms off.
     published: contacts of frames, by pad. unheard: contacts that this listener lost. ok_ns: when the frame of the last
     `ok` contact of each pad was taken.
@@ -40,6 +40,7 @@ class Judge:
         self.untold_kinds: Counter[str] = Counter()  # see _is_beyond_telling
         self.by_faults: Counter[tuple[str, str]] = Counter()
         self.stale_by_faults: Counter[tuple[str, str]] = Counter()
+        self.false_times_by_faults: Counter[tuple[str, str]] = Counter()
         self.health: Counter[str] = Counter()
         self.published: Counter[str] = Counter()
         self._steady: Counter[str] = Counter()  # frames of each pad since the finger stands
@@ -89,15 +90,17 @@ class Judge:
             self._steady[pad] = 0
             return  # no temperature was believed, so no watermark
         if health == "ok":
-            age_ns = contact["t_publish_ns"] - frame.taken_ns
+            age_ns = contact["t_publish_ns"] - frame.sampled_ns
             self.ages_ns.append(age_ns)
             if age_ns > OLDEST_OK_NS:
                 self.stale += 1
                 claimed_ns = contact["t_publish_ns"] - contact["t_sample_ns"]
                 self.stale_by_faults[f"claims {claimed_ns // 10_000_000}0 ms", self._recent_faults(contact)] += 1
             self.ok_ns[pad] = frame.taken_ns
-            if abs(contact["t_sample_ns"] - frame.taken_ns) > TIME_ERROR_NS:
+            off_ns = contact["t_sample_ns"] - frame.sampled_ns
+            if abs(off_ns) > TIME_ERROR_NS:
                 self.false_times += 1
+                self.false_times_by_faults[_in_tens_of_ms(off_ns), self._recent_faults(contact)] += 1
         # Under load frames are left out, and a release is known by a number of them.
         self._steady[pad] = self._steady[pad] + 1 if frame.touch.standing >= SETTLED else 0
         if self._steady[pad] > SETTLED:
@@ -144,8 +147,14 @@ class Judge:
     def _note(self, what: str, contact: dict[str, Any]) -> None:
         if contact["health"] == "degraded":
             what = "degraded: " + what
-        kinds = self.untold_kinds if self._is_beyond_telling(contact) else self.kinds
+        is_beyond_telling = self._is_beyond_telling(contact)
+        kinds = self.untold_kinds if is_beyond_telling else self.kinds
         kinds[re.sub(r"[-+]?[0-9.]+", "#", what)] += 1
         since_s = (contact["t_publish_ns"] - self._begun_ns) * 1e-9
         self.by_faults[re.sub(r"[-+]?[0-9.]+", "#", what), self._recent_faults(contact)] += 1
-        self.wrong.append((contact["pad"], what, since_s, contact))
+        if not is_beyond_telling:
+            self.wrong.append((contact["pad"], what, since_s, contact))
+
+
+def _in_tens_of_ms(off_ns: int) -> str:
+    return f"{round(off_ns / 10_000_000) * 10:+d} ms"

@@ -3,7 +3,7 @@
 The stages in Python judge every other frame, and all frames where fmfts was built without a compiler.
 """
 
-from fmfts.pipeline.fast.path import FastPath, Judged, Kind, Lane, Passed
+from fmfts.pipeline.fast.path import FastPath, Judged, Kind, Lane, Missing, Passed, Verdict
 from fmfts.pipeline.fast.template import Template
 
-__all__ = ["FastPath", "Judged", "Kind", "Lane", "Passed", "Template"]
+__all__ = ["FastPath", "Judged", "Kind", "Lane", "Missing", "Passed", "Template", "Verdict"]

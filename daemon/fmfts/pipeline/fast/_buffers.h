@@ -18,14 +18,14 @@ static inline int has_size(const Py_buffer *buffer, size_t size, const char *wha
     return 0;
 }
 
-/* 0 and ValueError if the vector is not a network with the outputs x, y and force. */
+/* 0 and ValueError if the vector is not a network with the outputs x, y and force, and perhaps two shears. */
 static inline int view_network(const Py_buffer *vector, fmfts_network *network)
 {
     if (fmfts_view_network(vector->buf, (size_t)vector->len / sizeof(float), network) &&
-        network->outputs == FMFTS_CONTACT) {
+        (network->outputs == 3 || network->outputs == FMFTS_CONTACT)) {
         return 1;
     }
-    PyErr_SetString(PyExc_ValueError, "network: not a network with three outputs");
+    PyErr_SetString(PyExc_ValueError, "network: not a network with three or five outputs");
     return 0;
 }
 

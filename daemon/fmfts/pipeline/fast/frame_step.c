@@ -20,6 +20,12 @@ static bool misses_temperature(const fmfts_pose_parameters *parameters, double t
     return isnan(temperature_c) && !isnan(parameters->rest_temperature_c[0]);
 }
 
+/* Whether no sensor and no axis is missing: else Python forgot `now`, which is not told. */
+static bool is_whole(const fmfts_pose_memory *memory)
+{
+    return memory->gain_code[0] < 0.0;
+}
+
 /* _pose_message of contact_message.py */
 static void put_pose(const fmfts_message_parameters *parameters, const double *state, const fmfts_pose *pose,
                       fmfts_numbers *n)
@@ -67,6 +73,10 @@ static fmfts_kind put_contact(const fmfts_message_parameters *parameters, const 
     n->y_sd_m[0] = estimate->deviation[1];
     n->force_n[0] = fmax(estimate->place[2], 0.0);
     n->force_min_n[0] = estimate->force_min_n;
+    n->shear_x_n[0] = estimate->outputs > 3 ? estimate->place[3] : 0.0;
+    n->shear_x_sd_n[0] = estimate->outputs > 3 ? estimate->deviation[3] : 0.0;
+    n->shear_y_n[0] = estimate->outputs > 3 ? estimate->place[4] : 0.0;
+    n->shear_y_sd_n[0] = estimate->outputs > 3 ? estimate->deviation[4] : 0.0;
     n->force_sd_n[0] = fmfts_force_sd_n(parameters, estimate, touching);
     return !touching ? FMFTS_QUIET : estimate->over_range ? FMFTS_OVER_RANGE : FMFTS_TOUCHED;
 }
@@ -111,10 +121,12 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
         return FMFTS_NO_NUMBER;
     }
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
-    if (!fmfts_keep_inside(&parameters->contact, &question) ||
+    if (!fmfts_smooth(&parameters->contact, &next->contact, pose.elapsed_s, &question) ||
+        !fmfts_keep_inside(&parameters->contact, &question) ||
         !fmfts_estimate_contact(&parameters->contact, &question, network,
                                 parameters->contact.refine_steps[0] > 0.0 ? response : NULL, response_bytes, &estimate) ||
-        (parameters->now.tells_now[0] != 0.0 &&
+        (estimate.refused && next->contact.touched[0] != 0.0) || /* Python says that the place is not known */
+        (parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) &&
          !fmfts_tell_now(&pad, next, frame, &pose, &estimate, outcome))) {
         return FMFTS_NO_NUMBER;
     }

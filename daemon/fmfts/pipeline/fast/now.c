@@ -8,7 +8,7 @@
 enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, STATES = FMFTS_MOTION_STATES, MOVING = 1 };
 
 #define MM_PER_M 1e3
-static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
+static const double UNIT[CONTACT] = {1e-3, 1e-3, 1.0, 1.0, 1.0}; /* mm → m; newtons stay */
 
 /* NowEstimator._publish_us */
 static double publish_us(const fmfts_now_parameters *parameters, const fmfts_frame *frame, fmfts_now_memory *memory)
@@ -51,7 +51,7 @@ static void rates(const fmfts_pose_parameters *parameters, const fmfts_motion_me
         spread[3 + i][3] = dot3(turn, displacement->basis[0]);
         spread[3 + i][4] = dot3(turn, displacement->basis[1]);
     }
-    for (int c = 0; c < CONTACT; c++) {
+    for (int c = 0; c < now->outputs; c++) {
         double slope[5], variance = 0.0;
         now->rate[c] = 0.0;
         for (int k = 0; k < 5; k++) {
@@ -76,18 +76,22 @@ static void put_now(const fmfts_contact_now *now, fmfts_numbers *n)
     double *x[4] = {n->now_x_m, n->now_x_sd_m, n->now_x_rate_m_per_s, n->now_x_rate_sd_m_per_s};
     double *y[4] = {n->now_y_m, n->now_y_sd_m, n->now_y_rate_m_per_s, n->now_y_rate_sd_m_per_s};
     double *force[4] = {n->now_force_n, n->now_force_sd_n, n->now_force_rate_n_per_s, n->now_force_rate_sd_n_per_s};
+    double *shear_x[4] = {n->now_shear_x_n, n->now_shear_x_sd_n, n->now_shear_x_rate_n_per_s, n->now_shear_x_rate_sd_n_per_s};
+    double *shear_y[4] = {n->now_shear_y_n, n->now_shear_y_sd_n, n->now_shear_y_rate_n_per_s, n->now_shear_y_rate_sd_n_per_s};
     const double *from[4] = {now->value, now->deviation, now->rate, now->rate_deviation};
     for (int i = 0; i < 4; i++) {
         *x[i] = from[i][0];
         *y[i] = from[i][1];
         *force[i] = from[i][2];
+        *shear_x[i] = now->outputs > 3 ? from[i][3] : 0.0;
+        *shear_y[i] = now->outputs > 3 ? from[i][4] : 0.0;
     }
 }
 
 static bool is_finite(const fmfts_contact_now *now)
 {
     double sum = 0.0;
-    for (int i = 0; i < CONTACT; i++) {
+    for (int i = 0; i < now->outputs; i++) {
         sum += now->value[i] + now->deviation[i] + now->rate[i] + now->rate_deviation[i];
     }
     return isfinite(sum);
@@ -129,9 +133,10 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
                                 &estimate)) {
         return false;
     }
-    if (touching && estimate.over_range && !judged->over_range) {
+    if (touching && (estimate.refused || (estimate.over_range && !judged->over_range))) {
         return false; /* not known, which only Python says */
     }
+    now.outputs = estimate.outputs;
     memcpy(now.value, estimate.place, sizeof now.value);
     memcpy(now.deviation, estimate.deviation, sizeof now.deviation);
     now.deviation[2] = fmfts_force_sd_n(&parameters->message, &estimate, touching);

@@ -51,8 +51,9 @@ def put_now(parameters: DoubleTable, now: NowParameters | None) -> None:
     parameters.put("to_pose", now.to_pose)
     parameters.put("untouched_drive", now.untouched_drive)
     place = PLACE_DRIVE_MM2_PER_S3
-    parameters.put("drive_power", np.array([place, place, FORCE_DRIVE_N2_PER_S3]))
-    parameters.put("acceleration_power", np.array([place * 1e-6, place * 1e-6, FORCE_DRIVE_N2_PER_S3]))
-    parameters.put("usual_rate", np.array([PLACE_RATE_M_PER_S, PLACE_RATE_M_PER_S, FORCE_RATE_N_PER_S]))
+    loads = np.ones(3)  # force, and shear of a model that tells it
+    parameters.put("drive_power", np.array([place, place, *FORCE_DRIVE_N2_PER_S3 * loads]))
+    parameters.put("acceleration_power", np.array([place * 1e-6, place * 1e-6, *FORCE_DRIVE_N2_PER_S3 * loads]))
+    parameters.put("usual_rate", np.array([PLACE_RATE_M_PER_S, PLACE_RATE_M_PER_S, *FORCE_RATE_N_PER_S * loads]))
     parameters.put("lead_share", carrying.LEAD_SHARE)
     parameters.put("ahead_s", carrying.AHEAD_S)

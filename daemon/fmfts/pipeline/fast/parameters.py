@@ -20,6 +20,7 @@ from fmfts.contact.model import (
     TINY,
 )
 from fmfts.contact.refinement import STEPS
+from fmfts.contact.smoothing import COMPONENTS, JUMP_PROBABILITY
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
 from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, tracker
@@ -85,18 +86,23 @@ def put_tracking(
     parameters.put("log_moment_reach", gate.LOG_MOMENT_REACH)
     parameters.put("strongest", gate.STRONGER)
     parameters.put("vague_m", gate.VAGUE_M)
-    parameters.put("gate_chi2", quantile(gate.FALSE_ALARM, values - free))
-    parameters.put("freedom", values - free)
+    parameters.put("gate_chi2", _quantiles(gate.FALSE_ALARM, values - free))
+    parameters.put("unknowns", free)
     parameters.put("misfit_frames", tracker.MISFIT_FRAMES)
     parameters.put("memory_frames", mean_residuals.MEMORY_FRAMES)
     parameters.put("judged_every", mean_residuals.JUDGED_EVERY)
-    parameters.put("alarm_chi2", quantile(mean_residuals.FALSE_ALARM, values - estimated))
-    parameters.put("sound_chi2", quantile(mean_residuals.SOUND, values - estimated))
+    parameters.put("alarm_chi2", _quantiles(mean_residuals.FALSE_ALARM, values - estimated))
+    parameters.put("sound_chi2", _quantiles(mean_residuals.SOUND, values - estimated))
     errors = mounting.field_errors()
     if errors is not None:
         parameters.put("field_errors", errors.by_field.shape[-1])
         parameters.put("by_pose", errors.by_pose)
         parameters.put("by_field", errors.by_field)
+
+
+def _quantiles(probability: float, most: int) -> Array:
+    """(most + 1,) by degrees of freedom: a sensor that is missing takes some."""
+    return np.array([np.nan] + [quantile(probability, freedom) for freedom in range(1, most + 1)])
 
 
 def put_silicone(parameters: DoubleTable, silicone: SiliconeFollower) -> None:
@@ -160,6 +166,8 @@ def put_contact(
     parameters.put("own_deviation", model.own_deviation)
     parameters.put("trained_force_n", model.trained_force_n)
     parameters.put("slipping_n", model.slipping_n)
+    parameters.put("smoothing_s", model.smoothing_s)
+    parameters.put("smoothing_jump_chi2", quantile(JUMP_PROBABILITY, COMPONENTS))
 
 
 def put_message(parameters: DoubleTable, mounting: Mounting, remanence_t: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple, Self
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.baseline import Mounting
+from fmfts.bus.messages import Health
 from fmfts.common.double_table import DoubleTable
 from fmfts.common.memory import hand_over, resume
 from fmfts.contact import ContactModel, TouchDetector
@@ -30,7 +32,7 @@ from fmfts.pose.hidden_gradient import HiddenGradient
 from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.frame import Packed
+from fmfts.sensor.frame import Frame, Packed
 
 Array = NDArray[np.float64]
 
@@ -52,6 +54,39 @@ class Judged(NamedTuple):
     instant_us: int
     now_us: float
     kind: Kind
+
+
+class Verdict(NamedTuple):
+    """What the messages of all frames say until Python judges one. whole: which sensors every axis is used of."""
+
+    health: Health
+    reason: str
+    whole: tuple[bool, ...]
+    tells_now: bool
+    tells_shear: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """What every frame lacks until Python judges one. silent (N,): sensors; saturated (N, 3): axes of the others.
+
+    gain_code: of the frames, of which the reason tells the range; negative: nothing is missing, and any will do.
+    """
+
+    silent: NDArray[np.bool_]
+    saturated: NDArray[np.bool_]
+    gain_code: int
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        used: NDArray[np.bool_] = ~(self.saturated | self.silent[:, None])
+        return used
+
+    @classmethod
+    def of(cls, frame: Frame) -> Self:
+        silent, overflow = ~frame.valid, frame.overflow
+        saturated = overflow & frame.valid[:, None]
+        return cls(silent, saturated, frame.gain_code if silent.any() or saturated.any() else -1)
 
 
 class Passed(NamedTuple):
@@ -114,7 +149,8 @@ class Lane:
 
 
 class FastPath:
-    """Judges healthy frames in C, with the same results as `Estimator.read`.
+    """Judges frames in C, with the same results as `Estimator.read`: healthy ones, and those that lack just what the
+    last frame in Python lacked.
 
     Either C or Python holds the pad's memory. Call take_over() after a healthy frame in Python, and give_back() before
     Python judges the next frame.
@@ -128,6 +164,8 @@ class FastPath:
         self._outcome = self._judged.data
         self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
         self._lane: Lane | None = None
+        self._tells_shear = model.has_shear
+        self.verdict = Verdict("ok", "", (), False, False)
 
     @classmethod
     def of(
@@ -148,8 +186,8 @@ class FastPath:
     ) -> Self | None:
         """A fast path; None if C cannot serve this pad.
 
-        C serves contact models of the compiled network without shear and without smoothing, whose error tables fit into
-        tables.h. change_error (8, 5, M), repeats_allowed (N, 3).
+        C serves contact models of the compiled network, whose error tables fit into tables.h. change_error (8, 5, M),
+        repeats_allowed (N, 3).
         """
         if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
             return None
@@ -202,16 +240,23 @@ class FastPath:
     def tell_no_now(self) -> None:
         self._parameters.put("tells_now", 0.0)
 
-    def take_over(self, *memories: object) -> None:
+    def take_over(self, missing: Missing, health: Health, reason: str, *memories: object) -> None:
         """Copy the memory of earlier frames to C. It must not hold anything that only Python can judge.
 
-        Samples that come before the next frame wait for it: what Python judged, C does not know.
+        missing, health, reason: of the last frame, and of all that C will judge. Samples that come before the next
+        frame wait for it: what Python judged, C does not know.
         """
+        whole = tuple(bool(sensor.all()) for sensor in missing.used)
+        tells_now = self.tells_now and missing.gain_code < 0
+        self.verdict = Verdict(health, reason, whole, tells_now, self._tells_shear)
         self._judged.fill(0.0)
         for memory in memories:
             hand_over(memory, self._memory)
         self._memory.put("was_sound", 0)
         self._memory.put("passed", 0)
+        self._memory.put("silent", int.from_bytes(np.packbits(missing.silent, bitorder="little").tobytes(), "little"))
+        self._memory.put("saturated", missing.saturated.astype(np.float64))
+        self._memory.put("gain_code", missing.gain_code)
 
     @property
     def passed(self) -> int:

@@ -44,6 +44,10 @@ typedef struct {
     X(force_n, 1)                                                                                                      \
     X(force_sd_n, 1)                                                                                                   \
     X(force_min_n, 1)                                                                                                  \
+    X(shear_x_n, 1)                                                                                                    \
+    X(shear_x_sd_n, 1)                                                                                                 \
+    X(shear_y_n, 1)                                                                                                    \
+    X(shear_y_sd_n, 1)                                                                                                 \
     X(position_m, 3)                                                                                                   \
     X(position_sd_m, 3)                                                                                                \
     X(axis, 3)                                                                                                         \
@@ -65,7 +69,15 @@ typedef struct {
     X(now_force_n, 1)                                                                                                  \
     X(now_force_sd_n, 1)                                                                                               \
     X(now_force_rate_n_per_s, 1)                                                                                       \
-    X(now_force_rate_sd_n_per_s, 1)
+    X(now_force_rate_sd_n_per_s, 1)                                                                                    \
+    X(now_shear_x_n, 1)                                                                                                \
+    X(now_shear_x_sd_n, 1)                                                                                             \
+    X(now_shear_x_rate_n_per_s, 1)                                                                                     \
+    X(now_shear_x_rate_sd_n_per_s, 1)                                                                                  \
+    X(now_shear_y_n, 1)                                                                                                \
+    X(now_shear_y_sd_n, 1)                                                                                             \
+    X(now_shear_y_rate_n_per_s, 1)                                                                                     \
+    X(now_shear_y_rate_sd_n_per_s, 1)
 
 FMFTS_STRUCT(fmfts_numbers, FMFTS_NUMBERS)
 

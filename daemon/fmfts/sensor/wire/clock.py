@@ -122,6 +122,16 @@ class DeviceClock:
         self._take_line()
         return self._above_line(self._point(self._newest_us, arrival_ns))
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether it learned from any packet since `restart`."""
+        return self._origin is not None
+
+    def unread_ns(self, arrival_ns: int) -> float:
+        """How long a packet may have waited because the host did not read; 0 if nobody ever told."""
+        empty_ns, _ = HEAD.unpack_from(self.line)
+        return float(arrival_ns - empty_ns) if empty_ns else 0.0
+
     def is_plausible(self, device_us: int, arrival_ns: int) -> bool:
         """Whether this time goes on from what was learned. If it does not, `to_host_ns` begins anew."""
         self._take_line()
@@ -170,7 +180,7 @@ class DeviceClock:
             self._begin(device_us, arrival_ns)
         point = self._point(device_us, arrival_ns)
         above_ns, unsure_ns = self._above_line(point), self._unsure_ns(point)
-        if above_ns > unsure_ns and above_ns - self._unread_ns(arrival_ns) <= unsure_ns:
+        if above_ns > unsure_ns and above_ns - self.unread_ns(arrival_ns) <= unsure_ns:
             pass  # the host itself may be the cause: the packet says nothing of the board's clock
         elif above_ns > unsure_ns:
             self._late(point, arrival_ns)
@@ -199,11 +209,6 @@ class DeviceClock:
     def _unsure_ns(self, point: Point) -> float:
         """How wrong the line may be: the slope may be off by the tolerance since the lowest packet of this bucket."""
         return JUMP_NS + self.tolerance * 1000 * max(point[0] - self._lowest[0], 0)
-
-    def _unread_ns(self, arrival_ns: int) -> float:
-        """How long the packet may have waited because the host did not read."""
-        empty_ns, _ = HEAD.unpack_from(self.line)
-        return float(arrival_ns - empty_ns) if empty_ns else 0.0
 
     def _above_line(self, point: Point) -> float:
         return point[1] - self._height - self._slope * point[0]

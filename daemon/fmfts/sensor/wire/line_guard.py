@@ -10,6 +10,7 @@ from fmfts.sensor.wire.time_gate import TimeGate
 # A board that did not answer for so long has left the line. It is asked every second while there are two.
 LEFT_NS = 3_000_000_000
 ASK_NS = 1_000_000_000
+NOT_YET = "a clock does not begin with a packet that may have waited here"
 
 
 class LineGuard:
@@ -41,6 +42,8 @@ class LineGuard:
         if self.crowd is not None:
             return "several boards send on this line"
         if isinstance(clock, DeviceClock) and not self._times.admits(clock, time_us, arrival_ns):
+            if self._times.waits:
+                return NOT_YET
             if arrival_ns - self._asked_ns > ASK_NS:
                 self._asked_ns = arrival_ns
                 self._requests.ask(Verb.HELLO)  # it may be another board's

@@ -14,7 +14,7 @@ from fmfts.sensor.wire import faults
 from fmfts.sensor.wire.board import SETTING, Board
 from fmfts.sensor.wire.clock import DeviceClock, HostClock
 from fmfts.sensor.wire.framing import Decoder, PackedEarly, PackedSample
-from fmfts.sensor.wire.line_guard import ASK_NS, LineGuard
+from fmfts.sensor.wire.line_guard import ASK_NS, NOT_YET, LineGuard
 from fmfts.sensor.wire.packets import (
     TEMPERATURE_UNKNOWN,
     Early,
@@ -211,7 +211,8 @@ class Link:
     def _host_time_ns(self, time_us: int, now_ns: int) -> int | None:
         """When a packet's sample was taken, on this host; None if it cannot be believed."""
         if (why := self._guard.why_not(self._clock, time_us, now_ns)) is not None:
-            self._leave_out("sample", why)
+            if why is not NOT_YET:
+                self._leave_out("sample", why)
             return None
         restarts = self._clock.restarts
         host_time_ns = self._clock.to_host_ns(time_us, now_ns)

@@ -3,6 +3,9 @@
 A valid packet may be old: something on the line sent it again. Or its sender's memory was damaged. The clock would take
 each for a reset of the board, and what follows for another one. A real reset, or a computer that was suspended, shows
 in the packets after it: they go on from each other, as packets of a running clock do, or a hello came before them.
+
+No clock begins with a packet that may have waited here, because this host did not read: all that follows would be taken
+for younger than it is by as much. The next packet tells, if it is read later, and as much time passed there as here.
 """
 
 from __future__ import annotations
@@ -20,9 +23,13 @@ STEP_SHARE = 0.04
 
 
 class TimeGate:
-    """Judges the times of one board's packets, before its clock learns from them."""
+    """Judges the times of one board's packets, before its clock learns from them.
+
+    waits: the last one was not admitted only because it may have waited here.
+    """
 
     def __init__(self) -> None:
+        self.waits = False
         self._strange: tuple[int, int] | None = None  # time in µs and arrival in ns of the last one
         self._count = 0
         self._since_ns = 0
@@ -37,7 +44,16 @@ class TimeGate:
     def admits(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
         """Whether `clock` may learn from a packet with this time."""
         self._forget_if_it_went_on(clock)
-        if clock.is_plausible(device_us, arrival_ns) or self._is_believed(clock, device_us, arrival_ns):
+        self.waits = False
+        if clock.has_begun and clock.is_plausible(device_us, arrival_ns):
+            self._forget()
+            return True
+        before_ns = arrival_ns if self._strange is None else self._strange[1]
+        goes_on = self._goes_on(device_us, arrival_ns)
+        is_new = clock.unread_ns(arrival_ns) <= JUMP_NS or (goes_on and arrival_ns - before_ns > JUMP_NS)
+        is_believed = self._is_believed(clock, device_us, arrival_ns, goes_on)
+        self.waits = is_believed and not is_new
+        if is_believed and is_new:
             self._forget()
             return True
         return False
@@ -51,13 +67,15 @@ class TimeGate:
             self._forget()
         self._newest_us = clock.newest_us
 
-    def _is_believed(self, clock: DeviceClock, device_us: int, arrival_ns: int) -> bool:
-        """A strange time: whether it is a clock's that began anew."""
-        if self._goes_on(device_us, arrival_ns):
+    def _is_believed(self, clock: DeviceClock, device_us: int, arrival_ns: int, goes_on: bool) -> bool:
+        """A strange time: whether it is a clock's that began anew. goes_on: from the strange one before."""
+        if goes_on:
             self._count += 1
         else:
             self._count, self._since_ns = 1, arrival_ns
         self._strange = device_us, arrival_ns
+        if not clock.has_begun:
+            return True
         back_us = clock.newest_us - device_us
         if self._hello and back_us > 0:
             return True

@@ -1,0 +1,201 @@
+"""What a frame costs by the state of its pad: healthy, without a sensor, disturbed, with another model, recorded.
+
+From the bytes on the line to the bus, as the daemon does it: in C as long as C takes the frames, else in Python. The
+processor time of the thread is counted, so that other programs do not matter; ZeroMQ's own thread is not in it.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec.structs import replace
+
+from fmfts.bus.publisher import Publisher
+from fmfts.config import BridgeSource, ContactConfig, PadConfig, PlacementConfig, SceneConfig, SimulatedSource
+from fmfts.pipeline.configured import contact_model_of, feel_neighbours, pipeline_of
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.runtime.recorders import Recorders
+from fmfts.sensor import Frame
+from fmfts.sensor.chips import DEFAULT_CHIP
+from fmfts.sensor.source import SourceState
+from fmfts.sensor.wire.clock import DeviceClock
+from fmfts.sensor.wire.framing import encode
+from fmfts.sensor.wire.link import Link
+from fmfts.sensor.wire.packets import Sample
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts.simulation.source import Simulated
+from fmfts.sources import on_board
+from fmfts_client.endpoints import for_daemon
+from fmfts_lab.bench import latency_rig as rig
+from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole, leave_to_python
+from fmfts_lab.bench.latency import pad_of
+from fmfts_lab.bench.overload_rig import random_finger
+
+SETTLED, FRAMES, FRAMES_IN_PYTHON = 440, 880, 220  # not measured, and measured
+OFFSET_COUNTS = 150  # 23 µT
+PRESS = steady_finger(2e-3, 1e-3, 0.8)
+RATE_HZ = 220
+Spoil = Callable[[Sample, int], Sample]
+
+
+@dataclass(frozen=True)
+class State:
+    """spoil: what is wrong with the samples, by their number. contact: the pad's contact section. recorded: somebody
+    records. beside: another pad is near, and felt."""
+
+    name: str
+    finger: Finger = no_finger
+    spoil: Spoil | None = None
+    contact: ContactConfig = ContactConfig()  # noqa: RUF009
+    recorded: bool = False
+    beside: bool = False
+
+
+def _silent(sample: Sample, number: int) -> Sample:
+    return replace(sample, valid=sample.valid & ~2, fresh=sample.fresh & ~2)
+
+
+def _two_silent(sample: Sample, number: int) -> Sample:
+    return replace(sample, valid=sample.valid & ~3, fresh=sample.fresh & ~3)
+
+
+def _with_counts(sample: Sample, change: Callable[[Any], None]) -> Sample:
+    counts = sample.counts.copy()
+    change(counts)
+    return replace(sample, counts=counts)
+
+
+def _saturated(sample: Sample, number: int) -> Sample:
+    def spoil(counts: Any) -> None:
+        counts[3, 2] = DEFAULT_CHIP.saturated_count
+
+    return _with_counts(sample, spoil)
+
+
+def _off(sample: Sample, number: int) -> Sample:
+    """After two seconds without a fault: later the sensor is known for it, and left out."""
+
+    def spoil(counts: Any) -> None:
+        counts[1, 0] += OFFSET_COUNTS if number > SETTLED // 2 else 0
+
+    return _with_counts(sample, spoil)
+
+
+def _steel(sample: Sample, number: int) -> Sample:
+    def spoil(counts: Any) -> None:
+        counts[:, 2] += np.array([300, -200, 250, -350], dtype=np.int16) if number > SETTLED // 2 else 0
+
+    return _with_counts(sample, spoil)
+
+
+STATES = (
+    State("healthy"),
+    State("touched", PRESS),
+    State("touched and released at random", random_finger(1)),
+    State("one sensor silent", PRESS, _silent),
+    State("one axis saturated", PRESS, _saturated),
+    State("one sensor at odds, left out", PRESS, _off),
+    State("disturbed", PRESS, _steel),
+    State("lost: two sensors silent", PRESS, _two_silent),
+    State("no contact model", PRESS, contact=ContactConfig(model="none")),
+    State("shear model", PRESS, contact=ContactConfig(model="shear")),
+    State("smoothing of 20 ms", PRESS, contact=ContactConfig(smoothing_ms=20.0)),
+    State("a neighbour that is felt", PRESS, beside=True),
+    State("a recorder", PRESS, recorded=True),
+)
+
+
+def run() -> None:
+    print("| state | median µs | mean µs | in C, % | of a core at 220 Hz, % | by Python alone, median µs | times |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    with tempfile.TemporaryDirectory(prefix="fmfts-states-") as folder:
+        publisher = Publisher(for_daemon(f"ipc://{folder}"), "bench")
+        for state in STATES:
+            costs_ns, in_c = measured(state, publisher, FRAMES)
+            oracle_ns, _ = measured(state, publisher, FRAMES_IN_PYTHON, without_c=True)
+            median, mean = np.median(costs_ns) * 1e-3, np.mean(costs_ns) * 1e-3
+            share, alone = 100.0 * RATE_HZ * mean * 1e-6, np.median(oracle_ns) * 1e-3
+            row = f"| {state.name} | {median:.0f} | {mean:.0f} | {100 * in_c:.0f} | {share:.1f} "
+            print(f"{row}| {alone:.0f} | {alone / median:.0f} |", flush=True)
+        publisher.close()
+
+
+def measured(state: State, publisher: Publisher, frames: int, without_c: bool = False) -> tuple[list[int], float]:
+    """Nanoseconds of each frame, and the share of the frames that C judged. without_c: by the stages in Python alone."""
+    simulated = msgspec.structs.replace(pad_of(0), contact=state.contact)
+    source = Simulated(simulated)
+    source.finger = state.finger
+    samples = rig.samples_of(source, (SETTLED + frames) / RATE_HZ)
+    spoilt = [sample if state.spoil is None else state.spoil(sample, at) for at, sample in enumerate(samples)]
+    lines = [encode(sample) for sample in spoilt]
+    config = msgspec.structs.replace(simulated, source=BridgeSource(port="bench"))
+    if state.beside or state.recorded:
+        return _in_python(config, state, lines, publisher, without_c)
+    whole, costs_ns, in_c = Whole(config, publisher, without_c), [], 0
+    for number, line in enumerate(lines):
+        begun = time.thread_time_ns()
+        taken = whole.take(line, number * PERIOD_NS)
+        if not taken:
+            whole.take_in_python(line, number * PERIOD_NS)
+        costs_ns.append(time.thread_time_ns() - begun)
+        in_c += taken and number >= SETTLED
+    return costs_ns[SETTLED:], in_c / frames
+
+
+def _in_python(
+    config: PadConfig, state: State, lines: list[bytes], publisher: Publisher, without_c: bool
+) -> tuple[list[int], float]:
+    """Frames that Python must see: C may still judge them."""
+    link = Link({0: on_board(config)}, SourceState("bench"), DeviceClock())
+    pipeline = _beside_another(config) if state.beside else _alone(config)
+    if without_c:
+        leave_to_python(pipeline)
+    recorders, costs_ns, in_c = Recorders(pipeline, publisher, "bench"), [], 0
+    for number, line in enumerate(lines):
+        begun = time.thread_time_ns()
+        for frame in link.feed(line, number * PERIOD_NS):
+            packed = _answer(pipeline, frame, recorders if state.recorded else None, publisher)
+            in_c += packed and number >= SETTLED
+        costs_ns.append(time.thread_time_ns() - begun)
+    return costs_ns[SETTLED:], in_c / (len(lines) - SETTLED)
+
+
+def _answer(pipeline: PadPipeline, frame: Frame, recorders: Recorders | None, publisher: Publisher) -> bool:
+    if recorders is not None:
+        recorders.frame(frame, used=True)
+    answer = pipeline.answer(frame)
+    if isinstance(answer, PackedMessage):
+        publisher.send_packed(b"contact/p0", answer.payload)
+        return True
+    publisher.send_contact("p0", answer)
+    return False
+
+
+def _alone(config: PadConfig) -> PadPipeline:
+    pipeline = pipeline_of(config, contact_model_of(config), "bench")
+    assert isinstance(pipeline, PadPipeline)
+    pipeline.use(simulated_baseline(pad_of(0)))
+    return pipeline
+
+
+def _beside_another(config: PadConfig) -> PadPipeline:
+    """A pad whose neighbour, 40 mm beside it, rests."""
+    felt = msgspec.structs.replace(config, scene=SceneConfig(neighbours=("p1",)))
+    other = msgspec.structs.replace(
+        pad_of(1),
+        source=SimulatedSource(seed=2),
+        placement=PlacementConfig(position_mm=(40.0, 0.0, 0.0)),
+        scene=SceneConfig(neighbours=("p0",)),
+    )
+    pipelines: dict[str, Any] = {"p0": _alone(felt), "p1": pipeline_of(other, contact_model_of(other), "bench")}
+    feel_neighbours(felt, (felt, other), pipelines)
+    pipeline: PadPipeline = pipelines["p0"]
+    return pipeline

@@ -1,0 +1,74 @@
+"""A pad whose frames go from their bytes to the bus in one call, for benchmarks without a line."""
+
+from __future__ import annotations
+
+from fmfts.bus.publisher import Publisher, contact_topic
+from fmfts.config import PadConfig
+from fmfts.pipeline.configured import contact_model_of
+from fmfts.pipeline.configured import pipeline_of as configured_pipeline
+from fmfts.pipeline.contact_message import PackedMessage
+from fmfts.pipeline.fast import Lane
+from fmfts.pipeline.fast.compiled import _fast
+from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.runtime.fast_loop import send_function
+from fmfts.sensor.patience import BEHIND, IN_TIME
+from fmfts.sensor.source import SourceState
+from fmfts.sensor.wire.clock import DeviceClock
+from fmfts.sensor.wire.link import Link
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.sources import on_board
+from fmfts_lab.bench import latency_rig as rig
+from fmfts_lab.bench.latency import pad_of
+
+NEVER_NS = 1 << 62  # the frames' times are not this computer's, so that none is overdue
+PERIOD_NS = round(1e9 / rig.RATE_HZ)
+
+
+class Whole:
+    """A pad whose frames go from their bytes to the bus in one call, as in the daemon's fast path."""
+
+    LINE = 0  # stands for a descriptor; nothing reads it
+
+    def __init__(self, config: PadConfig, publisher: Publisher, without_c: bool = False) -> None:
+        self._clock, self._topic, self._name = DeviceClock(), contact_topic(config.name), config.name
+        self._link = Link({0: on_board(config)}, SourceState("bench"), self._clock)
+        self._publisher = publisher
+        self._pipeline = pipeline_of(config)
+        if without_c:
+            leave_to_python(self._pipeline)
+        send = send_function()
+        assert send is not None
+        self._loop = _fast.Loop(-1, send, publisher.address, IN_TIME, BEHIND)
+        self._lane: Lane | None = None
+
+    def take(self, line: bytes, arrival_ns: int) -> bool:
+        return self._lane is not None and self._loop.take(self.LINE, line, arrival_ns)
+
+    def take_in_python(self, line: bytes, arrival_ns: int) -> None:
+        """Process in Python a line that C did not take; C may take the next ones."""
+        if self._lane is not None:
+            self._loop.end(self.LINE)
+            self._pipeline.end(self._lane)
+        for frame in self._link.feed(line, arrival_ns):
+            answer = self._pipeline.answer(frame)
+            if isinstance(answer, PackedMessage):
+                self._publisher.send_packed(self._topic, answer.payload)
+            else:
+                self._publisher.send_contact(self._name, answer)
+        self._lane = self._pipeline.begin(self._clock.line, self._topic, 0, NEVER_NS)
+        if self._lane is not None:
+            self._loop.begin(self.LINE, b"", (self._lane.compiled,))
+
+
+def pipeline_of(config: PadConfig) -> PadPipeline:
+    """The pad's pipeline, with its simulated baseline in use."""
+    pipeline = configured_pipeline(config, contact_model_of(config), "bench")
+    assert isinstance(pipeline, PadPipeline)
+    pipeline.use(simulated_baseline(pad_of(0)))
+    return pipeline
+
+
+def leave_to_python(pipeline: PadPipeline) -> None:
+    """Let the stages in Python judge every frame."""
+    assert pipeline._estimator is not None
+    pipeline._estimator._path = None
