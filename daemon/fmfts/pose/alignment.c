@@ -155,7 +155,8 @@ static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pos
         change[k] = field->field_t[3 * sensor + k] - parameters->rest_field_t[3 * sensor + k];
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
-        field->variance_t2[axis] += fmfts_lasting_variance(parameters, memory, axis, change);
+        field->unknown_t2[axis] = fmfts_lasting_variance(parameters, memory, axis, change);
+        field->variance_t2[axis] += field->unknown_t2[axis];
     }
 }
 
