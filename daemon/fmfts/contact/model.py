@@ -11,6 +11,7 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lower
+from fmfts.contact.bend import bend_of, larger_force
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
     ErrorTables,
@@ -20,7 +21,6 @@ from fmfts.contact.contract import (
     parse_facts,
     parse_response,
 )
-from fmfts.contact.bend import bend_of, larger_force
 from fmfts.contact.estimate import ContactEstimate, astray_share, doubt
 from fmfts.contact.finger_shape import shape_deviation_of
 from fmfts.contact.inference import Inference
@@ -280,7 +280,9 @@ class ContactModel:
         force_bin = np.searchsorted(self.force_bins_n, contact[2])
         radius_bin = np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))
         carried = carried * self._unit * self._unit[:, None]
-        spread = carried * np.sqrt(bend) * np.sqrt(bend)[:, None] + np.diag(square(self.own_deviation[force_bin, radius_bin]))
+        spread = carried * np.sqrt(bend) * np.sqrt(bend)[:, None] + np.diag(
+            square(self.own_deviation[force_bin, radius_bin])
+        )
         spread[[0, 1], [0, 1]] += square(magnet_off_m)
         central_variance = float(carried[2, 2] + square(self.own_deviation[force_bin, 0, 2]))
         certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), square(self.spread_m)

@@ -274,7 +274,6 @@ class Estimator:
             track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n
         )
 
-
     def _counted(
         self, track: Track, deviation_t: Array, lasting_t: Array, neighbours: Sequence[NeighbourEstimate]
     ) -> Array | None:
