@@ -2,8 +2,8 @@
 
 A force grows faster than the displacement. Where the true force is larger than the model's answer, the slope of the
 answer is too small, and so is the deviation that it carries over from the pose. So the mean of two slopes counts: that
-of the answer, and that of a force which is larger by BEND_DEVIATIONS. The trapezium rule makes it the slope of the chord
-between both. Where the true force is smaller, the deviation is a little too large.
+of the answer, and that of a force which is larger by BEND_DEVIATIONS. By the trapezium rule this is the slope of the
+chord between both. Where the true force is smaller, the deviation is a little too large.
 """
 
 from __future__ import annotations
