@@ -62,6 +62,51 @@ static void answer_of(const fmfts_network *network, const fmfts_question *questi
     }
 }
 
+/* doubt of estimate.py: Fieller's theorem */
+static double doubt(const fmfts_contact_parameters *parameters, double force_n, double variance)
+{
+    double least_square = parameters->certain_force_deviations[0] * parameters->certain_force_deviations[0] * variance;
+    return force_n > 0.0 && least_square < force_n * force_n ? least_square / (force_n * force_n) : 1.0;
+}
+
+/* bend.py: the factor of each variance because the model bends over the pose's deviations. */
+static void bend_of(const fmfts_contact_parameters *parameters, const fmfts_network *network,
+                    const fmfts_question *question, const found *found, double bend[CONTACT])
+{
+    float pose[POSE], contact[CONTACT], jacobian[CONTACT * POSE];
+    const double *by_force = found->by_pose + POSE * 2, *covariance = question->covariance;
+    double force_n = found->contact[2], variance = found->variance[2], straight = parameters->straight_share[0] * force_n;
+    for (int i = 0; i < found->outputs; i++) {
+        bend[i] = 1.0;
+    }
+    if (!(variance > straight * straight) || !(doubt(parameters, force_n, variance) < 1.0)) {
+        return;
+    }
+    double steps = parameters->bend_deviations[0] / sqrt(variance);
+    for (int i = 0; i < POSE; i++) {
+        double along = 0.0;
+        for (int k = 0; k < POSE; k++) {
+            along += covariance[POSE * i + k] * by_force[k];
+        }
+        pose[i] = (float)(question->pose[i] + steps * along);
+    }
+    fmfts_infer(network, pose, contact, jacobian);
+    for (int i = 0; i < found->outputs; i++) {
+        double mean[POSE], bent = 0.0;
+        for (int k = 0; k < POSE; k++) {
+            mean[k] = 0.5 * (found->by_pose[POSE * i + k] + jacobian[POSE * i + k]);
+        }
+        for (int k = 0; k < POSE; k++) {
+            for (int l = 0; l < POSE; l++) {
+                bent += mean[k] * covariance[POSE * k + l] * mean[l];
+            }
+        }
+        if (bent > found->variance[i]) {
+            bend[i] = bent / found->variance[i];
+        }
+    }
+}
+
 /* Replaces the answer by the most likely press of the pad's response. False if there is none. */
 static bool refine(const fmfts_contact_parameters *parameters, const fmfts_question *question,
                    const fmfts_response *response, found *found)
@@ -115,13 +160,6 @@ bool fmfts_keep_inside(const fmfts_contact_parameters *parameters, fmfts_questio
     return true;
 }
 
-/* doubt of estimate.py: Fieller's theorem */
-static double doubt(const fmfts_contact_parameters *parameters, double force_n, double variance)
-{
-    double least_square = parameters->certain_force_deviations[0] * parameters->certain_force_deviations[0] * variance;
-    return force_n > 0.0 && least_square < force_n * force_n ? least_square / (force_n * force_n) : 1.0;
-}
-
 /* astray_share of estimate.py */
 static double astray_share(double doubt)
 {
@@ -149,13 +187,13 @@ static bool is_beyond_edge(const fmfts_contact_parameters *parameters, const dou
 
 /* The variance in SI: the pose's, and the model's own error. That of a place is at most that of a place on the pad. */
 static void spread_of(const fmfts_contact_parameters *parameters, const double *contact, const found *answer,
-                      double variance[CONTACT])
+                      const double *bend, double variance[CONTACT])
 {
     const double *found = answer->variance;
     int bin = bin_in_tables(parameters, contact, radius_bin(parameters, contact));
     const double *own = parameters->own_deviation + answer->outputs * bin;
     for (int i = 0; i < answer->outputs; i++) {
-        variance[i] = found[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
+        variance[i] = found[i] * bend[i] * UNIT[i] * UNIT[i] + own[i] * own[i];
         variance[i] += i < 2 ? parameters->magnet_off_m[i] * parameters->magnet_off_m[i] : 0.0;
     }
     double certain = 1.0 - doubt(parameters, contact[2], found[2]);
@@ -174,8 +212,9 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
 {
     found found = {.outputs = (int)network->outputs, .by_pose = estimate->by_pose};
     fmfts_response table;
-    double variance[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n[0];
+    double variance[FMFTS_CONTACT], bend[FMFTS_CONTACT], *place = estimate->place, limit = parameters->force_max_n[0];
     answer_of(network, question, &found);
+    bend_of(parameters, network, question, &found, bend);
     if (response && !(fmfts_view_response(response, response_bytes, &table) &&
                       refine(parameters, question, &table, &found))) {
         return false;
@@ -183,7 +222,7 @@ bool fmfts_estimate_contact(const fmfts_contact_parameters *parameters, const fm
     for (int i = 0; i < found.outputs; i++) {
         place[i] = found.contact[i] * UNIT[i];
     }
-    spread_of(parameters, place, &found, variance);
+    spread_of(parameters, place, &found, bend, variance);
     estimate->outputs = found.outputs;
     estimate->refused = found.outputs == CONTACT && (is_beyond_edge(parameters, place, 0) || is_beyond_edge(parameters, place, 1));
     for (int i = 0; i < found.outputs; i++) {

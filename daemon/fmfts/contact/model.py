@@ -11,6 +11,7 @@ import numpy as np
 
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lower
+from fmfts.contact.bend import bend_of, larger_force
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
     ErrorTables,
@@ -215,7 +216,7 @@ class ContactModel:
 
     def slope(self) -> Array:
         """Derivative (m, 6) of the last answer of estimate() by position (m) and axis; per m, and in m and N."""
-        slope: Array = self.inference.jacobian.astype(np.float64) * self._unit[:, None] * POSE_UNIT
+        slope: Array = self._jacobian * self._unit[:, None] * POSE_UNIT
         return slope
 
     def detection_limit_n(self, covariance: Array, chi2: float) -> float:
@@ -262,10 +263,16 @@ class ContactModel:
     def _contact(self, pose: Array, pose_covariance: Array, magnet_off_m: Array) -> tuple[Array, Array, float]:
         """Contact (m,), covariance (m, m), and the variance that the same force has in the middle of the pad; in SI.
 
-        The covariance is that of the pose, carried over by the Jacobian, plus the model's own error.
+        The covariance is that of the pose, carried over by the Jacobian and widened by its bend, plus the model's own
+        error.
         """
         contact, jacobian = self._infer(pose)
         carried = product(jacobian, pose_covariance, jacobian.T)
+        ahead = larger_force(pose_covariance, contact, jacobian, carried)
+        bend = np.ones(len(contact))
+        if ahead is not None:
+            bend = bend_of(pose_covariance, jacobian, self._infer(pose + ahead)[1], carried)
+        self._jacobian = jacobian
         if self.refiner is not None:
             change = (pose - self.rest_pose)[:CHANGE]
             contact, carried = self.refiner.refined(contact, change, pose_covariance[:CHANGE, :CHANGE] + TINY)
@@ -273,7 +280,9 @@ class ContactModel:
         force_bin = np.searchsorted(self.force_bins_n, contact[2])
         radius_bin = np.searchsorted(self.radius_bins_m, root_of_squares(contact[0], contact[1]))
         carried = carried * self._unit * self._unit[:, None]
-        spread = carried + np.diag(square(self.own_deviation[force_bin, radius_bin]))
+        spread = carried * np.sqrt(bend) * np.sqrt(bend)[:, None] + np.diag(
+            square(self.own_deviation[force_bin, radius_bin])
+        )
         spread[[0, 1], [0, 1]] += square(magnet_off_m)
         central_variance = float(carried[2, 2] + square(self.own_deviation[force_bin, 0, 2]))
         certain, even = 1.0 - doubt(float(contact[2]), float(carried[2, 2])), square(self.spread_m)

@@ -25,6 +25,8 @@ enum { FMFTS_BINS = 16, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_CONTACT = FMFTS_M
     X(outside_deviations, 1)                                                                                           \
     X(certain_deviations, 1)                                                                                           \
     X(certain_force_deviations, 1)                                                                                     \
+    X(straight_share, 1)                                                                                               \
+    X(bend_deviations, 1)                                                                                              \
     X(trained_top_mm, 1)                                                                                               \
     X(lifted_above_mm, 1)                                                                                              \
     X(lifted_deviations, 1)                                                                                            \

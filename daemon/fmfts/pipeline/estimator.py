@@ -13,6 +13,7 @@ from fmfts.contact import ContactModel, NoContactModel, Smoother, TouchDetector
 from fmfts.contact.now import ContactNow
 from fmfts.contact.smoothing import SmootherMemory
 from fmfts.contact.touch import TouchMemory
+from fmfts.pad import Array
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.contact_message import Reading
 from fmfts.pipeline.fast import FastPath, Missing
@@ -23,6 +24,7 @@ from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
 from fmfts.pose.hidden_gradient import HiddenGradientMemory
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
+from fmfts.pose.overlap import overlap
 from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
 from fmfts.pose.track import Track, TrackerMemory
 from fmfts.pose.tracker import NOTHING_SAID
@@ -259,7 +261,8 @@ class Estimator:
         if elapsed_s > self._touch.longest_gap_s:
             self._touch.forget()
         of_silicone = self._silicone.update(change_from(self.mounting.rest, track.estimate))
-        estimate = self.baselined.with_calibration_uncertainty(track.estimate, of_silicone)
+        counted = self._counted(track, deviation, lasting, neighbours)
+        estimate = self.baselined.with_calibration_uncertainty(track.estimate, of_silicone, counted)
         change, covariance = displacement(estimate, self.mounting.rest)
         touching = self._touch.update(change, covariance)
         if memory.unread_s > HELD_S:
@@ -280,6 +283,20 @@ class Estimator:
         return Reading(
             *(track.health, track.reason, track.used, track.estimate, contact, touching, self.detection_limit_n),
             is_steady=track.is_steady,
+        )
+
+    def _counted(
+        self, track: Track, deviation_t: Array, lasting_t: Array, neighbours: Sequence[NeighbourEstimate]
+    ) -> Array | None:
+        """The part of the frame's covariance that the baseline's leftovers count, too; None where it is not known.
+
+        The leftovers are those of a solution from all sensors and without neighbours: another one keeps both.
+        """
+        if track.estimate is None or neighbours or not track.used.all():
+            return None
+        baselined, covariance = self.baselined, self._tracker.memory.covariance  # not widened by misfit
+        return overlap(
+            baselined.pad, track.estimate.state, covariance, baselined.tracking.parts, deviation_t, lasting_t
         )
 
 

@@ -177,7 +177,8 @@ static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pos
         change[k] = isnan(change[k]) ? 0.0 : change[k]; /* what was not measured says nothing of the other axes */
     }
     for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
-        field->variance_t2[axis] += fmfts_lasting_variance(parameters, memory, axis, change);
+        field->unknown_t2[axis] = fmfts_lasting_variance(parameters, memory, axis, change);
+        field->variance_t2[axis] += field->unknown_t2[axis];
     }
 }
 

@@ -108,7 +108,7 @@ void fmfts_widen(const fmfts_pose_parameters *parameters, const double *state, c
 }
 
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
-                    const fmfts_pose *pose, fmfts_displacement *d)
+                    const fmfts_pose *pose, const double overlap[5][5], fmfts_displacement *d)
 {
     double added[5][5], turned[25], to_rest[5][5];
     measure(parameters, state, d);
@@ -122,7 +122,8 @@ void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_me
     turn_back(d, (const double(*)[5])added, turned);
     for (int i = 0; i < 5; i++) {
         for (int j = 0; j < 5; j++) {
-            d->covariance[i][j] = pose->covariance[FMFTS_STEP * i + j] + turned[5 * i + j];
+            double own = pose->covariance[FMFTS_STEP * i + j];
+            d->covariance[i][j] = (overlap ? own - overlap[i][j] : own) + turned[5 * i + j];
         }
     }
     carry(5, (const double(*)[5])to_rest, (const double(*)[5])d->covariance, d->at_rest);

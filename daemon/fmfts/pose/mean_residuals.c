@@ -28,9 +28,9 @@ static void push_change(const fmfts_pose_parameters *parameters, fmfts_pose_memo
     }
 }
 
-/* Adds a frame's residuals. jacobian [axes][BASE_COLUMNS]: receives the derivatives of the prediction by a step. */
+/* Adds a frame's residuals. jacobian [axes]: receives the derivatives of the prediction by a step. */
 static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
-                 double jacobian[][BASE_COLUMNS])
+                 double jacobian[][FMFTS_STEP])
 {
     const double magnet[FMFTS_MAGNET] = {parameters->strength_t_m3[0], parameters->octupole_m2[0]};
     fmfts_sources sources = {.count = 1, .log_moment = {NAN}};
@@ -68,7 +68,7 @@ static double error_of(const fmfts_pose_parameters *parameters, const fmfts_pose
     return sum + by_field;
 }
 
-static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, double jacobian[][BASE_COLUMNS],
+static void collect(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, double jacobian[][FMFTS_STEP],
                     mean_problem *p)
 {
     double moment_deviation = sqrt(memory->covariance[LOG_COLUMN * FMFTS_STEP + LOG_COLUMN]);
@@ -143,13 +143,14 @@ static bool chi2_of(const mean_problem *p, double *chi2)
     return true;
 }
 
-bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field)
+bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
+                           double slopes[][FMFTS_STEP])
 {
-    double jacobian[FMFTS_AXES][BASE_COLUMNS], chi2;
+    double chi2;
     mean_problem problem;
     int ready = 0, seen = 0, axes = 3 * (int)parameters->sensors[0];
     push_change(parameters, memory);
-    push(parameters, memory, field, jacobian);
+    push(parameters, memory, field, slopes);
     memory->since[0] += 1.0;
     if (fmod(memory->since[0], parameters->judged_every[0]) != 0.0) {
         return true;
@@ -161,7 +162,7 @@ bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_m
     if (ready != 0 && ready < seen) {
         return false;
     }
-    collect(parameters, memory, jacobian, &problem);
+    collect(parameters, memory, slopes, &problem);
     int freedom = ready - problem.unknowns;
     memory->lasting_misfit[0] = 1.0;
     if (freedom > 0) { /* else there are too few frames since a disturbance, or too few axes */

@@ -134,6 +134,7 @@ typedef struct {
     double instant_us;
     double field_t[FMFTS_AXES];
     double lasting_t2[FMFTS_AXES]; /* part of variance_t2: from curvature, which averaging does not reduce */
+    double unknown_t2[FMFTS_AXES]; /* part of variance_t2: from what the baseline leaves unknown */
     double variance_t2[FMFTS_AXES];
 } fmfts_field;
 
@@ -169,15 +170,23 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
 bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
                  double temperature_c, fmfts_pose *pose);
 
-/* mean_residuals.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. */
-bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field);
+/* mean_residuals.c: adds the residuals to their mean. False if the mean is not that of healthy sensors. slopes [axes]:
+ * receives the derivatives of the prediction by a step of the memory's state. */
+bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_field *field,
+                           double slopes[][FMFTS_STEP]);
+
+/* overlap.c: the part of the memory's covariance of the pose that the baseline's leftovers count, too. slopes: of
+ * fmfts_judge_residuals. */
+void fmfts_overlap(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_field *field,
+                   const double slopes[][FMFTS_STEP], double overlap[5][5]);
 
 /* change.c: the change [5] of pose since rest. */
 void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, double change[5]);
 
-/* change.c: the same, and its covariance. memory: of the loads that the silicone has borne. */
+/* change.c: the same, and its covariance. memory: of the loads that the silicone has borne. overlap: the part of the pose's
+ * covariance that the leftovers count, too; NULL: nothing. */
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
-                    const fmfts_pose *pose, fmfts_displacement *d);
+                    const fmfts_pose *pose, const double overlap[5][5], fmfts_displacement *d);
 
 /* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. */
 void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed_s);

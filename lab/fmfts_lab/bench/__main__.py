@@ -97,7 +97,12 @@ def main() -> None:
     verb.add_argument("--rotations", type=float, nargs="+", default=as_built.ROTATIONS_DEG, metavar="DEGREES")
     verb.add_argument("--gains", type=float, nargs="+", default=as_built.GAINS)
     verb.add_argument("--refine", action="store_true", help="with contact.refine")
-    verb.add_argument("--unnamed", action="store_true", help="without tolerances of rotation and cross-axis")
+    verb.add_argument(
+        "--counted",
+        choices=("shipped", "drawn", "unnamed"),
+        default="shipped",
+        help="what deviations count: the daemon's defaults; what pads are drawn with; no rotation, no cross-axis",
+    )
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=as_built.run)
     verb = verbs.add_parser(

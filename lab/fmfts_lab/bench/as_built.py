@@ -13,17 +13,19 @@ import msgspec
 import numpy as np
 
 from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.mounting import Mounting
 from fmfts.baseline.request import REFINE_S, BaselineRequest
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import ContactConfig, PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
+from fmfts.config import ContactConfig, PadConfig, SceneConfig, SiliconeConfig, SimulatedSource, ToleranceConfig
 from fmfts.contact import ContactModel
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.simulation.finger import Finger, no_finger
-from fmfts_lab.bench.built_world import BuiltSource, Defects, Presses
+from fmfts_lab.bench.built_world import CROSS_AXIS, BuiltSource, Defects, Presses
 from fmfts_lab.bench.tapped import without_baseline
 from fmfts_lab.bench.truth import PUBLISHED, WRONG_DEVIATIONS, Truth
 
+Counted = Literal["shipped", "drawn", "unnamed"]
 Kind = Literal["bare + rest", "+ refine", "+ turn", "+ turn + refine"]
 KINDS: tuple[Kind, ...] = ("bare + rest", "+ refine", "+ turn", "+ turn + refine")
 ROTATIONS_DEG, GAINS = (0.0, 0.5, 1.0, 2.0), (0.005, 0.05)
@@ -105,32 +107,42 @@ class Cell:
                 self.off_n.append(abs(message.force_n - touch.force_n))
 
 
-def pad_config(defects: Defects, refine: bool, named: bool) -> PadConfig:
-    """named: as shipped, with the tolerances of rotation and cross-axis; else without, as before there were any."""
-    unnamed = {} if named else {"sensor_rotation_deg": 0.0, "cross_axis": 0.0}
+def pad_config(defects: Defects, refine: bool, counted: Counted) -> PadConfig:
+    """counted: what the deviations count besides the gains. "shipped": the tolerances that the daemon has by default,
+    and silicone that creeps. "drawn": what these pads have, which do not creep: only so, deviations can be as large as
+    errors. "unnamed": no rotation and no cross-axis, as before there were tolerances for them."""
+    rotation_deg, cross_axis = {
+        "shipped": (ToleranceConfig().sensor_rotation_deg, ToleranceConfig().cross_axis),
+        "drawn": (defects.rotation_deg, CROSS_AXIS),
+        "unnamed": (0.0, 0.0),
+    }[counted]
     return PadConfig(
         name="built",
         source=SimulatedSource(finger="none", turning_deg_per_s=0.0),
-        tolerance=ToleranceConfig(gain=defects.gain, **unnamed),
+        tolerance=ToleranceConfig(gain=defects.gain, sensor_rotation_deg=rotation_deg, cross_axis=cross_axis),
+        silicone=SiliconeConfig(0.0, 0.0) if counted == "drawn" else SiliconeConfig(),
         scene=SceneConfig(ambient="drifting" if defects.turning else "constant"),
         # The fingers of these worlds do not shear: else the deviations are twice as wide, and hide what is wrong.
         contact=ContactConfig(refine=refine, friction=0.0),
     )
 
 
-def baselines_of(config: PadConfig, source: BuiltSource, random: np.random.Generator) -> dict[Kind, Baseline | str]:
-    """Each kind of baseline, or why it was refused; with frames as a daemon records them."""
+Made = tuple[Baseline, Mounting | None]
 
-    def made(
-        before: Baseline | str | None, *, bare: bool = False, turn: bool = False, refine: bool = False
-    ) -> Baseline | str:
-        if isinstance(before, str):
-            return before
+
+def baselines_of(config: PadConfig, source: BuiltSource, random: np.random.Generator) -> dict[Kind, Made | str]:
+    """Each kind of baseline with its mounting, or why it was refused; with frames as a daemon records them."""
+
+    def made(earlier: Made | str | None, *, bare: bool = False, turn: bool = False, refine: bool = False) -> Made | str:
+        if isinstance(earlier, str):
+            return earlier
+        before = None if earlier is None else earlier[0]
         request = BaselineRequest(config.pad(), config.tolerance.si(), bare, False, turn=turn, refine=refine)
         source.mounted, source.attitude = not bare, "tumbling" if turn else "still"
         source.finger = Presses(random, REFINE_S / 64) if refine else no_finger
         try:
-            return request.make(source.recorded(request.seconds), before)[0]
+            baseline, mounting = request.make(source.recorded(request.seconds), before)
+            return baseline, mounting if isinstance(mounting, Mounting) else None
         except BaselineError as error:
             return str(error)
 
@@ -141,12 +153,18 @@ def baselines_of(config: PadConfig, source: BuiltSource, random: np.random.Gener
 
 
 def trial(
-    defects: Defects, seed: int, seconds: float, cells: dict[Kind, Cell], model: ContactModel, refine: bool, named: bool
+    defects: Defects,
+    seed: int,
+    seconds: float,
+    cells: dict[Kind, Cell],
+    model: ContactModel,
+    refine: bool,
+    counted: Counted,
 ) -> None:
     random = np.random.default_rng(
         [seed, round(defects.rotation_deg * 10), round(defects.gain * 1000), defects.turning]
     )
-    config = pad_config(defects, refine, named)
+    config = pad_config(defects, refine, counted)
     source = BuiltSource(config, defects, random)
     baselines = baselines_of(config, source, random)
     for kind, baseline in baselines.items():
@@ -156,7 +174,7 @@ def trial(
             cell.refused[baseline.split("refused: ", 1)[-1]] += 1
             continue
         pipeline = without_baseline(config, model)
-        pipeline.use(baseline)
+        pipeline.use(*baseline)
         finger = Presses(np.random.default_rng(seed))
         source.mounted, source.finger = True, finger
         source.attitude = "turning" if defects.turning else "still"
@@ -172,9 +190,9 @@ def run(options: Namespace) -> None:
             for turning in (False, True):
                 defects = Defects(rotation_deg, gain, turning)
                 cells: dict[Kind, Cell] = {kind: Cell() for kind in KINDS}
-                model = load_contact_model(pad_config(defects, options.refine, True))
+                model = load_contact_model(pad_config(defects, options.refine, options.counted))
                 for seed in range(options.seed, options.seed + options.pads):
-                    trial(defects, seed, options.seconds, cells, model, options.refine, not options.unnamed)
+                    trial(defects, seed, options.seconds, cells, model, options.refine, options.counted)
                 for kind, cell in cells.items():
                     print(f"{defects.label} {kind:15} {cell.line}", flush=True)
                     found.append(

@@ -102,6 +102,7 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     fmfts_displacement displacement;
     fmfts_question question;
     fmfts_estimate estimate;
+    double slopes[FMFTS_AXES][FMFTS_STEP], overlap[5][5];
     const fmfts_pad pad = {parameters, network, response, response_bytes};
     memcpy(next, memory, sizeof *next);
     outcome->judged.known = 0;
@@ -109,13 +110,18 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
         misses_temperature(&parameters->pose, frame->temperature_c) ||
         !fmfts_align(&parameters->pose, &next->pose, frame, &field) ||
         !fmfts_track(&parameters->pose, &next->pose, &field, frame->temperature_c, &pose) ||
-        !fmfts_judge_residuals(&parameters->pose, &next->pose, &field) ||
+        !fmfts_judge_residuals(&parameters->pose, &next->pose, &field, slopes) ||
         !fmfts_follow_foreign(&parameters->pose, &next->pose, &pose)) {
         return FMFTS_NO_NUMBER;
     }
     const double *state = next->pose.state;
     fmfts_follow_creep(&parameters->pose, &next->pose, pose.elapsed_s);
-    fmfts_displace(&parameters->pose, &next->pose, state, &pose, &displacement);
+    bool is_whole = next->pose.gain_code[0] < 0.0; /* else Estimator._counted */
+    if (is_whole) {
+        fmfts_overlap(&parameters->pose, &next->pose, &field, (const double(*)[FMFTS_STEP])slopes, overlap);
+    }
+    fmfts_displace(&parameters->pose, &next->pose, state, &pose, is_whole ? (const double(*)[5])overlap : NULL,
+                   &displacement);
     if (!fmfts_touch(&parameters->contact, &next->contact, displacement.change, displacement.at_rest,
                      pose.elapsed_s)) {
         return FMFTS_NO_NUMBER;

@@ -124,7 +124,7 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, double time_us, fmf
     memcpy(state, memory->pose.state, sizeof state);
     at_newest(&parameters->pose, &memory->motion, judged->moment, state, &pose);
     fmfts_widen_by_foreign(&parameters->pose, &memory->pose, state, &pose);
-    fmfts_displace(&parameters->pose, &memory->pose, state, &pose, &displacement);
+    fmfts_displace(&parameters->pose, &memory->pose, state, &pose, NULL, &displacement);
     fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
     if (!fmfts_chi2_from_rest(displacement.change, displacement.at_rest, &chi2) ||
         !fmfts_keep_inside(&parameters->contact, &question) ||

@@ -11,6 +11,7 @@ from fmfts.baseline import Mounting
 from fmfts.common.chi2 import quantile
 from fmfts.common.double_table import DoubleTable
 from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact.bend import BEND_DEVIATIONS, STRAIGHT_SHARE
 from fmfts.contact.estimate import CERTAIN_FORCE_DEVIATIONS
 from fmfts.contact.model import (
     CERTAIN_DEVIATIONS,
@@ -151,6 +152,8 @@ def put_contact(
     parameters.put("outside_deviations", OUTSIDE_DEVIATIONS)
     parameters.put("certain_deviations", CERTAIN_DEVIATIONS)
     parameters.put("certain_force_deviations", CERTAIN_FORCE_DEVIATIONS)
+    parameters.put("straight_share", STRAIGHT_SHARE)
+    parameters.put("bend_deviations", BEND_DEVIATIONS)
     parameters.put("trained_top_mm", model.trained_top_mm)
     parameters.put("lifted_above_mm", model.trained_top_mm + HYSTERESIS_MM)
     parameters.put("lifted_deviations", LIFTED_DEVIATIONS)
