@@ -116,11 +116,11 @@ fmfts_kind fmfts_frame_step(const fmfts_parameters *parameters, const fmfts_memo
     }
     const double *state = next->pose.state;
     fmfts_follow_creep(&parameters->pose, &next->pose, pose.elapsed_s);
-    bool is_whole = next->pose.gain_code[0] < 0.0; /* else Estimator._counted */
-    if (is_whole) {
+    bool overlaps = is_whole(&next->pose); /* as Estimator._counted has it */
+    if (overlaps) {
         fmfts_overlap(&parameters->pose, &next->pose, &field, (const double(*)[FMFTS_STEP])slopes, overlap);
     }
-    fmfts_displace(&parameters->pose, &next->pose, state, &pose, is_whole ? (const double(*)[5])overlap : NULL,
+    fmfts_displace(&parameters->pose, &next->pose, state, &pose, overlaps ? (const double(*)[5])overlap : NULL,
                    &displacement);
     if (!fmfts_touch(&parameters->contact, &next->contact, displacement.change, displacement.at_rest,
                      pose.elapsed_s)) {
