@@ -69,6 +69,25 @@ def connected(bridge: Bridge, board: Board) -> None:
     board.requests.clear()
 
 
+def test_a_line_is_empty_of_what_came_before_it_was_read_and_of_no_more(
+    board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another program may hold this one up between the read and the look at the clock: what comes then is unread."""
+    bridge, at_ns = Bridge({0: pad(board.link)}), [1_000_000_000]
+    connected(bridge, board)
+
+    def read(descriptor: int, size: int, read: Callable[[int, int], bytes] = os.read) -> bytes:
+        data = read(descriptor, size)
+        at_ns[0] += 50_000_000
+        return data
+
+    monkeypatch.setattr(bridge, "clock_ns", lambda: at_ns[0])
+    monkeypatch.setattr("fmfts.sensor.bridge.bridge.os.read", read)
+    board.send(board.sample())
+    run(bridge, board, until=lambda: at_ns[0] > 1_000_000_000)
+    assert bridge._clock.unread_ns(at_ns[0]) >= 50_000_000
+
+
 def test_a_frame_that_came_since_the_caller_looked_at_the_clock_is_not_older_than_that(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)

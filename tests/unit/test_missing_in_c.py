@@ -55,8 +55,15 @@ def taps(config: PadConfig, seconds: float) -> list[Frame]:
     return [frame for step in range(round(seconds * 220)) for frame in source.poll(step * PERIOD_NS)]
 
 
-@pytest.mark.parametrize("scene", ["drifting", "constant"])
-@pytest.mark.parametrize("spoil", [silent, saturated])
+@pytest.mark.parametrize(
+    ("spoil", "scene"),
+    [
+        (silent, "drifting"),
+        (saturated, "constant"),
+        pytest.param(silent, "constant", marks=pytest.mark.long),
+        pytest.param(saturated, "drifting", marks=pytest.mark.long),
+    ],
+)
 def test_what_goes_on_without_a_sensor_is_said_in_c(spoil: Spoil, scene: str) -> None:
     config = config_of(21, ambient=scene)
     frames = taps(config, 4.0)
@@ -73,6 +80,27 @@ def test_what_goes_on_without_a_sensor_is_said_in_c(spoil: Spoil, scene: str) ->
     after = compared(compiled, oracle, spoilt[ENDS:])
     assert after[None] < 40
     assert compiled.missing == {}
+
+
+@pytest.mark.parametrize("scene", ["constant", pytest.param("drifting", marks=pytest.mark.long)])
+def test_what_goes_on_without_a_sensor_that_contradicts_the_others_is_said_in_c(scene: str) -> None:
+    """Python looks at one frame in eight whether the fault has ended, and at the field of a constant scene."""
+    config = config_of(26, ambient=scene)
+    frames, offset = taps(config, 4.0), np.zeros((4, 3), np.int16)
+    offset[1, 0] = 150
+    spoilt = [
+        replace(frame, counts=frame.counts + offset) if BEGINS <= number < ENDS else frame
+        for number, frame in enumerate(frames)
+    ]
+    baseline = simulated_baseline(config)
+    compiled, oracle = pipeline_of(config, baseline), python_only(pipeline_of(config, baseline))
+    compared(compiled, oracle, spoilt[:BEGINS])
+    kinds = compared(compiled, oracle, spoilt[BEGINS:ENDS])
+    assert kinds[None] < 0.4 * (ENDS - BEGINS)
+    assert min(kinds[Kind.QUIET], kinds[Kind.TOUCHED]) > 100
+    after = [compiled.process(frame) for frame in spoilt[ENDS:]]
+    assert after[40].health == "ok"
+    assert [message.health for message in after] == [oracle.process(frame).health for frame in spoilt[ENDS:]]
 
 
 def test_messages_of_c_tell_which_sensor_is_missing_and_no_now() -> None:

@@ -25,6 +25,7 @@ from fmfts.pose.change import change_from, distance
 from fmfts.pose.hidden_gradient import HiddenGradientMemory
 from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
 from fmfts.pose.overlap import overlap
+from fmfts.pose.residual_monitor import FEWEST_SENSORS
 from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
 from fmfts.pose.track import Track, TrackerMemory
 from fmfts.pose.tracker import NOTHING_SAID
@@ -119,12 +120,17 @@ class Estimator:
                 None if self._now is None else self._now.parameters,
             )
 
-    def hand_over(self, alignment: Alignment, reading: Reading, missing: Missing) -> FastPath | None:
+    def hand_over(self, alignment: Alignment, reading: Reading, missing: Missing, gain_code: int) -> FastPath | None:
         """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame.
 
-        reading, missing: of the last frame. C goes on while the same is missing.
+        reading, missing, gain_code: of the last frame. C goes on while the same is missing.
         """
-        is_whole = reading.health == "ok"
+        is_whole, blamed = reading.health == "ok", self._tracker.blamed
+        if blamed is not None:
+            if missing.gain_code >= 0 or len(missing.silent) <= FEWEST_SENSORS:
+                return None
+            motion = self._ambient_motion
+            missing = missing.without(blamed, gain_code, np.inf if motion is None else motion.frames_before_look)
         if not reading.is_steady or (reading.used != missing.used).any():
             return None  # what is missing is not all that is wrong: a sensor at odds with the others, or stuck
         if (

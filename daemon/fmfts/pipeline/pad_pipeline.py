@@ -198,7 +198,7 @@ class PadPipeline:
                 estimate = reading.estimate
                 self._sighting.saw((estimate.state,), estimate.covariance[:NEIGHBOUR_SIZE, :NEIGHBOUR_SIZE], sampled_ns)
             if reading.is_steady and not self._among_others:
-                self._compiled = self._estimator.hand_over(self._alignment, reading, Missing.of(frame))
+                self._compiled = self._estimator.hand_over(self._alignment, reading, Missing.of(frame), frame.gain_code)
         return self._writer.message(reading, sampled_ns, frame.temperature_c, self.mounting, self.baseline, frame)
 
     @property

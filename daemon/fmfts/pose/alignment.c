@@ -185,7 +185,7 @@ static void add_lasting(const fmfts_pose_parameters *parameters, const fmfts_pos
 bool fmfts_align(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, const fmfts_frame *frame, fmfts_field *field)
 {
     int sensors = (int)parameters->sensors[0];
-    if (!push(parameters, memory, frame)) {
+    if (!(memory->passed[0] < memory->most[0]) || !push(parameters, memory, frame)) {
         return false;
     }
     double latest = -INFINITY, instant = INFINITY;

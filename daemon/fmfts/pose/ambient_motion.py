@@ -60,6 +60,11 @@ class AmbientMotionDetector:
         """Whether the ambient field was found to move; frames are then `disturbed`."""
         return self.memory.moved_t > 0.0
 
+    @property
+    def frames_before_look(self) -> int:
+        """So many frames that are not ok may pass unseen."""
+        return EVERY - 1 - self.memory.frames_seen % EVERY
+
     def passed(self, frames: int, were_ok: bool) -> None:
         """Note that the fast path judged so many frames: all ok, or all without a sensor, which tell nothing."""
         self.memory.frames_seen += frames

@@ -23,6 +23,7 @@ static void push_change(const fmfts_pose_parameters *parameters, fmfts_pose_memo
     change[3] = dot3(basis[0], memory->state + AXIS_VALUE);
     change[4] = dot3(basis[1], memory->state + AXIS_VALUE);
     memory->pushed[0] = fmin(memory->pushed[0] + 1.0, parameters->memory_frames[0]);
+    memory->recent[0] += 1.0;
     for (int i = 0; i < FMFTS_CHANGE; i++) {
         memory->change[i] += (change[i] - memory->change[i]) / memory->pushed[0];
     }
@@ -42,7 +43,9 @@ static void push(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
         for (int axis = 3 * i; axis < 3 * i + 3; axis++) {
             const double *direction = parameters->direction + 3 * axis;
             double predicted = sense_all(&sources, sight, memory->state, place, direction, false, jacobian[axis]);
-            double *frames = &memory->frames[axis];
+            double *frames = &memory->frames[axis], *recent = &memory->recent_t[axis];
+            double before = memory->recent[0] > 1.0 ? *recent : 0.0;
+            *recent = before + (field->field_t[axis] - predicted - before) / memory->recent[0];
             if (isnan(field->field_t[axis])) {
                 *frames = memory->mean_t[axis] = memory->lasting_t2[axis] = 0.0;
                 continue;
@@ -155,7 +158,12 @@ bool fmfts_judge_residuals(const fmfts_pose_parameters *parameters, fmfts_pose_m
     if (fmod(memory->since[0], parameters->judged_every[0]) != 0.0) {
         return true;
     }
+    if (memory->blamed[0] >= 0.0) {
+        return false; /* Python looks whether the fault has ended */
+    }
+    memory->recent[0] = 0.0;
     for (int axis = 0; axis < axes; axis++) {
+        memory->recent_t[axis] = 0.0;
         seen += memory->frames[axis] > 0.0;
         ready += memory->frames[axis] >= 2.0 * parameters->judged_every[0];
     }

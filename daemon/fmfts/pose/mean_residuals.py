@@ -72,7 +72,7 @@ class MeanResiduals:
     def forget(self) -> None:
         memory = self.memory
         memory.mean_t[:], memory.frames[:], memory.pushed = 0.0, 0.0, 0
-        memory.recent_t, memory.recent = None, 0
+        memory.recent_t, memory.recent = np.zeros(memory.mean_t.shape), 0
 
     def push(self, residual_t: Array, lasting_t: Array, change: Array) -> bool:
         """Add one frame. Returns True when it is time to judge.
@@ -105,7 +105,8 @@ class MeanResiduals:
         unknowns = jacobian.shape[1]
         freedom = int(ready.sum()) - unknowns
         memory.lasting_misfit = 1.0
-        recent_t, recent, memory.recent_t, memory.recent = memory.recent_t, memory.recent, None, 0
+        recent_t, recent = memory.recent_t, memory.recent
+        memory.recent_t, memory.recent = np.zeros(memory.mean_t.shape), 0
         if freedom < 1:
             return None
         # A mean of n frames; once the memory is full, an exponential mean, which is worth 2·memory − 1 frames.

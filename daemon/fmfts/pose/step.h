@@ -1,7 +1,7 @@
 /* A healthy frame, from counts to pose: alignment.c, tracker.c, mean_residuals.c and change.c. The Python file of the same name
  * explains each step, and is its oracle.
  *
- * If a frame is not healthy in every respect, but for the sensors that `silent` and the axes that `saturated` name, these
+ * If a frame is not healthy in every respect, but for what `silent`, `saturated` and `blamed` name, these
  * functions return false, and Python judges the frame. Re-entrant: no
  * allocation, no globals. SI units unless a name says otherwise. Arrays are row-major.
  */
@@ -109,13 +109,17 @@ enum {
     X(sound, 1)                                                                                                        \
     X(was_sound, 1)             /* at any judgement since Python handed the memory over */                             \
     X(lasting_misfit, 1)                                                                                               \
+    X(recent_t, FMFTS_AXES)     /* mean of the residuals since the last judgement */                                   \
+    X(recent, 1)                                                                                                       \
     X(crept, 5 * FMFTS_DECADES)                                                                                        \
     X(pressed, 5)                                                                                                      \
     X(foreign_t, 1)                                                                                                    \
     X(passed, 1)                /* frames since Python handed the memory over */                                        \
     X(silent, 1)                /* sensors that every frame since then lacks, as a mask; path.py */                     \
     X(saturated, FMFTS_AXES)    /* axes that are saturated in every frame since then */                                 \
-    X(gain_code, 1)             /* that all of them have, negative: any */
+    X(gain_code, 1)             /* that all of them have; negative: any, and nothing is missing */                      \
+    X(blamed, 1)                /* the sensor that is left out, as it contradicts the others; negative: none */          \
+    X(most, 1)                  /* so many frames may pass before Python looks again */
 
 FMFTS_STRUCT(fmfts_pose_parameters, FMFTS_POSE_PARAMETERS)
 FMFTS_STRUCT(fmfts_pose_memory, FMFTS_POSE_MEMORY)

@@ -30,13 +30,14 @@ static void predict(const fmfts_pose_parameters *parameters, fmfts_pose_memory *
     }
 }
 
-static void write_measurements(const fmfts_pose_parameters *parameters, const fmfts_field *field, double *rows)
+static void write_measurements(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const fmfts_field *field,
+                               double *rows)
 {
     for (int axis = 0; axis < 3 * (int)parameters->sensors[0]; axis++) {
         double *row = rows + FMFTS_MEASUREMENT * axis;
         memcpy(row, parameters->place_m + axis / 3 * 3, 3 * sizeof(double));
         memcpy(row + 3, parameters->direction + 3 * axis, 3 * sizeof(double));
-        row[6] = field->field_t[axis];
+        row[6] = axis / 3 == (int)memory->blamed[0] ? NAN : field->field_t[axis]; /* the solver leaves NaN out */
         row[7] = sqrt(field->variance_t2[axis]);
         row[8] = row[9] = 0.0;
     }
@@ -71,7 +72,7 @@ bool fmfts_track(const fmfts_pose_parameters *parameters, fmfts_pose_memory *mem
     bool has_prior = false;
     double elapsed = elapsed_s(memory, field);
     predict(parameters, memory, elapsed, temperature_c);
-    write_measurements(parameters, field, rows);
+    write_measurements(parameters, memory, field, rows);
     for (int c = 0; c < FMFTS_STEP; c++) {
         parts[c] = (uint8_t)parameters->part[c];
         has_prior |= parts[c] == FMFTS_PRIOR || parts[c] == FMFTS_CONSIDERED;

@@ -79,10 +79,18 @@ class Tracker:
 
     @property
     def can_be_handed_over(self) -> bool:
-        """Whether the fast path may go on: the last frame was good, no fault is found, and the temperature is known."""
+        """Whether the fast path may go on: the last frame was good, a sensor at fault is found or none, and the
+        temperature is known."""
         if self.memory.unread_variance > 0.0 and self._rest_temperature_c is not None:
             return False
-        return self.memory.since_good_s == 0.0 and self._monitor is not None and self._monitor.memory.finding is None
+        if self.memory.since_good_s != 0.0 or self._monitor is None:
+            return False
+        return self._monitor.memory.finding is None or self._monitor.blamed is not None
+
+    @property
+    def blamed(self) -> int | None:
+        """The sensor that is left out because it contradicts the others."""
+        return None if self._monitor is None else self._monitor.blamed
 
     def resumed(self, was_sound: bool) -> None:
         """Note that the fast path went on with the memory, and that all its frames were good."""
@@ -126,7 +134,10 @@ class Tracker:
         if overruling is None:
             return track
         health, reason = overruling
-        return Track(track.estimate if health == "degraded" else None, track.used, health, reason)
+        is_left_out = health == "degraded" and track.is_steady and blamed is not None and self._monitor.blamed == blamed
+        return Track(
+            track.estimate if health == "degraded" else None, track.used, health, reason, is_steady=is_left_out
+        )
 
     def _follow(self, field_t: Array, deviation_t: Array, temperature_c: float | None) -> Track:
         """The verdict on this frame alone."""

@@ -129,7 +129,7 @@ def run() -> None:
 
 
 def measured(state: State, publisher: Publisher, frames: int, without_c: bool = False) -> tuple[list[int], float]:
-    """Nanoseconds of each frame, and the share of the frames that C judged. without_c: by the stages in Python alone."""
+    """Nanoseconds of each frame, and the share of the frames that C judged. without_c: all are Python's."""
     simulated = msgspec.structs.replace(pad_of(0), contact=state.contact)
     source = Simulated(simulated)
     source.finger = state.finger

@@ -73,7 +73,7 @@ bool fmfts_pass(fmfts_board_line *line, fmfts_bus *bus, const char *more, size_t
     return pass(line, bus, size, arrival_ns);
 }
 
-/* Tells the board's clock that nothing which arrived before is unread. */
+/* Tells the board's clock that nothing which arrived before is unread: what comes between a read and a look at the clock is. */
 static void found_empty(const fmfts_board_line *line, int64_t at_ns)
 {
     for (int i = 0; i < FMFTS_WIRE_PADS; i++) {
@@ -88,8 +88,10 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_p
 {
     size_t size = line->unread_bytes;
     ssize_t count, largest = 0;
+    int64_t read_ns = 0;
     memcpy(bus->bytes, line->unread, size);
     do {
+        read_ns = fmfts_now_ns(CLOCK_MONOTONIC); /* before the read: another program may hold this one up after it */
         count = read(descriptor, bus->bytes + size, FMFTS_READ_BYTES);
         largest = count > largest ? count : largest;
         if (count > 0) {
@@ -105,7 +107,7 @@ bool fmfts_serve(fmfts_board_line *line, fmfts_bus *bus, int descriptor, fmfts_p
     bool passed = pass(line, bus, size, arrival_ns);
     /* A short read empties the line. After a long one the kernel may not have handed over the rest yet. */
     if (passed && largest <= FMFTS_READ_BYTES / 2) {
-        found_empty(line, arrival_ns);
+        found_empty(line, read_ns);
     }
     return passed;
 }

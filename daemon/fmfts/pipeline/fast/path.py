@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import NamedTuple, Self
 
@@ -70,16 +70,21 @@ class Verdict(NamedTuple):
 class Missing:
     """What every frame lacks until Python judges one. silent (N,): sensors; saturated (N, 3): axes of the others.
 
-    gain_code: of the frames, of which the reason tells the range; negative: nothing is missing, and any will do.
+    blamed: the sensor that is left out because it contradicts the others. gain_code: of the frames, of which the reason
+    tells the range; negative: nothing is missing, and any will do. most: so many frames may pass before Python looks.
     """
 
     silent: NDArray[np.bool_]
     saturated: NDArray[np.bool_]
     gain_code: int
+    blamed: int | None = None
+    most: float = np.inf
 
     @property
     def used(self) -> NDArray[np.bool_]:
         used: NDArray[np.bool_] = ~(self.saturated | self.silent[:, None])
+        if self.blamed is not None:
+            used[self.blamed] = False
         return used
 
     @classmethod
@@ -87,6 +92,10 @@ class Missing:
         silent, overflow = ~frame.valid, frame.overflow
         saturated = overflow & frame.valid[:, None]
         return cls(silent, saturated, frame.gain_code if silent.any() or saturated.any() else -1)
+
+    def without(self, sensor: int, gain_code: int, most: float) -> Self:
+        """The same, and this sensor is left out."""
+        return replace(self, blamed=sensor, gain_code=gain_code, most=most)
 
 
 class Passed(NamedTuple):
@@ -257,6 +266,8 @@ class FastPath:
         self._memory.put("silent", int.from_bytes(np.packbits(missing.silent, bitorder="little").tobytes(), "little"))
         self._memory.put("saturated", missing.saturated.astype(np.float64))
         self._memory.put("gain_code", missing.gain_code)
+        self._memory.put("blamed", -1 if missing.blamed is None else missing.blamed)
+        self._memory.put("most", missing.most)
 
     @property
     def passed(self) -> int:

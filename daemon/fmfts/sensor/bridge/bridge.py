@@ -53,7 +53,8 @@ class Bridge(PacketSource):
         self._look_ns = 0
         self._there: frozenset[object] = frozenset()
         self._strange_is_logged = False
-        self._is_drained = False  # the last read emptied the line
+        self._is_drained = False  # the last read emptied the line …
+        self._read_ns = 0  # … of all that came before this
 
     def deadline_ns(self) -> int | None:
         if self._serial is None:
@@ -153,7 +154,7 @@ class Bridge(PacketSource):
         arrival_ns = self.clock_ns()
         frames = self._link.feed(data, arrival_ns)
         if self._is_drained:
-            self._clock.found_empty(arrival_ns)
+            self._clock.found_empty(self._read_ns)
         if unheard and self._link.heard_ns and not self._is_configured_port:
             self._link.requests.ask(Verb.HELLO)
         return frames
@@ -165,7 +166,9 @@ class Bridge(PacketSource):
         try:
             # A short read empties the line. After a long one the kernel may not have handed over the rest yet.
             while size > READ_BYTES // 2 and len(self._unread) <= 2 * READ_BYTES:
+                read_ns = self.clock_ns()  # before it: another program may hold this one up after it
                 more = os.read(self._descriptor, READ_BYTES)
+                self._read_ns = read_ns
                 if not more:
                     return "the port hung up: plug the board in again"
                 size = len(more)
