@@ -22,11 +22,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from end_to_end.paper import readings
 from end_to_end.processes import FirmwareHost
 from fmfts import baseline as baselines
+from fmfts.bus.frame_message import frame_message
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingWriter
-from fmfts.runtime.channel import frame_message
 from fmfts.sensor import Frame
 from fmfts.sensor.bridge.bridge import Bridge
 from fmfts.sources import on_board

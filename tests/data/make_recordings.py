@@ -15,11 +15,11 @@ import msgspec
 import numpy as np
 
 from fmfts.baseline import Baseline
+from fmfts.bus.frame_message import frame_message
 from fmfts.config import PadConfig, SceneConfig, SimulatedSource, ToleranceConfig
 from fmfts.pipeline.configured import load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingWriter
-from fmfts.runtime.channel import frame_message
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
