@@ -72,10 +72,10 @@ class Correction:
         scalars = [FORCE, KIND, KIND, KIND, WIDTH, SHEAR]
         return np.concatenate([scalars, np.full(2 * magnets, PLACE_MM), of_map])
 
-    def presses(self, theta: Array, press: Array, off_mm: Array) -> tuple[Array, Array, Array]:
+    def presses(self, theta: Array, press: Array, off_mm: Array, of_map: Array) -> tuple[Array, Array, Array]:
         """What presses (K, 5) do: change (K, 5M) in the table's units; its slope (K, 5M, U) by the parameters, and by
         x, y and the force (K, 5M, 3). off_mm (M, 2): how far each magnet rests beside its drawn place, to first order
-        as the running pad counts it."""
+        as the running pad counts it. of_map: of `map_at` for the presses."""
         magnets, force = len(self.centre_mm), press[:, 2]
         of_force, shear_factor = np.exp(theta[0]), np.exp(theta[0] + theta[5])
         factor, narrow = np.exp(theta[1:4])[KINDS], np.exp(-theta[4])
@@ -108,7 +108,6 @@ class Correction:
             by_press[:, number, :, 2] = by_force * of_force
         flat = slope.reshape(len(press), CHANGE * magnets, -1)
         first = SCALARS + 2 * magnets
-        of_map = self._map(press[:, :2], off_mm)
         flat[:, :, first:] = of_map * force[:, None, None]
         by_map = np.einsum("kpd,d->kp", of_map, theta[first:])
         whole = change.reshape(len(press), -1) + by_map * force[:, None]
@@ -132,7 +131,7 @@ class Correction:
             values[:, :terms, own] = value[:, :terms] * per_force[:, None] * factor
             values[:, terms:, own] = value[:, terms:] * np.exp(theta[0] + theta[5])
         first = SCALARS + 2 * magnets
-        values[:, 0] += np.einsum("kpd,d->kp", self._map(grid, np.zeros_like(self.centre_mm)), theta[first:])
+        values[:, 0] += np.einsum("kpd,d->kp", self.map_at(grid, np.zeros_like(self.centre_mm)), theta[first:])
         spline = np.linalg.inv(spline_collocation(len(knots)))[:, 1:-1]
         shaped = values.reshape(len(knots), len(knots), terms + 2, -1)
         coefficient = np.einsum("ai,bj,ijtp->abtp", spline, spline, shaped, optimize=True)
@@ -144,8 +143,8 @@ class Correction:
             error=error,
         )
 
-    def _map(self, place_mm: Array, off_mm: Array) -> Array:
-        """(K, 5M, D) of each direction at places (K, 2)."""
+    def map_at(self, place_mm: Array, off_mm: Array) -> Array:
+        """(K, 5M, D) of each direction of the map at places (K, 2), for magnets `off_mm` beside their drawn places."""
         first, last = self.start.first_mm, self.start.last_mm
         spacing = (last - first) / CELLS
         x, x1 = _basis(place_mm[:, 0], first, spacing, CELLS)

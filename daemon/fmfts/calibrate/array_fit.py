@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from fmfts.calibrate.array_correction import LEVELS, Correction
 from fmfts.calibrate.array_set import ArraySet, Say
@@ -26,7 +28,8 @@ Rows = NDArray[np.intp]
 
 FEWEST_PRESSES, FEWEST_PLACES = 18, 9
 FOLDS = 5
-ITERATIONS, SETTLED, LONGEST_STEP = 12, 1e-3, 1.0  # in deviations of the parameters
+ITERATIONS, SETTLED, LONGEST_STEP = 8, 0.02, 1.0  # in deviations of the parameters
+WEIGHED = 2  # iterations after which C stays
 # A larger correction must lower what is left of the left-out fields' squares by so much, or by what the folds differ.
 WORTHWHILE = 0.02
 # A press whose field is so many deviations off, where half of the others are below two, has a wrong label.
@@ -67,7 +70,7 @@ class FittedTable:
     force_factor: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Fields:
     """Predicts the fields of presses of one set. noise_t2 (3N,)."""
 
@@ -75,22 +78,29 @@ class _Fields:
     correction: Correction
     noise_t2: Array
 
-    @property
+    @cached_property
+    def of_map(self) -> Array:
+        return self.correction.map_at(self.data.press[:, :2], self.off_mm)
+
+    @cached_property
     def off_mm(self) -> Array:
         drawn = np.array([one.rest_position_m for one in self.data.pad.magnets])
         off: Array = (self.data.mounting.magnets.position_m - drawn)[:, :2] * 1e3
         return off
 
-    def predicted(self, theta: Array, rows: Rows, error: float | None) -> tuple[Array, Array, Array, Array | None]:
-        """Residual (R, V) of rows, its slopes by the parameters (R, V, U) and by place and force (R, V, 3); with an
-        error of the table, the lower triangles (R, V, V) of C."""
+    def predicted(
+        self, theta: Array, rows: Rows, error: float | None, free: NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array, Array, Array | None]:
+        """Residual (R, V) of rows, its slopes by the free parameters (R, V, U) and by place and force (R, V, 3); with
+        an error of the table, the lower triangles (R, V, V) of C."""
         data, mounting = self.data, self.data.mounting
         unit = np.tile(MM, len(mounting.magnets))
-        change, by_theta, by_press = self.correction.presses(theta, data.press[rows], self.off_mm)
+        change, by_theta, by_press = self.correction.presses(theta, data.press[rows], self.off_mm, self.of_map[rows])
+        by_theta = by_theta[:, :, np.zeros(len(theta), dtype=np.bool_) if free is None else free]
         values = len(self.noise_t2)
         at_rest = field_of(mounting.magnets, mounting.sensors).ravel()
         by_ambient = mounting.sensors.axes.transpose(0, 2, 1).reshape(values, 3)
-        residual, slope = np.empty((len(rows), values)), np.empty((len(rows), values, len(theta)))
+        residual, slope = np.empty((len(rows), values)), np.empty((len(rows), values, by_theta.shape[2]))
         by_label = np.empty((len(rows), values, 3))
         root = None if error is None else np.empty((len(rows), values, values))
         for number, row in enumerate(rows.tolist()):
@@ -119,16 +129,17 @@ class _Fields:
         triangle = np.empty(0)
         for step_number in range(ITERATIONS):
             # What the labels and the baseline may be off goes with the movement: once it is about right it stays.
-            residual, slope, _, root = self.predicted(theta, rows, SHIPPED_ERROR if step_number < 3 else None)
+            error = SHIPPED_ERROR if step_number < WEIGHED else None
+            residual, slope, _, root = self.predicted(theta, rows, error, free)
             triangle = triangle if root is None else root
             white = np.linalg.solve(triangle, residual[:, :, None])[:, :, 0].ravel()
-            by = np.linalg.solve(triangle, slope[:, :, free]).reshape(len(white), -1) * deviation[free]
+            by = np.linalg.solve(triangle, slope).reshape(len(white), -1) * deviation[free]
             prior = theta[free] / deviation[free]
             step = np.linalg.solve(by.T @ by + np.eye(by.shape[1]), by.T @ white - prior)
             step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), SETTLED))
             theta = theta.copy()
             theta[free] += step * deviation[free]
-            if np.abs(step).max() < SETTLED and step_number >= 3:
+            if np.abs(step).max() < SETTLED and step_number >= WEIGHED:
                 break
         return theta
 
@@ -138,6 +149,11 @@ def fit_table(data: ArraySet, whose: str, start: ArrayResponse, noise_t: float, 
 
     DataError where the presses are too few, or no correction explains their fields.
     """
+    with threadpool_limits(1):  # gives the same file on any computer, and leaves other cores free
+        return _fitted(data, whose, start, noise_t, say)
+
+
+def _fitted(data: ArraySet, whose: str, start: ArrayResponse, noise_t: float, say: Say) -> FittedTable:
     data = _on_the_table(data, whose, start, say)
     _require_enough(whose, data.press)
     centre_mm = np.array([one.rest_position_m[:2] for one in data.pad.magnets]) * 1e3

@@ -137,8 +137,8 @@ def _require_fields(path: Path, table: FieldTable, field_t: Array, rest_t: Array
         row = wrong[0]
         raise DataError(
             f"{path}: row {table.line[row]}, columns {names[0]} … {names[-1]}: the field is {ratios[row]:.3g} times "
-            f"that of the pad at rest, in {len(wrong)} of {len(ratios)} rows: are these columns in µT, raw, and of this pad "
-            "and baseline?"
+            f"that of the pad at rest, in {len(wrong)} of {len(ratios)} rows: are these columns in µT, raw, and of "
+            "this pad and baseline?"
         )
 
 
