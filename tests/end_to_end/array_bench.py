@@ -1,4 +1,4 @@
-"""The bench of `collecting_bench.py` with a simulated pad of four magnets, whose silicone is not the shipped table's."""
+"""The bench of `collecting_bench.py`, with a simulated pad of four magnets, in silicone that no shipped table is of."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class ArrayBench(PressedBench):
         self.config.write_text(text.replace(f'type = "bridge"\nport = "{folder}/board"\n', SOURCE))
         self.source = SimulatedArray(self._loaded().pad[0])
         inside = self.source.fields.inside
-        self.source.fields.inside = replace(inside, response=stiffer(inside.response, 1.25, 1.1))
+        self.source.fields.inside = replace(inside, response=stiffer(inside.response, 1.25, 0.9))
         self.source.finger, self.source.second_finger = self._touch, None
 
     def _made_board(self) -> Any:

@@ -97,6 +97,10 @@ class Correction:
             by_force = np.einsum("ktp,kt->kp", value[:, terms], by_load) * factor
             moved = sides[0] * off[0] + sides[1] * off[1]
             change[:, number] = pure + shear - narrow * moved
+            # The running pad counts no shear in how far a magnet rests beside its place.
+            sides = sides + np.stack(
+                [np.einsum("kap,ka->kp", each[:, -2:], press[:, 3:]) * shear_factor for each in (along_x, along_y)]
+            )
             slope[:, number, :, 0] = by_force * load[:, None] + shear
             for kind in range(3):
                 slope[:, number, :, 1 + kind] = (pure - narrow * moved) * (kind == KINDS)

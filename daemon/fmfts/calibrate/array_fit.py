@@ -32,8 +32,8 @@ ITERATIONS, SETTLED, LONGEST_STEP = 8, 0.02, 1.0  # in deviations of the paramet
 WEIGHED = 2  # iterations after which C stays
 # A larger correction must lower what is left of the left-out fields' squares by so much, or by what the folds differ.
 WORTHWHILE = 0.02
-# A press whose field is so many deviations off, where half of the others are below two, has a wrong label.
-WRONG_LABEL, MOST_DEVIATIONS = 12.0, 2.0
+# A press whose field is so many deviations off has a wrong label, if the others agree so much better without it.
+WRONG_LABEL, AGREE_BETTER = 8.0, 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ def _fitted(data: ArraySet, whose: str, start: ArrayResponse, noise_t: float, sa
             "deviations, {place_rms_mm:.3f} mm, {force_rms_n:.4f} N".format(**level.facts())
         )
     chosen = _chosen(levels)
-    _require_good_labels(whose, data, left[chosen], say)
+    _require_good_labels(whose, fields, left[chosen], say)
     error = _error(fields, left[chosen], whose)
     rows, name = np.arange(len(data.press)), levels[chosen].name
     theta = fields.correction.none if name == "none" else fields.fitted(rows, name)
@@ -248,17 +248,21 @@ def _error(fields: _Fields, left: _Residuals, whose: str) -> float:
     return round(high, 5)
 
 
-def _require_good_labels(whose: str, data: ArraySet, left: _Residuals, say: Say) -> None:
-    """DataError where one press is far off while the others are explained."""
-    off = np.sqrt(left.of_press)
+def _require_good_labels(whose: str, fields: _Fields, left: _Residuals, say: Say) -> None:
+    """DataError where one press is far off, and the others agree much better without it."""
+    data, off = fields.data, np.sqrt(left.of_press)
     worst = int(np.argmax(off))
     x, y, force = data.press[worst, :3].tolist()
     told = f"row {data.line[worst]} ({x:g}, {y:g}) mm, {force:g} N"
     say(f"the press that fits worst: {told}: {off[worst]:.1f} deviations")
-    if off[worst] > WRONG_LABEL and np.median(off) < MOST_DEVIATIONS:
+    if off[worst] < WRONG_LABEL:
+        return
+    others = replace(fields, data=_only(data, np.delete(np.arange(len(off)), worst)))
+    without, _ = _left_out(others, "places")
+    if np.sqrt(without.left_out) < AGREE_BETTER * np.sqrt(np.mean(left.of_press)):
         raise DataError(
-            f"{whose}: {told}: its field is {off[worst]:.0f} deviations from what the other presses say, and half of "
-            f"those are within {np.median(off):.1f}: is its label wrong? Correct that row, or leave it out"
+            f"{whose}: {told}: its field is {off[worst]:.0f} deviations from what the other presses say, and without "
+            f"it those agree to {np.sqrt(without.left_out):.1f}: is its label wrong? Correct that row, or leave it out"
         )
 
 
@@ -270,14 +274,17 @@ def _on_the_table(data: ArraySet, whose: str, start: ArrayResponse, say: Say) ->
             f"{whose}: {int((~inside).sum())} presses are beyond ±{start.last_mm:g} mm, where a table of presses ends: "
             "left out"
         )
-    rows = np.flatnonzero(inside)
+    return _only(data, np.flatnonzero(inside))
+
+
+def _only(data: ArraySet, rows: Rows) -> ArraySet:
     return replace(
         data,
         press=data.press[rows],
         press_deviation=data.press_deviation[rows],
         change_t=data.change_t[rows],
         ambient_t=data.ambient_t[rows],
-        line=tuple(data.line[row] for row in rows),
+        line=tuple(data.line[row] for row in rows.tolist()),
     )
 
 
