@@ -15,7 +15,7 @@ from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
-from fmfts_lab.bench import several_beside, several_drills, several_merged, several_speed
+from fmfts_lab.bench import several_beside, several_calibrated, several_drills, several_merged, several_speed
 from fmfts_lab.bench.several_world import (
     BUILT,
     BY_HAND,
@@ -71,6 +71,7 @@ def run(options: Namespace) -> None:
         (options.drills, several_drills),
         (options.merged, several_merged),
         (options.beside, several_beside),
+        (options.calibrated, several_calibrated),
     ):
         if asked:
             other.run(options)
