@@ -145,7 +145,7 @@ class PressedBench:
         self._told: tuple[float, ...] | None = None
         self._chip_noise_ut = chip_noise_ut
         self._stepped = not real_time
-        self.board = FirmwareHost(folder, *(["--stepped"] if self._stepped else []))
+        self.board = self._made_board()
         self.machine = GcodeMachine(
             folder / "machine", dialect, backlash_mm=backlash_mm, speed=speed, z_limit_mm_per_s=z_limit_mm_per_s
         )
@@ -172,6 +172,9 @@ class PressedBench:
         self._thread = threading.Thread(target=self._keep_time, daemon=True)
         self.clock: Clock = SimulatedClock(self._pass, grain_s) if self._stepped else Monotonic()
         self.machine.on_moved = self._moved
+
+    def _made_board(self) -> FirmwareHost:
+        return FirmwareHost(self.folder, *(["--stepped"] if self._stepped else []))
 
     def __enter__(self) -> Self:
         self.board.tell(f"noise 0 {self._chip_noise_ut}")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmfts.baseline import BaselineError
-from fmfts.baseline.array_mounting import estimate_array_mounting, moved_m
+from fmfts.baseline.array_mounting import estimate_array_mounting, moved_since
 from fmfts.baseline.recording import Recording
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.pad import Array, SensorArray
@@ -110,7 +110,9 @@ def test_a_new_baseline_under_load_is_told_by_the_magnet_that_moved_most() -> No
     change[1, 2] = -4e-4
     loaded = one.gain * field_of(one.magnets.changed(change.ravel(), one.frames), one.sensors)
     ambient = one.gain * one.sensors.to_sensor(np.tile(one.ambient_t + 3e-6, (8, 1)))
-    moved = moved_m(one.mounting, recording(loaded + ambient))
+    moved, around = moved_since(one.mounting, recording(loaded + ambient))
     assert np.abs(moved - [0.0, 0.0, -4e-4]).max() < 5e-5  # an eighth of it: gains of half a percent, and noise
-    still = moved_m(one.mounting, recording(one.gain * field_of(one.magnets, one.sensors) + ambient))
+    assert np.abs(around - 3e-6).max() < 1e-6  # gains of half a percent of what the press changes, 200 µT
+    still, around = moved_since(one.mounting, recording(one.gain * field_of(one.magnets, one.sensors) + ambient))
+    assert np.abs(around - 3e-6).max() < 2e-7  # noise, and gains and turns of a percent
     assert np.abs(still).max() < 2e-5

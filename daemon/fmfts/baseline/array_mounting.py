@@ -141,8 +141,9 @@ def estimate_array_mounting(
     )
 
 
-def moved_m(before: ArrayMounting, recording: Recording) -> Array:
-    """(3,) how far the magnet that moved most has gone since `before`, the ambient field aside, to first order."""
+def moved_since(before: ArrayMounting, recording: Recording) -> tuple[Array, Array]:
+    """How far the magnet that moved most has gone since `before` (3,) in m, and the change of the ambient field (3,)
+    in T, to first order."""
     change = (before.magnet_field(recording.mean_t) - before.rest_field_t).ravel()
     slope = field_and_slope(before.magnets, before.frames, before.sensors)[1]
     by_ambient = before.sensors.axes.transpose(0, 2, 1).reshape(change.size, 3)
@@ -152,7 +153,7 @@ def moved_m(before: ArrayMounting, recording: Recording) -> Array:
     solved = scale * solve(normal, product(weighted.T, change / recording.mean_deviation_t.ravel()))
     moved = solved[: CHANGE * len(before.magnets)].reshape(-1, CHANGE)[:, :3]
     farthest: Array = moved[int(np.argmax(lengths(moved)))]
-    return farthest
+    return farthest, solved[CHANGE * len(before.magnets) :]
 
 
 def _errors(unknowns: ArrayUnknowns, scaled: Array, covariance: Array) -> FieldErrors:

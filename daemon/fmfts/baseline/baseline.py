@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length
-from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting, moved_m
+from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting, moved_since
 from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
 from fmfts.baseline.file_format import StoredGains, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
@@ -235,7 +235,7 @@ def _require_unmoved(pad: Pad, tolerance: Tolerance, before: Baseline, recording
     if isinstance(last, SkinMounting):
         return  # a change of its field may be its temperature: nobody can tell
     if isinstance(last, ArrayMounting):
-        moved = moved_m(last, recording)
+        moved, _ = moved_since(last, recording)
     else:
         estimate = solve(
             last.magnet_field(recording.mean_t),

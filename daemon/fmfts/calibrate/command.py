@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from dataclasses import dataclass
 from errno import EISDIR
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -13,6 +14,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from fmfts.calibrate.array_evaluate import ArrayEvaluation, evaluate_array
+from fmfts.calibrate.array_fit import fit_table
+from fmfts.calibrate.array_set import read_array_set
+from fmfts.calibrate.array_start import starting_table
 from fmfts.calibrate.dataset import read_calibration_set
 from fmfts.calibrate.evaluation import printed
 from fmfts.calibrate.field_evaluate import evaluate_field
@@ -21,7 +26,9 @@ from fmfts.calibrate.field_set import read_field_set
 from fmfts.calibrate.field_table import DataError
 from fmfts.calibrate.labelled_poses import Say
 from fmfts.calibrate.training import Options, calibrate
+from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Pad
+from fmfts.several.field_model import Scene
 
 
 def make_model(
@@ -53,6 +60,59 @@ def make_model(
     say("on the calibration set, as it is:\n" + printed(calibrated.report["on_the_calibration_set"]))
     say("on new presses, with the noise of one frame:\n" + printed(calibrated.report["on_new_presses_with_noise"]))
     return calibrated.report
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayJob:
+    """A pad with several magnets as calibrate and evaluate need it. noise_t: of one frame's value. baseline: a file;
+    None: the pad's own."""
+
+    pad: Pad
+    scene: Scene
+    rate_hz: float
+    noise_t: float
+    pad_size_mm: float
+    baseline: Path | None
+
+
+def make_array_response(source: Path, target: Path, job: ArrayJob, start: Path | None, say: Say) -> dict[str, Any]:
+    """Make a table of presses of a pad with several magnets, as a correction of another one (None: the shipped one).
+
+    Writes it and its report; returns the report. Raises as `make_model`.
+    """
+    report = target.with_suffix(".json")
+    if report == target:
+        raise DataError(f"{target}: the report would have the same name: choose another (MODEL.response)")
+    _require_writable(target)
+    data = read_array_set(source, job.pad, job.pad_size_mm, job.baseline, say)
+    made = fit_table(data, str(source), starting_table(start, job.pad), job.noise_t, say)
+    content = made.response.encoded()
+    model = hashlib.sha256(content).hexdigest()[:12]
+    judged = evaluate_array(data, ArrayModel(made.response, model), job.scene, job.rate_hz, job.noise_t)
+    facts = {
+        "model": model,
+        "file_bytes": len(content),
+        "data": source.name,
+        "data_sha256": data.digest,
+        "baseline": data.baseline,
+        "presses": len(data.press),
+        "corrections": [level.facts() for level in made.levels],
+        "chosen": made.chosen,
+        "force_factor": round(made.force_factor, 4),
+        "largest_force_n": round(made.response.scale_n, 3),
+        "error": made.response.error,
+        "on_the_calibration_set": judged.facts(),
+    }
+    _replace(report, (json.dumps(facts, indent=1) + "\n").encode())
+    _replace(target, content)
+    return facts
+
+
+def evaluate_array_model(source: Path, model: Path, job: ArrayJob, say: Say) -> ArrayEvaluation:
+    """What the model at `model` tells of the presses in `source`. DataError, ModelError as their readers raise them."""
+    loaded = ArrayModel.load(model, job.pad)
+    data = read_array_set(source, job.pad, job.pad_size_mm, job.baseline, say)
+    return evaluate_array(data, loaded, job.scene, job.rate_hz, job.noise_t)
 
 
 def make_field_response(source: Path, target: Path, say: Say) -> dict[str, Any]:

@@ -87,10 +87,10 @@ def read_labelled(
     """Like `read_calibration_set`, for a test set, which may have as few as one press."""
     pad = pad or standard_pad()
     table = read(path, len(pad.sensors))
-    press = _labels(path, table, pad_size_mm)
+    press = labels_of(path, table, pad_size_mm)
     _require_fields(path, table, pad)
     unloaded = (press[:, 2:] == 0.0).all(axis=1)
-    _require_consistent(path, table, press)
+    require_consistent(path, table, press)
     mounting = None if baseline is None else mounting_of(baseline, pad)
     field = table.field_t if mounting is None else np.array([mounting.magnet_field(one) for one in table.field_t])
     loaded = np.flatnonzero(~unloaded)
@@ -123,7 +123,8 @@ def _drawn_field(pad: Pad) -> Array:
     return pad.sensors.to_sensor(cylinder_field(pad.sensors.position_m, pad.rest_position_m, pad.rest_axis, pad.magnet))
 
 
-def _labels(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
+def labels_of(path: Path, table: FieldTable, pad_size_mm: float) -> Array:
+    """(K, 3 or 5) place, force, and shear if a column tells it. DataError for a label that is missing or impossible."""
     shear = [name for name in SHEAR_OUTPUT_ORDER[3:] if name in table.others]
     labels = SHEAR_OUTPUT_ORDER if shear else OUTPUT_ORDER
     missing = [name for name in labels if name not in table.others]
@@ -198,8 +199,8 @@ def _require_one_unit(path: Path, field_t: Array, drawn_t: Array) -> None:
         )
 
 
-def _require_consistent(path: Path, table: FieldTable, press: Array) -> None:
-    """Checks that no field has two different labels, and no label two different fields."""
+def require_consistent(path: Path, table: FieldTable, press: Array) -> None:
+    """DataError for a field with two different labels, or a label with two different fields."""
     by_field: dict[bytes, int] = {}
     by_press: dict[bytes, int] = {}
     for row in np.flatnonzero(press[:, 2] > 0.0).tolist():

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from fmfts.cli import calibrate_fields
+from fmfts.cli import calibrate_array, calibrate_fields
 from fmfts.cli.verb import AddVerb, VerbError, configured_or_standard_pad, lacking, not_written
 from fmfts.cli.workers import add_workers, workers_of
 from fmfts.common import exit_codes
@@ -29,6 +29,12 @@ def add_to(verb: AddVerb) -> None:
     calibrate.add_argument(
         "--hidden", type=int, metavar="N", help="size of the model's layers (default: found by selection)"
     )
+    calibrate.add_argument(
+        "--start",
+        type=Path,
+        metavar="TABLE.response",
+        help="of a pad with several magnets: the table of presses to correct (the shipped one)",
+    )
     add_workers(calibrate, "for the folds by which --hidden is found")
     evaluate = verb("evaluate", _evaluate, "compare a contact model's answers with a CSV file of labelled fields")
     evaluate.add_argument("data", type=Path, metavar="TEST.csv")
@@ -48,7 +54,12 @@ def add_to(verb: AddVerb) -> None:
             "--pad", metavar="NAME", help="pad with this geometry and magnet; needed if there are several"
         )
         added.add_argument("--pad-size-mm", type=float, default=40.0, metavar="MM", help="edge of the square pad (40)")
-        added.add_argument("--baseline", type=Path, metavar="FILE", help="the fields are raw: subtract this baseline")
+        added.add_argument(
+            "--baseline",
+            type=Path,
+            metavar="FILE",
+            help="the fields are raw: subtract this baseline (of several magnets: that of these presses)",
+        )
         added.add_argument(
             "--noise-ut", type=float, default=0.2, metavar="UT", help="noise of a field value (0.2: 2 mG)"
         )
@@ -58,7 +69,11 @@ def add_to(verb: AddVerb) -> None:
 def _calibrate(options: argparse.Namespace) -> int:
     if calibrate_fields.is_of_fields(options.data):
         return calibrate_fields.calibrate(options)
-    pad = configured_or_standard_pad(options)
+    pad = configured_or_standard_pad(options, several=True)
+    if pad.other_magnets:
+        return calibrate_array.calibrate(options, pad, _noise_t(options))
+    if options.start is not None:
+        raise VerbError(exit_codes.USAGE, f"--start is for pads with several magnets, and pad {pad.name!r} has one")
     try:
         from fmfts.calibrate.command import make_model
         from fmfts.calibrate.training import Options
@@ -107,7 +122,9 @@ def _calibrate(options: argparse.Namespace) -> int:
 def _evaluate(options: argparse.Namespace) -> int:
     if options.model is not None and calibrate_fields.is_response(Path(options.model)):
         return calibrate_fields.evaluate(options)
-    pad = configured_or_standard_pad(options)
+    pad = configured_or_standard_pad(options, several=True)
+    if pad.other_magnets:
+        return calibrate_array.evaluate(options, pad, _noise_t(options))
     try:
         from fmfts.calibrate.evaluate import evaluate
     except ImportError as error:

@@ -11,6 +11,7 @@ from fmfts.cli.verb import VerbError, lacking, not_written
 from fmfts.common import exit_codes
 from fmfts.common.reading import read_regular
 
+OF_COLLECT = "first_frame_ns"
 MARK, MARK_WITHIN = b"fmfts field response", 64
 
 
@@ -20,7 +21,9 @@ def is_of_fields(data: Path) -> bool:
         header = read_regular(data, 10_000).split(b"\n", 1)[0].decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return False  # the other way says what is wrong
-    return bool({"depth_mm", "shear_n", "rest", "recording"} & {name.strip(' "\r') for name in header.split(",")})
+    names = {name.strip(' "\r') for name in header.split(",")}
+    # A table that `collect` wrote names the recording of its frames; such a pad's magnets are known.
+    return bool({"depth_mm", "shear_n", "rest", "recording"} & names) and OF_COLLECT not in names
 
 
 def is_response(model: Path) -> bool:

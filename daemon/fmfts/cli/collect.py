@@ -37,7 +37,7 @@ def _collect(options: argparse.Namespace) -> int:
     from fmfts.config.file import load
     from fmfts.view.facts import print_facts
 
-    pad = configured_pad(options)
+    pad = configured_pad(options, several=True)
     config, _ = load(options.config)
     # Signals that end the program lift the rod first. Ctrl-Z would stop the program with the rod down: ignore it.
     for number in (signal.SIGTERM, signal.SIGHUP):

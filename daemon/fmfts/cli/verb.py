@@ -89,10 +89,13 @@ def pad_named(config: Config, name: str | None) -> PadConfig:
     return known[name]
 
 
-def configured_pad(options: argparse.Namespace) -> PadConfig:
-    """The pad with one magnet that `--config` and `--pad` name. Raises VerbError."""
+def configured_pad(options: argparse.Namespace, several: bool = False) -> PadConfig:
+    """The pad that `--config` and `--pad` name, with one magnet, or with several where the verb can do such a pad.
+
+    Raises VerbError.
+    """
     pad = pad_named(configuration(options), options.pad)
-    if pad.other_magnets:
+    if pad.other_magnets and not several:
         raise VerbError(
             exit_codes.CONFIG,
             f"pad {pad.name!r} holds {len(pad.other_magnets) + 1} magnets, and this verb is for pads with one: "
@@ -107,7 +110,7 @@ def configured_pad(options: argparse.Namespace) -> PadConfig:
     return pad
 
 
-def configured_or_standard_pad(options: argparse.Namespace) -> PadConfig:
+def configured_or_standard_pad(options: argparse.Namespace, several: bool = False) -> PadConfig:
     """The same; without any configuration, the standard pad. Raises VerbError."""
     from fmfts.config import PadConfig, SimulatedSource
     from fmfts.config.file import is_there_any
@@ -115,7 +118,7 @@ def configured_or_standard_pad(options: argparse.Namespace) -> PadConfig:
     if options.config is None and options.pad is None and not is_there_any():
         log.info("no configuration: the standard pad")
         return PadConfig(name="standard", source=SimulatedSource())
-    return configured_pad(options)
+    return configured_pad(options, several)
 
 
 def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmfts.baseline import BaselineError, Mounting
+from fmfts.baseline.array_mounting import ArrayMounting, moved_since
 from fmfts.baseline.recording import Recording, summarise
 from fmfts.collect.errors import RefusedError
 from fmfts.collect.gauge import Reading
 from fmfts.common.chi2 import quantile
-from fmfts.pad import Pad
+from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, solve
 from fmfts.sensor import Frame
 
@@ -69,26 +70,33 @@ class Unmoved:
     """Limits of an untouched pad's deviation from its baseline."""
 
     pad: Pad
-    mounting: Mounting
+    mounting: Mounting | ArrayMounting
     baseline_id: str
     moved_limit_m: float
     ambient_limit_t: float
 
     def require(self, unloaded: Averaged) -> None:
         """Raise RefusedError, with the deviation, where magnet or ambient field differ too much from the baseline."""
-        mounting, again = self.mounting, "record the baseline again (fmfts-daemon baseline --rest), then go on"
-        field = mounting.magnet_field(unloaded.field.mean_t)
-        deviation = unloaded.field.mean_deviation_t
-        estimate = solve(field, mounting.mounted(self.pad), mounting.rest, deviation_t=deviation, free=FREE_FIELD)
-        x, y, z = moved = (estimate.position_m - mounting.rest.position_m) * 1e3
+        again = "record the baseline again (fmfts-daemon baseline --rest), then go on"
+        moved_m, ambient_change_t = self._since_baseline(unloaded)
+        x, y, z = moved = moved_m * 1e3
         if not np.linalg.norm(moved) <= self.moved_limit_m * 1e3:
             raise RefusedError(
                 f"the pad has moved, or something touches it: its magnet is ({x:+.3f}, {y:+.3f}, {z:+.3f}) mm away "
                 f"from where baseline {self.baseline_id} found it (limit {self.moved_limit_m * 1e3:g} mm): {again}"
             )
-        ambient_t = float(np.abs(estimate.state.ambient_t).max())
+        ambient_t = float(np.abs(ambient_change_t).max())
         if not ambient_t <= self.ambient_limit_t:
             raise RefusedError(
                 f"the ambient field has changed by {ambient_t * 1e6:.1f} µT since baseline {self.baseline_id} (limit "
                 f"{self.ambient_limit_t * 1e6:g} µT): was the pad turned, or steel moved? {again[0].upper()}{again[1:]}"
             )
+
+    def _since_baseline(self, unloaded: Averaged) -> tuple[Array, Array]:
+        """How far the magnet has moved (3,), of several the one that moved most, and the ambient field changed (3,)."""
+        mounting = self.mounting
+        if isinstance(mounting, ArrayMounting):
+            return moved_since(mounting, unloaded.field)
+        field, deviation = mounting.magnet_field(unloaded.field.mean_t), unloaded.field.mean_deviation_t
+        estimate = solve(field, mounting.mounted(self.pad), mounting.rest, deviation_t=deviation, free=FREE_FIELD)
+        return estimate.position_m - mounting.rest.position_m, estimate.state.ambient_t

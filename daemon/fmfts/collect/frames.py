@@ -20,8 +20,9 @@ from fmfts.collect.clock import Clock
 from fmfts.collect.errors import RefusedError
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError, NoContactModel
+from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.no_model import NO_MODEL, no_model_for
-from fmfts.pipeline.configured import load_contact_model, pipeline_of
+from fmfts.pipeline.configured import load_array_model, load_contact_model, pipeline_of
 from fmfts.pipeline.snapshot import state_message
 from fmfts.recording.file import RecordingError, RecordingWriter
 from fmfts.sensor import Frame
@@ -54,7 +55,8 @@ class Frames:
             if self._writer is None:
                 self._writer = RecordingWriter(self.path)
                 state = start_of_replay(self._pad, self._baseline, self._boot)
-                self._writer.add("state", self._pad.name, msgspec.to_builtins(state, builtin_types=(bytes,)))
+                if state is not None:
+                    self._writer.add("state", self._pad.name, msgspec.to_builtins(state, builtin_types=(bytes,)))
             for frame in frames:
                 utc_ns = frame.host_time_ns + self._utc_ahead_ns
                 message = frame_message(frame, self._pad.name, self._boot, utc_ns)
@@ -64,9 +66,15 @@ class Frames:
             raise RefusedError(f"{error}: make room, then go on with the same command") from error
 
 
-def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage:
-    """The state from which a replay starts; without place and force where no contact model fits the pad."""
-    pipeline = pipeline_of(pad, _fitting_model(pad), boot)
+def start_of_replay(pad: PadConfig, baseline: Baseline, boot: str) -> StateMessage | None:
+    """The state from which a replay starts; without place and force where no contact model fits the pad.
+
+    None for a pad with several magnets that no table of presses fits: such a pad tells nothing without one.
+    """
+    model = _fitting_array_model(pad) if pad.other_magnets else _fitting_model(pad)
+    if model is None:
+        return None
+    pipeline = pipeline_of(pad, model, boot)
     pipeline.use(baseline)
     return state_message(pipeline, pad, boot)
 
@@ -78,6 +86,15 @@ def _fitting_model(pad: PadConfig) -> ContactModel | NoContactModel:
         except ModelError:
             continue
     return no_model_for(pad.contact.model)
+
+
+def _fitting_array_model(pad: PadConfig) -> ArrayModel | None:
+    for path in (pad.contact.model, "default"):
+        try:
+            return load_array_model(pad, path)
+        except ModelError:
+            continue
+    return None
 
 
 def _next_path(table: Path) -> Path:

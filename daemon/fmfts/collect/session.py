@@ -11,6 +11,7 @@ from itertools import groupby
 import numpy as np
 
 from fmfts.baseline import Mounting
+from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.collect.average import Averaged, RowError, Unmoved, average, require_touched
 from fmfts.collect.errors import CollectError, StoppedError
 from fmfts.collect.frames import Frames
@@ -161,7 +162,9 @@ class Session:
         return float(force_n)
 
 
-def row_of(press: Press, averaged: Averaged, force_n: float, mounting: Mounting, identity: Identity) -> Row:
+def row_of(
+    press: Press, averaged: Averaged, force_n: float, mounting: Mounting | ArrayMounting, identity: Identity
+) -> Row:
     """The table's row of a press: the magnet's part of the mean field, the force, and where they come from."""
     return Row(
         press=press.number,

@@ -91,7 +91,7 @@ def unmoved_since_baseline(drawing: Pad, settings: CollectConfig) -> Unmoved:
     baseline = recorded_rest(drawing)
     return Unmoved(
         drawing,
-        baseline.mounting(drawing),
+        baseline.array_mounting(drawing) if drawing.other_magnets else baseline.mounting(drawing),
         baseline.id,
         settings.moved_limit_mm * 1e-3,
         settings.ambient_limit_ut * 1e-6,

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 CHANGE = 5
 FORMAT = "fmfts array response 1"
 LARGEST_BYTES = 16_000_000
+# Of the change of a pose, relative: of the table that ships (docs/results/several.md).
+SHIPPED_ERROR, LARGEST_ERROR = 0.005, 0.2
 
 
 class ResponseError(ValueError):
@@ -43,8 +45,9 @@ class Pressed(NamedTuple):
     laplacian: Array
 
 
-class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file, in msgpack. coefficient, shear: little-endian doubles; shape: of the coefficients."""
+class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The file, in msgpack. coefficient, shear: little-endian doubles; shape: of the coefficients. error: as in
+    ArrayResponse; left out of the table that ships."""
 
     format: str
     geometry_hash: str
@@ -54,6 +57,7 @@ class _Stored(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     shape: tuple[int, int, int, int]
     coefficient: bytes
     shear: bytes
+    error: float = SHIPPED_ERROR
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ class ArrayResponse:
     """first_mm, spacing_mm: the knots along x and along y, X of them. scale_n: the table's largest normal force.
 
     coefficient (X + 2, X + 2, T, P): of F, F² … F^T. shear (X + 2, X + 2, 2, P): per newton along x and y.
-    geometry_hash: of the pad that it was made for.
+    geometry_hash: of the pad that it was made for. error: deviation of a change of pose, relative to it.
     """
 
     first_mm: float
@@ -70,6 +74,7 @@ class ArrayResponse:
     coefficient: Array
     shear: Array
     geometry_hash: str
+    error: float = SHIPPED_ERROR
 
     @property
     def last_mm(self) -> float:
@@ -150,6 +155,7 @@ class ArrayResponse:
             self.coefficient.shape,
             np.ascontiguousarray(self.coefficient, "<f8").tobytes(),
             np.ascontiguousarray(self.shear, "<f8").tobytes(),
+            self.error,
         )
         return msgspec.msgpack.encode(stored)
 
@@ -174,9 +180,12 @@ class ArrayResponse:
                 np.frombuffer(stored.coefficient, "<f8").reshape(stored.shape),
                 np.frombuffer(stored.shear, "<f8").reshape(width, width, 2, numbers),
                 stored.geometry_hash,
+                stored.error,
             )
             if not (np.isfinite(response.coefficient).all() and np.isfinite(response.shear).all()):
                 raise ValueError("its table contains NaN or infinity")
             if not (response.spacing_mm > 0.0 and response.scale_n > 0.0 and np.isfinite(response.first_mm)):
                 raise ValueError("its knots or its largest force are impossible")
+            if not 0.0 < response.error <= LARGEST_ERROR:
+                raise ValueError("its error is impossible")
             return response

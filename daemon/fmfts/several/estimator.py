@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import NamedTuple
 
@@ -25,8 +25,10 @@ from fmfts.several import reasons
 from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
+from fmfts.several.hidden import hidden_variance
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
 from fmfts.several.recovery import Recovery
+from fmfts.several.scan import Another
 from fmfts.several.sighted import poses_of, sighted
 
 Array = NDArray[np.float64]
@@ -37,6 +39,8 @@ SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
 # One finger is doubted where χ² is so large, and another one would lower it by so much: too little to tell two, but of
 # frames of one finger one in ten thousand has it (docs/results/several.md).
 DOUBTED, DOUBTED_GAIN = 0.005, 20.0
+# A finger that may hide beside one is looked for in the half of the healthy frames that one explains less well.
+EXPLAINED_WELL = 0.5
 # After so many frames in a row that nothing explains, fingers are searched in each tenth frame only.
 SEARCHED_FRAMES, SEARCHED_EVERY = 20, 10
 # After so many frames in a row in which a sensor that was left out agrees again, it is used again.
@@ -230,9 +234,12 @@ class FingersEstimator:
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
         health, reason = reasons.health_of_axes(used, missing, memory.left_out)
-        if len(fit.fingers) == 1 and self._gain_of_another(fit, used, measured, DOUBTED) > DOUBTED_GAIN:
-            health, reason = "degraded", "; ".join(filter(None, (reason, reasons.MAYBE_TWO)))
         over_range = self._is_over_range(fit)
+        if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
+            if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:
+                health, reason = "degraded", "; ".join(filter(None, (reason, reasons.MAYBE_TWO)))
+            hidden = np.diag(hidden_variance(fit.fingers[0], another))
+            fit = replace(fit, covariance=fit.covariance + hidden)
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, measured.only(used))
 
     def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
@@ -244,15 +251,16 @@ class FingersEstimator:
 
     def _is_third(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, odd: Odd | None) -> bool:
         """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
-        gain = self._gain_of_another(fit, used, measured, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else 0.0
+        another = self._another(fit, used, measured, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else None
+        gain = 0.0 if another is None else float(another.gain.max())
         return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
 
-    def _gain_of_another(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, suspicious: float) -> float:
-        """By how much one more finger lowers χ²; 0 where more than `suspicious` of healthy frames have such a χ²."""
+    def _another(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, suspicious: float) -> Another | None:
+        """What one more finger would explain; None where more than `suspicious` of healthy frames have such a χ²."""
         if fit.chi2 <= limit(suspicious, used, fit):
-            return 0.0
+            return None
         seen = measured.only(used)
-        return self.fitter.gain_of_another(self.fitter.whitener(fit.fingers, seen, self._around_t), fit, seen)
+        return self.fitter.another(self.fitter.whitener(fit.fingers, seen, self._around_t), fit, seen)
 
     def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""

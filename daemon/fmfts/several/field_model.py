@@ -39,8 +39,6 @@ MM = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])  # from the response's units to SI, 
 # 4 or 8 mm, by 4 mm² for one of 10 mm. Half of that times the Laplacian is the change.
 PATCH_MM2 = 1.0
 SMALLEST_M = 1e-9
-# Of the table, relative: docs/results/several.md.
-RESPONSE_ERROR = 0.005
 # Adding up fingers errs by 15 µm of 800 at 2 × 0.5 N, by 40 µm at 2 × 1 N (docs/results/several.md): with the product
 # of two forces.
 SUM_ERROR_PER_N = 0.02
@@ -217,7 +215,7 @@ class FieldModel:
         """(5M,) deviation of each number of pose, in the response's units."""
         variance = np.zeros(len(self._si))
         for one in predicted.pressed:
-            variance = variance + square(RESPONSE_ERROR * one.change)
+            variance = variance + square(self.response.error * one.change)
         for i, one in enumerate(predicted.pressed):
             for j, other in enumerate(predicted.pressed[:i]):
                 both = np.abs(one.change) * fingers[j, 2] + np.abs(other.change) * fingers[i, 2]
@@ -242,7 +240,7 @@ class FieldModel:
             "moment": scene.moment,
             "friction": scene.friction,
             "patch_mm2": PATCH_MM2,
-            "response_error": RESPONSE_ERROR,
+            "response_error": response.error,
             "sum_error_per_n": SUM_ERROR_PER_N,
         }.items():
             head.put(name, number)

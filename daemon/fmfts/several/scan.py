@@ -9,6 +9,8 @@ white (L⁻¹·t, L⁻¹·f), a = t·f and s = t·t, one finger lowers χ² by a
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,17 @@ APART_MM = 8.0  # fingers that are nearer to each other are one: a wide patch lo
 STARTS = 3  # so many of the best pairs are followed to their minimum
 LEAST = 1e-9  # the normal matrix of a finger without force: its place says nothing
 NEAR_MM = 1.5 * GRID_MM  # a pair that is nowhere farther than this from a better one leads to the same minimum
+
+
+class Another(NamedTuple):
+    """One more finger at each of G places beside K others. places (G, 3). gain (G,): by how much it lowers χ² at most;
+    0 where it would pull, or is too near. force (G,): its own then. by_force (3K, G): how far a newton of it moves the
+    others, the other way."""
+
+    places: Array
+    gain: Array
+    force: Array
+    by_force: Array
 
 
 class Scan:
@@ -92,7 +105,8 @@ class Scan:
         A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
         only as its share of a press of 1 N. predicted: of the first finger.
         """
-        gain, force = self._gain_beside(root, finger, predicted, measured)
+        another = self.another(root, finger, predicted, measured)
+        gain, force = another.gain, another.force
         starts: list[Array] = []
         for best in np.argsort(-gain, kind="stable"):
             if gain[best] <= 0.0 or len(starts) == most:
@@ -103,14 +117,8 @@ class Scan:
                 starts.append(np.stack([finger[0], place]))
         return starts
 
-    def gain_of_another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> float:
-        """By how much another finger beside `fingers` (K, 3), which may move a little for it, lowers χ² at most."""
-        return float(self._gain_beside(root, fingers, predicted, measured)[0].max())
-
-    def _gain_beside(
-        self, root: Array, fingers: Array, predicted: Predicted, measured: Measured
-    ) -> tuple[Array, Array]:
-        """By how much one more finger at each place of the grid lowers χ² (G,), and its force there (G,)."""
+    def another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> Another:
+        """One more finger at each place of the grid beside `fingers` (K, 3), which may move a little for it."""
         templates, _ = self.white(root, measured)
         used = measured.used
         white = solve_lower(root, (measured.field_t - predicted.field_t)[used])
@@ -118,12 +126,14 @@ class Scan:
         # What a small move of the others explains as well is no sign of one more.
         both = np.column_stack([templates.T, white])
         normal = product(slope.T, slope) + LEAST * np.eye(slope.shape[1])
-        left = both - product(slope, solve(normal, product(slope.T, both)))
+        moved = solve(normal, product(slope.T, both))
+        left = both - product(slope, moved)
         along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
         apart = self.places[:, None, :2] - fingers[None, :, :2]
         far = ((apart * apart).sum(axis=2) >= APART_MM * APART_MM).all(axis=1)
         size = np.where(size > 0.0, size, 1.0)
-        return np.where((along > 0.0) & far, along * along / size, 0.0), along / size
+        gain = np.where((along > 0.0) & far, along * along / size, 0.0)
+        return Another(self.places, gain, along / size, moved[:, :-1])
 
     def white(self, root: Array, measured: Measured) -> tuple[Array, Array]:
         """The templates (G, used) and the field (used,), in units of their own errors."""

@@ -15,7 +15,14 @@ from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
-from fmfts_lab.bench import several_beside, several_drills, several_merged, several_speed
+from fmfts_lab.bench import (
+    several_beside,
+    several_calibrated,
+    several_doubted,
+    several_drills,
+    several_merged,
+    several_speed,
+)
 from fmfts_lab.bench.several_world import (
     BUILT,
     BY_HAND,
@@ -70,11 +77,16 @@ def run(options: Namespace) -> None:
         (options.speed, several_speed),
         (options.drills, several_drills),
         (options.merged, several_merged),
+        (options.doubted, several_doubted),
         (options.beside, several_beside),
+        (options.calibrated, several_calibrated),
     ):
         if asked:
             other.run(options)
             return
+    if options.above:
+        several_merged.run_above(options)
+        return
     print(HEAD)
     for name, tolerance, forces, apart_mm in (
         ("as drawn, 1 + 1 N, 9 mm apart", EXACT, (1.0, 1.0), 9.0),

@@ -17,10 +17,11 @@ from fmfts.pad import Array, SensorArray, Tolerance, rotation_from_vector
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.sensor.chips.hmc5983 import HMC5983
-from fmfts.several.count import FingerCounter
-from fmfts.several.estimator import FingersEstimator, FingersReading
+from fmfts.several.count import CounterMemory, FingerCounter
+from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
 from fmfts.several.field_model import MM, FieldModel, Scene
 from fmfts.several.fit import Fitter, Measured
+from fmfts.several.recovery import Recovery
 from fmfts_lab.finite_elements.array_model import array_config
 
 NOISE_T = HMC5983.noise_t
@@ -149,11 +150,17 @@ def world(seed: int, tolerance: Tolerance, friction: float = SCENE.friction) -> 
     )
 
 
-def read_once(one: World, change: Array) -> FingersReading:
+def estimator_of(one: World) -> FingersEstimator:
+    """For `read_once`: a pad's estimator takes longer to make than to read a frame."""
+    without_end = np.full(one.gain.shape, np.inf)
+    pad = array_config().pad()
+    return FingersEstimator(pad, one.mounting, one.response, SCENE, RATE_HZ, without_end, 0.0, None)
+
+
+def read_once(one: World, change: Array, estimator: FingersEstimator | None = None) -> FingersReading:
     """What a pad says of one frame, without what was before."""
-    shape, pad = one.gain.shape, array_config().pad()
-    without_end = np.full(shape, np.inf)
-    estimator = FingersEstimator(pad, one.mounting, one.response, SCENE, RATE_HZ, without_end, 0.0, None)
+    shape, estimator = one.gain.shape, estimator or estimator_of(one)
+    estimator.recall(FingersMemory(CounterMemory(), Recovery(np.zeros(one.gain.size))))
     field = one.sensed(change, one.ambient_t)
     aligned = Aligned(field, np.ones((shape[0], 1)), np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
     return estimator.read(aligned, None, {})

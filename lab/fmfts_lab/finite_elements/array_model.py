@@ -19,6 +19,7 @@ from fmfts.contact.array_model import ARRAY_PATH, STANDARD_SENSORS_MM
 from fmfts.contact.array_response import CHANGE, ArrayResponse
 from fmfts.pad import Array
 from fmfts.simulation.mechanics import spline_collocation
+from fmfts.simulation.slab import Slab
 from fmfts_lab.finite_elements.array_presses import PLACES_M, array_slab, columns_of
 from fmfts_lab.finite_elements.reciprocity import Influence
 
@@ -98,14 +99,26 @@ def response_of(path: Path, geometry_hash: str) -> ArrayResponse:
 
 def linear_shear(knots_mm: Array) -> Array:
     """(X, X, 2, 20) change per newton along x and y, for small strains."""
-    influence = Influence.of(array_slab())
-    first = np.array([[influence.of_patch(x * 1e-3, y * 1e-3)[:2] for y in knots_mm] for x in knots_mm])
+    whole = _linear(array_slab(), knots_mm)
+    signs = np.repeat(np.sign(PLACES_M), CHANGE, axis=0).T
+    return np.asarray(whole[:, :, :2] * signs)
+
+
+def linear_normal(slab: Slab, knots_mm: Array) -> Array:
+    """(X, X, 20) change per newton of normal force, for small strains, of such a slab with the magnets of this pad."""
+    return np.asarray(-_linear(slab, knots_mm)[:, :, 2])
+
+
+def _linear(slab: Slab, knots_mm: Array) -> Array:
+    """(X, X, 3, 20) change per newton along x, y and z, the former as they are by the first magnet's corner."""
+    influence = Influence.of(slab)
+    first = np.array([[influence.of_patch(x * 1e-3, y * 1e-3) for y in knots_mm] for x in knots_mm])
     first = first * np.array([1e3, 1e3, 1e3, 1.0, 1.0])
     magnets = []
     for x, y in PLACES_M:
         sign = np.sign([x, y])
         mirror = first[:: int(sign[0]), :: int(sign[1])]
-        magnets.append(mirror * [sign[0], sign[1], 1.0, sign[0], sign[1]] * sign[:, None])
+        magnets.append(mirror * [sign[0], sign[1], 1.0, sign[0], sign[1]])
     return np.concatenate(magnets, axis=3)
 
 

@@ -1,0 +1,158 @@
+"""Reads labelled presses of a pad with several magnets: what each one did to the field of its magnets."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fmfts import baseline as baselines
+from fmfts.baseline import Baseline, BaselineError
+from fmfts.baseline.array_mounting import ArrayMounting
+from fmfts.baseline.files import StateError, stored
+from fmfts.calibrate.dataset import LARGEST_RATIO, labels_of, require_consistent
+from fmfts.calibrate.field_table import DataError, FieldTable, field_columns, read
+from fmfts.pad import Array, Pad
+
+Say = Callable[[str], None]
+# Deviations of a label: a stage's place, and the share of the force that a gauge is off.
+PLACE_MM, FORCE_SHARE, FORCE_N = 0.05, 0.01, 0.005
+# Of the ambient field along each axis: since the last row of the untouched pad, and since the baseline.
+AMBIENT_AFTER_REST_T, AMBIENT_T = 3e-7, 1e-5
+OF_COLLECT = "baseline"  # the column of a table that `collect` wrote
+
+
+@dataclass(frozen=True, slots=True)
+class ArraySet:
+    """K presses on one mounted pad.
+
+    press (K, 5): x and y in mm, force, and shear along x and y in N. press_deviation (K, 3): of place and force.
+    change_t (K, 3N): of the magnets' field, since rest, in sensor axes. ambient_t (K,): deviation of an ambient field
+    that may be left in it. line (K,): its line in the file. digest: SHA-256 of the file. baseline: its id.
+    """
+
+    pad: Pad
+    mounting: ArrayMounting
+    press: Array
+    press_deviation: Array
+    change_t: Array
+    ambient_t: Array
+    line: tuple[int, ...]
+    digest: str
+    baseline: str
+
+    @property
+    def has_shear(self) -> bool:
+        return bool(self.press[:, 3:].any())
+
+
+def read_array_set(path: Path, pad: Pad, pad_size_mm: float, baseline: Path | None, say: Say) -> ArraySet:
+    """Read columns x_mm, y_mm, force_n (shear_x_n, shear_y_n) and b1x_ut …
+
+    The fields are as recorded. In a table that `collect` wrote they are those of the magnets, by the baseline that its
+    rows name. baseline: a file; None: the pad's own. Raises DataError, which names file, row and column.
+    """
+    recorded = baseline_of(baseline, pad)
+    try:
+        mounting = recorded.array_mounting(pad)
+    except BaselineError as error:
+        raise DataError(str(error)) from error
+    table = read(path, len(pad.sensors))
+    table = _of_this_baseline(path, table, recorded.id, say)
+    press = labels_of(path, table, pad_size_mm)
+    require_consistent(path, table, press)
+    press = np.concatenate([press, np.zeros((len(press), 5 - press.shape[1]))], axis=1)
+    if OF_COLLECT in table.others:
+        field_t, rest_t = table.field_t, mounting.rest_field_t
+    else:
+        field_t, rest_t = table.field_t / mounting.gain, mounting.rest_field_t + mounting.offset_t
+    _require_fields(path, table, field_t, rest_t)
+    untouched = (press[:, 2:] == 0.0).all(axis=1)
+    change_t, ambient_t = np.empty((len(press), 3 * len(pad.sensors))), np.full(len(press), AMBIENT_T)
+    for row in range(len(press)):
+        if untouched[row]:
+            rest_t, ambient_t[row:] = field_t[row], AMBIENT_AFTER_REST_T
+        change_t[row] = (field_t[row] - rest_t).ravel()
+    rows = np.flatnonzero(~untouched)
+    if not len(rows):
+        raise DataError(f"{path}: column force_n is zero in every row: there is no press to learn from")
+    spread_n = _column(path, table, "force_sd_n")
+    force_n = np.sqrt(np.square(FORCE_SHARE * press[:, 2]) + np.square(np.maximum(spread_n, FORCE_N)))
+    deviation = np.column_stack([np.full((len(press), 2), PLACE_MM), force_n])
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    lines = tuple(table.line[row] for row in rows)
+    return ArraySet(
+        pad, mounting, press[rows], deviation[rows], change_t[rows], ambient_t[rows], lines, digest, recorded.id
+    )
+
+
+def baseline_of(path: Path | None, pad: Pad) -> Baseline:
+    """The baseline in a file, or the pad's own if None. DataError where it cannot be used, or rest is not in it."""
+    try:
+        found = stored(pad) if path is None else baselines.load(path, pad)
+    except (BaselineError, StateError) as error:
+        raise DataError(str(error)) from error
+    if found is None or found.rest is None:
+        which = f"pad '{pad.name}'" if path is None else str(path)
+        raise DataError(
+            f"{which}: there is no baseline with the pad at rest, which tells where its magnets are: give the one that "
+            "the presses were recorded with (--baseline FILE), or record it: fmfts-daemon baseline --rest"
+        )
+    return found
+
+
+def _of_this_baseline(path: Path, table: FieldTable, own: str, say: Say) -> FieldTable:
+    """Without rows that `collect` wrote with another baseline: where the magnets were then is not known."""
+    if OF_COLLECT not in table.others:
+        return table
+    named = table.others[OF_COLLECT]
+    rows = [row for row, name in enumerate(named) if name.strip() == own]
+    others = sorted({name for name in named if name.strip() != own})
+    if not rows:
+        raise DataError(
+            f"{path}: column {OF_COLLECT}: was collected with {', '.join(others)}, not with baseline {own}: give that "
+            "file with --baseline (the state folder keeps the one before, too)"
+        )
+    if others:
+        say(
+            f"{path}: {len(named) - len(rows)} of {len(named)} rows are of baseline {', '.join(others)}, not of {own}: "
+            "left out"
+        )
+    kept = {name: [cells[row] for row in rows] for name, cells in table.others.items()}
+    return FieldTable(table.field_t[rows], kept, [table.line[row] for row in rows])
+
+
+def _require_fields(path: Path, table: FieldTable, field_t: Array, rest_t: Array) -> None:
+    names = field_columns(len(rest_t))
+    absent = np.argwhere(~np.isfinite(field_t.reshape(len(field_t), -1)))
+    if len(absent):
+        row, column = absent[0]
+        raise DataError(f"{path}: row {table.line[row]}, column {names[column]}: no number; leave the row out")
+    ratios = np.linalg.norm(field_t, axis=(1, 2)) / np.linalg.norm(rest_t)
+    wrong = np.flatnonzero((ratios > LARGEST_RATIO) | (ratios < 1.0 / LARGEST_RATIO))
+    if len(wrong):
+        row = wrong[0]
+        raise DataError(
+            f"{path}: row {table.line[row]}, columns {names[0]} … {names[-1]}: the field is {ratios[row]:.3g} times "
+            f"that of the pad at rest, in {len(wrong)} of {len(ratios)} rows: are these columns in µT, raw, and of "
+            "this pad and baseline?"
+        )
+
+
+def _column(path: Path, table: FieldTable, name: str) -> Array:
+    """(K,) of numbers; zeros where the column is not there."""
+    cells = table.others.get(name)
+    if cells is None:
+        return np.zeros(len(table.line))
+    values = np.empty(len(cells))
+    for row, cell in enumerate(cells):
+        try:
+            values[row] = float(cell) if cell.strip() else 0.0
+        except ValueError:
+            values[row] = np.nan
+        if not 0.0 <= values[row] < np.inf:
+            raise DataError(f"{path}: row {table.line[row]}, column {name}: {cell!r} is no deviation: zero or more")
+    return values
