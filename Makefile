@@ -2,7 +2,7 @@
 #              FINGERS=2: four magnets, two fingers that meet and part; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
-# make chips-for-a-day   every driver on its emulated chips for a day of their time: an hour for each chip
+# make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
