@@ -17,12 +17,13 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-for folder in (".", "firmware/fuzz"):
-    sys.path.insert(0, str(Path(__file__).parents[1] / folder))
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "firmware/fuzz"))
+
+from python_decoder import damaged
 
 from emulator.anyskin_board import binary, quantised, text
 from fmfts.sensor.anyskin.packets import BinaryStream, Packet, TextStream
-from python_decoder import damaged
 
 MAGNETOMETERS, BEFORE, BEHIND = 5, 2, 4
 STREAMS = {"binary": (binary, BinaryStream), "text": (text, TextStream)}
