@@ -2,7 +2,8 @@
 #              FINGERS=2: four magnets, two fingers that meet and part; PAPER=1: the
 #              paper's forty readings through the firmware's own code; FIRMWARE=1: a finger on an emulated STM32 board;
 #              HAND=1: five boards on a page in a browser, beside what a fixed baseline would say)
-# make chips-for-a-day   every driver on its emulated chips for a day of their time: an hour for each chip
+# make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
+# make mould   the mould of a pad for a printer, as STL: needs OpenSCAD
 # make chips-page   write docs/chips.md anew from the chips' descriptions
 # make transcript   type the first use of README on the firmware's host build, and write what is said into README
 # make page-drills  the page under load: many pads, pages and strangers, an hour's run, the first use of a board
@@ -41,10 +42,10 @@ BASE_PACKAGES := $(shell $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || ec
 	$(shell $(PYTHON) -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' 2>/dev/null || echo python3-dev)
 missing_packages = $(foreach package,$(1),$(shell dpkg-query -W -f '$${Status}' $(package) 2>/dev/null | grep -q 'ok installed' || echo $(package)))
 # Packages for tests. umockdev emulates the kernel's I2C interface, and needs the system's own Python (python3-gi).
-TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
+TEST_PACKAGES := $(call missing_packages,umockdev gir1.2-umockdev-1.0 python3-gi faketime g++ openscad gcc-arm-none-eabi clang libclang-rt-dev lld libnewlib-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user systemd libzmq3-dev cmake pkg-config chromium)
 
 .PHONY: demo test lint unit processes clock slow long bench cold-starts clean wheel
-.PHONY: transcript recordings model pictures chips-page
+.PHONY: transcript recordings model pictures chips-page mould
 .PHONY: chaos chips-for-a-day fuzz fuzz-files page-drills collect-chain collect-drills test-versions test-firmware-long
 .PHONY: firmware firmware-for-tests base-packages test-packages
 
@@ -65,6 +66,14 @@ endif
 
 chips-for-a-day: $(VENV)/.installed-test
 	$(BIN)/python tests/drills/chips_for_a_day.py $(CHIPS_FOR_A_DAY)
+
+# The mould of docs/build-a-pad.md for a printer: build/mould-tray.stl and -lid.stl. Another pad: MOULD="-D pad_size=[30,30,4]".
+MOULD ?=
+mould:
+	@$(call need,$(call missing_packages,openscad),exit 1)
+	@mkdir -p build
+	openscad -q -o build/mould-tray.stl -D 'part="tray"' $(MOULD) hardware/mould.scad
+	openscad -q -o build/mould-lid.stl -D 'part="lid"' $(MOULD) hardware/mould.scad
 
 chips-page: $(VENV)/.installed-test
 	$(BIN)/python -m fmfts_lab.study.chips_page
@@ -126,6 +135,7 @@ cold-starts: $(VENV)/.installed
 # A million inputs to each decoder: the firmware's under libFuzzer (ten minutes), the daemon's and the C client's.
 fuzz: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/firmware/fuzz/python_decoder.py --inputs 1000000
+	$(BIN)/python tests/drills/anyskin_fuzz.py --inputs 1000000
 	$(MAKE) -C firmware fuzz
 	$(MAKE) fuzz-c-client
 

@@ -1,5 +1,5 @@
 // A mould for the pad of config.toml: a tray, and a lid whose pin leaves the magnet's place. Millimetres.
-// openscad -o tray.stl -D 'part="tray"' mould.scad        openscad -o lid.stl -D 'part="lid"' mould.scad
+// `make mould` makes both parts as STL.
 
 part = "both";              // "tray", "lid" or "both"
 pad_size = [40, 40, 4];     // of the silicone

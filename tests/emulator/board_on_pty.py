@@ -18,12 +18,20 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from emulator.board_port import Orders, Pty
+from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
+from emulator.mlx90393 import Mlx90393
 from emulator.stm32_board import DEFAULT_UID, Board
 from emulator.stm32_commands import Line, Session, execute
 
 SLICE_S = 0.002
 GIVE_UP_S = 1.0  # so far behind real time, the time lost is let go
 CHIP_NOISE_MICROTESLA = 0.2
+OTHER_CHIPS = {  # with their noise in µT, as docs/chips.md has it
+    "qmc5883l": (Qmc5883l, 0.2),
+    "mmc5983ma": (Mmc5983ma, 0.06),
+    "lis3mdl": (Lis3mdl, 0.32),
+    "mlx90393": (Mlx90393, 1.5),
+}
 
 
 def spoil(line: Line, data: bytes) -> bytes:
@@ -61,6 +69,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--pads", type=int, choices=(1, 2, 3), default=1)
     parser.add_argument("--uid", type=bytes.fromhex, default=DEFAULT_UID, help="96-bit id, 24 hex digits")
     parser.add_argument("--pace", type=float, default=1.0, help="the board's seconds in one of ours, at most")
+    parser.add_argument("--chips", choices=OTHER_CHIPS, help="on the first pad, in place of HMC5983")
     parser.add_argument("--no-crystal", action="store_true", help="the 8 MHz crystal does not start")
     return parser.parse_args()
 
@@ -70,8 +79,12 @@ def main() -> int:
     orders = Orders()
     board = Board(chosen.elf, chosen.pads, chosen.uid, hse_ok=not chosen.no_crystal)
     session = Session(board, Line())
-    for pad in range(chosen.pads):
-        execute(session, f"noise {pad} {CHIP_NOISE_MICROTESLA}")
+    noise_microtesla = [CHIP_NOISE_MICROTESLA] * chosen.pads
+    if chosen.chips:
+        emulated, noise_microtesla[0] = OTHER_CHIPS[chosen.chips]
+        board.hang_other_chips(emulated)
+    for pad, noise in enumerate(noise_microtesla):
+        execute(session, f"noise {pad} {noise}")
     signal.signal(signal.SIGTERM, lambda *_: orders.end())
     pty = Pty(chosen.link)
     print(f"pty: {pty.path}", flush=True)

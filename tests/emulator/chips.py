@@ -13,7 +13,7 @@ from typing import Any
 try:
     from emulator.magnetometer import Magnetometer
 except ImportError:  # run by a Python that has this folder on its path, and not the one above
-    from magnetometer import Magnetometer
+    from magnetometer import Magnetometer  # type: ignore[no-redef]
 
 LSB_PER_GAUSS = (1370, 1090, 820, 660, 440, 390, 330, 230)
 OUTPUT_RATE_HZ = (0.75, 1.5, 3, 7.5, 15, 30, 75, 220)
@@ -33,11 +33,9 @@ class Hmc5983(Magnetometer):
 
     address = 0x1E
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        self.strap = 1.0
-        self.subtracts_field = True  # data sheet, self-test operation; there is another reading, and so another kind
-        self.identification = b"H43"
-        super().__init__(*arguments, **options)
+    strap = 1.0
+    subtracts_field = True  # data sheet, self-test operation; there is another reading, and so another kind
+    identification = b"H43"
 
     def power_on(self) -> None:
         self.registers = bytearray(0x40)
@@ -144,7 +142,8 @@ class Hmc5983(Magnetometer):
         lsb = LSB_PER_GAUSS[self.gain_in_force]
         counts = []
         for field, gain, strap in zip(self.field_gauss, self.gain, STRAP_GAUSS, strict=True):
-            total = round((field + bias * strap) * gain * lsb)
+            noise = self.random.gauss(0.0, self.noise_gauss) if self.noise_gauss else 0.0
+            total = round((field + noise + bias * strap) * gain * lsb)
             # Under a bias the chip itself takes away the field without it.
             shown = round(bias * strap * gain * lsb) if bias and self.subtracts_field else total
             counts.append(shown if -2048 <= total <= 2047 else -4096)
@@ -171,11 +170,14 @@ class Tca9548a:
     def stop(self) -> None:
         self.control = self.pending
 
-    def active(self) -> list[Any]:
+    def reached(self, address: int) -> list[Any]:
+        """The chips of this address on the channels that are open."""
         found = []
-        for channel, chips in self.channels.items():
+        for channel, chips in self.channels.items() if self.control else ():
             if self.control >> channel & 1:
-                found += [chip for chip in (chips if isinstance(chips, list) else [chips]) if not chip.absent]
+                for chip in chips if isinstance(chips, list) else (chips,):
+                    if chip.address == address and not chip.absent:
+                        found.append(chip)
         return found
 
 
@@ -193,10 +195,15 @@ class Bus:
 
     def start(self, address: int, reading: bool) -> bool:
         """(Repeated) START and address."""
-        present = [mux for mux in self.muxes if not (mux.absent or mux.held_in_reset)]
-        self._mux = next((mux for mux in present if mux.address == address), None)
-        reached = [chip for mux in present for chip in mux.active()] + [chip for chip in self.chips if not chip.absent]
-        self._chips = [chip for chip in reached if chip.address == address]
+        self._mux, self._chips = None, []
+        for mux in self.muxes:
+            if not (mux.absent or mux.held_in_reset):
+                if mux.address == address and self._mux is None:
+                    self._mux = mux
+                self._chips += mux.reached(address)
+        for chip in self.chips:
+            if chip.address == address and not chip.absent:
+                self._chips.append(chip)
         if len(self._chips) > 1 and reading:
             self.conflicts += 1
             if self.muxes:
@@ -237,8 +244,15 @@ class Bus:
     def _message(self, address: int, what: bytes | int) -> bytes:
         if not self.start(address, isinstance(what, int)):
             raise NackError(f"0x{address:02x}")
+        if len(self._chips) == 1 and self._mux is None:  # most of a day: nobody shares the wires with it
+            alone = self._chips[0]
+            if isinstance(what, int):
+                return bytes([alone.get() for _ in range(what)])
+            for byte in what:
+                alone.put(byte)
+            return b""
         if isinstance(what, int):
-            return bytes(self.get() for _ in range(what))
+            return bytes([self.get() for _ in range(what)])
         for byte in what:
             self.put(byte)
         return b""

@@ -74,18 +74,26 @@ class Magnetometer:
             for field, gain in zip(self.field_gauss, self.gain, strict=True)
         ]
 
+    def feel(self, field_gauss: Sequence[float]) -> None:
+        """From the next conversion on."""
+        self.run()
+        self.field_gauss = list(field_gauss)
+
     def begin(self, conversion_s: float) -> None:
         self.next_conversion_s = self.time_s() + conversion_s * (1.0 + self.clock_error) + self.phase_s
 
     def run(self) -> None:
         """Catch up with the clock. Of conversions that nobody could have seen only the last is made."""
-        while self.next_conversion_s is not None and self.next_conversion_s <= self.time_s() and not self.frozen:
+        if self.next_conversion_s is None or self.frozen:
+            return
+        now_s = self.time_s()
+        while self.next_conversion_s is not None and self.next_conversion_s <= now_s:
             ended_s, following_s = self.next_conversion_s, self.following_s()
             if following_s is None:
                 self.next_conversion_s = None
             else:
                 period_s = following_s * (1.0 + self.clock_error)
-                missed = max(0, int((self.time_s() - ended_s) / period_s) - 1)
+                missed = max(0, int((now_s - ended_s) / period_s) - 1)
                 self.conversions += missed
                 self.next_conversion_s = ended_s + (missed + 1) * period_s
             self.conversions += 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 try:
     from emulator.magnetometer import Magnetometer
 except ImportError:  # run by a Python that has this folder on its path, and not the one above
-    from magnetometer import Magnetometer
+    from magnetometer import Magnetometer  # type: ignore[no-redef]
 
 
 class RegisterChip(Magnetometer):

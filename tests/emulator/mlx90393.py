@@ -8,7 +8,7 @@ from __future__ import annotations
 try:
     from emulator.magnetometer import Magnetometer
 except ImportError:  # run by a Python that has this folder on its path, and not the one above
-    from magnetometer import Magnetometer
+    from magnetometer import Magnetometer  # type: ignore[no-redef]
 
 FACTORY = 0x0600  # what the upper bits of register 0 hold; without them its sensitivity is not the one promised
 # Table 17, HALLCONF 0xC: microtesla of a count at RES 0, x and y, and z, by GAIN_SEL.

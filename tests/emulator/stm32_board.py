@@ -9,12 +9,13 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from emulator.chips import Bus, Hmc5983, Tca9548a
 from emulator.hx711 import Hx711
+from emulator.magnetometer import Magnetometer
 from emulator.stm32_clocks import Gated, Rcc, Watchdog
 from emulator.stm32_engine import SYSTEM_MEMORY, TICKS_PER_S
 from emulator.stm32_gpio import Afio, Gpio, Wires
@@ -66,6 +67,10 @@ class Sensor(Hmc5983):
         self.steady_gauss = [0.0, 0.0, 0.0]
         self._random = random.Random(seed)
 
+    def feel(self, field_gauss: Sequence[float]) -> None:
+        self.run()
+        self.steady_gauss = list(field_gauss)
+
     def converted(self, ended_s: float) -> None:
         if self.locked:
             return
@@ -106,7 +111,9 @@ class Board:
             Gated(name, base, block, self.rcc, self.machine)
         self.places = tuple(places or PLACES[:pads])
         self.muxes: dict[tuple[int, int], Tca9548a] = {}
-        self.sensors = [self._hang_pad(place, chip_ppm, seed) for seed, place in enumerate(self.places)]
+        self.sensors: list[list[Any]] = [
+            self._hang_pad(place, chip_ppm, seed) for seed, place in enumerate(self.places)
+        ]
         self.buses: dict[int, Bus] = {}
         self.wires = {port: self._wire_port(port) for port in (1, 2)}
         self.converter = Hx711(lambda: self.machine.now_s, self.machine.complain)
@@ -170,8 +177,16 @@ class Board:
     def set_field(self, pad: int, field_t: np.ndarray) -> None:
         """Field (4, 3) in tesla at the chips, in their own axes, from the next conversions on."""
         for sensor, field in zip(self.sensors[pad], np.asarray(field_t, float), strict=True):
-            sensor.run()
-            sensor.steady_gauss = [float(value) * GAUSS_PER_TESLA for value in field]
+            sensor.feel([float(value) * GAUSS_PER_TESLA for value in field])
+
+    def hang_other_chips(self, emulated: type[Magnetometer], pad: int = 0) -> None:
+        """In place of the pad's HMC5983, each on its own channel, as soldered there; before the board runs."""
+        place, mux = self.places[pad], self._mux_of(pad)
+        self.sensors[pad] = [
+            emulated(lambda: self.machine.now_s, clock_error=(i - 1.5) * 0.01, phase_s=0.0007 * i, seed=i + 1)
+            for i in range(SENSORS)
+        ]
+        mux.channels |= {place.first_channel + i: sensor for i, sensor in enumerate(self.sensors[pad])}
 
     # Faults
 
@@ -187,8 +202,9 @@ class Board:
         if chip.absent:
             chip.power_on()
         chip.absent = chip.frozen = False
-        chip.identification = b"H43"
-        chip.saturated_axes.clear()
+        if isinstance(chip, Sensor):
+            chip.identification = b"H43"
+            chip.saturated_axes.clear()
 
     def replace(self, pad: int, sensor: int, identification: bytes) -> None:
         """Another chip in its place, fresh from power-on."""

@@ -66,7 +66,7 @@ class EmulatedBus:
         self.error: OSError | None = None
 
     def _transfer(self, messages: Sequence[tuple[int, bytes | int]]) -> list[bytes]:
-        self.clock.sleep(TRANSFER_S)
+        self.clock.now_s += TRANSFER_S
         if self.error is not None:
             raise self.error
         try:
@@ -75,14 +75,14 @@ class EmulatedBus:
             raise OSError(errno.EREMOTEIO, "Remote I/O error") from error
 
     def write(self, address: int, data: bytes) -> None:
-        self._transfer([(address, data)])
+        self._transfer(((address, data),))
 
     def read(self, address: int, size: int) -> bytes:
         return self._transfer([(address, size)])[0]
 
     def exchange(self, address: int, parts: Sequence[bytes | int]) -> list[bytes]:
         answers = self._transfer([(address, part) for part in parts])
-        return [answer for answer, part in zip(answers, parts, strict=True) if isinstance(part, int)]
+        return [answer for answer in answers if answer]  # of a write it is empty
 
 
 def emulated_pad(

@@ -230,6 +230,17 @@ def test_incomplete_recording_is_refused(spoil, message: str) -> None:
         summarise([spoil(frame) for frame in _frames()])
 
 
+def test_sensor_that_is_silent_most_is_named_where_others_miss_frames() -> None:
+    """On a computer that is late every sensor is without a sample now and then."""
+    now_and_then = np.array([1, 0, 0, 1], bool)
+    frames = [
+        replace(frame, valid=now_and_then if frame.sequence % 8 == 0 else np.array([1, 1, 0, 1], bool))
+        for frame in _frames()
+    ]
+    with pytest.raises(BaselineError, match="sensor 3 answered in 0 of 200 frames"):
+        summarise(frames)
+
+
 def test_too_few_frames_are_refused() -> None:
     with pytest.raises(BaselineError, match="only 10 frames arrived"):
         summarise(_frames(10))

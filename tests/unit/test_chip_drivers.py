@@ -212,8 +212,20 @@ def test_another_chip_in_its_place_is_named(clock: Clock, configured: str, there
     assert samples[-1].valid == 0
     assert sensor.state == SensorState.WRONG_IDENTIFICATION
     words = str(why_not(CHIPS[configured], sensor.identification))
-    assert f"is a {CHIPS[there].label}" in words
-    assert words.endswith(f'not an {CHIPS[configured].label}: set chip = "{there}"')
+    assert f"is {CHIPS[there].named}" in words
+    assert words.endswith(f'not {CHIPS[configured].named}: set chip = "{there}"')
+
+
+def test_each_chip_has_its_article() -> None:
+    named = {chip.named for chip in CHIPS.values() if not chip.streamed}
+    assert named == {
+        "an HMC5983",
+        "an HMC5883L",
+        "an MMC5983MA",
+        "an MLX90393",
+        "a QMC5883L",
+        "a LIS3MDL",
+    }
 
 
 def test_the_other_chip_is_named_with_its_address_where_it_has_one() -> None:

@@ -74,12 +74,11 @@ def summarise(frames: Sequence[Frame]) -> Recording:
     if len(gain_codes) > 1:
         raise BaselineError("the range was changed during the recording: record again")
     valid = np.array([frame.valid for frame in frames])
-    _require(
-        np.asarray(valid.mean(axis=0) >= MINIMUM_SHARE_VALID, dtype=np.bool_),
-        lambda sensor: (
-            f"sensor {sensor + 1} answered in {valid[:, sensor].sum()} of {len(frames)} frames: check wiring"
-        ),
-    )
+    answers = valid.sum(axis=0)
+    if (answers < MINIMUM_SHARE_VALID * len(frames)).any():
+        # The one that fell silent most: where a computer is late, others miss a frame now and then, too.
+        sensor = int(np.argmin(answers))
+        raise BaselineError(f"sensor {sensor + 1} answered in {answers[sensor]} of {len(frames)} frames: check wiring")
     overflow: NDArray[np.bool_] = np.asarray(np.array([frame.overflow for frame in frames]).any(axis=0), dtype=np.bool_)
     chip, gain_code = frames[0].chip, frames[0].gain_code
     _require(

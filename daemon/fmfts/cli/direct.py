@@ -119,7 +119,7 @@ def probe(config: Config) -> dict[str, Any]:
     """Facts about every device of the configuration, as each reports them."""
     sources = open_sources(config.pad)
     missing: dict[str, dict[int, str]] = {}  # by pad, of its last frame
-    whole: set[str] = set()  # pads whose sensors all gave a sample, and are not said to be at fault
+    whole: set[str] = set()  # pads whose last frame had all sensors, none of them said to be at fault
     until = time.monotonic() + PATIENCE_S
     try:
         while time.monotonic() < until and len(whole) < len(config.pad):
@@ -127,8 +127,10 @@ def probe(config: Config) -> dict[str, Any]:
                 for frame in source.poll(time.monotonic_ns()):
                     if frame.pad_index in names:
                         found = missing[names[frame.pad_index]] = missing_sensors(frame)
-                        if is_sound(source, frame.pad_index, found):
-                            whole.add(names[frame.pad_index])
+                        # A board that was just given other settings has silent sensors for a moment.
+                        (whole.add if is_sound(source, frame.pad_index, found) else whole.discard)(
+                            names[frame.pad_index]
+                        )
             time.sleep(TURN_S)
         silence = f"connected, but no frame within {PATIENCE_S:g} s"
         pads = [

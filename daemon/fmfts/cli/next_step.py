@@ -8,7 +8,7 @@ from typing import Any
 
 def after_probe(facts: Mapping[str, Any], config: str) -> str:
     """config: the words ` --config FILE` as they were given, or ""."""
-    absent = [pad["pad"] for pad in facts["pads"] if not pad["connected"]]
+    absent = [pad["pad"] for pad in facts["pads"] if not pad["connected"] and not pad["faults"]]
     if absent:
         return f"make the source of {_named(absent)} answer: docs/troubleshooting.md; then `fmfts-daemon probe{config}`"
     faulty = [pad["pad"] for pad in facts["pads"] if pad["faults"]]

@@ -29,13 +29,13 @@ def of_pad(source: I2cSource, sensors: int) -> Iterator[Problem]:
     if len(addresses) != sensors and not source.addresses:
         yield (
             ("source", "channels"),
-            f"without a mux at most {len(chip.addresses)} chips fit on a bus: an {chip.label} can be at {where}; name "
+            f"without a mux at most {len(chip.addresses)} chips fit on a bus: {chip.named} can be at {where}; name "
             "the channels of a mux",
         )
     elif len(addresses) != sensors:
         yield ("source", "addresses"), f"one address for each of the {sensors} sensors in geometry.sensors_mm"
     elif foreign:
-        yield ("source", "addresses"), f"an {chip.label} can be at {where}, not at 0x{foreign[0]:02x}"
+        yield ("source", "addresses"), f"{chip.named} can be at {where}, not at 0x{foreign[0]:02x}"
     elif source.channels:
         yield from _ways(source, addresses)
     elif len(set(addresses)) != sensors:

@@ -40,7 +40,7 @@ def saturated(chip: Chip, gain_code: int, axes: NDArray[np.bool_]) -> str:
 
 def untellable(chip: Chip, axes: NDArray[np.bool_]) -> str:
     """What is wrong with a sensor whose `axes` (3,) tell a count that `chip` has not."""
-    return f"telling on {_named(axes)} what its converter cannot (is it a {chip.label}?)"
+    return f"telling on {_named(axes)} what its converter cannot (is it {chip.named}?)"
 
 
 def _named(axes: NDArray[np.bool_]) -> str:

@@ -122,6 +122,11 @@ class Chip:
         object.__setattr__(self, "step_t", steps)
 
     @property
+    def named(self) -> str:
+        """The label with its article, for sentences: "an HMC5983", "a QMC5883L". "LIS" is said as a word."""
+        return f"{'an' if self.label[0] in 'AEFHIMNORSX' else 'a'} {self.label}"
+
+    @property
     def addresses(self) -> tuple[int, ...]:
         return (self.address, *self.other_addresses)
 
@@ -186,6 +191,4 @@ class Chip:
         masked = bytes(due if mask else 0 for due, mask in zip(self.identity, self.identity_mask, strict=True))
         text = masked.decode("ascii", "replace")
         due = f"{masked.hex(' ')} ({text})" if text.isprintable() else masked.hex(" ")
-        return (
-            f"answers {answer.hex(' ')} where an {self.label} says {due}: another chip is fitted, or the bus is noisy"
-        )
+        return f"answers {answer.hex(' ')} where {self.named} says {due}: another chip is fitted, or the bus is noisy"

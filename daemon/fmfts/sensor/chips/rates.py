@@ -69,4 +69,4 @@ def i2c_rate_hz(chip: Chip, trigger: str, clock_hz: int, load: BusLoad) -> int:
 
 def no_trigger(chip: Chip) -> str:
     """The sentence for a chip that is asked for simultaneous measurements, and takes no such word."""
-    return f'an {chip.label} measures at its own times only: set trigger = "free"'
+    return f'{chip.named} measures at its own times only: set trigger = "free"'

@@ -41,4 +41,4 @@ def why_not_among(chip: Chip, answers: Sequence[bytes]) -> tuple[int, str] | Non
 
 def _not_but(chip: Chip, other: Chip) -> str:
     where = f" at 0x{other.address:02X}" if len(other.addresses) == 1 else ""
-    return f"is a {other.label}{where}, not an {chip.label}"
+    return f"is {other.named}{where}, not {chip.named}"

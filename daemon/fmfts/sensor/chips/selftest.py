@@ -38,9 +38,7 @@ def strap_of(chip: Chip) -> BiasStrap:
 
 def no_selftest(chip: Chip) -> str:
     """The sentence for who asks for the self-test of a chip that has none."""
-    return (
-        f"an {chip.label} has no self-test that could measure its gains: `fmfts-daemon baseline --turn` measures them"
-    )
+    return f"{chip.named} has no self-test that could measure its gains: `fmfts-daemon baseline --turn` measures them"
 
 
 def own_field_counts(chip: Chip, without: Sequence[Axes], with_field: Sequence[Axes]) -> Axes:

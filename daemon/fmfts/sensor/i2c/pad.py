@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from fmfts.sensor.chips import Chip, tca9548a
+from fmfts.sensor.chips.chip import Axes
 from fmfts.sensor.chips.driver import Setup
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.frame import AGE_UNKNOWN_US
@@ -93,28 +95,43 @@ class I2cPad:
         """Read every working sensor once; set the others up again. converted_us: when a trigger's conversion ended."""
         for sensor in self.sensors:
             if sensor.state == SensorState.OK:
-                self._guard(sensor, lambda one: self._read(one, converted_us))
+                self._guard(sensor, self._read, converted_us)
             elif now_us() >= sensor.retry_us:
                 self._guard(sensor, self._set_up)
 
     def sample(self) -> Sample:
         """The frame: the last sample of every sensor, and its age. Clears the fresh bits."""
-        usable = [one if one.state == SensorState.OK and one.sampled_us is not None else None for one in self.sensors]
-        newest_us = max((one.sampled_us or 0 for one in usable if one), default=now_us())
-        ages = [AGE_UNKNOWN_US if one is None else newest_us - (one.sampled_us or 0) for one in usable]
-        told = [one.temperature_raw for one in usable if one and one.temperature_raw != TEMPERATURE_UNKNOWN]
-        temperatures = [raw for raw in told if self.chip.temperature_c(raw) is not None]
+        valid = fresh = 0
+        axes: list[Axes] = []
+        times_us: list[int | None] = []
+        temperatures: list[int] = []
+        for place, one in enumerate(self.sensors):
+            if one.state != SensorState.OK or one.sampled_us is None:
+                axes.append((0, 0, 0))
+                times_us.append(None)
+                continue
+            valid |= 1 << place
+            fresh |= one.fresh << place
+            axes.append(one.axes)
+            times_us.append(one.sampled_us)
+            raw = one.temperature_raw
+            if raw != TEMPERATURE_UNKNOWN and self.chip.temperature_c(raw) is not None:
+                temperatures.append(raw)
+        newest_us = max((each for each in times_us if each is not None), default=None)
+        if newest_us is None:
+            newest_us = now_us()
+        ages = [AGE_UNKNOWN_US if each is None else min(newest_us - each, AGE_UNKNOWN_US) for each in times_us]
         sample = Sample(
             self.index,
             self.sequence,
             newest_us,
             self.settings.gain_code,
             self.settings.trigger,
-            _mask(one is not None for one in usable),
-            _mask(one is not None and one.fresh for one in usable),
+            valid,
+            fresh,
             round(sum(temperatures) / len(temperatures)) if temperatures else TEMPERATURE_UNKNOWN,
-            np.array([(0, 0, 0) if one is None else one.axes for one in usable], np.int16),
-            np.minimum(ages, AGE_UNKNOWN_US).astype(np.uint16),
+            np.array(axes, np.int16),
+            np.array(ages, np.uint16),
         )
         self.sequence = (self.sequence + 1) % 2**32
         for sensor in self.sensors:
@@ -184,16 +201,16 @@ class I2cPad:
 
     def _select(self, address: int | None, control: int) -> None:
         """Connect these channels of the mux at `address`, and none of any other. None: none at all."""
-        self.bus.place = "no mux" if address is None else f"mux 0x{address:02x}, channels 0b{control:08b}"
+        self.bus.place = _place(address, control)
         try:
             self.switches.select(address, control)
         except OSError as error:
             raise MuxError(error) from error
 
-    def _guard(self, sensor: Sensor, act: Callable[[Sensor], None]) -> None:
+    def _guard(self, sensor: Sensor, act: Callable[..., None], *others: int | None) -> None:
         """Run `act`; if it fails, count that against this sensor only."""
         try:
-            act(sensor)
+            act(sensor, *others)
             sensor.misses = 0
         except MuxError as error:
             self._missed(sensor, _state_after(error.cause, SensorState.MUX_SILENT))
@@ -240,7 +257,7 @@ class I2cPad:
             ready, block = self.chip.driver.sample(sensor.wires)
             if ready or block not in (None, sensor.block):
                 break
-        period_us = self._period_us()
+        period_us = _period_us(self.chip, self.settings)
         if block is not None and sensor.is_new(ready, block, period_us):
             # A free-running chip converted between the last poll and this one: the middle has the smallest error.
             guess_us = max((before_us + sensor.polled_us) // 2, sensor.polled_us - period_us)
@@ -258,15 +275,17 @@ class I2cPad:
             count = self.chip.driver.temperature_count(sensor.wires, sensor.block)
             sensor.temperature_raw = TEMPERATURE_UNKNOWN if count is None else count
 
-    def _period_us(self) -> int:
-        if self.settings.trigger:
-            return round(1e6 / self.settings.rate_hz)
-        return round(1e6 / self.chip.output_rate_hz(self.settings.rate_hz))
+
+@lru_cache(maxsize=16)
+def _period_us(chip: Chip, settings: Settings) -> int:
+    """Asked for at every reading of every sensor."""
+    return round(1e6 / (settings.rate_hz if settings.trigger else chip.output_rate_hz(settings.rate_hz)))
+
+
+@lru_cache(maxsize=256)
+def _place(address: int | None, control: int) -> str:
+    return "no mux" if address is None else f"mux 0x{address:02x}, channels 0b{control:08b}"
 
 
 def _state_after(error: OSError, otherwise: SensorState) -> SensorState:
     return SensorState.BUS_STUCK if error.errno in (errno.ETIMEDOUT, errno.EAGAIN) else otherwise
-
-
-def _mask(bits: Iterable[bool]) -> int:
-    return sum(bit << place for place, bit in enumerate(bits))
