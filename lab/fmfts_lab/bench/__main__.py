@@ -100,6 +100,7 @@ def main() -> None:
     verb.add_argument("--rotations", type=float, nargs="+", default=as_built.ROTATIONS_DEG, metavar="DEGREES")
     verb.add_argument("--gains", type=float, nargs="+", default=as_built.GAINS)
     verb.add_argument("--refine", action="store_true", help="with contact.refine")
+    verb.add_argument("--untouched", action="store_true", help="nothing presses: are contacts told all the same?")
     verb.add_argument(
         "--counted",
         choices=("shipped", "drawn", "unnamed"),

@@ -160,6 +160,7 @@ def trial(
     model: ContactModel,
     refine: bool,
     counted: Counted,
+    untouched: bool = False,
 ) -> None:
     random = np.random.default_rng(
         [seed, round(defects.rotation_deg * 10), round(defects.gain * 1000), defects.turning]
@@ -175,7 +176,7 @@ def trial(
             continue
         pipeline = without_baseline(config, model)
         pipeline.use(*baseline)
-        finger = Presses(np.random.default_rng(seed))
+        finger: Finger = no_finger if untouched else Presses(np.random.default_rng(seed))
         source.mounted, source.finger = True, finger
         source.attitude = "turning" if defects.turning else "still"
         answers = [pipeline.answer(frame) for frame in source.recorded(seconds)]
@@ -192,7 +193,16 @@ def run(options: Namespace) -> None:
                 cells: dict[Kind, Cell] = {kind: Cell() for kind in KINDS}
                 model = load_contact_model(pad_config(defects, options.refine, options.counted))
                 for seed in range(options.seed, options.seed + options.pads):
-                    trial(defects, seed, options.seconds, cells, model, options.refine, options.counted)
+                    trial(
+                        defects,
+                        seed,
+                        options.seconds,
+                        cells,
+                        model,
+                        options.refine,
+                        options.counted,
+                        options.untouched,
+                    )
                 for kind, cell in cells.items():
                     print(f"{defects.label} {kind:15} {cell.line}", flush=True)
                     found.append(
