@@ -29,6 +29,9 @@ LEAST_FORCE_N = 0.01
 def valley_variance(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Array:
     """(3,) of the resultant's place (mm²) and force (N²), at least; zeros where both fingers are well known."""
     least, unsure, direction = np.zeros(3), 0.0, np.zeros(fit.fingers.size)
+    variances = np.diagonal(fit.covariance).reshape(-1, FINGER)
+    if (variances[:, 0] + variances[:, 1]).max() <= UNSURE_MM * UNSURE_MM:  # no direction has more than both axes
+        return least
     for first in range(0, fit.fingers.size, FINGER):
         own = slice(first, first + 2)
         variance, axes = eigen(fit.covariance[own, own])
