@@ -14,7 +14,7 @@ from fmfts.calibrate.array_set import ArraySet
 from fmfts.calibrate.evaluation import UNITS, Row, regions, rounded, rows
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array
-from fmfts.pipeline.fingers_message import resultant_deviation
+from fmfts.pipeline.fingers_message import deviation_of
 from fmfts.pose import Aligned
 from fmfts.several.count import CounterMemory, resultant
 from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
@@ -95,7 +95,7 @@ def evaluate_array(data: ArraySet, model: ArrayModel, scene: Scene, rate_hz: flo
         chi2[row] = reading.fit.chi2
         if told[-1] in ("one finger", "two fingers"):
             fit = reading.fit
-            found[row, :3], deviation[row, :3] = resultant(fit.fingers), resultant_deviation(fit)
+            found[row, :3], deviation[row, :3] = resultant(fit.fingers), deviation_of(reading, fit)
             deviation[row, 2] = root_of_squares(deviation[row, 2], estimator.silicone * found[row, 2])
             if columns > 3:
                 found[row, 3:], deviation[row, 3:] = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)

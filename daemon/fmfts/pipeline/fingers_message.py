@@ -71,7 +71,7 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
         return {"contact": True, "over_range": True, "force_min_n": force_n}
     if not len(fit.fingers):
         return {"contact": False, "contacts": [], "force_n": 0.0, "force_sd_n": estimator.quiet_force_sd_n}
-    whole, deviation, share = resultant(fit.fingers), resultant_deviation(fit), estimator.silicone
+    whole, deviation, share = resultant(fit.fingers), deviation_of(reading, fit), estimator.silicone
     # Of the sum of shears at most: how the errors of two fingers go together is not kept.
     shear, shear_deviation = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)
     fingers = zip(reading.ids, fit.fingers, fit.deviation, fit.shear_n, fit.shear_deviation_n, strict=True)
@@ -99,6 +99,15 @@ def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_d
         "force_n": max(force, 0.0),
         "force_sd_n": force_sd,
     }
+
+
+def deviation_of(reading: FingersReading, fit: Fit) -> Array:
+    """(3,) of the resultant's place and force: at least what a valley of χ² leaves of them (several/valley.py)."""
+    deviation = resultant_deviation(fit)
+    if reading.least_variance is None:
+        return deviation
+    at_least: Array = np.maximum(deviation, np.sqrt(reading.least_variance))
+    return at_least
 
 
 def resultant_deviation(fit: Fit) -> Array:

@@ -30,6 +30,7 @@ from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import poses_of, sighted
+from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,8 @@ class FingersMemory:
 class FingersReading(NamedTuple):
     """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
 
-    more: two fingers do not explain the frame. measured: what `fit` was made from.
+    more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (3,): of the
+    resultant's place (mm²) and force (N²), where that is more than `fit` says.
     """
 
     health: Health
@@ -87,6 +89,7 @@ class FingersReading(NamedTuple):
     more: bool = False
     over_range: bool = False
     measured: Measured | None = None
+    least_variance: Array | None = None
 
 
 class FingersEstimator:
@@ -240,7 +243,9 @@ class FingersEstimator:
                 health, reason = "degraded", "; ".join(filter(None, (reason, reasons.MAYBE_TWO)))
             hidden = np.diag(hidden_variance(fit.fingers[0], another))
             fit = replace(fit, covariance=fit.covariance + hidden)
-        return FingersReading(health, reason, used, fit, counted.ids, False, over_range, measured.only(used))
+        seen = measured.only(used)
+        least = valley_variance(self.fitter, fit, seen, self._around_t) if len(fit.fingers) > 1 else None
+        return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least)
 
     def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
         memory = self.memory

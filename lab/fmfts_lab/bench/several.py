@@ -10,7 +10,7 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array, Tolerance
-from fmfts.pipeline.fingers_message import resultant_deviation
+from fmfts.pipeline.fingers_message import deviation_of
 from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
@@ -148,7 +148,7 @@ def _three(options: Namespace, whole_n: float) -> None:
             frames += 1
             health["more" if reading.more else reading.health] += 1
             if reading.health == "ok" and reading.fit is not None:
-                off = abs(reading.fit.fingers[:, 2].sum() - whole_n) / resultant_deviation(reading.fit)[2]
+                off = abs(reading.fit.fingers[:, 2].sum() - whole_n) / deviation_of(reading, reading.fit)[2]
                 worst, wrong = max(worst, off), wrong + (off > WRONG)
     shares = ", ".join(f"{name} {count / frames:.1%}" for name, count in health.most_common())
     print(

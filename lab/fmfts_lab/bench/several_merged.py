@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.pipeline.fingers_message import resultant_deviation
+from fmfts.pipeline.fingers_message import deviation_of
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersReading
 from fmfts_lab.bench.several_world import BUILT, Press, estimator_of, read_once, two_places, worlds
@@ -41,7 +41,7 @@ class Row:
         self.told["two" if len(fit.fingers) == 2 else "one"] += 1
         off = resultant(fit.fingers) - resultant(np.array([press[:3] for press in presses]))
         self.off.append(off)
-        self.deviations.append(off / resultant_deviation(fit))
+        self.deviations.append(off / deviation_of(reading, fit))
 
     def share(self, told: Told) -> float:
         return self.told[told] / self.told.total()
