@@ -125,8 +125,8 @@ def test_a_clock_does_not_begin_with_a_packet_that_waited_here(with_hello: bool)
 
 
 def test_a_clock_does_not_begin_with_packets_that_are_sent_again() -> None:
-    """A port was opened, and this host reads seldom. With each new packet some of a second ago come, as from a clock that
-    is a second late: they agree with each other from read to read."""
+    """A port was opened, and this host reads seldom. With each new packet some of a second ago come, as from a clock
+    that is a second late: they agree with each other from read to read."""
     line, frames = line_after(1), []
     line.link.restart()
     for number in range(300, 420, 10):
