@@ -256,8 +256,8 @@ def test_frames_leave_no_memory_behind() -> None:
 
 
 def test_a_fault_that_only_the_mean_shows_is_left_to_python() -> None:
-    """9 mG on one axis: each frame passes its gate, and a quarter of a second of them does not. Once the sensor is found,
-    Python looks at one frame in eight whether it is over."""
+    """9 mG on one axis: each frame passes its gate, and a quarter of a second of them does not. Once the sensor is
+    found, Python looks at one frame in eight whether it is over."""
     config, offset = config_of(9, ambient="constant"), np.zeros((4, 3), np.int16)
     offset[1, 0] = 6
     frames = frames_of(config, 1.2)
