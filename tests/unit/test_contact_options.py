@@ -94,7 +94,7 @@ def test_model_of_five_outputs_tells_shear_and_refuses_the_edge(tmp_path: Path, 
     np.testing.assert_allclose(inside.shear_n, [0.2, -0.1], rtol=1e-6)
     assert inside.covariance.shape == (5, 5)
     assert not inside.refused
-    assert not model.plain
+    assert model.plain
     moved = replace(network, layers=network.layers.scaled(np.array([6.0, 0.0, 0.0, 0.0, 0.0]), np.ones(5)))
     path.write_bytes(export(moved, facts, None))
     assert ContactModel.load(str(path), pad).estimate(pad.rest_position_m, pad.rest_axis, CERTAIN).refused

@@ -124,6 +124,18 @@ def test_a_clock_does_not_begin_with_a_packet_that_waited_here(with_hello: bool)
     assert frame.sequence == 119
 
 
+def test_a_clock_does_not_begin_with_packets_that_are_sent_again() -> None:
+    """A port was opened, and this host reads seldom. With each new packet some of a second ago come, as from a clock
+    that is a second late: they agree with each other from read to read."""
+    line, frames = line_after(1), []
+    line.link.restart()
+    for number in range(300, 420, 10):
+        line.link._clock.found_empty(line.now_ns)
+        packets = [hello(4)] if number == 300 else [of(number), *(of(old) for old in range(number - 220, number - 212))]
+        frames += line.feed(*packets, later_ns=10 * PERIOD_NS)
+    assert [frame.sequence for frame in frames] == list(range(320, 420, 10))
+
+
 def test_a_board_slower_than_the_clocks_patience_is_believed_with_its_second_packet() -> None:
     """At 10 Hz every packet may have waited since the one before was read."""
     line = line_after(300)

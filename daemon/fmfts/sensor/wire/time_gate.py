@@ -48,7 +48,10 @@ class TimeGate:
         if clock.has_begun and clock.is_plausible(device_us, arrival_ns):
             self._forget()
             return True
-        before_ns = arrival_ns if self._strange is None else self._strange[1]
+        before_us, before_ns = (device_us, arrival_ns) if self._strange is None else self._strange
+        if not clock.has_begun and device_us < before_us and arrival_ns - before_ns <= REPEATED_NS:
+            self.waits = True  # it was sent again: newer ones came just now, and the clock begins with one of those
+            return False
         goes_on = self._goes_on(device_us, arrival_ns)
         is_new = clock.unread_ns(arrival_ns) <= JUMP_NS or (goes_on and arrival_ns - before_ns > JUMP_NS)
         is_believed = self._is_believed(clock, device_us, arrival_ns, goes_on)
