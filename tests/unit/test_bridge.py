@@ -294,7 +294,7 @@ def test_a_pad_of_other_chips_is_not_read(board: Board) -> None:
     board.identification = b"\x30\x00\x00"
     bridge = Bridge({0: pad(board.link)})
     connected(bridge, board)
-    said = 'is a MMC5983MA at 0x30, not an HMC5983: set chip = "mmc5983ma"'
+    said = 'is an MMC5983MA at 0x30, not an HMC5983: set chip = "mmc5983ma"'
     assert bridge.state.pad_faults[0] == f"pad 'left': sensor 1 (mux 0x70, channel 0) {said}"
     board.stream(5)
     assert run(bridge, board, until=lambda: bridge._link.heard_ns > 0) == []
@@ -306,7 +306,7 @@ def test_a_chip_of_another_kind_among_the_right_ones_is_to_be_replaced() -> None
     answers = [b"H43", b"\0\0\0", b"\x30\0\0", b"H43"]
     sensor, said = why_not_among(HMC5983, answers) or (-1, "")
     assert sensor == 2
-    assert said == "is a MMC5983MA at 0x30, not an HMC5983: a pad's chips must be of one kind: fit another one there"
+    assert said == "is an MMC5983MA at 0x30, not an HMC5983: a pad's chips must be of one kind: fit another one there"
     assert why_not_among(HMC5983, answers[:2]) is None
 
 
