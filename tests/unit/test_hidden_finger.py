@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fmfts.pad import Array
-from fmfts.pipeline.fingers_message import resultant_deviation
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.hidden import HALF_GAIN, MOST, hidden_variance
+from fmfts.several.resultant import resultant_deviation
 from fmfts.several.scan import Another
 from fmfts_lab.bench.several_world import BUILT, WITHIN_MM, Press, World, estimator_of, read_once, two_places, worlds
 

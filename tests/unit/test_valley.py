@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmfts.pipeline.fingers_message import deviation_of, resultant_deviation
 from fmfts.several.count import resultant
+from fmfts.several.resultant import deviation_of, resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, EXACT, Press, estimator_of, read_once, world
 
 # On the 49th of the pads that `bench several --above` builds: wrong by more than five deviations of the parabola.

@@ -14,12 +14,12 @@ from fmfts.calibrate.array_set import ArraySet
 from fmfts.calibrate.evaluation import UNITS, Row, regions, rounded, rows
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array
-from fmfts.pipeline.fingers_message import deviation_of
 from fmfts.pose import Aligned
 from fmfts.several.count import CounterMemory, resultant
 from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
 from fmfts.several.field_model import Scene
 from fmfts.several.recovery import Recovery
+from fmfts.several.resultant import deviation_of
 
 HONEST, WRONG = 2.0, 5.0  # deviations
 Told = Literal["one finger", "two fingers", "no finger", "over range", "more", "disturbed", "lost"]

@@ -16,8 +16,8 @@ from fmfts.pose import SOLVER
 from fmfts.pose.magnets import CHANGE
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator, FingersReading
-from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit
+from fmfts.several.resultant import deviation_of
 
 Array = NDArray[np.float64]
 SHEAR = ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
@@ -99,30 +99,6 @@ def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_d
         "force_n": max(force, 0.0),
         "force_sd_n": force_sd,
     }
-
-
-def deviation_of(reading: FingersReading, fit: Fit) -> Array:
-    """(3,) of the resultant's place and force: at least what a valley of χ² leaves of them (several/valley.py)."""
-    deviation = resultant_deviation(fit)
-    if reading.least_variance is None:
-        return deviation
-    at_least: Array = np.maximum(deviation, np.sqrt(reading.least_variance))
-    return at_least
-
-
-def resultant_deviation(fit: Fit) -> Array:
-    """(3,) of the resultant's place and force: with w the share of a finger, ∂x/∂x_k = w_k, ∂x/∂F_k = (x_k − x)/F."""
-    whole, count = resultant(fit.fingers), len(fit.fingers)
-    force = max(float(whole[2]), 1e-9)
-    slope = np.zeros((FINGER, count, FINGER))
-    for number, (x, y, part) in enumerate(fit.fingers.tolist()):
-        slope[0, number] = part / force, 0.0, (x - whole[0]) / force
-        slope[1, number] = 0.0, part / force, (y - whole[1]) / force
-        slope[2, number, 2] = 1.0
-    flat = slope.reshape(FINGER, -1)
-    variance = np.diagonal(product(flat, fit.covariance, flat.T))
-    deviation: Array = np.sqrt(np.maximum(variance, 0.0))
-    return deviation
 
 
 def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:

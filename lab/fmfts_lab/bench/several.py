@@ -10,11 +10,11 @@ import numpy as np
 
 from fmfts.common.chi2 import quantile
 from fmfts.pad import Array, Tolerance
-from fmfts.pipeline.fingers_message import deviation_of
 from fmfts.several.count import SECOND_GAIN, Counted, are_two, resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Measured
 from fmfts.several.odd_sensor import FREE_FIELD, UNEXPLAINED
+from fmfts.several.resultant import deviation_of
 from fmfts_lab.bench import (
     several_beside,
     several_calibrated,

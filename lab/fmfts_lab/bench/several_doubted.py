@@ -9,8 +9,8 @@ from unittest.mock import patch
 import numpy as np
 
 from fmfts.pad import Array, Tolerance
-from fmfts.pipeline.fingers_message import resultant_deviation
 from fmfts.several.hidden import hidden_variance
+from fmfts.several.resultant import resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, WITHIN_MM, Press, estimator_of, read_once, worlds
 
 FRAMES_OF_A_PAD = 100

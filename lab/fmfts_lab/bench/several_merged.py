@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.pipeline.fingers_message import deviation_of
 from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersReading
+from fmfts.several.resultant import deviation_of
 from fmfts_lab.bench.several_world import BUILT, Press, estimator_of, read_once, two_places, worlds
 
 Told = Literal["two", "one", "more or disturbed"]
