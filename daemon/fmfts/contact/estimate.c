@@ -79,7 +79,8 @@ static void bend_of(const fmfts_contact_parameters *parameters, const fmfts_netw
     for (int i = 0; i < found->outputs; i++) {
         bend[i] = 1.0;
     }
-    if (!(variance > straight * straight) || !(doubt(parameters, force_n, variance) < 1.0)) {
+    bool has_shear = found->outputs == CONTACT; /* whose deviations are careful as they are: model.py */
+    if (has_shear || !(variance > straight * straight) || !(doubt(parameters, force_n, variance) < 1.0)) {
         return;
     }
     double steps = parameters->bend_deviations[0] / sqrt(variance);
