@@ -17,7 +17,7 @@ import pytest
 from test_stm32_build import FIRMWARE, make
 
 from emulator.chips import Hmc5983
-from emulator.magnetometers import Lis3mdl, Mmc5983ma
+from emulator.magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l
 from emulator.mlx90393 import Mlx90393
 from emulator.rp2040_board import Rp2040Board
 from fmfts.sensor.chips import CHIPS
@@ -44,6 +44,7 @@ KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
     "mmc5983ma": (Mmc5983ma, 0, 200),
     "mlx90393": (Mlx90393, 0, 220),
     "lis3mdl": (Lis3mdl, 3, 155),
+    "qmc5883l": (Qmc5883l, 0, 200),
 }
 
 

@@ -63,10 +63,21 @@ def test_the_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None
     """In the middle, as wide and as deep as the magnet of the configuration, with room to put it in."""
     pad = load(EXAMPLE_PATH)[0].pad[0]
     corners = triangles(tmp_path, "lid").reshape(-1, 3)
-    pin = corners[np.hypot(corners[:, 0], corners[:, 1]) < 3.0]
+    pin = corners[(np.hypot(corners[:, 0], corners[:, 1]) < 3.0) & (corners[:, 2] < PAD_MM[2])]
     diameter_mm, length_mm = pad.magnet.diameter_mm, pad.magnet.length_mm
     assert np.hypot(pin[:, 0], pin[:, 1]).max() == pytest.approx(diameter_mm / 2 + CLEARANCE_MM, abs=1e-3)
     assert pin[:, 2].min() == pytest.approx(PAD_MM[2] / 2 - length_mm / 2, abs=1e-4)  # its centre is the pad's
+
+
+def test_the_lid_cannot_slide_on_the_tray(tmp_path: Path) -> None:
+    """Its tabs hang outside the tray's four walls, nearer to them than the room that pin and magnet have."""
+    corners = triangles(tmp_path, "lid").reshape(-1, 3)
+    tabs = corners[(np.hypot(corners[:, 0], corners[:, 1]) > 5.0) & (corners[:, 2] < PAD_MM[2] - 1e-6)]
+    for axis in (0, 1):
+        outside_mm = PAD_MM[axis] / 2 + WALL_MM
+        for side in (-1, 1):
+            beyond = side * tabs[:, axis] - outside_mm
+            assert beyond[beyond > 0].min() == pytest.approx(CLEARANCE_MM, abs=1e-4)
 
 
 @pytest.mark.parametrize("height_mm", [1.2, 2.9])

@@ -149,7 +149,7 @@ def fit_table(data: ArraySet, whose: str, start: ArrayResponse, noise_t: float, 
 
     DataError where the presses are too few, or no correction explains their fields.
     """
-    with threadpool_limits(1):  # gives the same file on any computer, and leaves other cores free
+    with threadpool_limits(1):  # gives the same file with any number of cores, and leaves the others free
         return _fitted(data, whose, start, noise_t, say)
 
 

@@ -74,7 +74,7 @@ def calibrate(
     sheared: (path, set) of the same pad with shear, from which a model of three outputs gets its error by shear, if
     `calibration` has no shear. Raises DataError for a field that is not of this pad.
     """
-    with threadpool_limits(1):  # gives the same file on any computer, and leaves other cores free
+    with threadpool_limits(1):  # gives the same file with any number of cores, and leaves the others free
         return _calibrated(path, calibration, options, say, sheared)
 
 

@@ -36,7 +36,7 @@ def page(text: str) -> str:
 
 
 def _abilities() -> str:
-    columns = ("chip", "ranges, G", "step, mG", "noise, mG, at rates, Hz", "at the host's word", "temperature",
+    columns = ("chip", "ranges, G", "step, mG", "noise, mG, at rates, Hz", "time of a triggered one", "temperature",
                "self-test", "addresses", "supply, price of a board")  # fmt: skip
     rows = (
         (
