@@ -156,6 +156,27 @@ def test_scan_finds_the_same_places_with_the_same_bits_in_c(sizes: tuple[float, 
     assert found > 5, "there was nothing to compare"
 
 
+@COMPILED
+@pytest.mark.parametrize("sizes", [*PADS, (9, 16, 64, 12, 8, 30.0)])
+def test_one_more_finger_is_tried_everywhere_with_the_same_bits_in_c(sizes: tuple[float, ...]) -> None:
+    fitter, reference = fitters_of(*sizes)
+    random = np.random.default_rng(12)
+    gained = 0
+    for trial in range(12 if len(sizes) == 5 else 3):
+        measured = masked(random, measured_of(random, reference.model, fingers_of(random, 2)), trial)
+        told = fingers_of(random, trial % 4)
+        fit = replace(reference.fit(told[:1], measured, NONE), fingers=told)
+        root = reference.whitener(told, measured, NONE)
+        there, here = (one.another(root, fit, measured) for one in (fitter, reference))
+        assert bits(*there) == bits(*here)
+        assert there.by_force.shape == here.by_force.shape == (3 * len(told), len(here.places))
+        gained += int((here.gain > 0.0).sum())
+        if len(told) == 1:
+            pairs, wanted = (one.best_seconds(root, fit, measured) for one in (fitter, reference))
+            assert bits(*pairs) == bits(*wanted)
+    assert gained > 20, "there was nothing to compare"
+
+
 def uniform_along_x() -> tuple[Fitter, Fitter]:
     """Where a press does the same wherever it is along x: all places of a row gain the same to the last bit."""
     random = np.random.default_rng(9)

@@ -139,10 +139,10 @@ PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args)
 
 enum { SCANNED = 0, SCAN_ROOM = FIRST, SCAN_ROOT, SCAN_FIELD, SCAN_USED, SCAN_FOUND, SCAN_ALL };
 
-/* Arrays search, work, room, root, field, used, found: of a scan that fills `found`. */
-static bool scans(call *c, PyObject *args, fmfts_search *search, fmfts_measured *measured)
+/* Arrays search, work, room, root, field, used, others …, found: of a scan that fills `found`, with so many `others`. */
+static bool scans(call *c, PyObject *args, int others, fmfts_search *search, fmfts_measured *measured)
 {
-    if (!take(c, args, SCAN_FOUND, SCAN_ALL)) {
+    if (!take(c, args, SCAN_FOUND + others, SCAN_ALL + others)) {
         return false;
     }
     size_t there = used(c, SCAN_USED), values = (size_t)c->buffer[SCAN_USED].len;
@@ -165,7 +165,7 @@ PyObject *fmfts_py_best_single(PyObject *module, PyObject *args)
     fmfts_measured measured;
     PyObject *result = NULL;
     (void)module;
-    if (!scans(&c, args, &search, &measured)) {
+    if (!scans(&c, args, 0, &search, &measured)) {
         return NULL;
     }
     if (has_doubles(&c, SCAN_FOUND, FMFTS_FINGER)) {
@@ -186,7 +186,7 @@ PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args)
     fmfts_measured measured;
     PyObject *result = NULL;
     (void)module;
-    if (!scans(&c, args, &search, &measured)) {
+    if (!scans(&c, args, 0, &search, &measured)) {
         return NULL;
     }
     size_t most = (size_t)c.buffer[SCAN_FOUND].len / (2 * FMFTS_FINGER * sizeof(double)), count = 0;
@@ -196,6 +196,31 @@ PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args)
         bool finite = fmfts_best_pairs(&search, array(&c, SCAN_ROOT), &measured, most, c.work, array(&c, SCAN_ROOM),
                                        array(&c, SCAN_FOUND), &count);
         result = told((fmfts_refusal){finite ? FMFTS_FINE : FMFTS_NOT_FINITE, 0}, (double)count);
+    }
+    release(&c);
+    return result;
+}
+
+/* another(search, work, room, root, field, used, predicted, slope, found): found [2 + unknowns][places]. */
+PyObject *fmfts_py_another(PyObject *module, PyObject *args)
+{
+    enum { PREDICTED = SCAN_FOUND, SLOPE, FOUND };
+    call c;
+    fmfts_search search;
+    fmfts_measured measured;
+    PyObject *result = NULL;
+    (void)module;
+    if (!scans(&c, args, FOUND - PREDICTED, &search, &measured)) {
+        return NULL;
+    }
+    size_t unknowns = (size_t)c.buffer[SLOPE].len / (search.values * sizeof(double));
+    if (unknowns > FMFTS_SEVERAL_UNKNOWNS) {
+        PyErr_Format(PyExc_ValueError, "%zu unknowns, at most %d", unknowns, FMFTS_SEVERAL_UNKNOWNS);
+    } else if (has_doubles(&c, PREDICTED, search.values) && has_doubles(&c, SLOPE, search.values * unknowns) &&
+               has_doubles(&c, FOUND, (2 + unknowns) * search.places)) {
+        result = told(fmfts_another(&search, array(&c, SCAN_ROOT), &measured, unknowns, array(&c, PREDICTED),
+                                    array(&c, SLOPE), c.work, array(&c, SCAN_ROOM), array(&c, FOUND)),
+                      0.0);
     }
     release(&c);
     return result;

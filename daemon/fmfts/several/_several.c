@@ -10,6 +10,7 @@ static PyMethodDef methods[] = {
     {"chi2_with", fmfts_py_chi2_with, METH_VARARGS, "Chi-square under another covariance; see fit.py."},
     {"best_single", fmfts_py_best_single, METH_VARARGS, "The best finger of the grid; see scan.py."},
     {"best_pairs", fmfts_py_best_pairs, METH_VARARGS, "The best pairs of the grid; see scan.py."},
+    {"another", fmfts_py_another, METH_VARARGS, "One more finger at each place of the grid; see scan.py."},
     {NULL, NULL, 0, NULL},
 };
 

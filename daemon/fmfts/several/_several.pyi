@@ -82,6 +82,18 @@ def best_single(
     finger: NDArray[Any],
     /,
 ) -> tuple[str | None, int, float]: ...
+def another(
+    search: NDArray[Any],
+    work: NDArray[Any],
+    room: NDArray[Any],
+    root: NDArray[Any],
+    field: NDArray[Any],
+    used: NDArray[Any],
+    predicted: NDArray[Any],
+    slope: NDArray[Any],
+    found: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
 def best_pairs(
     search: NDArray[Any],
     work: NDArray[Any],

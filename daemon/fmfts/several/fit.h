@@ -22,7 +22,8 @@ enum { FMFTS_PANEL = 16 }; /* so many places of the grid stand beside each other
     X(places, 1)                                                                                                       \
     X(force_n, 1)                                                                                                      \
     X(apart_mm, 1)                                                                                                     \
-    X(near_mm, 1)
+    X(near_mm, 1)                                                                                                      \
+    X(least, 1)
 
 FMFTS_STRUCT(fmfts_search_head, FMFTS_SEARCH_HEAD)
 
@@ -91,6 +92,17 @@ fmfts_refusal fmfts_whitener(const fmfts_several *model, size_t fingers, const d
 
 fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, size_t fingers, const double *finger,
                               const fmfts_measured *measured, fmfts_several_work *work, double *chi2);
+
+/* scan.c: white [panels][used][FMFTS_PANEL]: L⁻¹ · templates. Lists the values that there are in `work`. False where one of
+ * them, or the root, is not finite. */
+bool fmfts_white_templates(const fmfts_search *search, const double *root, const fmfts_measured *measured,
+                           fmfts_several_work *work, double *white);
+
+/* another.c: found [2 + unknowns][places]: gain, force, and by_force of Scan.another, wherever the other fingers are.
+ * predicted_t [values], slope [values][unknowns]: of those. room: as below. */
+fmfts_refusal fmfts_another(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t unknowns,
+                            const double *predicted_t, const double *slope, fmfts_several_work *work, double *room,
+                            double *found);
 
 /* scan.c. room: FMFTS_SCAN_DOUBLES(values, padded places). root [used][used]. finger [3] and what it gains. */
 bool fmfts_best_single(const fmfts_search *search, const double *root, const fmfts_measured *measured,

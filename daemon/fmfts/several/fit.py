@@ -16,7 +16,7 @@ from fmfts.common.double_table import DoubleTable, Numbers
 from fmfts.several.compiled import _several, doubles, room
 from fmfts.several.field_model import FINGER, FieldModel, Predicted
 from fmfts.several.measured import Measured, refuse
-from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, NEAR_MM, STARTS, Another, CompiledScan, Scan
+from fmfts.several.scan import APART_MM, GRID_FORCE_N, GRID_MM, LEAST, NEAR_MM, STARTS, Another, CompiledScan, Scan
 
 __all__ = ["APART_MM", "GRID_FORCE_N", "GRID_MM", "STARTS", "Fit", "Fitter", "Measured"]
 
@@ -150,11 +150,11 @@ class Fitter:
 
     def best_seconds(self, root: Array, one: Fit, measured: Measured, most: int = STARTS) -> list[Array]:
         """The best fingers of the grid beside `one`, as pairs (2, 3), the best first. root: of C at `one`."""
-        return self.reference_scan.best_seconds(root, one.fingers, self.model.predict(one.fingers), measured, most)
+        return self._scan.best_seconds(root, one.fingers, self.model.predict(one.fingers), measured, most)
 
     def another(self, root: Array, fit: Fit, measured: Measured) -> Another:
         """One more finger, anywhere beside those of `fit`. root: of C at `fit`."""
-        return self.reference_scan.another(root, fit.fingers, self.model.predict(fit.fingers), measured)
+        return self._scan.another(root, fit.fingers, self.model.predict(fit.fingers), measured)
 
     def sizes(self, root: Array, measured: Measured) -> Array:
         """(places,) by how much a finger of 1 N at each place of the grid would raise χ²."""
@@ -268,6 +268,7 @@ class Fitter:
             "force_n": GRID_FORCE_N,
             "apart_mm": APART_MM,
             "near_mm": NEAR_MM,
+            "least": LEAST,
         }
         for name, number in numbers.items():
             head.put(name, number)

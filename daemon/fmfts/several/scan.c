@@ -17,11 +17,27 @@ typedef struct {
     size_t starts, start[FMFTS_SEVERAL_STARTS][2];    /* the pairs that are found */
 } scan;
 
+bool fmfts_white_templates(const fmfts_search *search, const double *root, const fmfts_measured *measured,
+                           fmfts_several_work *work, double *white)
+{
+    if (!fmfts_list_used(search->values, measured, work) || !fmfts_finite(work->used * work->used, root)) {
+        return false;
+    }
+    for (size_t panel = 0; panel < search->panels; panel++, white += work->used * FMFTS_PANEL) {
+        const double *from = search->template_t + panel * search->values * FMFTS_PANEL;
+        for (size_t i = 0; i < work->used; i++) {
+            memcpy(white + i * FMFTS_PANEL, from + work->index[i] * FMFTS_PANEL, FMFTS_PANEL * sizeof(double));
+        }
+        fmfts_solve_lower(work->used, FMFTS_PANEL, root, white);
+    }
+    return true;
+}
+
 /* Fills white, along and size. False where a value that there is, or the root, is not finite. */
 static bool begin(scan *s, const fmfts_search *search, const double *root, const fmfts_measured *measured,
                   fmfts_several_work *work, double *room)
 {
-    if (!fmfts_list_used(search->values, measured, work) || !fmfts_finite(work->used * work->used, root)) {
+    if (!fmfts_white_templates(search, root, measured, work, room)) {
         return false;
     }
     size_t used = work->used, padded = search->panels * FMFTS_PANEL;
@@ -38,13 +54,8 @@ static bool begin(scan *s, const fmfts_search *search, const double *root, const
     fmfts_solve_lower(used, 1, root, work->white);
     memset(s->along, 0, 2 * padded * sizeof(double));
     for (size_t panel = 0; panel < search->panels; panel++) {
-        const double *from = search->template_t + panel * search->values * FMFTS_PANEL;
-        double *white = room + panel * used * FMFTS_PANEL;
+        const double *white = room + panel * used * FMFTS_PANEL;
         double *along = s->along + panel * FMFTS_PANEL, *size = s->size + panel * FMFTS_PANEL;
-        for (size_t i = 0; i < used; i++) {
-            memcpy(white + i * FMFTS_PANEL, from + work->index[i] * FMFTS_PANEL, FMFTS_PANEL * sizeof(double));
-        }
-        fmfts_solve_lower(used, FMFTS_PANEL, root, white);
         for (size_t i = 0; i < used; i++) {
             for (size_t j = 0; j < FMFTS_PANEL; j++) {
                 double one = white[i * FMFTS_PANEL + j];

@@ -105,17 +105,7 @@ class Scan:
         A second finger that is much weaker than the first one is lost in `best_pairs`, where the first one's press is
         only as its share of a press of 1 N. predicted: of the first finger.
         """
-        another = self.another(root, finger, predicted, measured)
-        gain, force = another.gain, another.force
-        starts: list[Array] = []
-        for best in np.argsort(-gain, kind="stable"):
-            if gain[best] <= 0.0 or len(starts) == most:
-                break
-            place = self.places[best].copy()
-            place[2] *= force[best]
-            if all(np.abs(place[:2] - known[1, :2]).max() > NEAR_MM for known in starts):
-                starts.append(np.stack([finger[0], place]))
-        return starts
+        return _best_beside(finger, self.another(root, finger, predicted, measured), most)
 
     def another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> Another:
         """One more finger at each place of the grid beside `fingers` (K, 3), which may move a little for it."""
@@ -129,17 +119,34 @@ class Scan:
         moved = solve(normal, product(slope.T, both))
         left = both - product(slope, moved)
         along, size = product(left[:, :-1].T, left[:, -1]), (left[:, :-1] * left[:, :-1]).sum(axis=0)
-        apart = self.places[:, None, :2] - fingers[None, :, :2]
-        far = ((apart * apart).sum(axis=2) >= APART_MM * APART_MM).all(axis=1)
         size = np.where(size > 0.0, size, 1.0)
-        gain = np.where((along > 0.0) & far, along * along / size, 0.0)
+        gain = np.where((along > 0.0) & self.apart_from(fingers), along * along / size, 0.0)
         return Another(self.places, gain, along / size, moved[:, :-1])
+
+    def apart_from(self, fingers: Array) -> NDArray[np.bool_]:
+        """(G,) which places are not too near to any of `fingers` (K, 3)."""
+        apart = self.places[:, None, :2] - fingers[None, :, :2]
+        far: NDArray[np.bool_] = ((apart * apart).sum(axis=2) >= APART_MM * APART_MM).all(axis=1)
+        return far
 
     def white(self, root: Array, measured: Measured) -> tuple[Array, Array]:
         """The templates (G, used) and the field (used,), in units of their own errors."""
         measured.checked("field_t", root=root)
         templates = solve_lower(root, np.ascontiguousarray(self.templates[:, measured.used].T)).T
         return templates, solve_lower(root, measured.field_t[measured.used])
+
+
+def _best_beside(finger: Array, another: Another, most: int) -> list[Array]:
+    """The best pairs (2, 3) of `finger` (1, 3) and another one, at different places, the best first."""
+    starts: list[Array] = []
+    for best in np.argsort(-another.gain, kind="stable"):
+        if another.gain[best] <= 0.0 or len(starts) == most:
+            break
+        place = another.places[best].copy()
+        place[2] *= another.force[best]
+        if all(np.abs(place[:2] - known[1, :2]).max() > NEAR_MM for known in starts):
+            starts.append(np.stack([finger[0], place]))
+    return starts
 
 
 class CompiledScan:
@@ -167,3 +174,27 @@ class CompiledScan:
         )
         refuse(wrong, size, measured, root=root)
         return list(found[: int(count)])
+
+    def best_seconds(
+        self, root: Array, finger: Array, predicted: Predicted, measured: Measured, most: int
+    ) -> list[Array]:
+        return _best_beside(finger, self.another(root, finger, predicted, measured), most)
+
+    def another(self, root: Array, fingers: Array, predicted: Predicted, measured: Measured) -> Another:
+        if len(fingers) > MOST["fingers"]:
+            return self._reference.another(root, fingers, predicted, measured)
+        found = np.empty((2 + predicted.slope.shape[1], len(self._reference.places)))
+        wrong, size, _ = _several.another(
+            self._search,
+            self._work,
+            self._room,
+            doubles(root),
+            doubles(measured.field_t),
+            measured.there,
+            doubles(predicted.field_t),
+            doubles(predicted.slope),
+            found,
+        )
+        refuse(wrong, size, measured, root=root)
+        gain = np.where(self._reference.apart_from(fingers), found[0], 0.0)
+        return Another(self._reference.places, gain, found[1], found[2:])

@@ -1,0 +1,104 @@
+/* One more finger at each place of the grid beside those that are told: Scan.another explains it. */
+#include "../arithmetic/matrix.h"
+#include "fit.h"
+
+/* What a small move of the other fingers explains. slope [used][unknowns], across [unknowns][used]: white. root: of their
+ * normal matrix. */
+typedef struct {
+    size_t used, unknowns;
+    const double *slope, *across, *root;
+} others;
+
+/* moved [unknowns][columns]: the move of the others that explains x [used][columns] best. x: receives what is left. */
+static void explain(const others *o, size_t columns, double *x, double *moved)
+{
+    fmfts_product(o->unknowns, o->used, columns, o->across, x, moved);
+    fmfts_solve_lower(o->unknowns, columns, o->root, moved);
+    fmfts_solve_lower_transposed(o->unknowns, columns, o->root, moved);
+    for (size_t i = 0; i < o->used; i++) {
+        double explained[FMFTS_PANEL] = {0.0};
+        for (size_t k = 0; k < o->unknowns; k++) {
+            for (size_t j = 0; j < columns; j++) {
+                explained[j] += o->slope[o->unknowns * i + k] * moved[columns * k + j];
+            }
+        }
+        for (size_t j = 0; j < columns; j++) {
+            x[columns * i + j] -= explained[j];
+        }
+    }
+}
+
+/* Of the places of one panel: along, size: the product of what is left of a template with what is left of the field, and
+ * with itself. */
+static void measure(size_t used, const double *left, const double *field, double along[FMFTS_PANEL], double size[FMFTS_PANEL])
+{
+    for (size_t j = 0; j < FMFTS_PANEL; j++) {
+        along[j] = size[j] = 0.0;
+    }
+    for (size_t i = 0; i < used; i++) {
+        for (size_t j = 0; j < FMFTS_PANEL; j++) {
+            double one = left[FMFTS_PANEL * i + j];
+            along[j] += one * field[i];
+            size[j] += one * one;
+        }
+    }
+}
+
+/* The white slopes of the others and their transpose, what they leave of the field, and the root of their normal matrix. */
+static bool begin(const double *root, const fmfts_measured *measured, size_t unknowns, const double *predicted_t,
+                  const double *slope, double least, fmfts_several_work *work, double *across, double *normal,
+                  fmfts_refusal *refusal)
+{
+    size_t used = work->used;
+    for (size_t i = 0; i < used; i++) {
+        size_t value = work->index[i];
+        work->white[i] = measured->field_t[value] - predicted_t[value];
+        for (size_t k = 0; k < unknowns; k++) {
+            work->slope[unknowns * i + k] = slope[unknowns * value + k];
+        }
+    }
+    fmfts_solve_lower(used, 1, root, work->white);
+    fmfts_solve_lower(used, unknowns, root, work->slope);
+    for (size_t i = 0; i < used; i++) {
+        for (size_t k = 0; k < unknowns; k++) {
+            across[used * k + i] = work->slope[unknowns * i + k];
+        }
+    }
+    fmfts_product(unknowns, used, unknowns, across, work->slope, normal);
+    for (size_t k = 0; k < unknowns; k++) {
+        normal[(unknowns + 1) * k] += least;
+    }
+    return fmfts_factored(unknowns, normal, refusal);
+}
+
+fmfts_refusal fmfts_another(const fmfts_search *search, const double *root, const fmfts_measured *measured, size_t unknowns,
+                            const double *predicted_t, const double *slope, fmfts_several_work *work, double *room,
+                            double *found)
+{
+    double across[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_VALUES], normal[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_UNKNOWNS];
+    double moved[FMFTS_SEVERAL_UNKNOWNS * FMFTS_PANEL], along[FMFTS_PANEL], size[FMFTS_PANEL];
+    fmfts_refusal refusal = {FMFTS_FINE, 0};
+    if (!fmfts_white_templates(search, root, measured, work, room)) {
+        return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
+    }
+    if (!begin(root, measured, unknowns, predicted_t, slope, search->head->least[0], work, across, normal, &refusal)) {
+        return refusal;
+    }
+    const others o = {work->used, unknowns, work->slope, across, normal};
+    size_t places = search->places;
+    explain(&o, 1, work->white, moved);
+    for (size_t panel = 0; panel < search->panels; panel++) {
+        double *left = room + panel * o.used * FMFTS_PANEL;
+        explain(&o, FMFTS_PANEL, left, moved);
+        measure(o.used, left, work->white, along, size);
+        for (size_t j = 0, place = FMFTS_PANEL * panel; j < FMFTS_PANEL && place < places; j++, place++) {
+            double whole = size[j] > 0.0 ? size[j] : 1.0;
+            found[place] = along[j] > 0.0 ? along[j] * along[j] / whole : 0.0;
+            found[places + place] = along[j] / whole;
+            for (size_t k = 0; k < unknowns; k++) {
+                found[(2 + k) * places + place] = moved[FMFTS_PANEL * k + j];
+            }
+        }
+    }
+    return refusal;
+}
