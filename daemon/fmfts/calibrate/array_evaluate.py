@@ -16,8 +16,9 @@ from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array
 from fmfts.pose import Aligned
 from fmfts.several.count import CounterMemory, resultant
-from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
+from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import Scene
+from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.resultant import deviation_of
 

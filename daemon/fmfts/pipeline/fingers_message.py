@@ -15,8 +15,9 @@ from fmfts.pipeline.contact_message import mask_of
 from fmfts.pose import SOLVER
 from fmfts.pose.magnets import CHANGE
 from fmfts.several.count import resultant
-from fmfts.several.estimator import FingersEstimator, FingersReading
+from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit
+from fmfts.several.reading import FingersReading
 from fmfts.several.resultant import deviation_of
 
 Array = NDArray[np.float64]

@@ -24,8 +24,9 @@ from fmfts.pose.neighbour import NeighbourView, Sighting, SightingMemory
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
-from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
+from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import Scene
+from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.sighted import rest_of
 
 BARE_ONLY = "rest not recorded: mount the pad, then `fmfts-daemon baseline --rest` while nothing touches it"

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import SingularError, product, root_of_squares
 from fmfts.baseline.array_mounting import ArrayMounting
-from fmfts.bus.messages import Health
 from fmfts.common.chi2 import quantile
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
@@ -27,6 +25,7 @@ from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.hidden import hidden_variance
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
+from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import poses_of, sighted
@@ -53,43 +52,6 @@ CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less
 REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
-
-
-@dataclass(slots=True)
-class FingersMemory:
-    """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
-
-    unexplained: how many frames in a row nothing explained. left_out: a sensor that contradicts all others, −1: none.
-    agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
-    temperature that was told.
-    """
-
-    counter: CounterMemory
-    recovery: Recovery
-    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
-    unexplained: int = 0
-    left_out: int = -1
-    agrees_frames: int = 0
-    last_us: int | None = None
-    last_c: float | None = None
-
-
-class FingersReading(NamedTuple):
-    """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
-
-    more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (3,): of the
-    resultant's place (mm²) and force (N²), where that is more than `fit` says.
-    """
-
-    health: Health
-    reason: str
-    used: NDArray[np.bool_]
-    fit: Fit | None = None
-    ids: tuple[int, ...] = ()
-    more: bool = False
-    over_range: bool = False
-    measured: Measured | None = None
-    least_variance: Array | None = None
 
 
 class FingersEstimator:

@@ -7,9 +7,9 @@ import numpy as np
 from fmfts.arithmetic.matrix import product
 from fmfts.pad import Array
 from fmfts.several.count import resultant
-from fmfts.several.estimator import FingersReading
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit
+from fmfts.several.reading import FingersReading
 
 
 def deviation_of(reading: FingersReading, fit: Fit) -> Array:

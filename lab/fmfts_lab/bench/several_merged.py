@@ -12,7 +12,7 @@ import numpy as np
 
 from fmfts.pad import Array
 from fmfts.several.count import resultant
-from fmfts.several.estimator import FingersReading
+from fmfts.several.reading import FingersReading
 from fmfts.several.resultant import deviation_of
 from fmfts_lab.bench.several_world import BUILT, Press, estimator_of, read_once, two_places, worlds
 

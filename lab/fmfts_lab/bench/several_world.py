@@ -18,9 +18,10 @@ from fmfts.pose import Aligned
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.sensor.chips.hmc5983 import HMC5983
 from fmfts.several.count import CounterMemory, FingerCounter
-from fmfts.several.estimator import FingersEstimator, FingersMemory, FingersReading
+from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import MM, FieldModel, Scene
 from fmfts.several.fit import Fitter, Measured
+from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts_lab.finite_elements.array_model import array_config
 

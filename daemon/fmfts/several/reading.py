@@ -1,0 +1,54 @@
+"""What one frame of a pad with several magnets says, and what it leaves to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.bus.messages import Health
+from fmfts.several.count import CounterMemory
+from fmfts.several.fit import Fit
+from fmfts.several.measured import Measured
+from fmfts.several.recovery import Recovery
+
+Array = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class FingersMemory:
+    """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
+
+    unexplained: how many frames in a row nothing explained. left_out: a sensor that contradicts all others, −1: none.
+    agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
+    temperature that was told.
+    """
+
+    counter: CounterMemory
+    recovery: Recovery
+    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
+    unexplained: int = 0
+    left_out: int = -1
+    agrees_frames: int = 0
+    last_us: int | None = None
+    last_c: float | None = None
+
+
+class FingersReading(NamedTuple):
+    """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
+
+    more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (3,): of the
+    resultant's place (mm²) and force (N²), where that is more than `fit` says.
+    """
+
+    health: Health
+    reason: str
+    used: NDArray[np.bool_]
+    fit: Fit | None = None
+    ids: tuple[int, ...] = ()
+    more: bool = False
+    over_range: bool = False
+    measured: Measured | None = None
+    least_variance: Array | None = None
