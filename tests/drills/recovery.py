@@ -20,6 +20,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from drills import anyskin_drills
 from drills.beside import probed
 from drills.control_fuzz import fuzzed_control
 from drills.daemon_drills import clock_set_back, deaf_subscriber, killed_in_a_write, wedged_bus
@@ -48,6 +49,10 @@ HELD: dict[str, Callable[[Facts], bool]] = {
     "clock": lambda facts: facts["longest_gap_s"] <= 0.5 and facts["share_of_rate"] >= 0.95,
     "deaf": lambda facts: facts["longest_gap_s"] <= 0.5,
     "probe": lambda facts: not facts["not_ok"] and facts["longest_gap_s"] <= 0.5,
+    # The period of an AnySkin stream is measured for half a second before anything is published.
+    "skin-replug": lambda facts: facts["longest_s"] <= 1.5,
+    "skin-damage": lambda facts: facts["longest_s"] <= 0.5,
+    "skin-baud": lambda facts: facts["longest_s"] <= 1.0,
 }
 BURST_BYTES = 1000
 BACK_S = 0.3  # between two pulls: its numbers are judged, and the finger moves on
@@ -160,6 +165,9 @@ DRILLS: dict[str, tuple[Callable[[Path, Any], Facts], float]] = {
     "clock": (clock_set_back, 10.0),
     "control": (fuzzed_control, 100_000),
     "probe": (probed, 100),
+    "skin-replug": (anyskin_drills.unplugged, 100),
+    "skin-damage": (anyskin_drills.damaged, 2000),
+    "skin-baud": (anyskin_drills.other_baud, 24),
 }
 
 

@@ -22,7 +22,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from drills.pressed_board import PressedBoard, Wrong
+from drills.pressed_board import PressedBoard
+from drills.pressed_pad import Wrong
 from drills.rig import PATIENCE_S, is_ok, send_garbage, summary
 from drills.witness import Injected, Witness
 from end_to_end.processes import BRIDGE_CONFIG, RunningDaemon

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drills import beside, control_fuzz, daemon_drills, recovery
+from drills import anyskin_drills, beside, control_fuzz, daemon_drills, recovery
 from drills.chaos.drill import MUST_BE_NONE, Drill
 from end_to_end import kernel_bus
 from needed import missing
@@ -55,6 +55,18 @@ def test_random_requests_are_answered_and_change_nothing(tmp_path: Path) -> None
 
 def test_a_probe_beside_the_daemon_disturbs_no_contact(tmp_path: Path) -> None:
     beside.probed(tmp_path, 3)
+
+
+def test_a_replugged_anyskin_board_comes_back(tmp_path: Path) -> None:
+    anyskin_drills.unplugged(tmp_path, 2)
+
+
+def test_damaged_packets_of_an_anyskin_board_bring_no_wrong_number(tmp_path: Path) -> None:
+    anyskin_drills.damaged(tmp_path, 12)
+
+
+def test_another_baud_rate_of_an_anyskin_board_is_said_and_passes(tmp_path: Path) -> None:
+    anyskin_drills.other_baud(tmp_path, 2)
 
 
 def test_pairs_of_faults_bring_no_wrong_number_and_end_with_their_causes(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drills.pressed_board import NEVER_NS, PressedBoard, Wrong
+from drills.pressed_board import NEVER_NS, PressedBoard
+from drills.pressed_pad import Wrong
 from fmfts_client import Contact
 
 KEPT, APART_NS = 8, 1_000_000_000  # accounts, and of one pad: wrong ones that follow each other have one cause

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from emulator.anyskin_board import binary
+from emulator.anyskin_on_pty import Board
 from end_to_end.processes import RunningDaemon, run_command
-from end_to_end.test_anyskin import Board
 from fmfts_client import Contact
 from unit.skin_pad import SENSORS_MM, presses, skin_set, streamed_field, write_skin
 

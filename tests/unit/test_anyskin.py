@@ -170,3 +170,53 @@ def test_pause_of_the_stream_begins_anew() -> None:
     for arrival_ns, _ in arrivals(200.0, 3.0, random):
         clock.stamped(arrival_ns)
     assert clock.stamped(60_000_000_000) is None
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 200.0, 400.0])
+@pytest.mark.parametrize("waited_s", [0.3, 3.0])
+def test_packets_that_waited_for_the_port_to_be_opened_tell_no_rate(rate_hz: float, waited_s: float) -> None:
+    clock, opened_ns = StreamClock(), round(1e9 * (5.0 + waited_s))
+    for arrival_ns, made_s in arrivals(rate_hz, 10.0, Random(7)):
+        stamp = clock.stamped(max(arrival_ns, opened_ns))
+        if stamp is not None:
+            assert clock.rate_hz == pytest.approx(rate_hz, rel=0.02)
+            assert stamp[2] / 1e9 - made_s < 5e-3
+    assert clock.number > rate_hz * (10.0 - waited_s - 1.5)
+    assert (clock.lost, clock.epochs) == (0, 1)
+
+
+@pytest.mark.parametrize("stall_s", [(5.0, 5.3), (5.2, 5.4), (5.3, 5.6), (5.45, 5.9)])
+def test_stall_of_this_computer_while_the_period_is_learned_tells_no_rate(stall_s: tuple[float, float]) -> None:
+    clock = StreamClock()
+    for arrival_ns, made_s in arrivals(200.0, 10.0, Random(8)):
+        stamp = clock.stamped(round(stall_s[1] * 1e9) if stall_s[0] < made_s < stall_s[1] else arrival_ns)
+        if stamp is not None:
+            assert clock.rate_hz == pytest.approx(200.0, rel=0.02)
+    assert clock.number > 200.0 * 8.0
+    assert (clock.lost, clock.epochs) == (0, 1)
+
+
+@pytest.mark.parametrize("other_hz", [100.0, 230.0, 400.0])
+def test_period_that_is_another_one_is_measured_again_within_three_seconds(other_hz: float) -> None:
+    """As if it had been learned wrong: the numbers begin anew, in another run."""
+    clock, late_s = StreamClock(), []
+    for arrival_ns, _ in arrivals(200.0, 5.0, Random(9)):
+        clock.stamped(arrival_ns)
+    for arrival_ns, made_s in arrivals(other_hz, 10.0, Random(10)):
+        stamp = clock.stamped(arrival_ns + 5_000_000_000)
+        if stamp is not None and made_s > 5.0 + 3.0:
+            late_s.append(stamp[2] / 1e9 - made_s - 5.0)
+    assert clock.rate_hz == pytest.approx(other_hz, rel=0.02)
+    assert clock.epochs == 2
+    assert np.abs(late_s).max() < 5e-3
+
+
+def test_packets_that_are_lost_now_and_then_are_no_other_period() -> None:
+    random = Random(11)
+    lost = {number: 1 for number in range(400, 20_000) if random.random() < 0.01}
+    clock = StreamClock()
+    for arrival_ns, _ in arrivals(200.0, 60.0, random, lost=lost):
+        clock.stamped(arrival_ns)
+    assert clock.epochs == 1
+    came = [number for number in lost if number < 60 * 200 - sum(lost.values())]
+    assert abs(clock.lost - len(came)) <= 3  # the last ones may not have been counted yet

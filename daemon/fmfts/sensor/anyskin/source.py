@@ -90,8 +90,6 @@ class Anyskin:
         self._descriptor, self._opened_ns = self._serial.fileno(), now_ns
         self._stream, self._strange_bytes = self._new_stream(), 0
         self._clock.restart()
-        self._values[:], self._sampled_us[:] = 0, 0
-        self._run += 1
         return True
 
     def _receive(self, now_ns: int) -> Sequence[Frame]:
@@ -121,6 +119,8 @@ class Anyskin:
         if stamp is None:
             return None
         number, device_us, host_ns = stamp
+        if self._clock.epochs != self._run:
+            self._begin_run()
         chip = self._pad.chip
         counts = np.array([counts_of(chip, reading.field_ut) for reading in packet], np.int16)
         valid = np.array([reading.is_measured for reading in packet])
@@ -146,6 +146,14 @@ class Anyskin:
             chip=chip,
         )
 
+    def _begin_run(self) -> None:
+        """Numbers and times begin anew."""
+        self._run = self._clock.epochs
+        self._values[:], self._sampled_us[:] = 0, 0
+        rate_hz = round(self._clock.rate_hz or 0.0, 1)
+        self.state.board.update(rate_hz=rate_hz, magnetometers=self._pad.sensors, self_test=False)
+        note(self.state.warnings, "rate", self._other_rate())
+
     def _note_silent(self, valid: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> None:
         for sensor, measured in enumerate(valid):
             self._unmeasured[sensor] = 0 if measured else self._unmeasured[sensor] + 1
@@ -166,10 +174,6 @@ class Anyskin:
         elif self._clock.period_ns and not self.state.connected:
             self._backoff_ns = FIRST_BACKOFF_NS
             self.state.connect(now_ns)
-            self.state.board.update(
-                rate_hz=round(self._clock.rate_hz or 0.0, 1), magnetometers=self._pad.sensors, self_test=False
-            )
-            note(self.state.warnings, "rate", self._other_rate())
 
     def _strange(self) -> str:
         form = "text" if self._pad.is_text else "binary packets"
