@@ -220,3 +220,18 @@ def test_packets_that_are_lost_now_and_then_are_no_other_period() -> None:
     assert clock.epochs == 1
     came = [number for number in lost if number < 60 * 200 - sum(lost.values())]
     assert abs(clock.lost - len(came)) <= 3  # the last ones may not have been counted yet
+
+
+def test_packets_that_waited_here_are_not_stamped_younger_than_they_are() -> None:
+    """A computer with too much to do reads every 0.15 s what has come: no packet was lost, and none is from then."""
+    clock, too_young_s = StreamClock(), []
+    for arrival_ns, made_s in arrivals(200.0, 20.0, Random(12)):
+        busy = 10.0 < made_s < 15.0
+        read_ns = -(-arrival_ns // 150_000_000) * 150_000_000 if busy else arrival_ns
+        stamp = clock.stamped(read_ns)
+        if not busy or arrival_ns + 5_000_000 > read_ns:  # the last one before this read
+            clock.found_empty(read_ns)
+        if stamp is not None:
+            too_young_s.append(stamp[2] / 1e9 - made_s)
+    assert max(too_young_s) < 6e-3  # a period: for so long the youngest packet of each read may have waited
+    assert (clock.lost, clock.epochs) == (0, 1)

@@ -19,7 +19,7 @@ from fmfts.sensor.source import CannotError, SourceState
 from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wired_pad import PadOnStream
 
-READ_BYTES = 4096
+READ_BYTES, READS = 4096, 16
 FIRST_BACKOFF_NS = 50_000_000
 LONGEST_BACKOFF_NS = 1_000_000_000
 SILENCE_NS = 500_000_000  # the slowest of these boards sends 50 packets a second
@@ -93,18 +93,26 @@ class Anyskin:
         return True
 
     def _receive(self, now_ns: int) -> Sequence[Frame]:
+        """What has come, until nothing is left unread, or for so many reads."""
         assert self._descriptor is not None
-        try:
-            data = os.read(self._descriptor, READ_BYTES)
-        except BlockingIOError:
-            return ()
-        except OSError as error:
-            self._disconnect(f"the port is gone ({error.strerror}): plug the board in again", now_ns)
-            return ()
-        if not data:
-            self._disconnect("the port hung up: plug the board in again", now_ns)
-            return ()
-        arrival_ns = time.monotonic_ns()  # not `now_ns`: bytes may have arrived since
+        frames: list[Frame] = []
+        for _ in range(READS):
+            begun_ns = time.monotonic_ns()
+            try:
+                data = os.read(self._descriptor, READ_BYTES)
+            except BlockingIOError:
+                self._clock.found_empty(begun_ns)
+                break
+            except OSError as error:
+                self._disconnect(f"the port is gone ({error.strerror}): plug the board in again", now_ns)
+                break
+            if not data:
+                self._disconnect("the port hung up: plug the board in again", now_ns)
+                break
+            frames += self._frames(data, time.monotonic_ns())  # not `now_ns`: bytes may have arrived since
+        return frames
+
+    def _frames(self, data: bytes, arrival_ns: int) -> list[Frame]:
         before = self._stream.garbage_bytes
         packets = list(self._stream.feed(data))
         self.state.garbage_bytes += self._stream.garbage_bytes - before

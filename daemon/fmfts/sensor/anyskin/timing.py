@@ -16,7 +16,7 @@ LONGEST_LEARNING_NS = 3_000_000_000
 CHECK_NS = 1_000_000_000  # in which it is measured again
 PERIOD_TOLERANCE = 0.02
 LATE_PACKETS = 8
-LATE_NS = 100_000_000  # all later than that for so long: a stall of this computer is shorter, or ends on time
+LATE_NS = 100_000_000  # all later than that for so long, however long they may have waited here
 LATE_PERIODS = 0.6
 PAUSE_NS = 1_000_000_000  # a longer silence begins anew: how many packets it cost is only as certain as the period
 
@@ -84,9 +84,16 @@ class StreamClock:
         else:
             self._other_ns = found_ns
 
+    def found_empty(self, at_ns: int) -> None:
+        """Nothing that arrived before `at_ns` is unread: see DeviceClock."""
+        self.clock.found_empty(at_ns)
+
     def _look_for_a_gap(self, arrival_ns: int, late_ns: int) -> None:
         if late_ns < LATE_PERIODS * self.period_ns:
             self._lateness.clear()
+            return
+        late_ns -= round(self.clock.unread_ns(arrival_ns))  # for so long it may have waited here
+        if late_ns < LATE_PERIODS * self.period_ns:
             return
         self._lateness.append((arrival_ns, late_ns))
         if len(self._lateness) < LATE_PACKETS or arrival_ns - self._lateness[0][0] < LATE_NS:
