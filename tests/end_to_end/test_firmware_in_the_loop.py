@@ -78,20 +78,24 @@ def test_status_tells_what_happened_on_the_board_and_that_it_is_over(
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
         board.tell(order)
         daemon.wait_for(lambda contact: contact.sensors_ok != 0b1111)
-        assert any(re.search(told, fault) for fault in _faults(daemon, present=True))
+        assert _is_told(daemon, told)
         board.tell(mend)
         daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
-        assert not _faults(daemon, present=False)
+        assert _is_told_no_more(daemon, told)
 
 
-def _faults(daemon: RunningDaemon, present: bool) -> Sequence[str]:
-    """The status topic's sentences as soon as there are some (or none any more), at the latest after ten seconds."""
-    faults: Sequence[str] = ()
+def _is_told(daemon: RunningDaemon, sentence: str) -> bool:
+    return any(re.search(sentence, "\n".join(faults)) for faults in _faults(daemon))
+
+
+def _is_told_no_more(daemon: RunningDaemon, sentence: str) -> bool:
+    return any(not re.search(sentence, "\n".join(faults)) for faults in _faults(daemon))
+
+
+def _faults(daemon: RunningDaemon) -> Iterator[Sequence[str]]:
+    """The sentences of the next ten messages of the status topic."""
     with daemon.subscribe("status") as messages:
         for _ in range(10):
             message = messages.receive(60.0)
             assert message is not None
-            faults = Status.from_message(message.body).sensor_faults
-            if bool(faults) is present:
-                break
-    return faults
+            yield Status.from_message(message.body).sensor_faults

@@ -96,6 +96,7 @@ def test_worst_pad_is_named_with_its_reason(fleet: OpenPage) -> None:
     assert "/dev/no-such-board" in head["worst"]["reason"]
 
 
+@pytest.mark.real_time  # who reads for a second too slowly loses messages
 def test_killed_robot_is_lost_and_the_others_go_on_without_a_gap(robots: Robots, fleet: OpenPage) -> None:
     listeners = [Listener(robots, name) for name in ("arm", "head")]
     try:
