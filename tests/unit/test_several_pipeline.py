@@ -164,6 +164,7 @@ def test_beyond_the_table_only_a_bound_of_the_force_is_told() -> None:
     message = told(ready(), frames(8, steady_finger(2e-3, 2e-3, 4.0)))[-1]
     assert (message.contact, message.over_range, message.contacts, message.force_n) == (True, True, None, None)
     assert message.force_min_n == pytest.approx(3.0, abs=0.1)
+    assert message.poses is None
 
 
 def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> None:
