@@ -1,4 +1,4 @@
-"""The poses of a pad with four magnets are as wrong as they say: under shear, other patches, and errors of the table."""
+"""The poses of a pad with four magnets are as wrong as they say: under shear, other patches, errors of the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a pad with several magnets sees its magnets: for its messages, and for neighbouring pads that feel their fields.
+"""Where a pad with several magnets sees its magnets: for its messages, and for pads beside it that feel their fields.
 
 The table of presses tells the poses that the fingers cause, but what it only considers (shear, patch, its own errors)
 moves the magnets, too. So the residual is asked about it. With the fingers x ± Σ, what is considered p ~ N(0, 1), the
