@@ -21,6 +21,7 @@ from fmfts_lab.bench import (
     several_doubted,
     several_drills,
     several_merged,
+    several_poses,
     several_speed,
     several_whole,
 )
@@ -80,6 +81,7 @@ def run(options: Namespace) -> None:
         (options.beside, several_beside),
         (options.calibrated, several_calibrated),
         (options.whole, several_whole),
+        (options.through_poses, several_poses),
     ):
         if asked:
             other.run(options)
