@@ -133,6 +133,7 @@ def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agr
     assert {message.health for message in during} == {"degraded"}
     assert all(f"sensor {sensor + 1} contradicts all others" in message.reason for message in during)
     assert all(_is_right(message) for message in during)
+    assert not [message.reason for message in messages if "stuck" in message.reason]
     assert after.health == "ok"
 
 

@@ -188,7 +188,8 @@ class FingersEstimator:
             memory.counter = self._counter.memory = odd.memory
             counted = self._counter.update(measured.only(used), self._around_t)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
-        elif explained and memory.left_out >= 0:
+        left_out = memory.left_out
+        if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
         if not explained:
             return self._unexplained(fit, used)
@@ -197,7 +198,7 @@ class FingersEstimator:
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
-        health, reason = reasons.health_of_axes(used, missing, memory.left_out)
+        health, reason = reasons.health_of_axes(used, missing, left_out)
         over_range = self._is_over_range(fit)
         if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
             if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:
