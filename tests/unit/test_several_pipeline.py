@@ -133,6 +133,7 @@ def test_a_sensor_that_contradicts_all_others_is_named_and_left_out_until_it_agr
     assert {message.health for message in during} == {"degraded"}
     assert all(f"sensor {sensor + 1} contradicts all others" in message.reason for message in during)
     assert all(_is_right(message) for message in during)
+    assert not [message.reason for message in messages if "stuck" in message.reason]
     assert after.health == "ok"
 
 
@@ -164,6 +165,7 @@ def test_beyond_the_table_only_a_bound_of_the_force_is_told() -> None:
     message = told(ready(), frames(8, steady_finger(2e-3, 2e-3, 4.0)))[-1]
     assert (message.contact, message.over_range, message.contacts, message.force_n) == (True, True, None, None)
     assert message.force_min_n == pytest.approx(3.0, abs=0.1)
+    assert message.poses is None
 
 
 def test_without_a_baseline_and_with_a_bare_one_alone_it_says_what_to_do() -> None:

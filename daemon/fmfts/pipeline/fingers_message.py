@@ -46,7 +46,8 @@ class FingersWriter:
         estimates: dict[str, Any] = NO_ESTIMATE_OF_SEVERAL | {"over_range": False, "more": reading.more}
         if reading.fit is not None and estimator is not None:
             estimates |= _estimates(reading, reading.fit, estimator)
-            estimates["poses"] = _poses(reading, reading.fit, estimator)
+            if not reading.over_range:  # what fingers beyond the table do to the magnets is not known
+                estimates["poses"] = _poses(reading, reading.fit, estimator)
         return ContactMessage(
             pad=self._pad,
             boot=self._boot,
@@ -103,9 +104,9 @@ def _finger(share: float, finger: Array, deviation: Array, shear: Array, shear_d
 
 
 def _poses(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -> list[PoseMessage]:
-    """The pose of each magnet that goes with the fingers: of the table of presses, not solved by itself."""
+    """The pose of each magnet: by the fingers and the table of presses, and by what the residual tells of shear."""
     mounting = estimator.mounting
-    magnets, variance = estimator.poses(fit)
+    magnets, variance = estimator.poses(reading)
     ambient, ambient_deviation = None, None
     # Under a finger the ambient field is known to less than this, and how much less is not kept.
     if mounting.ambient_t is not None and mounting.ambient_deviation_t is not None and not len(fit.fingers):

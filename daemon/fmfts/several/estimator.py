@@ -28,7 +28,7 @@ from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
-from fmfts.several.sighted import poses_of, sighted
+from fmfts.several.sighted import UNFELT, poses_of, sighted
 from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class FingersEstimator:
         self.remanences = np.stack([remanences_t, remanences_t * np.sqrt(self.rest_variance[:, -1])], axis=1).tolist()
         # Of the last frame: the change of the field around, and the factor on the magnets' moments.
         self._around_t, self._moment = self.memory.ambient_t, 1.0
-        self._no_variance = np.zeros((len(mounting.magnets), CHANGE))
+        self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         # The mean over the sensors: of their noise, and of what the baseline left of their gains and rotations.
         by_ambient = self.fitter.model.by_ambient
         own = mounting.errors.by_field.reshape(len(by_ambient), -1)
@@ -108,15 +108,14 @@ class FingersEstimator:
         deviation: Array = np.sqrt(self._ambient_noise_t2 + (errors * errors).sum(axis=1))
         return deviation
 
-    def poses(self, fit: Fit) -> tuple[Magnets, Array]:
-        """The magnets as `fit` has them, and the variances (M, 5) of their poses by those of the fingers."""
-        model, mounting = self.fitter.model, self.mounting
-        if not len(fit.fingers):
-            return mounting.magnets, self._no_variance
-        predicted = model.predict(fit.fingers)
-        by_finger = model.by_finger(predicted)
-        variance = (product(by_finger, fit.covariance) * by_finger).sum(axis=1)
-        return mounting.magnets.changed(predicted.change, mounting.frames), variance.reshape(-1, CHANGE)
+    def poses(self, reading: FingersReading) -> tuple[Magnets, Array]:
+        """The magnets of the last frame, and the variances (M, 5) of their changes since rest: by what is not known of
+        the fingers, and by what moves magnets besides (several/sighted.py)."""
+        mounting, fit = self.mounting, reading.fit
+        if fit is None or reading.measured is None or not len(fit.fingers):
+            return mounting.magnets, self._unfelt_variance
+        poses = poses_of(self.fitter, fit, reading.measured, self._around_t)
+        return mounting.magnets.changed(poses.change, mounting.frames), poses.variance.reshape(-1, CHANGE)
 
     def recall(self, memory: FingersMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
@@ -131,7 +130,7 @@ class FingersEstimator:
         if reading.fit is None or reading.measured is None or reading.over_range:
             return None
         poses = poses_of(self.fitter, reading.fit, reading.measured, self._around_t)
-        return sighted(self.mounting, *poses, self._moment, self.scene.moment)
+        return sighted(self.mounting, poses, self._moment, self.scene.moment)
 
     def read(
         self,
@@ -189,7 +188,8 @@ class FingersEstimator:
             memory.counter = self._counter.memory = odd.memory
             counted = self._counter.update(measured.only(used), self._around_t)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
-        elif explained and memory.left_out >= 0:
+        left_out = memory.left_out
+        if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
         if not explained:
             return self._unexplained(fit, used)
@@ -198,7 +198,7 @@ class FingersEstimator:
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
-        health, reason = reasons.health_of_axes(used, missing, memory.left_out)
+        health, reason = reasons.health_of_axes(used, missing, left_out)
         over_range = self._is_over_range(fit)
         if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
             if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:

@@ -1,14 +1,16 @@
-"""Where a pad with several magnets sees its magnets, for neighbouring pads that feel their fields.
+"""Where a pad with several magnets sees its magnets: for its messages, and for pads beside it that feel their fields.
 
 The table of presses tells the poses that the fingers cause, but what it only considers (shear, patch, its own errors)
-moves the magnets, too: a neighbour feels that. So the residual is asked about it. With the fingers x ± Σ, what is
-considered p ~ N(0, 1), the poses A x + B p, and the field J x + P (B p) of covariance C (field_model.py), the most
-likely poses given the residual r are
+moves the magnets, too. So the residual is asked about it. With the fingers x ± Σ, what is considered p ~ N(0, 1), the
+poses A x + B p, and the field J x + P (B p) of covariance C (field_model.py), the most likely poses given the residual
+r are
 
     A x + W r,  W = B B' P' C⁻¹,  with the covariance  B B' − W P B B' + (A − W J) Σ (A − W J)'
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,34 +39,59 @@ def rest_of(mounting: ArrayMounting) -> tuple[tuple[Neighbour, ...], Array]:
     )
 
 
-def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> tuple[Array, Array]:
-    """The change of the magnets' poses (5M,), in m and components of the axis, and its covariance (5M, 5M).
+class Poses(NamedTuple):
+    """change (5M,): of the magnets' poses since rest, in m and components of the axis. Its covariance is
+    moves moves' − told told' + by_finger fingers by_finger'; moves, told, by_finger (5M, …), fingers (3K, 3K)."""
+
+    change: Array
+    moves: Array
+    told: Array
+    by_finger: Array
+    fingers: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(5M, 5M)."""
+        own = product(self.moves, self.moves.T) - product(self.told, self.told.T)
+        covariance: Array = own + product(self.by_finger, self.fingers, self.by_finger.T)
+        return covariance
+
+    @property
+    def variance(self) -> Array:
+        """(5M,) the diagonal of the covariance."""
+        own = square(self.moves).sum(axis=1) - square(self.told).sum(axis=1)
+        return np.maximum(own + (product(self.by_finger, self.fingers) * self.by_finger).sum(axis=1), 0.0)
+
+
+def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Poses:
+    """Where the fingers, and what moves magnets besides, have moved the magnets of a frame.
 
     around_t (3,): the change of the field around, as `Fitter.fit` has it.
     """
     model, used = fitter.model, measured.used
     predicted = model.predict(fit.fingers)
-    unfelt = np.diag(square(np.tile(UNFELT, len(predicted.change) // CHANGE)))
+    unfelt = np.diag(np.tile(UNFELT, len(predicted.change) // CHANGE))
     if not len(fit.fingers):
-        return predicted.change, unfelt
-    root = fitter.whitener(fit.fingers, measured, around_t)
-    by_pose, by_finger = solve_lower(root, predicted.by_pose[used]), solve_lower(root, predicted.slope[used])
+        nothing = np.zeros((len(unfelt), 0))
+        return Poses(predicted.change, unfelt, nothing, nothing, fit.covariance)
+    root, poses = fitter.whitener(fit.fingers, measured, around_t), len(predicted.change)
+    white = solve_lower(root, np.column_stack([predicted.by_pose, predicted.slope, fit.misfit_t])[used])
     moves = model.considered_moves(fit.fingers, predicted)
-    prior = product(moves, moves.T)
-    toward = product(prior, by_pose.T)
-    change = predicted.change + product(toward, solve_lower(root, fit.misfit_t[used]))
-    left = model.by_finger(predicted) - product(toward, by_finger)
-    return change, unfelt + prior - product(toward, toward.T) + product(left, fit.covariance, left.T)
+    # Of what is considered: B (L⁻¹ P B)', with C = L L'.
+    told = product(moves, product(white[:, :poses], moves).T)
+    change = predicted.change + product(told, white[:, -1])
+    left = model.by_finger(predicted) - product(told, white[:, poses:-1])
+    return Poses(change, np.concatenate([unfelt, moves], axis=1), told, left, fit.covariance)
 
 
 def sighted(
-    mounting: ArrayMounting, change: Array, covariance: Array, moment: float, moment_deviation: float
+    mounting: ArrayMounting, poses: Poses, moment: float, moment_deviation: float
 ) -> tuple[tuple[Neighbour, ...], Array]:
-    """The magnets after a change of pose, and the covariance (6M, 6M) of a step from there.
+    """The magnets with these poses, and the covariance (6M, 6M) of a step from there.
 
     moment: factor on all moments since the baseline, known to moment_deviation.
     """
-    where, count = _placed(mounting, change, log(moment)), len(mounting.magnets)
+    where, count = _placed(mounting, poses.change, log(moment)), len(mounting.magnets)
     by_change = np.zeros((count, COLUMNS, count, CHANGE))
     for number, (one, frame) in enumerate(zip(where, mounting.frames, strict=True)):
         local = product(frame.T, one.axis)
@@ -73,7 +100,7 @@ def sighted(
         by_change[number, 3:5, number, 3:] = product(tangent_basis(one.axis).T, by_tilt)
     flat = by_change.reshape(COLUMNS * count, CHANGE * count)
     of_moment = np.tile(np.append(np.zeros(CHANGE), moment_deviation), count)
-    return where, product(flat, covariance, flat.T) + np.outer(of_moment, of_moment)
+    return where, product(flat, poses.covariance, flat.T) + np.outer(of_moment, of_moment)
 
 
 def _placed(mounting: ArrayMounting, change: Array, log_moment: float) -> tuple[Neighbour, ...]:

@@ -21,7 +21,9 @@ from fmfts_lab.bench import (
     several_doubted,
     several_drills,
     several_merged,
+    several_poses,
     several_speed,
+    several_whole,
 )
 from fmfts_lab.bench.several_world import (
     BUILT,
@@ -30,12 +32,11 @@ from fmfts_lab.bench.several_world import (
     WITHIN_MM,
     Press,
     World,
+    any_press,
     read_once,
     two_places,
-    world,
     worlds,
 )
-from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
 FRAMES_OF_A_PAD, ONE_FINGER_FRAMES_OF_A_PAD = 20, 500
 WRONG = 5.0  # deviations
@@ -49,7 +50,6 @@ class Tally:
 
     frames: int = 0
     told: int = 0
-    third: int = 0
     errors: list[Array] = field(default_factory=list)
     deviations: list[Array] = field(default_factory=list)
 
@@ -80,6 +80,8 @@ def run(options: Namespace) -> None:
         (options.doubted, several_doubted),
         (options.beside, several_beside),
         (options.calibrated, several_calibrated),
+        (options.whole, several_whole),
+        (options.through_poses, several_poses),
     ):
         if asked:
             other.run(options)
@@ -98,8 +100,6 @@ def run(options: Namespace) -> None:
         ("by hand, gains 5 %, 1 + 1 N, 15 mm apart", BY_HAND, (1.0, 1.0), 15.0),
     ):
         print(_two(options, tolerance, forces, apart_mm).row(name), flush=True)
-    for name, least, most in (("the weaker below 0.3 N", 0.0, 0.3), ("both 0.3 N and more", 0.3, 2.0)):
-        print(_solved(options, least, most).row(f"as drawn, pairs solved by finite elements, {name}"), flush=True)
     for whole_n in (0.9, 1.8):
         _three(options, whole_n)
     print(
@@ -118,22 +118,6 @@ def _two(options: Namespace, tolerance: Tolerance, forces: tuple[float, float], 
             presses = [Press(x, y, force) for (x, y), force in zip(places.tolist(), forces, strict=True)]
             counted = _counted(one, one.measured(one.pressed(presses)))
             _add(tally, counted, np.array([press[:3] for press in presses]))
-    return tally
-
-
-def _solved(options: Namespace, least_n: float, most_n: float) -> Tally:
-    """Pairs that finite elements solved at once, 0.4 to 2 N in all: how fingers add up is not the table's.
-
-    least_n, most_n: of the weaker finger.
-    """
-    tally, one = Tally(), world(options.seed, EXACT)
-    presses, changes = read_presses(DATA / "test-pairs.csv", 2)
-    for pair, change in zip(presses, changes, strict=True):
-        if not least_n <= pair[:, 2].min() < most_n:
-            continue
-        si = change.reshape(-1, 5) * [1e-3, 1e-3, 1e-3, 1.0, 1.0]
-        counted = _counted(one, one.measured(si.ravel()))
-        _add(tally, counted, pair[:, :3])
     return tally
 
 
@@ -166,16 +150,12 @@ def _three_apart(random: np.random.Generator) -> Array:
 
 
 def _one(options: Namespace, name: str, tolerance: Tolerance) -> str:
-    """One finger: patches of 4 to 8 mm, friction up to 0.3, 0.1 to 2 N."""
+    """One finger, by the counter alone: how many fingers it tells. several_whole.py has what is published of them."""
     gains, told, frames = [], 0, 0
     errors, alone, off = [], [], []
     for one in worlds(options.one_finger, tolerance, options.seed + 1, ONE_FINGER_FRAMES_OF_A_PAD):
         for _ in range(ONE_FINGER_FRAMES_OF_A_PAD):
-            random = one.random
-            force, angle = random.uniform(0.1, 2.0), random.uniform(0.0, 2.0 * np.pi)
-            shear = force * random.uniform(0.0, 0.3) * np.array([np.cos(angle), np.sin(angle)])
-            x, y = random.uniform(-WITHIN_MM, WITHIN_MM, 2).tolist()
-            press = Press(x, y, force, float(shear[0]), float(shear[1]), random.uniform(4.0, 8.0))
+            press = any_press(one.random)
             measured = one.measured(one.pressed([press]))
             counted, truth = _counted(one, measured), np.array(press[:3])
             frames, told = frames + 1, told + (len(counted.fit.fingers) == 2)
@@ -229,7 +209,6 @@ def _counted(one: World, measured: Measured) -> Counted:
 def _add(tally: Tally, counted: Counted, truth: Array) -> None:
     tally.frames += 1
     found, deviation = counted.fit.fingers, counted.fit.deviation
-    tally.third += len(found) > 2
     limit = quantile(UNEXPLAINED, VALUES - FREE_FIELD - found.size)
     if len(found) != 2 or counted.fit.chi2 > limit:
         return

@@ -11,7 +11,7 @@ import numpy as np
 from fmfts.pad import Array, Tolerance
 from fmfts.several.hidden import hidden_variance
 from fmfts.several.resultant import resultant_deviation
-from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, WITHIN_MM, Press, estimator_of, read_once, worlds
+from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, any_press, estimator_of, read_once, worlds
 
 FRAMES_OF_A_PAD = 100
 WRONG = 5.0  # deviations
@@ -37,12 +37,9 @@ def _row(options: Namespace, name: str, tolerance: Tolerance) -> str:
 
     with patch("fmfts.several.estimator.hidden_variance", remembered):
         for one in worlds(options.one_finger, tolerance, options.seed + 1, FRAMES_OF_A_PAD):
-            estimator, random = estimator_of(one), one.random
+            estimator = estimator_of(one)
             for _ in range(FRAMES_OF_A_PAD):
-                force, angle = random.uniform(0.1, 2.0), random.uniform(0.0, 2.0 * np.pi)
-                shear = force * random.uniform(0.0, 0.3) * np.array([np.cos(angle), np.sin(angle)])
-                x, y = random.uniform(-WITHIN_MM, WITHIN_MM, 2).tolist()
-                press = Press(x, y, force, float(shear[0]), float(shear[1]), random.uniform(4.0, 8.0))
+                press = any_press(one.random)
                 added[:] = 0.0
                 reading = read_once(one, one.pressed([press]), estimator)
                 frames, degraded = frames + 1, degraded + (reading.health == "degraded")

@@ -180,3 +180,11 @@ def two_places(random: np.random.Generator, apart_mm: float) -> Array:
         other = one + apart_mm * np.array([np.cos(angle), np.sin(angle)])
         if np.abs(other).max() <= WITHIN_MM:
             return np.array([one, other])
+
+
+def any_press(random: np.random.Generator) -> Press:
+    """One finger: patches of 4 to 8 mm, friction up to 0.3 in any direction, 0.1 to 2 N, on the pad's inner part."""
+    force, angle = random.uniform(0.1, 2.0), random.uniform(0.0, 2.0 * np.pi)
+    shear = force * random.uniform(0.0, 0.3) * np.array([np.cos(angle), np.sin(angle)])
+    x, y = random.uniform(-WITHIN_MM, WITHIN_MM, 2).tolist()
+    return Press(x, y, force, float(shear[0]), float(shear[1]), random.uniform(4.0, 8.0))

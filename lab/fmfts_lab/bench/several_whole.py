@@ -1,0 +1,108 @@
+"""What a pad with four magnets publishes of one finger, and of two that finite elements solved: the whole estimator.
+
+Health, refusals, `more` and contacts are those of `FingersEstimator.read`, which the daemon calls for each frame.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmfts.pad import Array, Tolerance
+from fmfts.several.count import resultant
+from fmfts.several.reading import FingersReading
+from fmfts.several.resultant import deviation_of
+from fmfts_lab.bench.several_world import (
+    BUILT,
+    BY_HAND,
+    EXACT,
+    Press,
+    World,
+    any_press,
+    estimator_of,
+    read_once,
+    world,
+    worlds,
+)
+from fmfts_lab.finite_elements.array_model import DATA, read_presses
+
+FRAMES_OF_A_PAD = 200
+WRONG = 5.0  # deviations
+SI = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0])
+HEAD = (
+    "| what presses | `ok` | `degraded` | `more` | other | told as none, one, two, of these | wrong, `ok` | "
+    "worst, deviations |\n| --- | --- | --- | --- | --- | --- | --- | --- |"
+)
+
+
+@dataclass(slots=True)
+class Whole:
+    """What is said of the frames of one row. told: how many fingers each frame with contacts has. off: of the resultant
+    and, if as many are told as there are, of each finger, in their deviations, of `ok` frames."""
+
+    frames: int = 0
+    said: Counter[str] = field(default_factory=Counter)
+    told: Counter[int] = field(default_factory=Counter)
+    off: list[float] = field(default_factory=list)
+
+    def add(self, reading: FingersReading, truth: Array) -> None:
+        """truth (K, 3): the fingers that there are."""
+        self.frames += 1
+        self.said["more" if reading.more else reading.health] += 1
+        fit = reading.fit
+        if fit is None or reading.over_range:
+            return
+        self.told[len(fit.fingers)] += 1
+        if reading.health != "ok" or not len(fit.fingers):
+            return
+        each = [(resultant(fit.fingers) - resultant(truth)) / deviation_of(reading, fit)]
+        if len(fit.fingers) == len(truth):
+            straight, crossed = fit.fingers - truth, fit.fingers - truth[::-1]
+            nearer = np.abs(crossed[:, :2]).sum() < np.abs(straight[:, :2]).sum()
+            each.append(((crossed if nearer else straight) / fit.deviation).ravel())
+        self.off.append(float(np.abs(np.concatenate(each)).max()))
+
+    def line(self, name: str) -> str:
+        other = self.frames - sum(self.said[one] for one in ("ok", "degraded", "more"))
+        told = ", ".join(f"{self.told[count]:,}" for count in range(max([2, *self.told]) + 1))
+        wrong, worst = sum(off > WRONG for off in self.off), max(self.off, default=0.0)
+        return (
+            f"| {name} | {self.said['ok']:,} of {self.frames:,} | {self.said['degraded']} | {self.said['more']} "
+            f"| {other} | {told} | {wrong} | {worst:.1f} |"
+        )
+
+
+def run(options: Namespace) -> None:
+    print(HEAD)
+    for name, least_n, most_n in (("the weaker below 0.3 N", 0.0, 0.3), ("both 0.3 N and more", 0.3, 2.0)):
+        print(
+            solved_pairs(world(options.seed, EXACT), least_n, most_n).line(f"pairs of finite elements, {name}"),
+            flush=True,
+        )
+    for name, tolerance in (("as drawn", EXACT), ("as built", BUILT), ("by hand, gains 5 %", BY_HAND)):
+        print(one_finger(options, tolerance).line(f"one finger, {name}"), flush=True)
+
+
+def solved_pairs(one: World, least_n: float, most_n: float) -> Whole:
+    """Pairs that finite elements solved at once, 0.4 to 2 N in all: how fingers add up is not the table's.
+
+    least_n, most_n: of the weaker finger.
+    """
+    whole, estimator = Whole(), estimator_of(one)
+    for pair, change in zip(*read_presses(DATA / "test-pairs.csv", 2), strict=True):
+        if least_n <= pair[:, 2].min() < most_n:
+            whole.add(read_once(one, (change.reshape(-1, len(SI)) * SI).ravel(), estimator), pair[:, :3])
+    return whole
+
+
+def one_finger(options: Namespace, tolerance: Tolerance) -> Whole:
+    whole = Whole()
+    for one in worlds(options.one_finger, tolerance, options.seed + 4, FRAMES_OF_A_PAD):
+        estimator = estimator_of(one)
+        for _ in range(FRAMES_OF_A_PAD):
+            press: Press = any_press(one.random)
+            whole.add(read_once(one, one.pressed([press]), estimator), np.array([press[:3]]))
+    return whole
