@@ -74,8 +74,8 @@ class Fitter:
         self._scan: Scan | CompiledScan = self.reference_scan
         if self.compiled:
             grid, scan_room = self.reference_scan.packed()
-            self._search = np.concatenate([self._head().values, grid])
-            self._scan = CompiledScan(self.reference_scan, self._search, model.work, scan_room)
+            self.search = np.concatenate([self._head().values, grid])
+            self._scan = CompiledScan(self.reference_scan, self.search, model.work, scan_room)
 
     def whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
         """The lower triangle of C at `fingers`, for the values that there are."""
@@ -123,7 +123,7 @@ class Fitter:
         wrong, size, chi2 = _several.fit(
             self.model.packed,
             self.model.work,
-            self._search,
+            self.search,
             doubles(start),
             doubles(measured.field_t),
             doubles(measured.variance_t2),

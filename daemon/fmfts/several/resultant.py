@@ -1,4 +1,4 @@
-"""How well the sum of all fingers is known: the place and force of the message's scalar fields."""
+"""How well the sum of all fingers is known, which is in the message's scalar fields, and each finger."""
 
 from __future__ import annotations
 
@@ -17,7 +17,15 @@ def deviation_of(reading: FingersReading, fit: Fit) -> Array:
     deviation = resultant_deviation(fit)
     if reading.least_variance is None:
         return deviation
-    at_least: Array = np.maximum(deviation, np.sqrt(reading.least_variance))
+    at_least: Array = np.maximum(deviation, np.sqrt(reading.least_variance[0]))
+    return at_least
+
+
+def deviation_of_each(reading: FingersReading, fit: Fit) -> Array:
+    """(K, 3) of the place and force of each finger, as deviation_of."""
+    if reading.least_variance is None:
+        return fit.deviation
+    at_least: Array = np.maximum(fit.deviation, np.sqrt(reading.least_variance[1:]))
     return at_least
 
 
