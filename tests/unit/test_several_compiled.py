@@ -188,12 +188,12 @@ def test_fingers_put_elsewhere_have_the_same_bits_in_c(sizes: tuple[int, ...]) -
         count = 1 + trial % 3
         measured = masked(random, measured_of(random, reference.model, fingers_of(random, count)), trial)
         told = replace(reference.fit(fingers_of(random, count), measured, NONE), fingers=fingers_of(random, count))
-        direction = np.zeros(3 * count)
-        direction[:2] = random.normal(0.0, 1.0, 2)
-        direction *= trial < 22  # without a direction no step leads anywhere
-        away = random.normal(0.0, 3.0, 3 * count)
+        directions = np.zeros((1 + trial % 2, 3 * count))
+        directions[:, :2] = random.normal(0.0, 1.0, (len(directions), 2))
+        directions *= trial < 22  # without a direction no step leads anywhere
+        away = random.normal(0.0, 3.0, directions.shape)
         with np.errstate(invalid="ignore"):
-            there, here = (one_across(one, told, away, direction, measured) for one in (fitter, reference))
+            there, here = (one_across(one, told, away, directions, measured) for one in (fitter, reference))
         assert bits(*there) == bits(*here)
         reached += int(np.isfinite(here[1]).sum())
         refused += int(np.isinf(here[1]).sum())
@@ -202,11 +202,11 @@ def test_fingers_put_elsewhere_have_the_same_bits_in_c(sizes: tuple[int, ...]) -
 
 
 def one_across(
-    fitter: Fitter, told: Fit, away: np.ndarray, direction: np.ndarray, measured: Measured
+    fitter: Fitter, told: Fit, away: np.ndarray, directions: np.ndarray, measured: Measured
 ) -> tuple[np.ndarray, np.ndarray]:
-    there, chi2 = fitted_across(fitter, told, away, direction, measured, np.full(3, 1e-5))
-    assert there.shape == (2, *told.fingers.shape)
-    return np.where(np.isfinite(chi2)[:, None, None], there, 0.0), chi2
+    there, chi2 = fitted_across(fitter, told, away, directions, measured, np.full(3, 1e-5))
+    assert there.shape == (len(away), 2, *told.fingers.shape)
+    return np.where(np.isfinite(chi2)[..., None, None], there, 0.0), chi2
 
 
 def uniform_along_x() -> tuple[Fitter, Fitter]:

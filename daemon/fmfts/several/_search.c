@@ -149,14 +149,15 @@ PyObject *fmfts_py_valley(PyObject *module, PyObject *args)
         return NULL;
     }
     if (understood(&c, FINGERS)) {
-        size_t values = c.model.values, unknowns = FMFTS_FINGER * c.fingers;
-        if (searches(&c, SEARCH, values, &search) && has_doubles(&c, AWAY, unknowns) && has_doubles(&c, DIRECTION, unknowns) &&
+        size_t values = c.model.values, ways = (size_t)c.buffer[CHI2].len / (2 * sizeof(double));
+        size_t unknowns = FMFTS_FINGER * c.fingers, all = ways * unknowns;
+        if (searches(&c, SEARCH, values, &search) && has_doubles(&c, AWAY, all) && has_doubles(&c, DIRECTION, all) &&
             has(&c, LIMITS, sizeof(fmfts_valley_limits)) && has_doubles(&c, FIELD, values) &&
             has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
-            has_doubles(&c, AMBIENT, 3) && has_doubles(&c, THERE, 2 * unknowns) && has_doubles(&c, CHI2, 2)) {
+            has_doubles(&c, AMBIENT, 3) && has_doubles(&c, THERE, 2 * all) && has_doubles(&c, CHI2, 2 * ways)) {
             fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
             result = told(fmfts_valley(&c.model, &search, c.buffer[LIMITS].buf, c.fingers, array(&c, FINGERS),
-                                       array(&c, AWAY), array(&c, DIRECTION), &measured, array(&c, AMBIENT), c.work,
+                                       ways, array(&c, AWAY), array(&c, DIRECTION), &measured, array(&c, AMBIENT), c.work,
                                        array(&c, THERE), array(&c, CHI2)),
                           0.0);
         }

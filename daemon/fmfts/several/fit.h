@@ -105,10 +105,10 @@ typedef struct {
     double steps, least_force_n;
 } fmfts_valley_limits;
 
-/* valley.c: there [2][unknowns]: the most likely fingers that are `away` from `finger` along `direction`, to either side,
- * under the covariance at `finger`; chi2 [2]: theirs, infinite where there are none. Arrays of 3·fingers. */
+/* valley.c: there [ways][2][3·fingers]: the most likely fingers that are `away` from `finger` along `direction`, both [ways]
+ * [3·fingers], to either side, under the covariance at `finger`; chi2 [ways][2]: theirs, infinite where there are none. */
 fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, const fmfts_valley_limits *limits,
-                           size_t fingers, const double *finger, const double *away, const double *direction,
+                           size_t fingers, const double *finger, size_t ways, const double *away, const double *direction,
                            const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work, double *there,
                            double *chi2);
 

@@ -7,6 +7,7 @@ largest, which misses the best one in a fifth of all cases, but from the best of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,11 @@ class Fit:
     def deviation(self) -> Array:
         """(K, 3)."""
         return np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0)).reshape(-1, FINGER)
+
+    @property
+    def force_deviations_n(self) -> list[float]:
+        """Of each finger; faster than `deviation`, of which they are the last column."""
+        return [sqrt(max(variance, 0.0)) for variance in self.covariance.diagonal()[2::FINGER].tolist()]
 
 
 class Fitter:

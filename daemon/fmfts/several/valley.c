@@ -63,7 +63,7 @@ static double fitted_across(const fmfts_several *model, const fmfts_search *sear
 }
 
 fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, const fmfts_valley_limits *limits,
-                           size_t fingers, const double *finger, const double *away, const double *direction,
+                           size_t fingers, const double *finger, size_t ways, const double *away, const double *direction,
                            const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work, double *there,
                            double *chi2)
 {
@@ -72,15 +72,16 @@ fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *searc
     if (refusal.kind != FMFTS_FINE) {
         return refusal;
     }
-    if (!fmfts_finite(unknowns, away) || !fmfts_finite(unknowns, direction)) {
+    if (!fmfts_finite(ways * unknowns, away) || !fmfts_finite(ways * unknowns, direction)) {
         return (fmfts_refusal){FMFTS_NOT_FINITE, 0};
     }
-    for (size_t side = 0; side < 2; side++) {
+    for (size_t side = 0; side < 2 * ways; side++) {
+        const double *step = away + side / 2 * unknowns;
         double *moved = there + side * unknowns;
         for (size_t i = 0; i < unknowns; i++) {
-            moved[i] = on_the_table(search, limits->least_force_n, i, side ? finger[i] - away[i] : finger[i] + away[i]);
+            moved[i] = on_the_table(search, limits->least_force_n, i, side % 2 ? finger[i] - step[i] : finger[i] + step[i]);
         }
-        chi2[side] = fitted_across(model, search, limits, fingers, direction, measured, work, moved);
+        chi2[side] = fitted_across(model, search, limits, fingers, direction + side / 2 * unknowns, measured, work, moved);
     }
     return refusal;
 }

@@ -1,10 +1,9 @@
 """What two fingers may be off where χ² is a long valley: a finger near the rim that is not well known.
 
 There a finger further out that presses harder has nearly the same field, and χ² is no parabola: it rises at first, and
-then stays. So the finger that is known least is put `AWAY` deviations to either side of where it was found, along the
-direction in which it is known least; all else is fitted again; and if a finger or the resultant has moved there by d,
-where χ² has risen by c, its deviation is d/√c at least. Along a parabola that is never more than the deviation that was
-told.
+then stays. So each finger is put `AWAY` deviations to either side of where it was found, along the direction in which it
+is known least; all else is fitted again; and if a finger or the resultant has moved there by d, where χ² has risen by c,
+its deviation is d/√c at least. Along a parabola that is never more than the deviation that was told.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ Array = NDArray[np.float64]
 AWAY, STEPS = 3.0, 2
 LEAST_RISE = 1.0  # a smaller rise of χ² is not told from none
 # A finger whose place is known better than this is in no such valley.
-UNSURE_MM = 0.9
+UNSURE_MM = 0.3
 LEAST_FORCE_N = 0.01
 LIMITS = np.array([STEPS, LEAST_FORCE_N])  # as fit.h has them
 SIDES = (1.0, -1.0)
@@ -37,50 +36,52 @@ def valley_variance(fitter: Fitter, fit: Fit, measured: Measured, around_t: Arra
 
     None where all fingers are well known.
     """
-    unsure, direction = weakest(fit.covariance)
-    if unsure <= UNSURE_MM * UNSURE_MM:
+    away, directions = [], []
+    for first in range(0, len(fit.covariance), FINGER):
+        variance, direction = weakest(fit.covariance, first)
+        if variance > UNSURE_MM * UNSURE_MM:
+            away.append(product(fit.covariance, direction) * (AWAY / sqrt(variance)))
+            directions.append(direction)
+    if not away:
         return None
-    away = product(fit.covariance, direction) * (AWAY / sqrt(unsure))
-    there, chi2 = fitted_across(fitter, fit, away, direction, measured, around_t)
+    there, chi2 = fitted_across(fitter, fit, np.array(away), np.array(directions), measured, around_t)
     here, least = _whole_and_each(fit.fingers), np.zeros((1 + len(fit.fingers), FINGER))
-    for fingers, one in zip(there, chi2.tolist(), strict=True):
+    for fingers, one in zip(there.reshape(-1, *fit.fingers.shape), chi2.ravel().tolist(), strict=True):
         off = _whole_and_each(fingers) - here
         least = np.maximum(least, off * off / max(one - fit.chi2, LEAST_RISE))
     return least
 
 
-def weakest(covariance: Array) -> tuple[float, Array]:
-    """The largest variance (mm²) of a finger's place in any direction, and this direction (3K,) of its place."""
-    unsure, direction = 0.0, np.zeros(len(covariance))
-    rows = covariance.tolist()
-    for first in range(0, len(rows), FINGER):
-        along_x, both, along_y = rows[first][first], rows[first][first + 1], rows[first + 1][first + 1]
-        half = 0.5 * (along_x - along_y)
-        root = sqrt(half * half + both * both)
-        variance = 0.5 * (along_x + along_y) + root
-        if variance > unsure:
-            x, y = (half + root, both) if half >= 0.0 else (both, root - half)
-            size = sqrt(x * x + y * y)
-            unsure, direction = variance, np.zeros(len(covariance))
-            direction[first : first + 2] = (x / size, y / size) if size > 0.0 else (1.0, 0.0)
-    return unsure, direction
+def weakest(covariance: Array, first: int) -> tuple[float, Array]:
+    """The largest variance (mm²) of a finger's place in any direction, and this direction (3K,).
+
+    first: the number of the finger's x in the covariance.
+    """
+    (along_x, both), (_, along_y) = covariance[first : first + 2, first : first + 2].tolist()
+    half = 0.5 * (along_x - along_y)
+    root = sqrt(half * half + both * both)
+    x, y = (half + root, both) if half >= 0.0 else (both, root - half)
+    size = sqrt(x * x + y * y)
+    direction = np.zeros(len(covariance))
+    direction[first : first + 2] = (x / size, y / size) if size > 0.0 else (1.0, 0.0)
+    return 0.5 * (along_x + along_y) + root, direction
 
 
 def fitted_across(
-    fitter: Fitter, fit: Fit, away: Array, direction: Array, measured: Measured, around_t: Array
+    fitter: Fitter, fit: Fit, away: Array, directions: Array, measured: Measured, around_t: Array
 ) -> tuple[Array, Array]:
-    """The most likely fingers (2, K, 3) that are `away` along `direction`, both (3K,), to either side, and χ² (2,) of
-    them under the covariance at `fit`; infinite where there are none."""
+    """The most likely fingers (W, 2, K, 3) that are `away` along `directions`, both (W, 3K), to either side, and χ²
+    (W, 2) of them under the covariance at `fit`; infinite where there are none."""
     if not (fitter.compiled and room(fingers=len(fit.fingers))):
-        return reference_across(fitter, fit, away, direction, measured, around_t)
-    there, chi2 = np.empty((len(SIDES), *fit.fingers.shape)), np.empty(len(SIDES))
+        return reference_across(fitter, fit, away, directions, measured, around_t)
+    there, chi2 = np.empty((len(away), len(SIDES), *fit.fingers.shape)), np.empty((len(away), len(SIDES)))
     wrong, size, _ = _several.valley(
         fitter.model.packed,
         fitter.model.work,
         fitter.search,
         doubles(fit.fingers),
         doubles(away),
-        doubles(direction),
+        doubles(directions),
         LIMITS,
         doubles(measured.field_t),
         doubles(measured.variance_t2),
@@ -90,27 +91,28 @@ def fitted_across(
         there,
         chi2,
     )
-    refuse(wrong, size, measured, fingers=fit.fingers, away=away, direction=direction, ambient_t=around_t)
+    refuse(wrong, size, measured, fingers=fit.fingers, away=away, directions=directions, ambient_t=around_t)
     return there, chi2
 
 
 def reference_across(
-    fitter: Fitter, fit: Fit, away: Array, direction: Array, measured: Measured, around_t: Array
+    fitter: Fitter, fit: Fit, away: Array, directions: Array, measured: Measured, around_t: Array
 ) -> tuple[Array, Array]:
     """fitted_across() in NumPy."""
     root = fitter.whitener(fit.fingers, measured, around_t)
     there, chi2 = [], []
-    for side in SIDES:
-        fingers, told = _on_the_table(fitter, fit.fingers.ravel() + side * away), np.inf
-        try:
-            for _ in range(STEPS):
-                fingers = _step_across(fitter, root, fingers, direction, measured)
-            told = fitter.chi2_with(root, fingers, measured)
-        except SingularError:
-            pass  # it is not known there
-        there.append(fingers)
-        chi2.append(told)
-    return np.array(there), np.array(chi2)
+    for step, direction in zip(away, directions, strict=True):
+        for side in SIDES:
+            fingers, told = _on_the_table(fitter, fit.fingers.ravel() + side * step), np.inf
+            try:
+                for _ in range(STEPS):
+                    fingers = _step_across(fitter, root, fingers, direction, measured)
+                told = fitter.chi2_with(root, fingers, measured)
+            except SingularError:
+                pass  # it is not known there
+            there.append(fingers)
+            chi2.append(told)
+    return np.array(there).reshape(len(away), len(SIDES), *fit.fingers.shape), np.array(chi2).reshape(len(away), -1)
 
 
 def _step_across(fitter: Fitter, root: Array, fingers: Array, direction: Array, measured: Measured) -> Array:
