@@ -18,6 +18,7 @@ from fmfts.several import fit
 from fmfts.several.compiled import AVAILABLE
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import STARTS, Fit, Fitter, Measured
+from fmfts.several.told_poses import told_poses
 from fmfts.several.valley import fitted_across
 
 COMPILED = pytest.mark.skipif(not AVAILABLE, reason="the estimator of several magnets was not compiled")
@@ -76,6 +77,20 @@ def test_field_and_its_covariance_have_the_same_bits_in_c(sizes: tuple[int, ...]
         variance, ambient = random.uniform(0.5e-14, 2e-14, len(here.field_t)), random.normal(0.0, 2e-5, 3)
         covariance = [one.covariance(fingers, here, variance, ambient) for one in (model, reference)]
         assert bits(covariance[0]) == bits(covariance[1])
+
+
+@COMPILED
+@pytest.mark.parametrize("sizes", PADS)
+def test_poses_under_fingers_have_the_same_bits_in_c(sizes: tuple[int, ...]) -> None:
+    model, reference = models_of(1, *sizes)
+    random = np.random.default_rng(14)
+    for trial in range(20):
+        fingers = fingers_of(random, trial % 4, trial % 2 > 0)
+        root = random.normal(0.0, 1.0, (3 * len(fingers), 3 * len(fingers)))
+        (there, spread), (here, due) = (told_poses(one, fingers, root @ root.T) for one in (model, reference))
+        assert bits(there.position_m, there.axis, spread) == bits(here.position_m, here.axis, due)
+        assert spread.shape == due.shape == (len(here), 5)
+        assert len(fingers) == 0 or (due > 0.0).any()
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])

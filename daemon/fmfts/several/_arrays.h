@@ -87,6 +87,7 @@ static inline bool understood(call *c, int finger)
 /* _model.c */
 PyObject *fmfts_py_predict(PyObject *module, PyObject *args);
 PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
+PyObject *fmfts_py_told_poses(PyObject *module, PyObject *args);
 
 /* _search.c */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args);

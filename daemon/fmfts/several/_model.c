@@ -50,6 +50,30 @@ PyObject *fmfts_py_predict(PyObject *module, PyObject *args)
     return result;
 }
 
+/* told_poses(model, work, fingers, covariance, position, axis, variance): False where a finger is not finite. */
+PyObject *fmfts_py_told_poses(PyObject *module, PyObject *args)
+{
+    enum { FINGERS = FIRST, COVARIANCE, POSITION, AXIS, VARIANCE, ALL };
+    call c;
+    PyObject *result = NULL;
+    (void)module;
+    if (!take(&c, args, POSITION, ALL)) {
+        return NULL;
+    }
+    if (understood(&c, FINGERS) && has_doubles(&c, COVARIANCE, FMFTS_FINGER * FMFTS_FINGER * c.fingers * c.fingers) &&
+        has_doubles(&c, POSITION, 3 * c.model.magnets) && has_doubles(&c, AXIS, 3 * c.model.magnets) &&
+        has_doubles(&c, VARIANCE, c.model.poses)) {
+        bool finite = fmfts_finite(FMFTS_FINGER * c.fingers, array(&c, FINGERS));
+        if (finite) {
+            fmfts_told_poses(&c.model, c.fingers, array(&c, FINGERS), array(&c, COVARIANCE), &c.work->predicted[0],
+                             array(&c, POSITION), array(&c, AXIS), array(&c, VARIANCE));
+        }
+        result = PyBool_FromLong(finite);
+    }
+    release(&c);
+    return result;
+}
+
 /* covariance(model, work, fingers, field, slope, by_pose, change, pressed, variance, ambient, covariance) */
 PyObject *fmfts_py_covariance(PyObject *module, PyObject *args)
 {

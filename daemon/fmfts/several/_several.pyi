@@ -34,6 +34,16 @@ def covariance(
     covariance: NDArray[Any],
     /,
 ) -> None: ...
+def told_poses(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    fingers: NDArray[Any],
+    covariance: NDArray[Any],
+    position: NDArray[Any],
+    axis: NDArray[Any],
+    variance: NDArray[Any],
+    /,
+) -> bool: ...
 def fit(
     model: NDArray[Any],
     work: NDArray[Any],

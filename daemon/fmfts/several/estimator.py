@@ -29,6 +29,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import poses_of, sighted
+from fmfts.several.told_poses import told_poses
 from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
@@ -110,13 +111,9 @@ class FingersEstimator:
 
     def poses(self, fit: Fit) -> tuple[Magnets, Array]:
         """The magnets as `fit` has them, and the variances (M, 5) of their poses by those of the fingers."""
-        model, mounting = self.fitter.model, self.mounting
         if not len(fit.fingers):
-            return mounting.magnets, self._no_variance
-        predicted = model.predict(fit.fingers)
-        by_finger = model.by_finger(predicted)
-        variance = (product(by_finger, fit.covariance) * by_finger).sum(axis=1)
-        return mounting.magnets.changed(predicted.change, mounting.frames), variance.reshape(-1, CHANGE)
+            return self.mounting.magnets, self._no_variance
+        return told_poses(self.fitter.model, fit.fingers, fit.covariance)
 
     def recall(self, memory: FingersMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
