@@ -7,7 +7,6 @@ import numpy as np
 from fmfts.arithmetic.matrix import product
 from fmfts.pad import Array
 from fmfts.several.count import resultant
-from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit
 from fmfts.several.reading import FingersReading
 

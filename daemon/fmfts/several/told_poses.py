@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def told_poses(model: FieldModel, fingers: Array, covariance: Array) -> tuple[Magnets, Array]:
-    """The magnets under `fingers` (K, 3), and the variances (M, 5) of their poses by the fingers' covariance (3K, 3K)."""
+    """The magnets under `fingers` (K, 3), and the variances (M, 5) of their poses by `covariance` (3K, 3K) of those."""
     if not (model.compiled and room(fingers=len(fingers))):
         return reference_told_poses(model, fingers, covariance)
     rest = model.mounting.magnets

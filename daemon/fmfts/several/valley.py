@@ -1,9 +1,9 @@
 """What two fingers may be off where χ² is a long valley: a finger near the rim that is not well known.
 
 There a finger further out that presses harder has nearly the same field, and χ² is no parabola: it rises at first, and
-then stays. So each finger is put `AWAY` deviations to either side of where it was found, along the direction in which it
-is known least; all else is fitted again; and if a finger or the resultant has moved there by d, where χ² has risen by c,
-its deviation is d/√c at least. Along a parabola that is never more than the deviation that was told.
+then stays. So each finger is put `AWAY` deviations to either side of where it was found, along the direction in which
+it is known least; all else is fitted again; and if a finger or the resultant has moved there by d, where χ² has risen
+by c, its deviation is d/√c at least. Along a parabola that is never more than the deviation that was told.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.arithmetic.matrix import SingularError, inverse, product, solve_lower
+from fmfts.arithmetic.matrix import SingularError, added, inverse, product, solve_lower
 from fmfts.several.compiled import _several, doubles, room
-from fmfts.several.count import resultant
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import FLOOR, Fit, Fitter
 from fmfts.several.measured import Measured, refuse
@@ -45,10 +44,9 @@ def valley_variance(fitter: Fitter, fit: Fit, measured: Measured, around_t: Arra
     if not away:
         return None
     there, chi2 = fitted_across(fitter, fit, np.array(away), np.array(directions), measured, around_t)
-    here, least = _whole_and_each(fit.fingers), np.zeros((1 + len(fit.fingers), FINGER))
-    for fingers, one in zip(there.reshape(-1, *fit.fingers.shape), chi2.ravel().tolist(), strict=True):
-        off = _whole_and_each(fingers) - here
-        least = np.maximum(least, off * off / max(one - fit.chi2, LEAST_RISE))
+    told = _whole_and_each(np.concatenate([fit.fingers[None], there.reshape(-1, *fit.fingers.shape)]))
+    off, rise = told[1:] - told[0], np.maximum(chi2.ravel() - fit.chi2, LEAST_RISE)
+    least: Array = (off * off / rise[:, None, None]).max(axis=0)
     return least
 
 
@@ -139,5 +137,9 @@ def _on_the_table(fitter: Fitter, fingers: Array) -> Array:
 
 
 def _whole_and_each(fingers: Array) -> Array:
-    """(1 + K, 3) the resultant, then the fingers."""
-    return np.concatenate([resultant(fingers)[None], fingers])
+    """(W, 1 + K, 3) the resultant, then the fingers (W, K, 3) themselves."""
+    place, force = fingers[:, :, :2], fingers[:, :, 2:]
+    each = range(fingers.shape[1])
+    whole = added([force[:, number] for number in each])
+    middle = added([place[:, number] * force[:, number] for number in each]) / np.maximum(whole, LEAST_FORCE_N)
+    return np.concatenate([np.concatenate([middle, whole], axis=1)[:, None], fingers], axis=1)
