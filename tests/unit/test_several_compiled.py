@@ -18,6 +18,7 @@ from fmfts.several import fit
 from fmfts.several.compiled import AVAILABLE
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import STARTS, Fit, Fitter, Measured
+from fmfts.several.valley import fitted_across
 
 COMPILED = pytest.mark.skipif(not AVAILABLE, reason="the estimator of several magnets was not compiled")
 # Magnets, sensors, causes, knots, terms: the usual pad, the least, the most, and sizes that fill no register.
@@ -175,6 +176,37 @@ def test_one_more_finger_is_tried_everywhere_with_the_same_bits_in_c(sizes: tupl
             pairs, wanted = (one.best_seconds(root, fit, measured) for one in (fitter, reference))
             assert bits(*pairs) == bits(*wanted)
     assert gained > 20, "there was nothing to compare"
+
+
+@COMPILED
+@pytest.mark.parametrize("sizes", PADS)
+def test_fingers_put_elsewhere_have_the_same_bits_in_c(sizes: tuple[int, ...]) -> None:
+    fitter, reference = fitters_of(*sizes)
+    random = np.random.default_rng(13)
+    reached = refused = 0
+    for trial in range(24):
+        count = 1 + trial % 3
+        measured = masked(random, measured_of(random, reference.model, fingers_of(random, count)), trial)
+        told = replace(reference.fit(fingers_of(random, count), measured, NONE), fingers=fingers_of(random, count))
+        directions = np.zeros((1 + trial % 2, 3 * count))
+        directions[:, :2] = random.normal(0.0, 1.0, (len(directions), 2))
+        directions *= trial < 22  # without a direction no step leads anywhere
+        away = random.normal(0.0, 3.0, directions.shape)
+        with np.errstate(invalid="ignore"):
+            there, here = (one_across(one, told, away, directions, measured) for one in (fitter, reference))
+        assert bits(*there) == bits(*here)
+        reached += int(np.isfinite(here[1]).sum())
+        refused += int(np.isinf(here[1]).sum())
+    assert reached > 20, "there was nothing to compare"
+    assert refused
+
+
+def one_across(
+    fitter: Fitter, told: Fit, away: np.ndarray, directions: np.ndarray, measured: Measured
+) -> tuple[np.ndarray, np.ndarray]:
+    there, chi2 = fitted_across(fitter, told, away, directions, measured, np.full(3, 1e-5))
+    assert there.shape == (len(away), 2, *told.fingers.shape)
+    return np.where(np.isfinite(chi2)[..., None, None], there, 0.0), chi2
 
 
 def uniform_along_x() -> tuple[Fitter, Fitter]:

@@ -1,15 +1,19 @@
-"""The resultant of two fingers in a long valley of χ²: near the rim, fingers further out have about the same field."""
+"""Two fingers in a long valley of χ²: near the rim, fingers further out have about the same field."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from fmfts.pipeline.fingers_message import FingersWriter
 from fmfts.several.count import resultant
-from fmfts.several.resultant import deviation_of, resultant_deviation
+from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
+from fmfts.several.valley import weakest
 from fmfts_lab.bench.several_world import BUILT, EXACT, Press, estimator_of, read_once, world
 
 # On the 49th of the pads that `bench several --above` builds: wrong by more than five deviations of the parabola.
 RIM = [Press(3.9, -5.6, 1.6), Press(-9.2, -10.4, 0.4)]
+# On the fourth of another series of pads: in one frame of 35 another pair explains the frame nearly as well.
+CORNER = [Press(5.9, -0.3, 1.0), Press(10.4, -9.2, 1.0)]
 
 
 def test_a_finger_near_the_rim_widens_the_deviation_of_the_resultant_to_what_the_valley_leaves() -> None:
@@ -28,6 +32,50 @@ def test_a_finger_near_the_rim_widens_the_deviation_of_the_resultant_to_what_the
     assert max(worst) < 4.0
 
 
+def test_a_finger_near_the_rim_widens_its_own_deviations_to_what_the_valley_leaves() -> None:
+    one = world(14003, BUILT)
+    estimator, worst, before = estimator_of(one), [], []
+    for _ in range(40):
+        reading = read_once(one, one.pressed(CORNER), estimator)
+        fit = reading.fit
+        if reading.health != "ok" or fit is None or len(fit.fingers) != 2:
+            continue
+        truth = np.array([press[:3] for press in CORNER])
+        ways = fit.fingers - truth, fit.fingers - truth[::-1]
+        off = min((np.abs(way) for way in ways), key=lambda way: float(way[:, :2].sum()))
+        worst.append(float((off / deviation_of_each(reading, fit)).max()))
+        before.append(float((off / fit.deviation).max()))
+    assert len(worst) >= 20
+    assert max(before) > 5.0  # the parabola alone
+    assert max(worst) < 4.0
+
+
+def test_the_message_has_the_wider_deviations_of_each_finger() -> None:
+    one = world(4048, BUILT)
+    estimator = estimator_of(one)
+    reading = read_once(one, one.pressed(RIM), estimator)
+    assert reading.fit is not None
+    message = FingersWriter("pad", "boot", "model").message(reading, 0, None, estimator, None)
+    told = np.array([[finger.x_sd_m * 1e3, finger.y_sd_m * 1e3] for finger in message.contacts or []])
+    np.testing.assert_allclose(told, deviation_of_each(reading, reading.fit)[:, :2])
+    assert (told > 1.2 * reading.fit.deviation[:, :2]).any()
+    assert (told >= reading.fit.deviation[:, :2] * (1.0 - 1e-12)).all()
+
+
+def test_the_direction_in_which_a_finger_is_known_least_is_that_of_the_largest_variance() -> None:
+    random = np.random.default_rng(3)
+    for trial in range(50):
+        root = random.normal(0.0, 1.0, (6, 6)) if trial else np.eye(6)
+        covariance = root @ root.T
+        for first in (0, 3):
+            own = covariance[first : first + 2, first : first + 2]
+            variance, direction = weakest(covariance, first)
+            np.testing.assert_allclose(variance, np.linalg.eigvalsh(own)[-1])
+            np.testing.assert_allclose(direction @ covariance @ direction, variance)
+            np.testing.assert_allclose(direction @ direction, 1.0)
+            assert not np.delete(direction, [first, first + 1]).any()
+
+
 def test_two_fingers_that_are_well_known_keep_their_deviations() -> None:
     one = world(1, EXACT)
     estimator = estimator_of(one)
@@ -35,3 +83,4 @@ def test_two_fingers_that_are_well_known_keep_their_deviations() -> None:
         reading = read_once(one, one.pressed([Press(-6.0, -1.0, 1.0), Press(7.0, 2.0, 0.8)]), estimator)
         assert reading.fit is not None
         np.testing.assert_array_equal(deviation_of(reading, reading.fit), resultant_deviation(reading.fit))
+        np.testing.assert_array_equal(deviation_of_each(reading, reading.fit), reading.fit.deviation)

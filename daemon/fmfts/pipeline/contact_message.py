@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -268,4 +269,11 @@ def _vector(values: Array) -> Vector:
 
 def mask_of(used: NDArray[np.bool_]) -> int:
     """Bit i is set if every axis of sensor i is used."""
-    return sum(1 << sensor for sensor in np.flatnonzero(used.all(axis=1)).tolist())
+    return _mask_of(used.tobytes(), used.shape)
+
+
+@lru_cache(maxsize=256)
+def _mask_of(used: bytes, shape: tuple[int, ...]) -> int:
+    """Of the bytes of `used`: mostly they are those of the frame before."""
+    whole = np.frombuffer(used, dtype=np.bool_).reshape(shape).all(axis=1)
+    return sum(1 << sensor for sensor in np.flatnonzero(whole).tolist())

@@ -18,7 +18,7 @@ from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of
+from fmfts.several.resultant import deviation_of, deviation_of_each
 
 Array = NDArray[np.float64]
 SHEAR = ("shear_x_n", "shear_x_sd_n", "shear_y_n", "shear_y_sd_n")
@@ -76,7 +76,8 @@ def _estimates(reading: FingersReading, fit: Fit, estimator: FingersEstimator) -
     whole, deviation, share = resultant(fit.fingers), deviation_of(reading, fit), estimator.silicone
     # Of the sum of shears at most: how the errors of two fingers go together is not kept.
     shear, shear_deviation = fit.shear_n.sum(axis=0), fit.shear_deviation_n.sum(axis=0)
-    fingers = zip(reading.ids, fit.fingers, fit.deviation, fit.shear_n, fit.shear_deviation_n, strict=True)
+    each_deviation = deviation_of_each(reading, fit)
+    fingers = zip(reading.ids, fit.fingers, each_deviation, fit.shear_n, fit.shear_deviation_n, strict=True)
     return {
         "contact": True,
         "contacts": [FingerMessage(id=number, **_finger(share, *each)) for number, *each in fingers],

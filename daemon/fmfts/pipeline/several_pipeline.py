@@ -147,7 +147,8 @@ class SeveralPipeline:
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
         self._frame_times = frame.device_time_us, frame.host_time_ns
-        aligned = self._alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
+        field_t = frame.field_t
+        aligned = self._alignment.push(field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
         if frame.valid.any() and not aligned.is_old:
             sampled_ns = frame.host_time_ns - (frame.device_time_us - aligned.time_us) * 1000
         else:
@@ -157,7 +158,10 @@ class SeveralPipeline:
             self._missing = missing_sensors(frame, None)
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
         else:
-            self._missing = missing_sensors(frame, aligned.repeats > estimator.repeats_allowed)
+            stuck = aligned.repeats > estimator.repeats_allowed
+            # Each axis that holds a measurement has a field: then there is nothing to look for.
+            is_whole = np.isfinite(field_t).all() and not stuck.any()
+            self._missing = {} if is_whole else missing_sensors(frame, stuck)
             seen = [view.at(sampled_ns) for view in self._neighbours]
             reading = estimator.read(aligned, frame.temperature_c, self._missing, seen)
             if self._is_felt and (sighted := estimator.sighted(reading)) is not None:

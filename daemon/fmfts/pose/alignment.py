@@ -7,6 +7,7 @@ noise; it neglects only the curvature of the motion, which is added to the devia
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from math import ceil, sqrt
 
@@ -16,6 +17,14 @@ from numpy.typing import NDArray
 from fmfts.arithmetic.elementary import log, square
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.arithmetic.series import erf
+
+try:
+    from fmfts.pose import _alignment
+except ImportError:  # no compiler was there when the package was built
+    _alignment = None  # type: ignore[assignment]
+
+# FMFTS_SOLVER=numpy turns off all compiled code, for comparisons.
+AVAILABLE = _alignment is not None and os.environ.get("FMFTS_SOLVER") != "numpy"
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -77,6 +86,9 @@ class Alignment:
         )
         self.stopped_us = STOPPED_PERIODS * period_us
         self._old_us = (MOST_WITHOUT_NEWS + 1) * period_us
+        # As push.c takes them.
+        limits_us = self.stopped_us, longest_gap_us(self.stopped_us), self._old_us
+        self._periods = *limits_us, GAP_SHARE, UNSEEN_SHARE, JUMP_T, MOST_WITHOUT_NEWS
 
     def push(
         self,
@@ -92,6 +104,48 @@ class Alignment:
         nothing, because their age is not known. Without any such sensor, the instant stays where it was. frame_us: the
         frame's own time; None: that of its newest sample.
         """
+        return (self.compiled_push if AVAILABLE else self.reference_push)(field_t, time_us, fresh, timed, frame_us)
+
+    def compiled_push(
+        self,
+        field_t: Array,
+        time_us: Times,
+        fresh: NDArray[np.bool_],
+        timed: NDArray[np.bool_] | None = None,
+        frame_us: int | None = None,
+    ) -> Aligned:
+        """push() in C: push.c."""
+        memory, shape = self.memory, field_t.shape
+        field, bend, share = np.empty(shape), np.empty(shape), np.empty((shape[0], 1))
+        repeats = np.empty(shape, dtype=np.int64)
+        instant_us, is_old, began_anew, memory.without_news = _alignment.push(
+            memory.field_t,
+            memory.time_us,
+            memory.repeats,
+            np.ascontiguousarray(field_t, np.float64),
+            np.ascontiguousarray(time_us, np.int64),
+            np.ascontiguousarray(fresh, np.bool_),
+            None if timed is None else np.ascontiguousarray(timed, np.bool_),
+            field,
+            share,
+            bend,
+            repeats,
+            *self._periods,
+            memory.without_news,
+            frame_us is not None,
+            frame_us or 0,
+        )
+        return Aligned(field, share, bend, instant_us, repeats, is_old, began_anew)
+
+    def reference_push(
+        self,
+        field_t: Array,
+        time_us: Times,
+        fresh: NDArray[np.bool_],
+        timed: NDArray[np.bool_] | None = None,
+        frame_us: int | None = None,
+    ) -> Aligned:
+        """push() in NumPy."""
         memory = self.memory
         told_us = time_us if timed is None else time_us[timed]
         began_anew = False

@@ -62,7 +62,9 @@ class Frame:
     @property
     def usable(self) -> NDArray[np.bool_]:
         """(N, 3) axes that hold a measurement."""
-        usable: NDArray[np.bool_] = self.valid[:, None] & ~self.overflow & ~self.impossible
+        counts, largest = self.counts, self.chip.largest_count
+        told = (counts != self.chip.saturated_count) & (counts <= largest) & (counts >= -largest - 1)
+        usable: NDArray[np.bool_] = told & self.valid[:, None]
         return usable
 
     @property

@@ -92,6 +92,7 @@ PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args);
 PyObject *fmfts_py_whitener(PyObject *module, PyObject *args);
 PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args);
+PyObject *fmfts_py_valley(PyObject *module, PyObject *args);
 PyObject *fmfts_py_best_single(PyObject *module, PyObject *args);
 PyObject *fmfts_py_best_pairs(PyObject *module, PyObject *args);
 PyObject *fmfts_py_another(PyObject *module, PyObject *args);

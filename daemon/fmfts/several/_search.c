@@ -137,6 +137,35 @@ PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args)
     return result;
 }
 
+/* valley(model, work, search, fingers, away, direction, limits, field, variance, foreign, used, ambient, there, chi2) */
+PyObject *fmfts_py_valley(PyObject *module, PyObject *args)
+{
+    enum { SEARCH = FIRST, FINGERS, AWAY, DIRECTION, LIMITS, FIELD, VARIANCE, FOREIGN, USED, AMBIENT, THERE, CHI2, ALL };
+    call c;
+    fmfts_search search;
+    PyObject *result = NULL;
+    (void)module;
+    if (!take(&c, args, THERE, ALL)) {
+        return NULL;
+    }
+    if (understood(&c, FINGERS)) {
+        size_t values = c.model.values, ways = (size_t)c.buffer[CHI2].len / (2 * sizeof(double));
+        size_t unknowns = FMFTS_FINGER * c.fingers, all = ways * unknowns;
+        if (searches(&c, SEARCH, values, &search) && has_doubles(&c, AWAY, all) && has_doubles(&c, DIRECTION, all) &&
+            has(&c, LIMITS, sizeof(fmfts_valley_limits)) && has_doubles(&c, FIELD, values) &&
+            has_doubles(&c, VARIANCE, values) && has_foreign(&c, FOREIGN) && has(&c, USED, values) &&
+            has_doubles(&c, AMBIENT, 3) && has_doubles(&c, THERE, 2 * all) && has_doubles(&c, CHI2, 2 * ways)) {
+            fmfts_measured measured = {array(&c, FIELD), array(&c, VARIANCE), c.buffer[USED].buf, foreign(&c, FOREIGN)};
+            result = told(fmfts_valley(&c.model, &search, c.buffer[LIMITS].buf, c.fingers, array(&c, FINGERS),
+                                       ways, array(&c, AWAY), array(&c, DIRECTION), &measured, array(&c, AMBIENT), c.work,
+                                       array(&c, THERE), array(&c, CHI2)),
+                          0.0);
+        }
+    }
+    release(&c);
+    return result;
+}
+
 enum { SCANNED = 0, SCAN_ROOM = FIRST, SCAN_ROOT, SCAN_FIELD, SCAN_USED, SCAN_FOUND, SCAN_ALL };
 
 /* Arrays search, work, room, root, field, used, others …, found: of a scan that fills `found`, with so many `others`. */

@@ -8,6 +8,7 @@ static PyMethodDef methods[] = {
     {"fit", fmfts_py_fit, METH_VARARGS, "The most likely fingers; see fit.py."},
     {"whitener", fmfts_py_whitener, METH_VARARGS, "The root of a covariance; see fit.py."},
     {"chi2_with", fmfts_py_chi2_with, METH_VARARGS, "Chi-square under another covariance; see fit.py."},
+    {"valley", fmfts_py_valley, METH_VARARGS, "Fingers of which one is put elsewhere; see valley.py."},
     {"best_single", fmfts_py_best_single, METH_VARARGS, "The best finger of the grid; see scan.py."},
     {"best_pairs", fmfts_py_best_pairs, METH_VARARGS, "The best pairs of the grid; see scan.py."},
     {"another", fmfts_py_another, METH_VARARGS, "One more finger at each place of the grid; see scan.py."},

@@ -72,6 +72,23 @@ def chi2_with(
     used: NDArray[Any],
     /,
 ) -> tuple[str | None, int, float]: ...
+def valley(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    search: NDArray[Any],
+    fingers: NDArray[Any],
+    away: NDArray[Any],
+    direction: NDArray[Any],
+    limits: NDArray[Any],
+    field: NDArray[Any],
+    variance: NDArray[Any],
+    foreign: NDArray[Any],
+    used: NDArray[Any],
+    ambient: NDArray[Any],
+    there: NDArray[Any],
+    chi2: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
 def best_single(
     search: NDArray[Any],
     work: NDArray[Any],

@@ -147,9 +147,9 @@ class FingerCounter:
         return fit, ids
 
     def _is_doubtful(self, fit: Fit) -> bool:
-        force, deviation = fit.fingers[:, 2], fit.deviation[:, 2]
-        near = len(force) > 1 and length((fit.fingers[0] - fit.fingers[1])[:2]) < TOGETHER_MM
-        return bool(near or (force < RELEASE_DEVIATIONS * deviation).any())
+        near = len(fit.fingers) > 1 and length((fit.fingers[0] - fit.fingers[1])[:2]) < TOGETHER_MM
+        forces = zip(fit.fingers[:, 2].tolist(), fit.force_deviations_n, strict=True)
+        return near or any(force < RELEASE_DEVIATIONS * deviation for force, deviation in forces)
 
 
 def are_two(fingers: Array) -> bool:
@@ -161,6 +161,8 @@ def are_two(fingers: Array) -> bool:
 
 def resultant(fingers: Array) -> Array:
     """(3,) the place where all of the force would press, and its sum."""
-    force = fingers[:, 2].sum()
-    place = (fingers[:, :2] * fingers[:, 2:]).sum(axis=0) / max(float(force), 1e-9)
-    return np.append(place, force)
+    x = y = force = 0.0
+    for own_x, own_y, own in fingers.tolist():
+        x, y, force = x + own_x * own, y + own_y * own, force + own
+    whole = max(force, 1e-9)
+    return np.array([x / whole, y / whole, force])

@@ -152,7 +152,7 @@ class FingersEstimator:
         left_out, used = memory.left_out, there.copy()
         if left_out >= 0:
             used[left_out] = False
-        if used.sum() < FEWEST_VALUES:
+        if np.count_nonzero(used) < FEWEST_VALUES:
             self._counter.forget()
             return FingersReading("lost", reasons.too_few(missing, used), used)
         try:
@@ -279,5 +279,5 @@ class FingersEstimator:
         first, last, most = self.response.first_mm + EDGE_MM, self.response.last_mm - EDGE_MM, self.response.scale_n
         return any(
             force > most or (force > CERTAIN_DEVIATIONS * force_sd and not first < min(x, y) <= max(x, y) < last)
-            for (x, y, force), force_sd in zip(fit.fingers.tolist(), fit.deviation[:, 2].tolist(), strict=True)
+            for (x, y, force), force_sd in zip(fit.fingers.tolist(), fit.force_deviations_n, strict=True)
         )

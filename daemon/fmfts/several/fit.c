@@ -35,8 +35,7 @@ static void normal_equations(const fmfts_several_work *work, size_t columns, con
     }
 }
 
-/* work->slope [used][3·fingers] = L⁻¹ · slope */
-static void whiten_slope(const fmfts_predicted *predicted, size_t unknowns, fmfts_several_work *work)
+void fmfts_whiten_slope(const fmfts_predicted *predicted, size_t unknowns, fmfts_several_work *work)
 {
     for (size_t i = 0; i < work->used; i++) {
         memcpy(work->slope + i * unknowns, predicted->slope + work->index[i] * unknowns, unknowns * sizeof(double));
@@ -98,7 +97,7 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_se
         return NULL;
     }
     *chi2 = fmfts_whiten(work, work->root, measured, here->field, work->white);
-    whiten_slope(here, unknowns, work);
+    fmfts_whiten_slope(here, unknowns, work);
     for (size_t i = 0; unknowns && i < (size_t)head->iterations[0]; i++) {
         if (!step_from(search, unknowns, finger, damping, work, diagonal, trial, refusal)) {
             return NULL;
@@ -125,7 +124,7 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_se
             return NULL;
         }
         *chi2 = fmfts_whiten(work, work->root, measured, here->field, work->white);
-        whiten_slope(here, unknowns, work);
+        fmfts_whiten_slope(here, unknowns, work);
         if (longest < head->settled[0]) {
             break;
         }
@@ -133,13 +132,12 @@ static const fmfts_predicted *descend(const fmfts_several *model, const fmfts_se
     return here;
 }
 
-/* covariance [n][n] of the fingers; infinite where the values do not determine them. */
-static void spread_of(const fmfts_search *search, size_t n, fmfts_several_work *work, double *covariance)
+bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work *work, double *right, double *covariance)
 {
-    double normal[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_UNKNOWNS], unused[FMFTS_SEVERAL_UNKNOWNS];
+    double normal[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_UNKNOWNS];
     double half[FMFTS_SEVERAL_UNKNOWNS * FMFTS_SEVERAL_UNKNOWNS];
     fmfts_refusal refusal;
-    normal_equations(work, n, work->slope, work->white, normal, unused);
+    normal_equations(work, n, work->slope, work->white, normal, right);
     for (size_t i = 0; i < n; i++) {
         normal[i * n + i] += floor_of(search, i);
         for (size_t j = 0; j < n; j++) {
@@ -150,7 +148,7 @@ static void spread_of(const fmfts_search *search, size_t n, fmfts_several_work *
         for (size_t i = 0; i < n * n; i++) {
             covariance[i] = INFINITY;
         }
-        return;
+        return false;
     }
     fmfts_solve_lower(n, n, normal, half);
     memset(covariance, 0, n * n * sizeof(double));
@@ -161,6 +159,7 @@ static void spread_of(const fmfts_search *search, size_t n, fmfts_several_work *
             }
         }
     }
+    return true;
 }
 
 /* ambient [3] = σ² · (L⁻¹ A)' · white: the most likely ambient field, given the residual. */
@@ -184,6 +183,7 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
                                 const double *start, const fmfts_measured *measured, const double *ambient_t,
                                 fmfts_several_work *work, fmfts_found *found)
 {
+    double unused[FMFTS_SEVERAL_UNKNOWNS];
     fmfts_refusal refusal = {FMFTS_NOT_FINITE, 0};
     if (!fmfts_list_used(model->values, measured, work) || !fmfts_finite(FMFTS_FINGER * fingers, start) ||
         !fmfts_finite(3, ambient_t)) {
@@ -198,7 +198,7 @@ fmfts_refusal fmfts_several_fit(const fmfts_several *model, const fmfts_search *
     if (!at) {
         return refusal;
     }
-    spread_of(search, FMFTS_FINGER * fingers, work, found->covariance);
+    fmfts_spread(search, FMFTS_FINGER * fingers, work, unused, found->covariance);
     ambient_of(model, work, found->ambient_t);
     fmfts_shear_of(model, fingers, found->fingers, found->covariance, work, found->shear_n, found->shear_deviation_n);
     for (size_t v = 0; v < model->values; v++) {

@@ -77,6 +77,13 @@ bool fmfts_root_of(const fmfts_several *model, size_t fingers, const double *fin
 double fmfts_whiten(const fmfts_several_work *work, const double *root, const fmfts_measured *measured,
                     const double *predicted_t, double *white);
 
+/* fit.c: work->slope [used][unknowns] = L⁻¹ · slope, of the root in `work`. */
+void fmfts_whiten_slope(const fmfts_predicted *predicted, size_t unknowns, fmfts_several_work *work);
+
+/* fit.c: right [n] = slope' · white, and the covariance [n][n] of the fingers, of what is white in `work`. False, and it is
+ * infinite, where the values do not determine them. */
+bool fmfts_spread(const fmfts_search *search, size_t n, const fmfts_several_work *work, double *right, double *covariance);
+
 /* shear.c: shear_n and deviation_n [fingers][2], from what fmfts_several_fit left in `work`. */
 void fmfts_shear_of(const fmfts_several *model, size_t fingers, const double *finger, const double *covariance,
                     const fmfts_several_work *work, double *shear_n, double *deviation_n);
@@ -92,6 +99,18 @@ fmfts_refusal fmfts_whitener(const fmfts_several *model, size_t fingers, const d
 
 fmfts_refusal fmfts_chi2_with(const fmfts_several *model, const double *root, size_t fingers, const double *finger,
                               const fmfts_measured *measured, fmfts_several_work *work, double *chi2);
+
+/* valley.py's STEPS and LEAST_FORCE_N. */
+typedef struct {
+    double steps, least_force_n;
+} fmfts_valley_limits;
+
+/* valley.c: there [ways][2][3·fingers]: the most likely fingers that are `away` from `finger` along `direction`, both [ways]
+ * [3·fingers], to either side, under the covariance at `finger`; chi2 [ways][2]: theirs, infinite where there are none. */
+fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *search, const fmfts_valley_limits *limits,
+                           size_t fingers, const double *finger, size_t ways, const double *away, const double *direction,
+                           const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work, double *there,
+                           double *chi2);
 
 /* scan.c: white [panels][used][FMFTS_PANEL]: L⁻¹ · templates. Lists the values that there are in `work`. False where one of
  * them, or the root, is not finite. */

@@ -1,5 +1,6 @@
 /* The field of all magnets, and its derivatives: magnets.py and dipole.py of pose/ explain them. */
 #include <math.h>
+#include <string.h>
 
 #include "several.h"
 
@@ -43,6 +44,13 @@ static source moved(const fmfts_several *model, size_t magnet, const double *cha
         }
     }
     return one;
+}
+
+void fmfts_moved_magnet(const fmfts_several *model, size_t magnet, const double *change, double position[3], double axis[3])
+{
+    source one = moved(model, magnet, change + FMFTS_POSE_CHANGE * magnet);
+    memcpy(position, one.position, sizeof one.position);
+    memcpy(axis, one.axis, sizeof one.axis);
 }
 
 static radial radial_of(const source *one, double u, double q)

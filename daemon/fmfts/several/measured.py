@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ class Measured:
 
     def only(self, used: NDArray[np.bool_]) -> Measured:
         """Of these axes (N, 3)."""
-        return replace(self, used=used.ravel())
+        return Measured(self.field_t, self.variance_t2, used.ravel(), self.foreign_t2)
 
     def checked(self, *names: str, **others: Array) -> None:
         """ValueError that names a value that there is, of the fields `names`, or a number of `others`, not finite."""

@@ -33,7 +33,7 @@ class Odd(NamedTuple):
 
 def limit(probability: float, used: NDArray[np.bool_], fit: Fit) -> float:
     """The χ² that a healthy frame exceeds with this probability. used (N, 3): the values that it was made from."""
-    freedom = int(used.sum()) - FREE_FIELD - FINGER * len(fit.fingers)
+    freedom = int(np.count_nonzero(used)) - FREE_FIELD - FINGER * len(fit.fingers)
     return quantile(probability, max(freedom, 1))
 
 

@@ -39,8 +39,8 @@ class FingersMemory:
 class FingersReading(NamedTuple):
     """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
 
-    more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (3,): of the
-    resultant's place (mm²) and force (N²), where that is more than `fit` says.
+    more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (1 + K, 3): of the
+    place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says.
     """
 
     health: Health

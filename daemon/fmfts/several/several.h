@@ -110,6 +110,9 @@ void fmfts_press(const fmfts_several *model, const double finger[FMFTS_FINGER], 
 /* magnets.c: field [V] and its slope [V][P] after a change of pose [P], in SI. */
 void fmfts_fields(const fmfts_several *model, const double *change, double *field, double *slope);
 
+/* magnets.c: where a magnet is after a change of pose [P], in SI. */
+void fmfts_moved_magnet(const fmfts_several *model, size_t magnet, const double *change, double position[3], double axis[3]);
+
 /* field_model.c */
 void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted);
 

@@ -13,13 +13,17 @@ import numpy as np
 from fmfts.pad import Array
 from fmfts.several.count import resultant
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of
+from fmfts.several.resultant import deviation_of, deviation_of_each, resultant_deviation
 from fmfts_lab.bench.several_world import BUILT, Press, estimator_of, read_once, two_places, worlds
 
 Told = Literal["two", "one", "more or disturbed"]
 TOLD: tuple[Told, ...] = ("two", "one", "more or disturbed")
 APART_MM = tuple(float(apart) for apart in range(2, 15))
-ABOVE = (((1.0, 1.0), 10.0), ((1.0, 1.0), 12.0), ((1.6, 0.4), 14.0), ((0.3, 0.3), 12.0), ((0.3, 0.3), 14.0))
+ABOVE = (
+    *(((1.0, 1.0), apart) for apart in (10.0, 11.0, 12.0)),
+    ((1.6, 0.4), 14.0),
+    *(((0.3, 0.3), apart) for apart in (12.0, 14.0)),
+)
 FORCES_N = ((1.0, 1.0), (1.6, 0.4), (0.3, 0.3))
 FRAMES_OF_A_PAD = 20
 WRONG = 5.0  # deviations
@@ -27,11 +31,18 @@ WRONG = 5.0  # deviations
 
 @dataclass(slots=True)
 class Row:
-    """All frames of two fingers so far apart. off (…, 3): of the resultant's place and force, mm and N."""
+    """All frames of two fingers so far apart. off (…, 3): of the resultant's place and force, mm and N.
+
+    deviations: of the resultant; each (…, 2, 3): of each finger, where two are told; parabola, parabola_each: without
+    what the valleys add (several/valley.py).
+    """
 
     told: Counter[Told] = field(default_factory=Counter)
     off: list[Array] = field(default_factory=list)
     deviations: list[Array] = field(default_factory=list)
+    parabola: list[Array] = field(default_factory=list)
+    each: list[Array] = field(default_factory=list)
+    parabola_each: list[Array] = field(default_factory=list)
 
     def add(self, reading: FingersReading, presses: list[Press]) -> None:
         fit = reading.fit
@@ -39,9 +50,16 @@ class Row:
             self.told["more or disturbed"] += 1
             return
         self.told["two" if len(fit.fingers) == 2 else "one"] += 1
-        off = resultant(fit.fingers) - resultant(np.array([press[:3] for press in presses]))
+        truth = np.array([press[:3] for press in presses])
+        off = resultant(fit.fingers) - resultant(truth)
         self.off.append(off)
         self.deviations.append(off / deviation_of(reading, fit))
+        self.parabola.append(off / resultant_deviation(fit))
+        if len(fit.fingers) == len(truth):
+            ways = fit.fingers - truth, fit.fingers - truth[::-1]
+            own = min(ways, key=lambda errors: float(np.abs(errors[:, :2]).sum()))
+            self.each.append(own / deviation_of_each(reading, fit))
+            self.parabola_each.append(own / fit.deviation)
 
     def share(self, told: Told) -> float:
         return self.told[told] / self.told.total()
@@ -50,21 +68,33 @@ class Row:
         shares = " | ".join(f"{self.share(told):.1%}" for told in TOLD)
         off, deviations = np.array(self.off), np.abs(np.array(self.deviations))
         place = np.quantile(np.hypot(off[:, 0], off[:, 1]), 0.9)
-        wrong = int((deviations > WRONG).any(axis=1).sum())
         return (
             f"| {apart_mm:g} | {shares} | {place:.2f} | {np.sqrt(np.mean(np.square(off[:, 2]))):.3f} "
-            f"| {deviations.max():.1f} | {wrong} |"
+            f"| {deviations.max():.1f} | {_wrong(self.deviations)} |"
         )
+
+    def line_of_each(self) -> str:
+        """More columns: what the valleys change, of the resultant and of each finger."""
+        worst = np.abs(self.each).max()
+        return f" {_wrong(self.parabola)} | {worst:.1f} | {_wrong(self.each)} | {_wrong(self.parabola_each)} |"
 
 
 def run_above(options: Namespace) -> None:
     """Where two are told in 99 % of the frames, and a little below."""
     print(
         f"| as built, mm apart | {' | '.join(TOLD)} | resultant's place, p90 mm | its force, rms N | worst, deviations "
-        f"| wrong |\n| {' | '.join(['---'] * 8)} |"
+        f"| wrong | wrong by the parabola | each finger: worst, deviations | wrong | wrong by the parabola "
+        f"|\n| {' | '.join(['---'] * 12)} |"
     )
     for forces, apart_mm in ABOVE:
-        print(f"| {forces[0]:g} + {forces[1]:g} N, {_row(options, forces, apart_mm).line(apart_mm)[2:]}", flush=True)
+        row = _row(options, forces, apart_mm)
+        name = f"{forces[0]:g} + {forces[1]:g} N, "
+        print(f"| {name}{row.line(apart_mm)[2:]}{row.line_of_each()}", flush=True)
+
+
+def _wrong(deviations: list[Array]) -> int:
+    """In how many frames one of these is more than `WRONG`."""
+    return sum(bool((np.abs(one) > WRONG).any()) for one in deviations)
 
 
 def run(options: Namespace) -> None:
