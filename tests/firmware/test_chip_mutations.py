@@ -35,6 +35,7 @@ MUTATIONS = [
     ("mmc5983ma", "single measurements of 8 ms", "SINGLE_BANDWIDTH = 2", "SINGLE_BANDWIDTH = 0"),
     ("mmc5983ma", "does not wait for its reset", "RESET_US = 10000", "RESET_US = 100"),
     ("mmc5983ma", '"done" is never cleared', "clear[] = {STATUS, STATUS_FIELD_DONE}", "clear[] = {STATUS, 0}"),
+    ("mmc5983ma", "does not look whether another measurement ended while it read", ".ready_held = true", ".ready_held = false"),
     ("mmc5983ma", "takes samples that are not done", "status & STATUS_FIELD_DONE ? CHIP_READY : 0", "CHIP_READY"),
     ("mmc5983ma", "waits for the thermometer", "STATUS_FIELD_DONE = 0x01", "STATUS_FIELD_DONE = 0x02"),
     ("mmc5983ma", "the last counts count as a field", "LARGEST = 32766", "LARGEST = 40000"),
