@@ -102,8 +102,10 @@ static void put(struct emulated_part *part, uint8_t byte)
 {
     struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)part;
     struct emulated_magnetometer *common = &chip->common;
-    if (magnetometer_takes_pointer(common, byte))
+    if (magnetometer_takes_pointer(common, byte)) {
+        memcpy(chip->held, common->registers, sizeof chip->held);
         return;
+    }
     uint8_t number = common->pointer++;
     if (common->now_ns < chip->starts_until_ns || common->writes_lost)
         return;
@@ -119,8 +121,11 @@ static void put(struct emulated_part *part, uint8_t byte)
 
 static uint8_t get(struct emulated_part *part)
 {
-    struct emulated_magnetometer *common = (struct emulated_magnetometer *)part;
-    return common->registers[common->pointer++]; // of the controls: zero
+    struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)part;
+    uint8_t number = chip->common.pointer++;
+    if (chip->holds_outputs && number < sizeof chip->held)
+        return chip->held[number];
+    return chip->common.registers[number]; // of the controls: zero
 }
 
 void emulated_mmc5983ma_init(struct emulated_mmc5983ma *chip, uint32_t seed)

@@ -1,5 +1,6 @@
 #include "emulated_qmc5883l.h"
 
+#include <math.h>
 #include <string.h>
 
 enum {
@@ -39,7 +40,8 @@ static uint64_t convert(struct emulated_magnetometer *chip)
     for (int axis = 0; axis < 3; axis++) {
         double counts = magnetometer_gauss(chip, axis) * lsb_per_gauss[chip->registers[CONTROL_1] >> 4 & 3];
         int count = magnetometer_count(counts, -32768, 32767);
-        if (counts > 32767 || counts < -32768)
+        double ends = ((struct emulated_qmc5883l *)chip)->overflow_gauss;
+        if (counts > 32767 || counts < -32768 || (ends > 0.0 && fabs(chip->field_gauss[axis]) > ends))
             status |= OVL;
         chip->registers[OUTPUT + 2 * axis] = (uint8_t)count;
         chip->registers[OUTPUT + 2 * axis + 1] = (uint8_t)((unsigned)count >> 8);

@@ -30,7 +30,7 @@ from gi.repository import GLib, UMockdev  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parent))
 from chips import Bus, Hmc5983, NackError, Tca9548a  # noqa: E402
-from magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l  # noqa: E402
+from magnetometers import Lis3mdl, Mmc5983ma, Qmc5883l, Qmc5883p  # noqa: E402
 from mlx90393 import Mlx90393  # noqa: E402
 
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR, I2C_SMBUS = 0x0703, 0x0705, 0x0707, 0x0720
@@ -193,7 +193,8 @@ def some_muxes(count: int, chips: int = 4) -> list[Tca9548a]:
 
 def bus_of(kind: str, addresses: list[int]) -> Bus:
     """Four chips of another kind, with the fields of `some_muxes`."""
-    made = {"qmc5883l": Qmc5883l, "lis3mdl": Lis3mdl, "mmc5983ma": Mmc5983ma, "mlx90393": Mlx90393}[kind]
+    kinds = (Qmc5883l, Qmc5883p, Lis3mdl, Mmc5983ma, Mlx90393)
+    made = {each.__name__.lower(): each for each in kinds}[kind]
     start = time.monotonic()
     chips = [
         made(

@@ -92,6 +92,19 @@ class Qmc5883l(RegisterChip):
         self.pointer = 0 if rolls_over else (self.pointer + 1) & 0xFF
 
 
+class Qmc5883p(RegisterChip):
+    """What a scan sees of it: sold under the names of the QMC5883L, and another chip. It measures nothing here."""
+
+    address = 0x2C
+
+    def power_on(self) -> None:
+        self.reset({0x00: 0x80})
+
+    def written(self, register: int, value: int) -> None:
+        if register in (0x0A, 0x0B):
+            self.registers[register] = value
+
+
 class Lis3mdl(RegisterChip):
     """ST in CTRL_REG1 adds `own_field_gauss`, which takes its time to be there (AN4602: 60 ms)."""
 

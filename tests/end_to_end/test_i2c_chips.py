@@ -157,6 +157,28 @@ def test_probe_names_what_is_on_the_bus_where_a_pad_is_not_sound(tmp_path: Path)
         assert f"QMC5883L at 0x0D, mux 0x70, channel {channel}" in ended.stdout
 
 
+def test_chip_that_the_daemon_does_not_read_is_named_by_probe_and_init(tmp_path: Path) -> None:
+    config = tmp_path / "pad.toml"
+    source = 'type = "i2c"\nbus = 7\nchip = "qmc5883l"\nrate_hz = 200\nrange_gauss = 8.0\n'
+    config.write_text(f'[[pad]]\nname = "left"\n[pad.source]\n{source}')
+    remark = "which this daemon does not read: it is sold as QMC5883L and HMC5883L, and has other registers"
+    with kernel_bus("qmc5883p") as kernel:
+        kernel.order(chip=[0, 3], registers={0x0B: 0x80})  # another device, which says 0x80 to every question
+        probed = run_command("probe", "--config", config)
+        written = run_command("init", "--i2c", "7", "--config", tmp_path / "new.toml")
+    assert probed.returncode == exit_codes.FAULTY, probed
+    assert written.returncode == exit_codes.UNAVAILABLE, written
+    for channel in range(3):
+        sensor = f"sensor {channel + 1} (mux 0x70, channel {channel})"
+        assert f"{sensor} is a QMC5883P at 0x2C, {remark}" in probed.stdout
+        there = f"QMC5883P at 0x2C, mux 0x70, channel {channel}, {remark}"
+        assert there in probed.stdout
+        assert there in written.stderr
+    assert "sensor 4 (mux 0x70, channel 3) does not answer" in probed.stdout
+    assert "QMC5883P at 0x2C, mux 0x70, channel 3" not in probed.stdout + written.stderr
+    assert not (tmp_path / "new.toml").exists()
+
+
 @pytest.mark.parametrize("chip", ["mlx90393", "lis3mdl", "mmc5983ma"])
 def test_init_writes_the_chips_that_it_finds_and_their_pad_runs(chip: str, tmp_path: Path) -> None:
     addresses = WIRED[chip].get("addresses", ())

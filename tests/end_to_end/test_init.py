@@ -15,6 +15,8 @@ from fmfts.cli.verb import VerbError
 from fmfts.config import BridgeSource, SimulatedSource
 from fmfts.config.example import FoundPad, unusual, written_for
 from fmfts.config.file import load
+from fmfts.sensor.i2c import scan
+from fmfts.sensor.i2c.scan import Found
 
 UID = "0123456789abcdef01234567"
 
@@ -74,6 +76,16 @@ def test_init_says_where_chips_are_when_they_are_not_four() -> None:
     assert "the same address as another chip" in of_three
     assert of_one is not None
     assert of_one.startswith("pad2: 1 chip found (mux 0x70, channels 4)")
+
+
+def test_init_leaves_out_what_the_daemon_does_not_read(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read = [Found("qmc5883l", 0x0D, 0x70, channel) for channel in (0, 2, 3)]
+    monkeypatch.setattr(scan, "scanned", lambda bus: [read[0], Found("qmc5883p", 0x2C, 0x70, 1), *read[1:]])
+    (pad,), _ = init_config._on_i2c(1)
+    assert "channels = [0, 2, 3]" in "\n".join(pad.source)
+    assert capsys.readouterr().out.startswith("left out: QMC5883P at 0x2C, mux 0x70, channel 1, which this daemon ")
 
 
 def test_every_verb_finds_the_file_that_init_wrote_here(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
-// The QMC5883L's driver alone: what a stream shows late or never.
+// The QMC5883L alone: its driver, where a stream shows it late or never, and its overflow flag, which no other kind has.
 #include "../../firmware/core/chips/chip.h"
 #include "../../firmware/core/tca9548a.h"
 #include "../../firmware/emulated/emulated_qmc5883l.h"
 #include "chip_bench.h"
+#include "chip_rig.h"
 #include "harness.h"
 
 static struct emulated_qmc5883l chip;
@@ -46,4 +47,36 @@ TEST(qmc5883l_is_set_up_as_its_data_sheet_says_and_check_sees_every_bit)
             chip.common.registers[number] ^= (uint8_t)(1 << bit);
         }
     }
+}
+
+static void check_marked(bool marked)
+{
+    rig_run_ms(100);
+    struct sample_view view = chip_rig_newest();
+    CHECK_EQUAL(view.valid, 15);
+    for (int i = 0; i < 4; i++)
+        for (int axis = 0; axis < 3; axis++)
+            CHECK_EQUAL(view.counts[i][axis] == INT16_MIN, i == 2 && marked);
+    for (int i = 0; i < 4; i++)
+        if (i != 2 || !marked)
+            chip_rig_check_counts(&qmc5883l, &view, i);
+}
+
+TEST(qmc5883l_marks_all_axes_where_its_overflow_flag_does_not_tell_which)
+{
+    chip_rig_begin_streaming(&qmc5883l, 1, 200);
+    others[0][2].qmc5883l.overflow_gauss = 8; // the end of its range, at 24000 counts
+    for (int axis = 0; axis < 3; axis++) {
+        for (int sign = -1; sign <= 1; sign += 2) {
+            double field[3] = {0.5, 0.5, 0.5};
+            field[axis] = 7.9 * sign;
+            chip_rig_set_field(2, field[0], field[1], field[2]);
+            check_marked(false);
+            field[axis] = 8.1 * sign;
+            chip_rig_set_field(2, field[0], field[1], field[2]);
+            check_marked(true);
+        }
+    }
+    chip_rig_set_field(2, 0.5, 0.5, 0.5);
+    check_marked(false);
 }

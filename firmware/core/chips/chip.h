@@ -51,6 +51,7 @@ struct chip {
     uint8_t gain_codes;
     uint8_t speed_count;
     bool ready_unsure; // reading the outputs may leave READY set: the data sheet can be read both ways
+    bool ready_held;   // READY stays until `read_counts` clears it, before the outputs: set afterwards, it is of another
     bool has_strap;    // the self-test of selftest.c
     uint16_t reset_us; // what `reset` takes
     const struct chip_speed *speeds;

@@ -74,8 +74,8 @@ static enum bus_result mmc5983ma_read_status(const struct chip_wires *wires, str
     return result;
 }
 
-// "Done" stays until it is cleared. It is cleared before the axes are read, so that no sample is lost: one that ends in
-// between is announced again, and read twice.
+// "Done" stays until it is cleared. It is cleared before the axes are read, so that no measurement is lost. Where it is
+// set again afterwards, these bytes may be of the new measurement, of the one before, or of both.
 static enum bus_result mmc5983ma_read_counts(const struct chip_wires *wires, int16_t counts[3])
 {
     const uint8_t clear[] = {STATUS, STATUS_FIELD_DONE};
@@ -99,6 +99,7 @@ static const struct chip_trigger trigger = {
 const struct chip chip_mmc5983ma = {
     .gain_codes = 1,
     .speed_count = sizeof speeds / sizeof *speeds,
+    .ready_held = true,
     .reset_us = RESET_US,
     .speeds = speeds,
     .trigger = &trigger,

@@ -7,11 +7,12 @@ enum {
     CONTROL_1 = 0x09,
     CONTROL_2 = 0x0A, // then the period of set and reset, a reserved register, and the identification
     STATUS_READY = 0x01,
+    STATUS_OVERFLOW = 0x02, // of any axis: it does not tell which
     CONTINUOUS_200_HZ = 0x0D, // control 1: 512 times oversampled, the range in bits 5–4
     ROLL_OVER_NO_INTERRUPT = 0x41,
     UNUSED_OF_CONTROL_2 = 0x3E,
     SET_RESET_PERIOD = 0x01,
-    LAST_COUNT = 32767, // it stays there, or at −32768, beyond its range
+    LARGEST = 32766, // it stays at 32767 or −32768 beyond its range
 };
 
 static enum bus_result qmc5883l_identify(const struct chip_wires *wires, uint8_t identification[3])
@@ -61,15 +62,22 @@ static enum bus_result qmc5883l_read_status(const struct chip_wires *wires, stru
     return result;
 }
 
+// An axis that shows the last count is marked; where none does, and the chip says overflow, all three. The status follows
+// the axes.
 static enum bus_result qmc5883l_read_counts(const struct chip_wires *wires, int16_t counts[3])
 {
-    uint8_t data[6];
+    uint8_t data[STATUS + 1];
     enum bus_result result = chip_read(wires, DATA, data, sizeof data);
-    for (int axis = 0; axis < 3 && result == BUS_OK; axis++) {
-        int16_t count = (int16_t)(data[2 * axis] | data[2 * axis + 1] << 8);
-        counts[axis] = count == LAST_COUNT ? CHIP_SATURATED : count;
+    if (result != BUS_OK)
+        return result;
+    bool untold = data[STATUS] & STATUS_OVERFLOW;
+    for (int axis = 0; axis < 3; axis++) {
+        counts[axis] = chip_limited((int16_t)(data[2 * axis] | data[2 * axis + 1] << 8), LARGEST);
+        untold = untold && counts[axis] != CHIP_SATURATED;
     }
-    return result;
+    for (int axis = 0; axis < 3 && untold; axis++)
+        counts[axis] = CHIP_SATURATED;
+    return BUS_OK;
 }
 
 static const struct chip_speed speeds[] = {{200, 5000}};

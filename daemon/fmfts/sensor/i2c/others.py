@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import chain
 
 from fmfts.sensor.chips import CHIPS, Chip
+from fmfts.sensor.chips.unread import UNREAD, UnreadChip
 from fmfts.sensor.i2c.bus import ChipWires, I2cBus
 
 
@@ -13,8 +16,9 @@ def identity_of_another(chip: Chip, bus: I2cBus, address: int | None = None) -> 
 
     address: ask only there.
     """
-    found = (other.identity for other, _ in chips_answering(bus, address))
-    return next((identity for identity in found if not chip.is_identity(identity)), None)
+    found = (other.identity for other, _ in chips_answering(bus, address) if not chip.is_identity(other.identity))
+    unread = (other.identity for other in unread_answering(bus, address))
+    return next(chain(found, unread), None)
 
 
 def chips_answering(bus: I2cBus, address: int | None = None) -> Iterator[tuple[Chip, int]]:
@@ -34,3 +38,12 @@ def chips_answering(bus: I2cBus, address: int | None = None) -> Iterator[tuple[C
                 continue
             if chip.is_identity(answer):
                 yield chip, where
+
+
+def unread_answering(bus: I2cBus, address: int | None = None) -> Iterator[UnreadChip]:
+    """The chips on the selected channel that the daemon knows, and does not read. address: ask only there."""
+    for chip in UNREAD.values():
+        if address in (None, chip.address):
+            with suppress(OSError):
+                if chip.answers(ChipWires(bus, chip.address)):
+                    yield chip

@@ -16,8 +16,9 @@ import msgspec
 
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips import tca9548a as mux
+from fmfts.sensor.chips.unread import UNREAD
 from fmfts.sensor.i2c.bus import CallRecord, I2cBus
-from fmfts.sensor.i2c.others import chips_answering
+from fmfts.sensor.i2c.others import chips_answering, unread_answering
 from fmfts.sensor.source import SourceError
 
 STUCK_S = 2.0  # in one call; a transfer takes less than a millisecond
@@ -27,7 +28,7 @@ CLOSE_S = 1.0
 
 
 class Found(msgspec.Struct, frozen=True):
-    """A chip, by its name in the configuration. mux_address, channel: None where it is straight on the bus."""
+    """A chip, by its name in CHIPS or UNREAD. mux_address, channel: None where it is straight on the bus."""
 
     chip: str
     address: int
@@ -35,10 +36,14 @@ class Found(msgspec.Struct, frozen=True):
     channel: int | None = None
 
     def __str__(self) -> str:
-        label = CHIPS[self.chip].label
-        if self.mux_address is None:
-            return f"{label} at 0x{self.address:02X}"
-        return f"{label} at 0x{self.address:02X}, mux 0x{self.mux_address:02x}, channel {self.channel}"
+        chip = CHIPS[self.chip] if self.is_read else UNREAD[self.chip]
+        behind = "" if self.mux_address is None else f", mux 0x{self.mux_address:02x}, channel {self.channel}"
+        remark = "" if self.is_read else f", {UNREAD[self.chip].remark}"
+        return f"{chip.label} at 0x{self.address:02X}{behind}{remark}"
+
+    @property
+    def is_read(self) -> bool:
+        return self.chip in CHIPS
 
 
 def scanned(bus: int) -> list[Found]:
@@ -80,16 +85,22 @@ def _ended(process: subprocess.Popen[str], bus: int, record: CallRecord) -> tupl
 def scan(bus: I2cBus) -> Iterator[Found]:
     """First the chips without a mux: behind a mux they answer on every channel."""
     muxes = [address for address in mux.ADDRESSES if _is_mux(bus, address)]
-    direct = [(chip, address) for chip, address in chips_answering(bus)]
-    yield from (Found(chip.name, address) for chip, address in direct)
+    direct = list(_answering(bus))
+    yield from (Found(name, address) for name, address in direct)
     straight = {address for _, address in direct}
     for mux_address in muxes:
         for channel in range(mux.CHANNELS):
             bus.write(mux_address, bytes((mux.one(channel),)))
-            for chip, address in chips_answering(bus):
+            for name, address in _answering(bus):
                 if address not in straight:
-                    yield Found(chip.name, address, mux_address, channel)
+                    yield Found(name, address, mux_address, channel)
         bus.write(mux_address, bytes((mux.NO_CHANNEL,)))
+
+
+def _answering(bus: I2cBus) -> Iterator[tuple[str, int]]:
+    """The names of the chips on the selected channel, and where each answers."""
+    yield from ((chip.name, address) for chip, address in chips_answering(bus))
+    yield from ((chip.name, chip.address) for chip in unread_answering(bus))
 
 
 def _is_mux(bus: I2cBus, address: int) -> bool:
