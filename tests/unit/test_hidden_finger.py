@@ -35,6 +35,14 @@ def test_a_small_gain_that_frames_of_one_finger_have_counts_nothing() -> None:
     assert hidden_variance(FINGER, another(19.0))[2] == pytest.approx(MOST * 0.15**2, rel=1e-3)
 
 
+def test_what_is_likely_is_covered_by_five_deviations_and_what_is_not_widens_none() -> None:
+    """Of frames of one finger as built 4 % have a gain above 10, and beyond it what hides counts."""
+    most = hidden_variance(FINGER, another(19.0))
+    assert 0.15 / 5.0 < np.sqrt(most[2]) < 0.15 / 3.0
+    assert (hidden_variance(FINGER, another(13.0)) > 0.99 * most)[[0, 2]].all()
+    assert (hidden_variance(FINGER, another(7.5)) < 0.01 * most)[[0, 2]].all()
+
+
 def test_a_second_finger_that_would_take_all_of_the_force_leaves_none_to_the_first() -> None:
     variance = hidden_variance(FINGER, another(19.0, force=4.0))
     assert variance[2] == pytest.approx(MOST * (4.0 - 1.5) ** 2, rel=1e-3)
@@ -62,7 +70,8 @@ def test_two_unequal_fingers_that_are_told_as_one_are_within_their_deviations() 
             if found is not None:
                 worst.append(float(found.max()))
     assert len(worst) >= 4
-    assert np.mean(np.array(worst) < 5.0) >= 0.75  # a few look like one finger in every way (docs/results/several.md)
+    # None of these: of 600 such frames 2 look like one finger in every way, and 26 were wrong before.
+    assert max(worst) < 5.0
 
 
 def test_one_finger_is_told_as_exactly_as_before_in_most_frames() -> None:
@@ -75,6 +84,6 @@ def test_one_finger_is_told_as_exactly_as_before_in_most_frames() -> None:
             assert reading.measured is not None
             alone = estimator.fitter.fit(reading.fit.fingers, reading.measured, np.zeros(3))
             wider.append(float((reading.fit.deviation[0] / alone.deviation[0]).max()))
-    # 4 % of frames as built have a deviation that is 10 % wider, and so few of 120 have 15 of them.
-    assert np.sum(np.array(wider) > 1.1) <= 15
+    # 4 % of frames as built have a deviation that is 10 % wider, which are 5 of 120; 11 are one draw in a hundred.
+    assert np.sum(np.array(wider) > 1.1) <= 10
     assert np.median(wider) < 1.001

@@ -220,7 +220,7 @@ def test_three_fingers_are_never_told_as_two_that_are_wrong() -> None:
         assert message.health != "ok"
         assert message.contacts is None
         assert message.force_n is None
-    assert any(more for _, more in said)
+    assert sum(more for _, more in said) >= 3  # of five; 54 to 58 % in docs/results/several.md
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,8 @@ class Poses(NamedTuple):
     def variance(self) -> Array:
         """(5M,) the diagonal of the covariance."""
         own = square(self.moves).sum(axis=1) - square(self.told).sum(axis=1)
-        return np.maximum(own + (product(self.by_finger, self.fingers) * self.by_finger).sum(axis=1), 0.0)
+        variance: Array = own + (product(self.by_finger, self.fingers) * self.by_finger).sum(axis=1)
+        return np.maximum(variance, 0.0)
 
 
 def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Poses:

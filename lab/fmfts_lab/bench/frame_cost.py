@@ -27,7 +27,7 @@ from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.link import Link
 from fmfts.sources import on_board
 from fmfts_client.endpoints import for_daemon
-from fmfts_lab.bench import frame_states
+from fmfts_lab.bench import frame_beside, frame_states
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole, pipeline_of
 from fmfts_lab.bench.latency import pad_of
@@ -39,6 +39,9 @@ HOT_FRAMES, COLD_FRAMES = 1500, 300
 
 def run(options: argparse.Namespace) -> None:
     """Print the medians: on a busy computer some frames are interrupted."""
+    if options.beside is not None:
+        frame_beside.run(options.beside)
+        return
     if options.states:
         frame_states.run()
         return
