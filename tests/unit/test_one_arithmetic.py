@@ -26,11 +26,11 @@ ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
 # Not BLAS, LAPACK, what has wide vectors, nor the C library's functions: each rounds as the processor lets it.
 EXACT_NAMES = """
 abs all any append arange argmax argmin argsort array array_equal array_split asarray ascontiguousarray block bool_
-broadcast_to ceil clip column_stack concatenate copysign deg2rad degrees delete diag diagonal diff dist dtype empty
-empty_like errstate eye finfo flatnonzero float32 float64 frombuffer full full_like generic hstack inf int16 int32
-int64 intp isfinite isin isnan ix_ linspace max maximum mean median meshgrid min minimum moveaxis nan nan_to_num
-nanmean nanmedian ndarray ones ones_like outer packbits pi prod ptp r_ radians random ravel repeat round searchsorted
-sqrt stack sum tile trace uint16 uint8 unique unravel_index where zeros
+broadcast_to ceil clip column_stack concatenate copysign count_nonzero deg2rad degrees delete diag diagonal diff dist
+dtype empty empty_like errstate eye finfo flatnonzero float32 float64 frombuffer full full_like generic hstack inf
+int16 int32 int64 intp isfinite isin isnan ix_ linspace max maximum mean median meshgrid min minimum moveaxis nan
+nan_to_num nanmean nanmedian ndarray ones ones_like outer packbits pi prod ptp r_ radians random ravel repeat round
+searchsorted sqrt stack sum tile trace uint16 uint8 unique unravel_index where zeros
 """
 EXACT = set(EXACT_NAMES.split())
 # Degrees in a sentence, and one bit of a float: no message's number comes of them.
