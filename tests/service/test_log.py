@@ -102,8 +102,8 @@ def test_lines_that_waited_are_written_and_those_left_out_are_counted() -> None:
         heard = everything(reading)
         program.communicate()
     written = len(re.findall(r"line \d+$", heard, re.MULTILINE))
-    (left_out,) = re.findall(r"(\d+) lines were left out", heard)
-    assert written + int(left_out) == 5000
+    left_out = [int(count) for count in re.findall(r"(\d+) lines were left out", heard)]  # told once or twice
+    assert written + sum(left_out) == 5000
     assert 1000 <= written < 5000
 
 
