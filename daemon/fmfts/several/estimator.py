@@ -43,6 +43,8 @@ DOUBTED, DOUBTED_GAIN = 0.005, 20.0
 EXPLAINED_WELL = 0.5
 # After so many frames in a row that nothing explains, fingers are searched in each tenth frame only.
 SEARCHED_FRAMES, SEARCHED_EVERY = 20, 10
+# A third finger is gone when two explain so many frames in a row: by chance they explain one of three now and then.
+GONE_FRAMES = 10
 # After so many frames in a row in which a sensor that was left out agrees again, it is used again.
 AGREES_FRAMES = 20
 # A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
@@ -169,16 +171,21 @@ class FingersEstimator:
         missing: Mapping[int, str],
     ) -> FingersReading:
         memory = self.memory
-        if memory.unexplained > SEARCHED_FRAMES and memory.unexplained % SEARCHED_EVERY:
-            # A search takes long, and steel that lies beside the pad would make it each frame.
+        # A search takes long, and steel that lies beside the pad would make it each frame.
+        is_searched = memory.unexplained <= SEARCHED_FRAMES or memory.unexplained % SEARCHED_EVERY == 0
+        if not (is_searched or memory.more):
             nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._around_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
                 return self._unexplained(nobody, used)
         before = memory.counter.copy()
         counted = self._counter.update(measured.only(used), self._around_t)
         fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
-        odd = None if explained else self._odd_sensor(measured, there, before)
+        odd = self._odd_sensor(measured, there, before) if is_searched and not explained else None
         if self._is_third(fit, used, measured, odd):
+            memory.more = GONE_FRAMES
+        elif memory.more:
+            memory.more = memory.more - 1 if explained else 0
+        if memory.more:
             memory.unexplained += 1
             return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True)
         if odd is not None:

@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 class FingersMemory:
     """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
 
-    unexplained: how many frames in a row nothing explained. left_out: a sensor that contradicts all others, −1: none.
+    unexplained: how many frames in a row nothing explained. more: for how many frames two fingers have to explain the
+    field before a third one is taken for gone. left_out: a sensor that contradicts all others, −1: none.
     agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
     temperature that was told.
     """
@@ -30,6 +31,7 @@ class FingersMemory:
     recovery: Recovery
     ambient_t: Array = field(default_factory=lambda: np.zeros(3))
     unexplained: int = 0
+    more: int = 0
     left_out: int = -1
     agrees_frames: int = 0
     last_us: int | None = None
