@@ -12,7 +12,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.pad import Array
 from fmfts.pose.magnets import CHANGE
 from fmfts.several.field_model import PATCH_MM2
-from fmfts.several.sighted import UNFELT
+from fmfts.several.poses import UNFELT
 from fmfts_lab.bench.several_world import EXACT, SCENE, WITHIN_MM, Press, estimator_of, read_once, world
 
 FRAMES = 150

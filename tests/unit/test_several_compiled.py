@@ -18,6 +18,7 @@ from fmfts.several import fit
 from fmfts.several.compiled import AVAILABLE
 from fmfts.several.field_model import FieldModel, Predicted
 from fmfts.several.fit import STARTS, Fit, Fitter, Measured
+from fmfts.several.poses import Poses, poses_of, reference_poses
 from fmfts.several.valley import fitted_across
 
 COMPILED = pytest.mark.skipif(not AVAILABLE, reason="the estimator of several magnets was not compiled")
@@ -207,6 +208,57 @@ def one_across(
     there, chi2 = fitted_across(fitter, told, away, directions, measured, np.full(3, 1e-5))
     assert there.shape == (len(away), 2, *told.fingers.shape)
     return np.where(np.isfinite(chi2)[..., None, None], there, 0.0), chi2
+
+
+def of_poses(one: Poses) -> list[bytes]:
+    return bits(one.magnets.position_m, one.magnets.axis, *one[1:], one.covariance)
+
+
+@COMPILED
+@pytest.mark.parametrize("sizes", PADS)
+@pytest.mark.parametrize("beyond", [False, True], ids=["on the table", "beyond it"])
+def test_poses_of_the_magnets_have_the_same_bits_in_c(sizes: tuple[int, ...], beyond: bool) -> None:
+    fitter, reference = fitters_of(*sizes)
+    random = np.random.default_rng(15)
+    told = 0
+    for trial in range(24):
+        fingers = fingers_of(random, trial % 4, beyond)
+        measured = masked(random, measured_of(random, reference.model, fingers), trial)
+        ambient = random.normal(0.0, 2e-5, 3)
+        fit = replace(reference.fit(fingers, measured, ambient), fingers=fingers)
+        there, here = (
+            one(each, fit, measured, ambient) for one, each in ((poses_of, fitter), (reference_poses, reference))
+        )
+        assert of_poses(there) == of_poses(here)
+        assert [part.shape for part in there[1:]] == [part.shape for part in here[1:]]
+        assert bits(there.magnets.strength_t_m3, there.magnets.octupole_m2) == bits(*mount_of(reference))
+        # The variance is the covariance's diagonal, but for the rounding of what is subtracted.
+        rounding = 1e-13 * (np.square(here.moves).sum(axis=1) + here.variance)
+        assert (np.abs(there.variance - np.diagonal(there.covariance)) <= rounding).all()
+        told += int((here.told != 0.0).sum())
+    assert told > 100, "there was nothing to compare"
+
+
+def mount_of(fitter: Fitter) -> tuple[np.ndarray, np.ndarray]:
+    magnets = fitter.model.mounting.magnets
+    return magnets.strength_t_m3, magnets.octupole_m2
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["compiled", "NumPy"])
+def test_poses_of_what_is_not_finite_are_refused_by_name(which: int) -> None:
+    fitter, finger = fitters_of(4, 8, 48, 15, 1)[which], np.array([[1.0, 2.0, 1.0]])
+    good = measured_of(np.random.default_rng(16), fitter.model, finger)
+    fit = fitter.fit(finger, good, NONE)
+    broken = replace(good, variance_t2=np.where(np.arange(24) == 7, np.inf, good.variance_t2))
+    negative = replace(good, variance_t2=good.variance_t2 - 1.0)
+    for name, refused in {
+        "fingers: number 0 is nan": lambda: poses_of(fitter, replace(fit, fingers=finger * np.nan), good, NONE),
+        "ambient_t: number 0 is nan": lambda: poses_of(fitter, fit, good, NONE + np.nan),
+        "variance_t2: number 7 is inf": lambda: poses_of(fitter, fit, broken, NONE),
+        "24 × 24 is not positive definite": lambda: poses_of(fitter, fit, negative, NONE),
+    }.items():
+        with pytest.raises(ValueError, match=name):
+            refused()
 
 
 def uniform_along_x() -> tuple[Fitter, Fitter]:

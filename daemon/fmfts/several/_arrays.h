@@ -6,9 +6,9 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
-#include "several.h"
+#include "fit.h"
 
-enum { MOST_BUFFERS = 15 };
+enum { MOST_BUFFERS = 17 };
 
 /* The arrays of one call: a packed model, the work space, what is read, then what is written. */
 typedef struct {
@@ -84,9 +84,46 @@ static inline bool understood(call *c, int finger)
     return has(c, WORK, sizeof(fmfts_several_work)) && has_doubles(c, finger, FMFTS_FINGER * c->fingers);
 }
 
+/* How many values there are, by array `which`. */
+static inline size_t used(const call *c, int which)
+{
+    const uint8_t *values = c->buffer[which].buf;
+    size_t count = 0;
+    for (Py_ssize_t i = 0; i < c->buffer[which].len; i++) {
+        count += values[i] != 0;
+    }
+    return count;
+}
+
+/* Whether array `which` is a covariance of all values, or empty: then there is none. */
+static inline bool has_foreign(const call *c, int which)
+{
+    return !c->buffer[which].len || has_doubles(c, which, c->model.values * c->model.values);
+}
+
+static inline const double *foreign(const call *c, int which)
+{
+    return c->buffer[which].len ? array(c, which) : NULL;
+}
+
+/* What a search told: what is wrong, or None; the size of a matrix that is wrong; a number that was found. */
+static inline PyObject *told(fmfts_refusal refusal, double number)
+{
+    static const char *const wrong[] = {
+        [FMFTS_FINE] = NULL,
+        [FMFTS_NOT_FINITE] = "input",
+        [FMFTS_INDEFINITE] = "positive definite",
+        [FMFTS_INFINITE] = "finite",
+    };
+    return Py_BuildValue("znd", wrong[refusal.kind], (Py_ssize_t)refusal.size, number);
+}
+
 /* _model.c */
 PyObject *fmfts_py_predict(PyObject *module, PyObject *args);
 PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
+
+/* _poses.c */
+PyObject *fmfts_py_poses(PyObject *module, PyObject *args);
 
 /* _search.c */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args);

@@ -3,31 +3,6 @@
 
 #include <string.h>
 
-#include "fit.h"
-
-/* What `search` told: what is wrong, or None; the size of a matrix that is wrong; a number that was found. */
-static PyObject *told(fmfts_refusal refusal, double number)
-{
-    static const char *const wrong[] = {
-        [FMFTS_FINE] = NULL,
-        [FMFTS_NOT_FINITE] = "input",
-        [FMFTS_INDEFINITE] = "positive definite",
-        [FMFTS_INFINITE] = "finite",
-    };
-    return Py_BuildValue("znd", wrong[refusal.kind], (Py_ssize_t)refusal.size, number);
-}
-
-/* How many values there are, by array `which`. */
-static size_t used(const call *c, int which)
-{
-    const uint8_t *values = c->buffer[which].buf;
-    size_t count = 0;
-    for (Py_ssize_t i = 0; i < c->buffer[which].len; i++) {
-        count += values[i] != 0;
-    }
-    return count;
-}
-
 static bool searches(const call *c, int which, size_t values, fmfts_search *search)
 {
     const Py_buffer *packed = &c->buffer[which];
@@ -37,17 +12,6 @@ static bool searches(const call *c, int which, size_t values, fmfts_search *sear
     }
     PyErr_SetString(PyExc_ValueError, "the search has another size than the field, or than there is room for");
     return false;
-}
-
-/* Whether array `which` is a covariance of all values, or empty: then there is none. */
-static bool has_foreign(const call *c, int which)
-{
-    return !c->buffer[which].len || has_doubles(c, which, c->model.values * c->model.values);
-}
-
-static const double *foreign(const call *c, int which)
-{
-    return c->buffer[which].len ? array(c, which) : NULL;
 }
 
 /* fit(model, work, search, start, field, variance, foreign, used, ambient, fingers, covariance, misfit, ambient, shear,

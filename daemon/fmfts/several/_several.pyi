@@ -34,6 +34,26 @@ def covariance(
     covariance: NDArray[Any],
     /,
 ) -> None: ...
+def poses(
+    model: NDArray[Any],
+    work: NDArray[Any],
+    unfelt: NDArray[Any],
+    fingers: NDArray[Any],
+    fingers_covariance: NDArray[Any],
+    misfit: NDArray[Any],
+    variance: NDArray[Any],
+    foreign: NDArray[Any],
+    used: NDArray[Any],
+    ambient: NDArray[Any],
+    change: NDArray[Any],
+    position: NDArray[Any],
+    axis: NDArray[Any],
+    pose_variance: NDArray[Any],
+    moves: NDArray[Any],
+    told: NDArray[Any],
+    by_finger: NDArray[Any],
+    /,
+) -> tuple[str | None, int, float]: ...
 def fit(
     model: NDArray[Any],
     work: NDArray[Any],

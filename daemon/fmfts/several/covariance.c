@@ -40,9 +40,8 @@ static void lasting(const fmfts_several *model, bool moved, const double *change
     }
 }
 
-/* What moves the poses besides the fingers' places and forces: [3·fingers + 2·magnets][P]. Returns how many. */
-static size_t moves(const fmfts_several *model, size_t fingers, const double *finger, const fmfts_predicted *predicted,
-                    double *move)
+size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const double *finger,
+                              const fmfts_predicted *predicted, double *move)
 {
     size_t poses = model->poses, count = 0, places = 2 * model->magnets;
     for (size_t f = 0; f < fingers; f++, count += 3) {
@@ -70,9 +69,8 @@ static size_t moves(const fmfts_several *model, size_t fingers, const double *fi
     return count + places;
 }
 
-/* Deviation of each number of pose, in the response's units: errors of the table, and of adding up fingers. */
-static void response_error(const fmfts_several *model, size_t fingers, const double *finger,
-                           const fmfts_predicted *predicted, double *deviation)
+void fmfts_response_error(const fmfts_several *model, size_t fingers, const double *finger,
+                          const fmfts_predicted *predicted, double *deviation)
 {
     double of_table = model->head->response_error[0], of_sum = 0.5 * model->head->sum_error_per_n[0];
     for (size_t p = 0; p < model->poses; p++) {
@@ -106,12 +104,12 @@ static size_t through_poses(const fmfts_several *model, size_t fingers, const do
         }
         memset(row + model->values, 0, (stride - model->values) * sizeof(double));
     }
-    size_t count = moves(model, fingers, finger, predicted, move);
+    size_t count = fmfts_considered_moves(model, fingers, finger, predicted, move);
     memset(column, 0, count * stride * sizeof(double));
     for (size_t i = 0; i < count; i++) {
         add_rows(poses, stride, move + i * poses, work->by_pose, column + i * stride);
     }
-    response_error(model, fingers, finger, predicted, deviation);
+    fmfts_response_error(model, fingers, finger, predicted, deviation);
     for (size_t p = 0; p < poses; p++) {
         for (size_t v = 0; v < stride; v++) {
             column[(count + p) * stride + v] = work->by_pose[p * stride + v] * deviation[p];

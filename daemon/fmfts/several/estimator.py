@@ -25,10 +25,11 @@ from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.hidden import hidden_variance
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
+from fmfts.several.poses import UNFELT, poses_of
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
-from fmfts.several.sighted import UNFELT, poses_of, sighted
+from fmfts.several.sighted import sighted
 from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
@@ -112,12 +113,12 @@ class FingersEstimator:
 
     def poses(self, reading: FingersReading) -> tuple[Magnets, Array]:
         """The magnets of the last frame, and the variances (M, 5) of their changes since rest: by what is not known of
-        the fingers, and by what moves magnets besides (several/sighted.py)."""
-        mounting, fit = self.mounting, reading.fit
+        the fingers, and by what moves magnets besides (several/poses.py)."""
+        fit = reading.fit
         if fit is None or reading.measured is None or not len(fit.fingers):
-            return mounting.magnets, self._unfelt_variance
+            return self.mounting.magnets, self._unfelt_variance
         poses = poses_of(self.fitter, fit, reading.measured, self._around_t)
-        return mounting.magnets.changed(poses.change, mounting.frames), poses.variance.reshape(-1, CHANGE)
+        return poses.magnets, poses.variance.reshape(-1, CHANGE)
 
     def recall(self, memory: FingersMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""

@@ -112,6 +112,17 @@ fmfts_refusal fmfts_valley(const fmfts_several *model, const fmfts_search *searc
                            const fmfts_measured *measured, const double *ambient_t, fmfts_several_work *work, double *there,
                            double *chi2);
 
+/* As Poses, and position and axis [magnets][3] after the change; whoever calls gives the arrays. used: values that there are. */
+typedef struct {
+    double *change, *position, *axis, *variance; /* [P], [magnets][3], [magnets][3], [P] */
+    double *moves, *told, *by_finger;            /* [P][2·P + 3·fingers + 2·magnets], [P][used], [P][3·fingers] */
+} fmfts_poses;
+
+/* poses.c: of one finger and more. unfelt [5]: as UNFELT. covariance [3·fingers][3·fingers] and misfit_t [values]: of Fit. */
+fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, size_t fingers, const double *finger,
+                             const double *covariance, const double *misfit_t, const fmfts_measured *measured,
+                             const double *ambient_t, fmfts_several_work *work, fmfts_poses *poses);
+
 /* scan.c: white [panels][used][FMFTS_PANEL]: L⁻¹ · templates. Lists the values that there are in `work`. False where one of
  * them, or the root, is not finite. */
 bool fmfts_white_templates(const fmfts_search *search, const double *root, const fmfts_measured *measured,

@@ -116,6 +116,16 @@ void fmfts_moved_magnet(const fmfts_several *model, size_t magnet, const double 
 /* field_model.c */
 void fmfts_predict(const fmfts_several *model, size_t fingers, const double *finger, fmfts_predicted *predicted);
 
+/* covariance.c: what moves the poses besides the fingers' places and forces, each by one deviation, in the response's units:
+ * [3·fingers + 2·magnets][P]. Returns how many. */
+size_t fmfts_considered_moves(const fmfts_several *model, size_t fingers, const double *finger,
+                              const fmfts_predicted *predicted, double *move);
+
+/* covariance.c: deviation [P] of each number of pose, in the response's units: errors of the table, and of adding up
+ * fingers. */
+void fmfts_response_error(const fmfts_several *model, size_t fingers, const double *finger,
+                          const fmfts_predicted *predicted, double *deviation);
+
 /* covariance.c: fills work->covariance [V][V]. */
 void fmfts_several_covariance(const fmfts_several *model, size_t fingers, const double *finger,
                               const fmfts_predicted *predicted, const double *variance_t2, const double ambient_t[3],

@@ -1,0 +1,123 @@
+/* Where the magnets of a frame are: poses.py explains it. */
+#include <string.h>
+
+#include "../arithmetic/matrix.h"
+#include "fit.h"
+
+enum {
+    SIDE_BY_SIDE = 8, /* sums of sum_of_squares */
+    MOST_CAUSES = FMFTS_SEVERAL_MOVES + 2 * FMFTS_SEVERAL_POSES,
+};
+
+_Static_assert(MOST_CAUSES <= 128, "NumPy adds up longer rows in another order");
+_Static_assert(2 * FMFTS_SEVERAL_POSES <= FMFTS_SEVERAL_COLUMNS, "two matrices [V][P] do not fit into a work space's factor");
+
+/* Σ a[i] · b[i], in the order in which NumPy adds up a row of 128 numbers and less: eight sums side by side, then the rest. */
+static double sum_of_products(size_t n, const double *a, const double *b)
+{
+    double sum[SIDE_BY_SIDE] = {0.0}, all = 0.0;
+    size_t i = 0;
+    for (; i + SIDE_BY_SIDE <= n; i += SIDE_BY_SIDE) {
+        for (size_t j = 0; j < SIDE_BY_SIDE; j++) {
+            sum[j] += a[i + j] * b[i + j];
+        }
+    }
+    all = ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+    for (; i < n; i++) {
+        all += a[i] * b[i];
+    }
+    return all;
+}
+
+/* Poses.variance of a row. */
+static double variance_of(size_t moves, const double *move, size_t used, const double *told, size_t unknowns,
+                          const double *by_finger, const double *covariance)
+{
+    double of_fingers[FMFTS_SEVERAL_UNKNOWNS];
+    double own = sum_of_products(moves, move, move) - sum_of_products(used, told, told);
+    fmfts_product(1, unknowns, unknowns, by_finger, covariance, of_fingers);
+    double variance = own + sum_of_products(unknowns, of_fingers, by_finger);
+    return 0.0 > variance ? 0.0 : variance;
+}
+
+/* What may move the magnets, in SI: move [moves][P] and by_table [P], and as Poses has it, in `all`. Returns its columns. */
+static size_t list_moves(const fmfts_several *model, size_t moves, const double *unfelt, double *move, double *by_table,
+                         double *all)
+{
+    size_t poses = model->poses, columns = poses + moves + poses;
+    memset(all, 0, poses * columns * sizeof(double));
+    for (size_t p = 0; p < poses; p++) {
+        double unit = model->head->unit[p % FMFTS_POSE_CHANGE], *row = all + p * columns;
+        row[p] = unfelt[p % FMFTS_POSE_CHANGE];
+        for (size_t i = 0; i < moves; i++) {
+            row[poses + i] = move[i * poses + p] = unit * move[i * poses + p];
+        }
+        row[poses + moves + p] = by_table[p] = unit * by_table[p];
+    }
+    return columns;
+}
+
+/* told [P][used] = B (L⁻¹ P B)' of poses.py; white [used][P]: L⁻¹ P; room [used][P]. The table's errors move each number of
+ * pose by itself: of their columns all else is zero. */
+static void tell(const fmfts_several *model, size_t used, size_t moves, const double *move, const double *by_table,
+                 const double *white, double *room, double *told)
+{
+    double by_pose[FMFTS_SEVERAL_POSES * FMFTS_SEVERAL_MOVES], through[FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_MOVES];
+    size_t poses = model->poses;
+    for (size_t p = 0; p < poses; p++) {
+        for (size_t i = 0; i < moves; i++) {
+            by_pose[p * moves + i] = move[i * poses + p];
+        }
+    }
+    fmfts_product(used, poses, moves, white, by_pose, through);
+    fmfts_product(used, moves, poses, through, move, room);
+    for (size_t p = 0; p < poses; p++) {
+        for (size_t v = 0; v < used; v++) {
+            told[p * used + v] = room[v * poses + p] + by_table[p] * (white[v * poses + p] * by_table[p]);
+        }
+    }
+}
+
+fmfts_refusal fmfts_poses_of(const fmfts_several *model, const double *unfelt, size_t fingers, const double *finger,
+                             const double *covariance, const double *misfit_t, const fmfts_measured *measured,
+                             const double *ambient_t, fmfts_several_work *work, fmfts_poses *poses)
+{
+    enum { REST = FMFTS_SEVERAL_UNKNOWNS + 1 };
+    double move[FMFTS_SEVERAL_MOVES * FMFTS_SEVERAL_POSES], by_table[FMFTS_SEVERAL_POSES];
+    double rest[FMFTS_SEVERAL_VALUES * REST], explained[FMFTS_SEVERAL_POSES * REST];
+    fmfts_refusal refusal = fmfts_whitener(model, fingers, finger, measured, ambient_t, work);
+    if (refusal.kind != FMFTS_FINE) {
+        return refusal;
+    }
+    /* What the root came of is no longer needed. */
+    double *white = work->factor, *room = white + FMFTS_SEVERAL_VALUES * FMFTS_SEVERAL_POSES;
+    const fmfts_predicted *predicted = &work->predicted[0];
+    size_t numbers = model->poses, unknowns = FMFTS_FINGER * fingers, used = work->used, columns = unknowns + 1;
+    for (size_t v = 0; v < used; v++) {
+        size_t value = work->index[v];
+        memcpy(white + v * numbers, predicted->by_pose + value * numbers, numbers * sizeof(double));
+        memcpy(rest + v * columns, predicted->slope + value * unknowns, unknowns * sizeof(double));
+        rest[v * columns + unknowns] = misfit_t[value];
+    }
+    fmfts_solve_lower(used, numbers, work->root, white);
+    fmfts_solve_lower(used, columns, work->root, rest);
+    size_t moves = fmfts_considered_moves(model, fingers, finger, predicted, move);
+    fmfts_response_error(model, fingers, finger, predicted, by_table);
+    size_t all = list_moves(model, moves, unfelt, move, by_table, poses->moves);
+    tell(model, used, moves, move, by_table, white, room, poses->told);
+    fmfts_product(numbers, used, columns, poses->told, rest, explained);
+    for (size_t p = 0; p < numbers; p++) {
+        double unit = model->head->unit[p % FMFTS_POSE_CHANGE], *by_finger = poses->by_finger + p * unknowns;
+        for (size_t u = 0; u < unknowns; u++) {
+            const double *slope = predicted->pressed[u / FMFTS_FINGER] + numbers + FMFTS_FINGER * p;
+            by_finger[u] = slope[u % FMFTS_FINGER] * unit - explained[p * columns + u];
+        }
+        poses->change[p] = predicted->change[p] + explained[p * columns + unknowns];
+        poses->variance[p] = variance_of(all, poses->moves + p * all, used, poses->told + p * used, unknowns, by_finger,
+                                         covariance);
+    }
+    for (size_t magnet = 0; magnet < model->magnets; magnet++) {
+        fmfts_moved_magnet(model, magnet, poses->change, poses->position + 3 * magnet, poses->axis + 3 * magnet);
+    }
+    return refusal;
+}

@@ -1,0 +1,111 @@
+"""Where a pad with several magnets has its magnets, and how well that is known.
+
+The table of presses tells the poses that the fingers cause, but what it only considers (shear, patch, its own errors)
+moves the magnets, too. So the residual is asked about it. With the fingers x ± Σ, what is considered p ~ N(0, 1), the
+poses A x + B p, and the field J x + P (B p) of covariance C (field_model.py), the most likely poses given the residual
+r are
+
+    A x + W r,  W = B B' P' C⁻¹,  with the covariance  B B' − W P B B' + (A − W J) Σ (A − W J)'
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmfts.arithmetic.elementary import square
+from fmfts.arithmetic.matrix import product, solve_lower
+from fmfts.pose.magnets import CHANGE, Magnets
+from fmfts.several.compiled import _several, doubles, room
+from fmfts.several.field_model import FINGER
+from fmfts.several.fit import Fit, Fitter
+from fmfts.several.measured import Measured, refuse
+
+Array = NDArray[np.float64]
+
+# Of each magnet, in m and components of the axis: by what is too weak to be told as a finger, and by silicone that has
+# not come back yet from a press.
+UNFELT = np.array([1e-5, 1e-5, 2e-5, 2e-3, 2e-3])
+
+
+class Poses(NamedTuple):
+    """The magnets, and the change (5M,) of their poses since rest, in m and components of the axis. variance (5M,): the
+    diagonal of its covariance, which is moves moves' − told told' + by_finger fingers by_finger'; moves, told,
+    by_finger (5M, …), fingers (3K, 3K)."""
+
+    magnets: Magnets
+    change: Array
+    variance: Array
+    moves: Array
+    told: Array
+    by_finger: Array
+    fingers: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(5M, 5M)."""
+        own = product(self.moves, self.moves.T) - product(self.told, self.told.T)
+        covariance: Array = own + product(self.by_finger, self.fingers, self.by_finger.T)
+        return covariance
+
+
+def poses_of(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Poses:
+    """Where the fingers, and what moves magnets besides, have moved the magnets of a frame.
+
+    around_t (3,): the change of the field around, as `Fitter.fit` has it.
+    """
+    model, fingers = fitter.model, len(fit.fingers)
+    if not (fingers and model.compiled and room(fingers=fingers)):
+        return reference_poses(fitter, fit, measured, around_t)
+    rest, there, unknowns = model.mounting.magnets, measured.there, FINGER * fingers
+    count = len(rest)
+    poses, causes = CHANGE * count, unknowns + 2 * count
+    change, variance, position, axis = np.empty(poses), np.empty(poses), np.empty((count, 3)), np.empty((count, 3))
+    moves, told = np.empty((poses, poses + causes + poses)), np.empty((poses, int(there.sum())))
+    by_finger = np.empty((poses, unknowns))
+    wrong, size, _ = _several.poses(
+        model.packed,
+        model.work,
+        UNFELT,
+        doubles(fit.fingers),
+        doubles(fit.covariance),
+        doubles(fit.misfit_t),
+        doubles(measured.variance_t2),
+        measured.foreign,
+        there,
+        doubles(around_t),
+        change,
+        position,
+        axis,
+        variance,
+        moves,
+        told,
+        by_finger,
+    )
+    refuse(wrong, size, measured, fingers=fit.fingers, ambient_t=around_t)
+    magnets = Magnets(position, axis, rest.strength_t_m3, rest.octupole_m2)
+    return Poses(magnets, change, variance, moves, told, by_finger, fit.covariance)
+
+
+def reference_poses(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Poses:
+    """poses_of() in NumPy."""
+    model, used = fitter.model, measured.used
+    predicted = model.predict(fit.fingers)
+    change = predicted.change
+    moves = np.diag(np.tile(UNFELT, len(change) // CHANGE))
+    told = left = np.zeros((len(moves), 0))
+    if len(fit.fingers):
+        root, poses = fitter.whitener(fit.fingers, measured, around_t), len(change)
+        white = solve_lower(root, np.column_stack([predicted.by_pose, predicted.slope, fit.misfit_t])[used])
+        considered = model.considered_moves(fit.fingers, predicted)
+        # Of what is considered: B (L⁻¹ P B)', with C = L L'.
+        told = product(considered, product(white[:, :poses], considered).T)
+        change = change + product(told, white[:, -1])
+        left = model.by_finger(predicted) - product(told, white[:, poses:-1])
+        moves = np.concatenate([moves, considered], axis=1)
+    own = square(moves).sum(axis=1) - square(told).sum(axis=1)
+    variance = np.maximum(own + (product(left, fit.covariance) * left).sum(axis=1), 0.0)
+    magnets = model.mounting.magnets.changed(change, model.mounting.frames)
+    return Poses(magnets, change, variance, moves, told, left, fit.covariance)
