@@ -1,4 +1,4 @@
-"""Time of a frame of a pad with four magnets: the search for fingers alone, and from a frame to its encoded message.
+"""Time of a frame of a pad with four magnets: the search for fingers, the magnets' poses, from a frame to its message.
 
 It is the processor's time, so that a busy computer tells nearly the same as a quiet one.
 """
@@ -17,6 +17,7 @@ from fmfts.bus.encoding import encode
 from fmfts.config import SimulatedSource
 from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
 from fmfts.sensor import Frame
+from fmfts.several.poses import poses_of, reference_poses
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
 from fmfts_lab.bench.several_drills import BesideTool
@@ -42,6 +43,7 @@ DISTURBING, LIES_FRAMES = (Way("put down", 0.06, 1.0), 0.2), 330
 def run(options: Namespace) -> None:
     print("| frame | median ms | p99 ms | least ms |\n| --- | --- | --- | --- |")
     _searches(options)
+    _poses(options)
     _chains(options)
 
 
@@ -63,6 +65,17 @@ def _searches(options: Namespace) -> None:
                 counter.forget()
             times.append(_seconds(partial(counter.update, measured, NOTHING)))
         _print(name, times)
+
+
+def _poses(options: Namespace) -> None:
+    """Where the magnets are, once the fingers are known: as the daemon does, and as the reference does."""
+    one = world(options.seed, BUILT)
+    for name, presses in (("one finger", SINGLE), ("two fingers", PAIR)):
+        measured = one.measured(one.pressed(presses))
+        fit = one.fitter.fit(np.array([press[:3] for press in presses]), measured, NOTHING)
+        for how, found in (("poses", poses_of), ("poses, in NumPy", reference_poses)):
+            work = partial(found, one.fitter, fit, measured, NOTHING)
+            _print(f"{how}: {name}", [_seconds(work) for _ in range(options.repeats)])
 
 
 def _chains(options: Namespace) -> None:
