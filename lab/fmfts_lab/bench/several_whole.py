@@ -14,7 +14,7 @@ import numpy as np
 from fmfts.pad import Array, Tolerance
 from fmfts.several.count import resultant
 from fmfts.several.reading import FingersReading
-from fmfts.several.resultant import deviation_of
+from fmfts.several.resultant import deviation_of, deviation_of_each
 from fmfts_lab.bench.several_world import (
     BUILT,
     BY_HAND,
@@ -62,7 +62,7 @@ class Whole:
         if len(fit.fingers) == len(truth):
             straight, crossed = fit.fingers - truth, fit.fingers - truth[::-1]
             nearer = np.abs(crossed[:, :2]).sum() < np.abs(straight[:, :2]).sum()
-            each.append(((crossed if nearer else straight) / fit.deviation).ravel())
+            each.append(((crossed if nearer else straight) / deviation_of_each(reading, fit)).ravel())
         self.off.append(float(np.abs(np.concatenate(each)).max()))
 
     def line(self, name: str) -> str:
