@@ -35,13 +35,14 @@ def status_of(daemon: RunningDaemon) -> Status:
 
 
 def frames_lost_to(daemon: RunningDaemon, act: Callable[[], None]) -> tuple[int, Status]:
-    """By `act`, and the status after it. Repeated while the board dropped packets because the daemon stood still."""
+    """By `act`, and the status after it. Repeated while the daemon stood still: then the board drops packets, and the
+    daemon leaves frames out."""
     for _ in range(ATTEMPTS):
         before = status_of(daemon)
         act()
         time.sleep(1.2)  # a status comes every second
         after = status_of(daemon)
-        if after.board["transmit_dropped"] == before.board["transmit_dropped"]:
+        if after.board["transmit_dropped"] == before.board["transmit_dropped"] and after.dropped == before.dropped:
             break
     return after.gaps - before.gaps, after
 
