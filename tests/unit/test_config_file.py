@@ -194,7 +194,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [-8, -8, 0]]", "at least 3 sensors are needed: with two, a diagonal pair is singular"),
         (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 34, 2)]}", "at most 16 sensors"),
-        (BRIDGE + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 18, 2)]}", 'a board carries at most 8 sensors: for more, type = "i2c" reads them with two muxes'),
+        (BRIDGE + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 10, 2)]}", 'the firmware of a board makes pads of 4 sensors: type = "i2c" reads more on a bus of this computer'),
         (I2C + "channels = []\nmux_addresses = [0x70, 0x70, 0x71, 0x71]", "source.mux_addresses = [112, 112, 113, 113]: without a mux leave it out"),
         (I2C + "mux_addresses = [0x70, 0x71]", "source.mux_addresses = [112, 113]: one mux for each of the 4 sensors"),
         (I2C + "mux_addresses = [0x70, 0x70, 0x71, 0x78]", "source.mux_addresses, sensor 4 = 120: a TCA9548A is at 0x70 to 0x77"),

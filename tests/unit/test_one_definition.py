@@ -167,7 +167,7 @@ def _words(enumerators: str) -> list[str]:
 
 def test_no_program_holds_more_than_the_wire_carries() -> None:
     sampler = (CORE / "pad_bus.h").read_text()
-    assert constants(CORE / "pad_bus.h")["SAMPLER_SENSORS_MAX"] <= packets.BOARD_SENSORS
+    assert constants(CORE / "pad_bus.h")["SAMPLER_SENSORS_MAX"] == packets.FIRMWARE_SENSORS <= packets.BOARD_SENSORS
     assert "SAMPLER_PADS_MAX = WIRE_PADS_MAX" in sampler
     assert packets.BOARD_SENSORS + 1 == packets.MORE_SENSORS < 16, "four bits hold it"
     assert constants(CORE / "sampler.h")["RATE_MAX_HZ"] == BRIDGE_HZ

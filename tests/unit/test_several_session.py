@@ -14,8 +14,9 @@ import pytest
 
 from fmfts.offline.replay import essence
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
+from fmfts.pose import alignment
 from fmfts.sensor import Frame
-from fmfts.several import compiled, field_model, fit, scan
+from fmfts.several import compiled, field_model, fit, poses, scan, valley
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
@@ -62,7 +63,9 @@ def session() -> list[str]:
 def test_a_session_says_the_same_bits_in_c_and_in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     in_c = session()
     monkeypatch.setattr(compiled, "AVAILABLE", False)
-    for module in (field_model, fit, scan):
+    monkeypatch.setattr(alignment, "AVAILABLE", False)
+    monkeypatch.setattr(alignment, "_alignment", None)
+    for module in (field_model, fit, poses, scan, valley):
         monkeypatch.setattr(module, "_several", None)  # so that nothing can call it
     in_numpy = session()
     assert len(in_c) == len(in_numpy) >= FRAMES

@@ -26,7 +26,7 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
-from fmfts.sensor.wire.packets import BOARD_SENSORS, MAX_SENSORS
+from fmfts.sensor.wire.packets import FIRMWARE_SENSORS, MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
@@ -119,10 +119,11 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
             f"at least {FEWEST_SENSORS} sensors are needed: with two, a diagonal pair is singular at rest "
             "and an adjacent pair is ten times less certain along one axis",
         )
-    if len(places) > BOARD_SENSORS and isinstance(pad.source, BridgeSource):
+    if len(places) > FIRMWARE_SENSORS and isinstance(pad.source, BridgeSource):
         yield (
             ("geometry", "sensors_mm"),
-            f'a board carries at most {BOARD_SENSORS} sensors: for more, type = "i2c" reads them with two muxes',
+            f"the firmware of a board makes pads of {FIRMWARE_SENSORS} sensors: "
+            'type = "i2c" reads more on a bus of this computer',
         )
     elif len(places) > MAX_SENSORS:
         yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors"

@@ -9,7 +9,8 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 MAX_SENSORS = 16  # of a pad
-BOARD_SENSORS = 8  # of a pad on a board; only a bus of this computer reads more
+BOARD_SENSORS = 8  # of a pad in the packets of a board; only a bus of this computer reads more
+FIRMWARE_SENSORS = 4  # of a pad in the firmware: four channels of a TCA9548A are one
 MOST_DESCRIBED = 44  # sensors of all pads together: a hello of three pads holds no more
 MORE_SENSORS = 9  # in place of their number in four bits: more than a board's, and the packet's length says how many
 MUX_BASE, MUX_MASK = 0x70, 0x07  # of muxes' addresses: they differ in the last three bits
