@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from emulator.anyskin_board import NO_SAMPLE, binary, quantised, text
+from emulator.uart_line import read_at
 from fmfts.sensor.anyskin.packets import BinaryStream, TextStream, packet_of
 from fmfts.sensor.anyskin.source import counts_of
 from fmfts.sensor.anyskin.timing import StreamClock
@@ -235,3 +236,14 @@ def test_packets_that_waited_here_are_not_stamped_younger_than_they_are() -> Non
             too_young_s.append(stamp[2] / 1e9 - made_s)
     assert max(too_young_s) < 6e-3  # a period: for so long the youngest packet of each read may have waited
     assert (clock.lost, clock.epochs) == (0, 1)
+
+
+@pytest.mark.parametrize(("stream", "form"), FORMS)
+@pytest.mark.parametrize("read_baud", [9_600, 57_600, 230_400, 460_800])
+def test_packets_at_another_baud_rate_are_no_packets(stream: type, form: object, read_baud: int) -> None:
+    sent = numbered(form, 200)
+    assert [read_at(packet, 115_200, 115_200 * ratio) for packet in sent[:5] for ratio in (0.98, 1.0, 1.02)] == [
+        packet for packet in sent[:5] for _ in range(3)
+    ]  # what a UART bears
+    parser = stream(5)
+    assert [packet for each in sent for packet in parser.feed(read_at(each, 115_200, read_baud))] == []

@@ -1,0 +1,50 @@
+"""The self-test of a chip on an I2C bus waits for a sample, and looks for it once more when the time for it is over."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from fmfts.sensor.i2c import selftest
+
+SAMPLE = b"\x01\x02\x03\x04\x05\x06"
+
+
+class Stopwatch:
+    """The time of `selftest`: it passes only while something is waited for, or while the computer stands still."""
+
+    def __init__(self) -> None:
+        self.now_s = 10.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
+def pad_that_is_ready_at(stopwatch: Stopwatch, ready_s: float, stands_still_s: float = 0.0) -> SimpleNamespace:
+    """stands_still_s: for so long nothing runs after the first look."""
+    looks: list[float] = []
+
+    def sample(_: object) -> tuple[bool, bytes | None]:
+        looks.append(stopwatch.now_s)
+        is_ready = stopwatch.now_s >= ready_s
+        stopwatch.now_s += stands_still_s if len(looks) == 1 else 0.0
+        return is_ready, SAMPLE if is_ready else None
+
+    return SimpleNamespace(chip=SimpleNamespace(driver=SimpleNamespace(sample=sample)))
+
+
+@pytest.mark.parametrize(
+    ("ready_after_s", "stands_still_s", "found"),
+    [(0.0, 0.0, SAMPLE), (0.05, 0.0, SAMPLE), (0.05, 1.0, SAMPLE), (9.0, 0.0, None), (9.0, 1.0, None)],
+)
+def test_a_sample_that_came_while_the_computer_stood_still_is_found(
+    monkeypatch: pytest.MonkeyPatch, ready_after_s: float, stands_still_s: float, found: bytes | None
+) -> None:
+    stopwatch = Stopwatch()
+    monkeypatch.setattr(selftest, "time", stopwatch)
+    pad = pad_that_is_ready_at(stopwatch, stopwatch.now_s + ready_after_s, stands_still_s)
+    assert selftest._next(pad, SimpleNamespace(wires=None)) == found  # type: ignore[arg-type]
