@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from drills.pressed_pad import PressedPad
-from drills.rig import Ear, descriptors, is_not_ok, is_ok, none_wrong, summary
+from drills.rig import Ear, descriptors, hear_a_press, is_not_ok, is_ok, none_wrong, summary
 from emulator.anyskin_board import binary
 from emulator.anyskin_on_pty import Board
 from emulator.uart_line import read_at
@@ -81,6 +81,7 @@ def calibrated_skin(folder: Path) -> Iterator[tuple[RunningDaemon, PressedSkin, 
                 ear.until(is_ok)
                 skin.press()
                 yield daemon, skin, ear
+                hear_a_press(ear, skin)
     finally:
         skin.pull()
 
@@ -100,7 +101,7 @@ def unplugged(folder: Path, cycles: int) -> Facts:
         leaked = descriptors(daemon.process.pid) - before
         facts = {"cycles": cycles, **summary(recoveries), "descriptors_leaked": leaked}
         assert leaked == 0, facts
-        return facts | none_wrong(ear, skin)
+    return facts | none_wrong(ear, skin)
 
 
 def damaged(folder: Path, packets: int) -> Facts:
@@ -130,7 +131,7 @@ def damaged(folder: Path, packets: int) -> Facts:
         ear.listen(1.2)
         garbage = daemon.request("status")["pads"][0]["garbage_bytes"]
         assert garbage > packets, garbage  # or nothing was damaged
-        return {"packets": packets, **summary(recoveries), "counted_as_garbage": garbage} | none_wrong(ear, skin)
+    return {"packets": packets, **summary(recoveries), "counted_as_garbage": garbage} | none_wrong(ear, skin)
 
 
 def other_baud(folder: Path, cycles: int) -> Facts:
@@ -145,4 +146,4 @@ def other_baud(folder: Path, cycles: int) -> Facts:
             skin.board.line = bytes
             recoveries.append(ear.recovered(time.monotonic_ns()))
             ear.listen(BACK_S)
-        return {"cycles": cycles, **summary(recoveries)} | none_wrong(ear, skin)
+    return {"cycles": cycles, **summary(recoveries)} | none_wrong(ear, skin)

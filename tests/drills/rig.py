@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from drills.pressed_board import PressedBoard
+from drills.pressed_pad import PressedPad
 from end_to_end.processes import BRIDGE_CONFIG, FirmwareHost, RunningDaemon
 from fmfts_client import Contact, Subscription
 
@@ -82,11 +83,17 @@ def calibrated(folder: Path) -> Iterator[tuple[RunningDaemon, PressedBoard, Ear]
                 ear.until(is_ok)
                 board.press()
                 yield daemon, board, ear
+                hear_a_press(ear, board)
     finally:
         board.kill()
 
 
-def none_wrong(ear: Ear, board: PressedBoard | None = None) -> dict[str, int]:
+def hear_a_press(ear: Ear, board: PressedPad) -> None:
+    """Listens until a press has been judged: in a short drill each of them may have fallen into a fault."""
+    ear.until(lambda _: board.judged_pressed > 0)
+
+
+def none_wrong(ear: Ear, board: PressedPad | None = None) -> dict[str, int]:
     """How much was judged. AssertionError with the first wrong numbers, and where no press could be judged."""
     assert not ear.wrong_numbers, ear.wrong_numbers[:3]
     if board is None:
