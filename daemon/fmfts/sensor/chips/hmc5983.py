@@ -1,7 +1,7 @@
 """The HMC5983 three-axis magnetometer and its predecessor HMC5883L: facts and registers (Honeywell data sheet 900425).
 
-The predecessor measures at most 75 times a second, has neither temperature compensation nor thermometer, and is not read
-by boards.
+The predecessor measures at most 75 times a second and has neither temperature compensation nor thermometer. Boards do
+not read it.
 """
 
 from __future__ import annotations
