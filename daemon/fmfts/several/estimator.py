@@ -16,6 +16,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
+from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.neighbour import NeighbourEstimate, change_of
 from fmfts.pose.state import Neighbour
@@ -159,10 +160,14 @@ class FingersEstimator:
             self._counter.forget()
             return FingersReading("lost", reasons.too_few(missing, used), used)
         try:
-            return self._judged(measured, used, there, missing)
+            reading = self._judged(measured, used, there, missing)
         except SingularError:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
+        if reading.has_fingers and has_jumped(aligned):
+            # Some samples are from before the jump and some from after it, and fingers that are not there explain both.
+            return reading._replace(health="degraded", reason=reading.reason or reasons.JUMPED)
+        return reading
 
     def _judged(
         self,

@@ -54,3 +54,8 @@ class FingersReading(NamedTuple):
     over_range: bool = False
     measured: Measured | None = None
     least_variance: Array | None = None
+
+    @property
+    def has_fingers(self) -> bool:
+        """Whether it tells one, or one that presses beyond the table."""
+        return self.fit is not None and len(self.fit.fingers) > 0

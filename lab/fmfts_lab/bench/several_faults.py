@@ -24,7 +24,8 @@ from fmfts_lab.finite_elements.array_model import array_config
 RATE_HZ = 220
 WARM_S, FAULT_S, AFTER_S = 0.3, 1.0, 0.4
 GAIN_CODE = 7  # ±8.1 G
-AXES_AT = ((0, 0), (5, 2))  # x of a sensor at a side, z of one at a corner
+# x and y of a sensor at a side, z of one at a corner. By symmetry x reads nothing at rest, whatever its gain.
+AXES_AT = ((0, 0), (0, 1), (5, 2))
 WIRES = ((0, 4), (4, 7))  # side by side, and across the pad
 TOOLS_A_M2 = (0.005, 0.05, 0.2)
 
