@@ -29,8 +29,8 @@ HEAD = (
 @dataclass(slots=True)
 class Counted:
     """Drills of one kind. frames: while the fault lasts. judged: these, and those afterwards. wrong: of these, told
-    as good, and off by more than five deviations. false: more fingers than there are. named, blamed: of the flagged
-    frames, those that name what is broken, and those that name a sound sensor."""
+    as good, and off by more than five deviations. false: more fingers than there are. flagged: not ok while
+    something is broken. named, blamed: of these, those that name what is broken, and those that name a sound sensor."""
 
     drills: int = 0
     frames: int = 0
@@ -41,6 +41,7 @@ class Counted:
     wrong_degraded: int = 0
     false: int = 0
     worst: float = 0.0
+    flagged: int = 0
     named: int = 0
     blamed: int = 0
     seen_ms: list[float] = field(default_factory=list)
@@ -70,6 +71,7 @@ class Counted:
         self.good += message.health == "ok"
         self.silent += not isinstance(message.contacts, list)
         if message.health != "ok" and fault is not None:
+            self.flagged += 1
             self.named += named_right(message, fault)
             broken = {number + 1 for number in fault.swapped or (() if fault.sensor is None else (fault.sensor,))}
             said = [set(map(int, re.findall(r"\d", one.group()))) for one in BLAMED.finditer(message.reason)]
@@ -89,9 +91,8 @@ class Counted:
             self.wrong_degraded += off_by > WRONG_DEVIATIONS
 
     def row(self, kind: str, fingers: str) -> str:
-        flagged = self.frames - self.good
         seen = f"{len(self.seen_ms)} of {self.drills} | {_spread(self.seen_ms)}"
-        named, blamed = (f"{one / flagged:.0%}" if flagged else "–" for one in (self.named, self.blamed))
+        named, blamed = (f"{one / self.flagged:.0%}" if self.flagged else "–" for one in (self.named, self.blamed))
         good, silent = self.good / self.frames, self.silent / self.frames
         return (
             f"| {kind} | {fingers} | {seen} | {named} | {blamed} | {good:.1%} | {silent:.1%} | {self.wrong} of "
