@@ -31,6 +31,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
+from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
@@ -164,10 +165,7 @@ class FingersEstimator:
         except SingularError:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
-        if reading.has_fingers and has_jumped(aligned):
-            # Some samples are from before the jump and some from after it, and fingers that are not there explain both.
-            return reading._replace(health="degraded", reason=reading.reason or reasons.JUMPED)
-        return reading
+        return trusted(reading, memory, has_jumped(aligned))
 
     def _judged(
         self,

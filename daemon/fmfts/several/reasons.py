@@ -18,6 +18,7 @@ MAYBE_TWO = (
 JUMPED = (
     "the field jumped by more than a finger changes it between two samples: a wire that was moved, a blow, or a magnet"
 )
+UNSETTLED = "nothing explained the field a moment ago: these fingers may be others than those that press"
 UNDETERMINED = "the sensors that are left do not tell where the fingers are"
 
 

@@ -116,7 +116,9 @@ class FieldOfFingers:
         touches = [[finger(moment) for finger in fingers] for moment in sampled_s.tolist()]
         now = place_m.tobytes(), touches, warmer
         if now != self._known:
-            alike = all(each == touches[0] for each in touches)
-            self._field_t = self.inside.field_at(place_m, touches[:1] if alike else touches, warmer)
+            if all(each == touches[0] for each in touches):
+                self._field_t = self.inside.field(place_m, touches[0], warmer)
+            else:
+                self._field_t = self.inside.field_at(place_m, touches, warmer)
             self._known = now
         return self._field_t
