@@ -27,10 +27,3 @@ def test_between_two_samples_of_a_jump_no_finger_is_told_as_good() -> None:
     counted = drilled("one of four magnets at half", seed=2)
     assert counted.wrong_degraded > 0
     assert counted.wrong == 0
-
-
-def test_fingers_are_not_trusted_between_frames_that_nothing_explains() -> None:
-    """A magnet is 10 % weaker: on this pad other fingers explain each second frame by chance, a while later."""
-    counted = drilled("one of four magnets 10 % weaker", seed=3)
-    assert counted.wrong_degraded > 0
-    assert counted.wrong == 0
