@@ -77,7 +77,7 @@ def shifted_then_silent(time_s: float, frame: Frame) -> Frame:
 
 
 def sixth_shifted(time_s: float, frame: Frame) -> Frame:
-    """Sensor 5 reads 18 µT too much for 0.2 s."""
+    """Sensor 5 reads 117 µT too much for 0.2 s."""
     counts = frame.counts.copy()
     if 2.1 < time_s < 2.3:
         counts[5] += 270

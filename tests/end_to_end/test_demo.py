@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -85,6 +87,31 @@ def test_interrupted_paper_demo_ends_without_a_traceback() -> None:
         os.killpg(demo.pid, signal.SIGINT)
         _, stderr = demo.communicate(timeout=PATIENCE_S)
     assert (demo.returncode, stderr) == (130, "")
+
+
+def test_two_fingers_of_the_demo_meet_and_part() -> None:
+    """As `make demo PAD=array FINGERS=2` does; a line a second. They are 15 mm apart, then 4 mm, and 15 mm again."""
+    command = (sys.executable, "-m", "fmfts.cli.demo", "--pad", "array", "--fingers", "2", "--seconds", "60")
+    apart_mm: list[float] = []
+    with started(command) as demo:
+        for is_next in (lambda mm: mm > 12.0, lambda mm: mm < 9.0, lambda mm: mm > 12.0):
+            while not (apart_mm and is_next(apart_mm[-1])):
+                line = first_line(demo)
+                assert line, f"the demo ended; fingers were {apart_mm} mm apart (0: one was told)"
+                if (mm := told_apart_mm(line)) is not None:
+                    apart_mm.append(mm)
+        demo.send_signal(signal.SIGTERM)
+        _, stderr = demo.communicate(timeout=PATIENCE_S)
+    assert (demo.returncode, stderr) == (0, "")
+
+
+def told_apart_mm(line: str) -> float | None:
+    """How far two fingers are apart in a line of the demo; 0 if one is told, None if none is."""
+    places = re.findall(r"N at \(([-+.\d]+), ([-+.\d]+)\) mm", line)
+    if len(places) != 2:
+        return 0.0 if places else None
+    (x, y), (other_x, other_y) = ((float(x), float(y)) for x, y in places)
+    return math.hypot(x - other_x, y - other_y)
 
 
 def test_daemon_that_dies_during_the_demo_leaves_its_log() -> None:

@@ -10,7 +10,8 @@ from bus_messages import contact_message
 
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.simulation.source import Simulated
-from fmfts_lab.bench.drills import RATE_HZ, Ambient, field_faults, pad_config, record, sensor_faults
+from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config, record
+from fmfts_lab.bench.fault_kinds import field_faults, sensor_faults
 from fmfts_lab.bench.faults import Healthy, Outcome, as_json, drilled
 from fmfts_lab.bench.tapped import ManyFrames, Well, tapped, tapping
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS

@@ -334,7 +334,7 @@ def test_silicone_that_comes_back_slowly_is_no_finger() -> None:
     whose silicone does not creep takes that for a finger of 0.12 N."""
 
     def finger(time_s: float) -> Touch:
-        return Touch(-6e-3, -6e-3, 2.0 if 0.5 < time_s < 2.5 else 0.12 if time_s >= 2.5 else 0.0)
+        return Touch(-6e-3, -6e-3, float(np.interp(time_s, (0.5, 0.55, 2.5, 2.55), (0.0, 2.0, 2.0, 0.12))))
 
     found = {}
     for creep in (0.05, 0.0):

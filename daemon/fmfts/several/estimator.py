@@ -16,6 +16,7 @@ from fmfts.common.chi2 import quantile
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Pad
 from fmfts.pose import Aligned
+from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.neighbour import NeighbourEstimate, change_of
 from fmfts.pose.state import Neighbour
@@ -30,6 +31,7 @@ from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
+from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
@@ -159,10 +161,11 @@ class FingersEstimator:
             self._counter.forget()
             return FingersReading("lost", reasons.too_few(missing, used), used)
         try:
-            return self._judged(measured, used, there, missing)
+            reading = self._judged(measured, used, there, missing)
         except SingularError:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
+        return trusted(reading, memory, has_jumped(aligned))
 
     def _judged(
         self,

@@ -24,7 +24,7 @@ class FingersMemory:
     unexplained: how many frames in a row nothing explained. more: for how many frames two fingers have to explain the
     field before a third one is taken for gone. left_out: a sensor that contradicts all others, −1: none.
     agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
-    temperature that was told.
+    temperature that was told. unsettled: how many frames more have to be explained until fingers are trusted again.
     """
 
     counter: CounterMemory
@@ -36,6 +36,7 @@ class FingersMemory:
     agrees_frames: int = 0
     last_us: int | None = None
     last_c: float | None = None
+    unsettled: int = 0
 
 
 class FingersReading(NamedTuple):
@@ -54,3 +55,8 @@ class FingersReading(NamedTuple):
     over_range: bool = False
     measured: Measured | None = None
     least_variance: Array | None = None
+
+    @property
+    def has_fingers(self) -> bool:
+        """Whether it tells one, or one that presses beyond the table."""
+        return self.fit is not None and len(self.fit.fingers) > 0

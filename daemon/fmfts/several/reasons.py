@@ -15,6 +15,10 @@ MAYBE_TWO = (
     "one finger explains this field badly: two that are too near or too unequal to be told apart may press, "
     "or something wider than a finger"
 )
+JUMPED = (
+    "the field jumped by more than a finger changes it between two samples: a wire that was moved, a blow, or a magnet"
+)
+UNSETTLED = "nothing explained the field a moment ago: these fingers may be others than those that press"
 UNDETERMINED = "the sensors that are left do not tell where the fingers are"
 
 

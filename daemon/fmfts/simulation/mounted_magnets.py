@@ -63,22 +63,44 @@ class MountedMagnets:
         return cls(drawing, response, magnets, rest_frames(magnets.axis), remanence_t, off[:, :2] * 1e3)
 
     def field(self, place_m: Array, touches: Sequence[Touch], warmer: float) -> Array:
-        """(N, 3) in pad axes under fingers at once. warmer: factor on all remanences."""
+        """(N, 3) in pad axes at places (N, 3) under fingers at once. warmer: factor on all remanences."""
+        return self.field_at(place_m, [touches], warmer)
+
+    def field_at(self, place_m: Array, touches: Sequence[Sequence[Touch]], warmer: float) -> Array:
+        """As `field`, at each place under fingers of its own; of one set of fingers, all places under these."""
+        field_t = np.zeros((len(place_m), 3))
+        for one in self.fields_of(self.moved(touches), place_m, warmer):
+            field_t += one
+        return field_t
+
+    def moved(self, touches: Sequence[Sequence[Touch]]) -> list[Magnets]:
+        """The magnets under each of these sets of fingers."""
+        changes = {touch: self._change(touch) for own in touches for touch in own}  # one that holds still: once
+        rest = np.zeros((len(self.remanence_t), CHANGE))
+        sums = (sum((changes[touch] for touch in own), rest) for own in touches)
+        return [self.magnets.changed((change * MM).ravel(), self.frames) for change in sums]
+
+    def _change(self, touch: Touch) -> Array:
+        """(M, 5) of the magnets under one finger."""
         count = len(self.remanence_t)
         change = np.zeros((count, CHANGE))
-        for touch in touches:
-            if touch.force_n == 0.0 and touch.shear_x_n == 0.0 and touch.shear_y_n == 0.0:
-                continue
-            for number, (x, y) in enumerate(self.off_mm.tolist()):
-                pressed = self.response.pressed(touch.x_m * 1e3 - x, touch.y_m * 1e3 - y, touch.force_n)
-                own = pressed.change + pressed.by_shear @ np.array([touch.shear_x_n, touch.shear_y_n])
-                change[number] += own.reshape(count, CHANGE)[number]
-        moved = self.magnets.changed((change * MM).ravel(), self.frames)
-        field_t = np.zeros((len(place_m), 3))
-        for number, one in enumerate(self.drawing.magnets):
-            magnet = one.magnet.with_remanence(float(self.remanence_t[number]) * warmer)
-            field_t += cylinder_field(place_m, moved.position_m[number], moved.axis[number], magnet)
-        return field_t
+        if touch.force_n == 0.0 and touch.shear_x_n == 0.0 and touch.shear_y_n == 0.0:
+            return change
+        for number, (x, y) in enumerate(self.off_mm.tolist()):
+            pressed = self.response.pressed(touch.x_m * 1e3 - x, touch.y_m * 1e3 - y, touch.force_n)
+            own = pressed.change + pressed.by_shear @ np.array([touch.shear_x_n, touch.shear_y_n])
+            change[number] = own.reshape(count, CHANGE)[number]
+        return change
+
+    def fields_of(self, moved: Sequence[Magnets], place_m: Array, warmer: float) -> list[Array]:
+        """As `field_at`, of each magnet alone. moved: all magnets as they are for each place, or for all of them."""
+        position_m, axis = np.array([one.position_m for one in moved]), np.array([one.axis for one in moved])
+        remanences_t = (self.remanence_t * warmer).tolist()
+        magnets = [one.magnet.with_remanence(own) for one, own in zip(self.drawing.magnets, remanences_t, strict=True)]
+        return [
+            cylinder_field(place_m, position_m[:, number], axis[:, number], magnet)
+            for number, magnet in enumerate(magnets)
+        ]
 
 
 @dataclass(slots=True)
@@ -97,8 +119,6 @@ class FieldOfFingers:
             if all(each == touches[0] for each in touches):
                 self._field_t = self.inside.field(place_m, touches[0], warmer)
             else:
-                places = place_m[:, None]
-                each = [self.inside.field(place, own, warmer)[0] for place, own in zip(places, touches, strict=True)]
-                self._field_t = np.array(each)
+                self._field_t = self.inside.field_at(place_m, touches, warmer)
             self._known = now
         return self._field_t

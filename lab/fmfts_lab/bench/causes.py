@@ -13,22 +13,10 @@ import numpy as np
 
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
-from fmfts.simulation.finger import Touch
 from fmfts.simulation.finger_shape import thimble_field
 from fmfts.simulation.imperfections import TOP_M
-from fmfts.simulation.mounted import MountedPad
-from fmfts_lab.bench.drills import (
-    RATE_HZ,
-    Ambient,
-    DrillSource,
-    Fault,
-    FieldFault,
-    field_faults,
-    pad_config,
-    record,
-    sensor_faults,
-    spoiled,
-)
+from fmfts_lab.bench.drills import RATE_HZ, Ambient, DrillSource, pad_config, record, spoiled
+from fmfts_lab.bench.fault_kinds import Fault, FieldFault, PadThen, field_faults, sensor_faults, weaker
 from fmfts_lab.bench.faults import AFTER_S, FAULT_S, GRACE_S, WARM_S, Healthy
 
 RIGHT_SHARE = 0.9
@@ -53,12 +41,11 @@ class Defect:
         return set() if self.fault.sensor is None else {self.fault.sensor + 1}
 
 
-def _thimble(time_s: float, built: MountedPad, touch: Touch) -> np.ndarray:
+def _thimble(time_s: float, then: PadThen) -> np.ndarray:
     """Steel on the finger that presses."""
-    press = (np.array([one]) for one in touch[:3])
-    position_m, axis = built.pose(*press)
-    places_m = built.pad.sensors.position_m
-    return np.asarray(thimble_field(places_m, position_m, axis, TOP_M, built.pad.magnet))
+    press = (np.array([one]) for one in then.touch[:3])
+    position_m, axis = then.built.pose(*press)
+    return np.asarray(thimble_field(then.places_m, position_m, axis, TOP_M, then.built.pad.magnet))
 
 
 FOREIGN = r"steel|magnet|foreign"
@@ -80,13 +67,8 @@ def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
         Defect("neighbour", fields["neighbour 30 mm, moving"], FOREIGN),
         Defect("turned", fields["turning 20 deg/s"], r"ambient field moves|turned robot"),
         Defect("thimble", Fault("thimble", field=_thimble), FOREIGN),
-        Defect("no magnet", Fault("no magnet", field=_gone), r"is the pad mounted|magnet whole"),
+        Defect("no magnet", Fault("no magnet", field=weaker(1.0)), r"is the pad mounted|magnet whole"),
     ]
-
-
-def _gone(time_s: float, built: MountedPad, touch: Touch) -> np.ndarray:
-    count = len(built.pad.sensors)
-    return -built.magnet_field(*(np.full(count, value) for value in touch[:3]))
 
 
 @dataclass(slots=True)
@@ -143,8 +125,8 @@ def frames_with(healthy: Healthy, case: Sequence[Defect]) -> list[Frame]:
 
 
 def _together(fields: Sequence[FieldFault]) -> FieldFault:
-    def field(time_s: float, built: MountedPad, touch: Touch) -> np.ndarray:
-        return np.asarray(sum(one(time_s, built, touch) for one in fields))
+    def field(time_s: float, then: PadThen) -> np.ndarray:
+        return np.asarray(sum(one(time_s, then) for one in fields))
 
     return field
 

@@ -130,6 +130,7 @@ def _spatial(path: Path) -> None:
     for name, train, test, other in (
         ("first 60 % of the time, tested on the rest", early, ~early, ""),
         ("the same, as recorded: nothing learnt of the test", early, ~early, "as recorded"),
+        ("the same, only its rest known (as the presses tell it)", early, ~early, "rest"),
         ("the same, on another day (simulated)", early, ~early, "day"),
         ("last 60 %, tested on the first 40 %", row >= 0.4, row < 0.4, ""),
         ("the same, on another day (simulated)", row >= 0.4, row < 0.4, "day"),
@@ -146,7 +147,9 @@ def _spatial(path: Path) -> None:
 def _places(name: str, response: FieldResponse, test: FieldSet, other: str) -> None:
     if other == "day":
         test = another_day(response, test)
-    evaluation = evaluate_field(response, test, "recording", learn=other != "as recorded")
+    if other == "rest":
+        test = from_its_rest(response, test)
+    evaluation = evaluate_field(response, test, "recording", learn=other not in ("as recorded", "rest"))
     error = (evaluation.found - evaluation.contact)[:, :2]
     distance, off = np.hypot(error[:, 0], error[:, 1]), np.abs(error / evaluation.deviation[:, :2])
     bands = " | ".join(f"{_rms(distance[members]):.2f}" for members in _bands(evaluation))
@@ -155,6 +158,13 @@ def _places(name: str, response: FieldResponse, test: FieldSet, other: str) -> N
         f"| {np.quantile(distance, 0.95):.2f} | {bands} | {np.mean(off <= 2.0):.1%} | {np.mean(off > 5.0):.1%} |",
         flush=True,
     )
+
+
+def from_its_rest(response: FieldResponse, test: FieldSet) -> FieldSet:
+    """The test's fields as if its untouched pad had the table's field, which is what a baseline does, and no more. This
+    recording has no untouched rows: the rest is the one that its presses tell."""
+    (learnt,) = evaluate_field(response, test, "recording").instances.values()
+    return replace(test, field_ut=test.field_ut - (1.0 + learnt.moment) * learnt.rest_ut + response.reference_ut)
 
 
 def another_day(response: FieldResponse, test: FieldSet) -> FieldSet:

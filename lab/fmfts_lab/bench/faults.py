@@ -15,18 +15,8 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.sensor import Frame
-from fmfts_lab.bench.drills import (
-    FINGERS,
-    RATE_HZ,
-    Ambient,
-    DrillSource,
-    Fault,
-    field_faults,
-    pad_config,
-    record,
-    sensor_faults,
-    spoiled,
-)
+from fmfts_lab.bench.drills import FINGERS, RATE_HZ, Ambient, DrillSource, pad_config, record, spoiled
+from fmfts_lab.bench.fault_kinds import Fault, field_faults, sensor_faults
 from fmfts_lab.bench.tapped import Well, pipeline_of, tapped, without_baseline
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 

@@ -13,7 +13,8 @@ from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
-from fmfts_lab.bench.drills import FINGERS, Fault, pad_config, sensor_faults
+from fmfts_lab.bench.drills import FINGERS, pad_config
+from fmfts_lab.bench.fault_kinds import Fault, sensor_faults
 from fmfts_lab.bench.faults import AMBIENTS, Healthy
 
 FRAMES = 60  # after the fault began; later the daemon has named it

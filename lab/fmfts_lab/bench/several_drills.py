@@ -2,196 +2,137 @@
 
 from __future__ import annotations
 
+import re
 from argparse import Namespace
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-
-import msgspec
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
 
 from fmfts.bus.messages import ContactMessage
-from fmfts.config import PadConfig, SimulatedSource
-from fmfts.pad import Array
-from fmfts.pipeline.configured import contact_model_of, pipeline_of
-from fmfts.sensor import Frame
-from fmfts.simulation.array import SimulatedArray
+from fmfts.pipeline.configured import Pipeline, contact_model_of, pipeline_of
+from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.simulation.baseline import simulated_baseline
-from fmfts.simulation.finger import Finger, Touch, no_finger
-from fmfts_lab.bench.tool_ways import Tool, Way
-from fmfts_lab.finite_elements.array_model import array_config
+from fmfts.simulation.finger import Touch
+from fmfts_lab.bench.causes import BLAMED
+from fmfts_lab.bench.fault_kinds import Fault
+from fmfts_lab.bench.faults import named_right
+from fmfts_lab.bench.several_faults import FINGERS, RATE_HZ, Drill, drill_config, drills, frames_of
+from fmfts_lab.bench.truth import WRONG_DEVIATIONS
 
-RATE_HZ = 220
-FAULT_S, MENDED_S, END_S = 1.0, 2.0, 3.0
-WRONG = 5.0  # deviations
-STEP_COUNTS = 60  # 4 µT: twenty deviations of the noise
-Change = Callable[[Frame], Frame]
-
-
-@dataclass(frozen=True, slots=True)
-class Drill:
-    """change: of the frames between FAULT_S and MENDED_S. tool_a_m2: of a magnet that passes at 60 mm, 0: none."""
-
-    name: str
-    change: Change | None = None
-    tool_a_m2: float = 0.0
-    turning_deg_per_s: float = 20.0
-    warming_k_per_minute: float = 0.0
-    seconds: float = END_S
+STANDING = Drill("")
+HEAD = (
+    "| drill | fingers | seen | after, ms: half, all | named | sound sensor blamed | ok | fingers not told | wrong, ok "
+    "| wrong, degraded | false fingers | worst, deviations | ok again, ms: half, all |\n" + "| --- " * 13 + "|"
+)
 
 
 @dataclass(slots=True)
 class Counted:
-    """Frames of one drill. wrong: told as good, and off by more than WRONG deviations. false: a finger that is none."""
+    """Drills of one kind. frames: while the fault lasts. judged: these, and those afterwards. wrong: of these, told
+    as good, and off by more than five deviations. false: more fingers than there are. flagged: not ok while
+    something is broken. named, blamed: of these, those that name what is broken, and those that name a sound sensor."""
 
+    drills: int = 0
     frames: int = 0
     good: int = 0
     silent: int = 0
+    judged: int = 0
     wrong: int = 0
     wrong_degraded: int = 0
     false: int = 0
     worst: float = 0.0
+    flagged: int = 0
+    named: int = 0
+    blamed: int = 0
+    seen_ms: list[float] = field(default_factory=list)
+    back_ms: list[float] = field(default_factory=list)
+
+    def drill(self, drill: Drill, fingers: str, seed: int) -> None:
+        """Take one pad through it."""
+        pipeline, frames = _pipeline(seed), frames_of(drill, fingers, seed)
+        self.drills += 1
+        seen = back = False
+        for number, frame in enumerate(frames):
+            message = pipeline.process(frame)
+            if number < drill.begin:
+                continue
+            self._judge(message, [finger(message.t_sample_ns * 1e-9) for finger in FINGERS[fingers]])
+            if number < drill.end:
+                self._count(message, drill.fault)
+                if message.health != "ok" and not seen:
+                    seen = True
+                    self.seen_ms.append((number - drill.begin) / RATE_HZ * 1e3)
+            elif message.health == "ok" and not back:
+                back = True
+                self.back_ms.append((number - drill.end) / RATE_HZ * 1e3)
+
+    def _count(self, message: ContactMessage, fault: Fault | None) -> None:
+        self.frames += 1
+        self.good += message.health == "ok"
+        self.silent += not isinstance(message.contacts, list)
+        if message.health != "ok" and fault is not None:
+            self.flagged += 1
+            self.named += named_right(message, fault)
+            broken = {number + 1 for number in fault.swapped or (() if fault.sensor is None else (fault.sensor,))}
+            said = [set(map(int, re.findall(r"\d", one.group()))) for one in BLAMED.finditer(message.reason)]
+            self.blamed += any(not sensors & broken for sensors in said)
+
+    def _judge(self, message: ContactMessage, truth: list[Touch]) -> None:
+        self.judged += 1
+        if not isinstance(message.contacts, list):
+            return
+        touching = [touch for touch in truth if touch.force_n > 0.0]
+        self.false += len(message.contacts) > len(touching)
+        off_by = _deviations(message, touching)
+        if message.health == "ok":
+            self.worst = max(self.worst, off_by)
+            self.wrong += off_by > WRONG_DEVIATIONS
+        else:
+            self.wrong_degraded += off_by > WRONG_DEVIATIONS
+
+    def row(self, kind: str, fingers: str) -> str:
+        seen = f"{len(self.seen_ms)} of {self.drills} | {_spread(self.seen_ms)}"
+        named, blamed = (f"{one / self.flagged:.0%}" if self.flagged else "–" for one in (self.named, self.blamed))
+        good, silent = self.good / self.frames, self.silent / self.frames
+        return (
+            f"| {kind} | {fingers} | {seen} | {named} | {blamed} | {good:.1%} | {silent:.1%} | {self.wrong} of "
+            f"{self.judged:,} | {self.wrong_degraded} | {self.false} | {self.worst:.1f} | {_spread(self.back_ms)} |"
+        )
 
 
-class BesideTool(SimulatedArray):
-    """A simulated pad beside a magnetic tool."""
-
-    tool: Tool | None = None
-
-    def _ambient(self, sampled_s: Array) -> Array:
-        own = super()._ambient(sampled_s)
-        if self.tool is None:
-            return own
-        both: Array = own + self.tool.field_t(self._built.pad.sensors.position_m, sampled_s[None])[0]
-        return both
-
-
-def silent(sensor: int) -> Change:
-    def changed(frame: Frame) -> Frame:
-        valid = frame.valid.copy()
-        valid[sensor] = False
-        return replace(frame, valid=valid)
-
-    return changed
-
-
-def off(sensor: int, counts: int) -> Change:
-    def changed(frame: Frame) -> Frame:
-        moved = frame.counts.copy()
-        moved[sensor] += np.array([counts, 0, -counts], dtype=np.int16)
-        return replace(frame, counts=moved)
-
-    return changed
-
-
-def stuck(sensor: int) -> Change:
-    kept: list[Array] = []
-
-    def changed(frame: Frame) -> Frame:
-        kept.append(frame.counts[sensor].copy())
-        moved = frame.counts.copy()
-        moved[sensor] = kept[0]
-        return replace(frame, counts=moved)
-
-    return changed
-
-
-DRILLS = (
-    Drill("healthy, turning at 20°/s"),
-    Drill("healthy, turning at 90°/s", turning_deg_per_s=90.0),
-    Drill("warming by 10 K a minute", warming_k_per_minute=10.0, seconds=20.0),
-    *(Drill(f"sensor {one + 1} silent", silent(one)) for one in (0, 5)),
-    *(Drill(f"sensor {one + 1} off by 4 µT", off(one, STEP_COUNTS)) for one in (0, 5)),
-    *(Drill(f"sensor {one + 1} off by 40 µT", off(one, 10 * STEP_COUNTS)) for one in (0, 5)),
-    *(Drill(f"sensor {one + 1} stuck", stuck(one)) for one in (0, 5)),
-    *(
-        Drill(f"a tool of {moment:g} A·m² passes at 60 mm", tool_a_m2=moment, seconds=4.0)
-        for moment in (0.005, 0.05, 0.2)
-    ),
-)
-
-
-def holding(time_s: float) -> Touch:
-    return Touch(-6e-3, -1e-3, 0.8)
-
-
-def other(time_s: float) -> Touch:
-    return Touch(7e-3, 3e-3, 0.6)
-
-
-FINGERS: dict[str, tuple[Finger, Finger | None]] = {
-    "none": (no_finger, None),
-    "one": (holding, None),
-    "two": (holding, other),
-}
+def _spread(times: Sequence[float]) -> str:
+    return f"{sorted(times)[len(times) // 2]:.0f}, {max(times):.0f}" if times else "–"
 
 
 def run(options: Namespace) -> None:
-    print(
-        "| drill | fingers | ok | contacts not told | wrong ok | wrong degraded | false fingers | worst, deviations |\n"
-        "| --- | --- | --- | --- | --- | --- | --- | --- |"
-    )
-    for drill in DRILLS:
-        if options.only and not any(drill.name.startswith(one) for one in options.only):
+    print(HEAD)
+    rows: dict[str, list[Drill]] = {}
+    for drill in drills():
+        rows.setdefault(drill.kind, []).append(drill)
+    for kind, members in rows.items():
+        if options.only and not kind.startswith(tuple(options.only)):
             continue
-        for name, fingers in FINGERS.items():
-            whole = Counted()
-            for seed in range(options.seed, options.seed + options.pads):
-                _drilled(whole, drill, fingers, seed)
-            print(
-                f"| {drill.name} | {name} | {whole.good / whole.frames:.1%} | {whole.silent / whole.frames:.1%} "
-                f"| {whole.wrong} of {whole.frames} | {whole.wrong_degraded} | {whole.false} | {whole.worst:.1f} |",
-                flush=True,
-            )
+        for fingers in FINGERS:
+            counted = Counted()
+            for drill in members:
+                for seed in range(options.seed, options.seed + options.pads):
+                    counted.drill(drill, fingers, seed)
+            print(counted.row(kind, fingers), flush=True)
 
 
-def _drilled(whole: Counted, drill: Drill, fingers: tuple[Finger, Finger | None], seed: int) -> None:
-    config = _config(drill, seed)
+def _pipeline(seed: int) -> Pipeline:
+    """Of one pad, before its first frame."""
+    pipeline, memory = _made(seed)
+    restore(pipeline, memory)
+    return pipeline
+
+
+@cache
+def _made(seed: int) -> tuple[Pipeline, bytes]:
+    config = drill_config(STANDING, seed)
     pipeline = pipeline_of(config, contact_model_of(config), "drill")
-    pipeline.use(simulated_baseline(_config(DRILLS[0], seed)))  # before it warms
-    source = BesideTool(config)
-    source.finger, source.second_finger = fingers
-    if drill.tool_a_m2:
-        random = np.random.default_rng((seed, 7))
-        source.tool = Tool(Way("passes", 0.06, 0.3), drill.tool_a_m2, random)
-    for frame in _frames(source, drill.seconds):
-        time_s = frame.device_time_us * 1e-6
-        if drill.change is not None and FAULT_S <= time_s < MENDED_S:
-            frame = drill.change(frame)
-        message = pipeline.process(frame)
-        if time_s > 0.1:
-            _judge(whole, message, [one(0.0) for one in fingers if one is not None and one is not no_finger])
-
-
-def _config(drill: Drill, seed: int) -> PadConfig:
-    config = array_config(seed=seed)
-    assert isinstance(config.source, SimulatedSource)
-    source = msgspec.structs.replace(
-        config.source,
-        turning_deg_per_s=drill.turning_deg_per_s,
-        warming_k_per_minute=drill.warming_k_per_minute,
-        finger="none",
-    )
-    return msgspec.structs.replace(config, source=source)
-
-
-def _frames(source: SimulatedArray, seconds: float) -> Iterator[Frame]:
-    for step in range(round(seconds * RATE_HZ)):
-        yield from source.poll(step * round(1e9 / RATE_HZ))
-
-
-def _judge(whole: Counted, message: ContactMessage, truth: list[Touch]) -> None:
-    whole.frames += 1
-    whole.good += message.health == "ok"
-    if not isinstance(message.contacts, list):
-        whole.silent += 1
-        return
-    off_by = _deviations(message, truth)
-    whole.false += len(message.contacts) > len(truth)
-    if message.health == "ok":
-        whole.worst = max(whole.worst, off_by)
-        whole.wrong += off_by > WRONG
-    else:
-        whole.wrong_degraded += off_by > WRONG
+    pipeline.use(simulated_baseline(config))  # before it warms
+    return pipeline, snapshot(pipeline)
 
 
 def _deviations(message: ContactMessage, truth: list[Touch]) -> float:

@@ -86,10 +86,27 @@ def run_above(options: Namespace) -> None:
         f"| wrong | wrong by the parabola | each finger: worst, deviations | wrong | wrong by the parabola "
         f"|\n| {' | '.join(['---'] * 12)} |"
     )
+    rows: list[Row] = []
     for forces, apart_mm in ABOVE:
         row = _row(options, forces, apart_mm)
+        rows.append(row)
         name = f"{forces[0]:g} + {forces[1]:g} N, "
         print(f"| {name}{row.line(apart_mm)[2:]}{row.line_of_each()}", flush=True)
+    print("\n" + _in_all(rows))
+
+
+def _in_all(rows: list[Row]) -> str:
+    """What the valleys change in all frames of these rows: how many are wrong, and how large deviations are."""
+    told: list[str] = []
+    for of_what, names in (("resultant", ("deviations", "parabola")), ("fingers", ("each", "parabola_each"))):
+        now, before = ([one for row in rows for one in getattr(row, name)] for name in names)
+        # The same errors, each in units of either deviation.
+        larger = float(np.mean(np.array(before) / np.array(now))) - 1.0
+        told.append(
+            f"{of_what}: {_wrong(now)} wrong of {len(now):,}, {_wrong(before)} by the parabola; deviations "
+            f"{larger:.0%} larger than its"
+        )
+    return "; ".join(told)
 
 
 def _wrong(deviations: list[Array]) -> int:

@@ -20,7 +20,7 @@ from fmfts.sensor import Frame
 from fmfts.several.poses import poses_of, reference_poses
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
-from fmfts_lab.bench.several_drills import BesideTool
+from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.several_world import BUILT, Press, world
 from fmfts_lab.bench.tool_ways import Tool, Way
 from fmfts_lab.finite_elements.array_model import array_config

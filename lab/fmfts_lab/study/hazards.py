@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fmfts.config import PadConfig
 from fmfts.pad import Array
 from fmfts.simulation.mounted import MountedPad
-from fmfts_lab.bench.drills import LAST_COUNT, SATURATED
+from fmfts_lab.bench.fault_kinds import LAST_COUNT, SATURATED
 from fmfts_lab.study.world import Counts, Path, World, drawn_world, frame_times, pressed, presses
 
 Mask = NDArray[np.bool_]
