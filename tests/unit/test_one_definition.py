@@ -166,9 +166,14 @@ def _words(enumerators: str) -> list[str]:
 
 
 def test_no_program_holds_more_than_the_wire_carries() -> None:
-    sampler = (CORE / "pad_bus.h").read_text()
-    assert constants(CORE / "pad_bus.h")["SAMPLER_SENSORS_MAX"] == packets.FIRMWARE_SENSORS <= packets.BOARD_SENSORS
+    sampler, pads = (CORE / "pad_bus.h").read_text(), (CORE / "pads.h").read_text()
+    assert constants(CORE / "pads.h")["PAD_SENSORS_FOUND"] == packets.FOUND_SENSORS
+    assert "PAD_SENSORS_MAX = WIRE_SENSORS_MAX" in pads
+    assert "PADS_SENSORS_MAX = WIRE_PADS_MAX * PAD_SENSORS_FOUND" in pads
+    assert packets.MAX_PADS * packets.FOUND_SENSORS == packets.ALL_BOARD_SENSORS
     assert "SAMPLER_PADS_MAX = WIRE_PADS_MAX" in sampler
+    assert "SAMPLER_SENSORS_MAX = PADS_SENSORS_MAX" in sampler
+    assert packets.BOARD_SENSORS < 1 << packets.COUNT_BITS
     assert packets.BOARD_SENSORS + 1 == packets.MORE_SENSORS < 16, "four bits hold it"
     assert constants(CORE / "sampler.h")["RATE_MAX_HZ"] == BRIDGE_HZ
 
