@@ -223,6 +223,10 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "clock_hz = 100000", 'source.rate_hz: at most 165: more than bus 1 can carry, 4 sensors with trigger = "free" and clock_hz = 100000'),
         (I2C + 'trigger = "simultaneous"\nrate_hz = 128', "source.rate_hz = 128: at most 127: more than bus 1 can carry, 4 sensors"),
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
+        *(
+            (BRIDGE + f'chip = "{chip}"\nrange_gauss = {gauss}\ntrigger = "simultaneous"\nrate_hz = {most + 1}\n' + sensors(8), f'at most {most} with trigger = "simultaneous" and 8 sensors on the board')
+            for chip, gauss, most in (("mmc5983ma", 8, 130), ("mlx90393", 132, 117), ("lis3mdl", 4, 79))
+        ),
         (PAD + 'publish = "sample"', 'source.publish = \'sample\': only a "bridge" or "i2c" gives samples as they come'),
         (BRIDGE + 'publish = "sample"\ntrigger = "simultaneous"\nrate_hz = 150', "source.publish = 'sample': chips of one trigger have their samples at once"),
         ('[bus]\nendpoint = "tcp://0.0.0.0:5570"\n' + PAD, "bus.endpoint = 'tcp://0.0.0.0:5570': other machines are let in with keys alone"),
@@ -256,6 +260,8 @@ def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, ex
         BRIDGE + BRIDGE.replace('"b"', '"c"') + "pad_index = 1",
         BRIDGE + sensors(8) + BRIDGE.replace('"b"', '"c"') + "pad_index = 1",
         BRIDGE + "pad_index = 1\n" + sensors(8),
+        BRIDGE + 'trigger = "simultaneous"\nrate_hz = 152\n' + sensors(8),
+        BRIDGE + 'chip = "mmc5983ma"\nrange_gauss = 8\ntrigger = "simultaneous"\nrate_hz = 130\n' + sensors(8),
         I2C + I2C.replace('"i"', '"j"') + "channels = [4, 5, 6, 7]",
         "\ufeff" + PAD,
     ],

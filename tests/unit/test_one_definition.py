@@ -20,7 +20,7 @@ from fmfts.config import BridgeSource
 from fmfts.pipeline.fast.compiled import NUMBERS
 from fmfts.pipeline.fast.template import INTEGERS
 from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
-from fmfts.sensor.chips.rates import BRIDGE_HZ, highest_rate_hz
+from fmfts.sensor.chips.rates import BOARD_READ_US, BRIDGE_HZ, highest_rate_hz
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
 from fmfts.sensor.wire import codec, packets
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
@@ -176,6 +176,7 @@ def test_no_program_holds_more_than_the_wire_carries() -> None:
     assert packets.BOARD_SENSORS < 1 << packets.COUNT_BITS
     assert packets.BOARD_SENSORS + 1 == packets.MORE_SENSORS < 16, "four bits hold it"
     assert constants(CORE / "sampler.h")["RATE_MAX_HZ"] == BRIDGE_HZ
+    assert constants(CORE / "sampler.c")["READ_US"] == BOARD_READ_US
 
 
 def test_configuration_takes_the_pads_that_a_board_may_have_and_no_more() -> None:

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from fmfts.config import BridgeSource, PadConfig
 from fmfts.config.i2c_checks import Problem
+from fmfts.sensor.chips import CHIPS
+from fmfts.sensor.chips.rates import single_on_board_hz
 from fmfts.sensor.wire.packets import ALL_BOARD_SENSORS, BOARD_SENSORS, FOUND_SENSORS
 
 
@@ -34,4 +36,10 @@ def of_boards(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                 ("pad", number, "source", "pad_index"),
                 f"with it, the pads of its board have {told} sensors by their pad_index (one that is not configured "
                 f"has {FOUND_SENSORS}): at most {ALL_BOARD_SENSORS} on a board",
+            )
+        most_hz = single_on_board_hz(CHIPS[source.chip], sensors)
+        if source.trigger == "simultaneous" and source.rate_hz > most_hz:
+            yield (
+                ("pad", number, "source", "rate_hz"),
+                f'at most {most_hz} with trigger = "simultaneous" and {sensors} sensors on the board',
             )
