@@ -245,6 +245,13 @@ TEST(pads_that_cannot_be_are_refused_and_change_nothing)
     CHECK_EQUAL(ask_counts(), 444);
 }
 
+TEST(pad_of_eight_needs_a_mux_without_another_pad)
+{
+    begin(1);
+    CHECK_EQUAL(rig_ask(WIRE_REQUEST_HELLO, 1, 255, 0x84), RESULT_OUT_OF_RANGE);
+    CHECK_EQUAL(ask_counts(), 44);
+}
+
 TEST(pad_of_eight_needs_a_mux)
 {
     rig_begin(2);
