@@ -9,6 +9,7 @@ magnet_height = 2;          // of its centre above the tray's floor, which is th
 wall = 3;
 clearance = 0.15;           // between lid and tray, and between pin and magnet: the magnet must go in
 bar = 8;                    // width of the lid's two bars
+bar_height = 3;
 draft = 0.3;                // how much wider the tray is at its rim, so that the pad comes out
 
 floor_to_magnet = magnet_height - magnet_length / 2;
@@ -40,10 +41,12 @@ module lid() {
 // Lies across the tray, which is `across` wide inside. Tabs at both ends hold it in the middle.
 module beam(across) {
     reach = across / 2 + wall + clearance + 2;
-    translate([-reach, -bar / 2, pad_size[2]]) cube([2 * reach, bar, 3]);
+    translate([-reach, -bar / 2, pad_size[2]]) cube([2 * reach, bar, bar_height]);
     for (side = [-1, 1])
-        translate([side * (reach - 1) - 1, -bar / 2, pad_size[2] - 3]) cube([2, bar, 6]);
+        translate([side * (reach - 1) - 1, -bar / 2, pad_size[2] - 3]) cube([2, bar, bar_height + 3]);
 }
 
 if (part != "lid") tray();
-if (part != "tray") translate(part == "both" ? [0, pad_size[1] + 4 * wall, 0] : [0, 0, 0]) lid();
+if (part == "both") translate([0, pad_size[1] + 4 * wall, 0]) lid();
+// Alone, as it is printed: its bars lie on the printer's bed, and its pin points up.
+if (part == "lid") translate([0, 0, pad_size[2] + bar_height]) rotate([180, 0, 0]) lid();

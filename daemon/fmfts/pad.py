@@ -45,6 +45,10 @@ class SensorArray:
         position_m = np.asarray(position_m, dtype=float)
         return cls(position_m, np.broadcast_to(np.eye(3), (len(position_m), 3, 3)).copy())
 
+    def mirrored(self) -> Self:
+        """The same sensors with their z turned over."""
+        return type(self)(self.position_m, self.axes * np.array([1.0, 1.0, -1.0]))
+
     def __len__(self) -> int:
         return len(self.position_m)
 

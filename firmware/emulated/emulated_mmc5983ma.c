@@ -60,7 +60,7 @@ static uint64_t convert(struct emulated_magnetometer *common)
     struct emulated_mmc5983ma *chip = (struct emulated_mmc5983ma *)common;
     double gauss[3], strongest = 0;
     for (int axis = 0; axis < 3; axis++) {
-        gauss[axis] = magnetometer_gauss(common, axis);
+        gauss[axis] = magnetometer_gauss(common, axis) * (axis == 2 ? -1 : 1); // left-handed: z points into the board
         strongest = fmax(strongest, fabs(gauss[axis]));
     }
     // "Automatic set/reset" is a SET before a measurement; in a stream, with EN_PRD_SET, every PRD_SET measurements,

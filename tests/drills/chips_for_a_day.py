@@ -53,7 +53,9 @@ PROMISED = {
     "hmc5983": Promise(220, 220.0, 2e-3, (1370,) * 3, (1.6,) * 3, True),
     "qmc5883l": Promise(200, 200.0, 2e-3, (12000,) * 3, (2.9,) * 3),
     "lis3mdl": Promise(155, 155.0, 3.2e-3, (6842,) * 3, (4.3,) * 3, True),
-    "mmc5983ma": Promise(200, 200.0, 0.6e-3, (4096,) * 3, (8.3,) * 3, low_steps=0.375),  # 16 of 18 bits
+    "mmc5983ma": Promise(
+        200, 200.0, 0.6e-3, (4096, 4096, -4096), (8.3,) * 3, low_steps=0.375
+    ),  # 16 of 18 bits; left-handed
     "mlx90393": Promise(
         226, 1.0 / MLX90393_PERIOD_S, 15e-3, (100 / 0.600, 100 / 0.600, 100 / 0.968), (140, 140, 224), True, 0.375
     ),  # 16 of 19 bits, the lower two dropped

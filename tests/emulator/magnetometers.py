@@ -174,7 +174,8 @@ class Lis3mdl(RegisterChip):
 
 
 class Mmc5983ma(RegisterChip):
-    """A field of more than 10 G leaves it magnetised until a set pulse. Controls read as zero."""
+    """A field of more than 10 G leaves it magnetised until a set pulse. Controls read as zero. Its z points into the
+    board: its axes are left-handed."""
 
     address = 0x30
     remanence_gauss = 0.3
@@ -227,7 +228,8 @@ class Mmc5983ma(RegisterChip):
         single = not self.controls[2] & 0x08
         if self.controls[0] & 0x20 and (single or self.controls[2] & 0x80):  # Auto_SR_en; in a stream En_prd_set, too
             self.magnetised = False
-        sensed = self.sensed_gauss()
+        x, y, out = self.sensed_gauss()
+        sensed = (x, y, -out)
         self.magnetised |= max(map(abs, sensed)) > 10.0
         low = 0
         for axis, gauss in enumerate(sensed):

@@ -43,7 +43,8 @@ def test_a_press_arrives_where_it_was_made_and_a_lost_sensor_is_told(
         daemon.wait_for(lambda contact: contact.health == "ok" and contact.contact is False)
         pressed.touch(2e-3, -1e-3, 1.0)
         touched = daemon.wait_for(lambda contact: contact.contact is True)
-        contact = daemon.wait_for(lambda contact: contact.seq > touched.seq + 100)  # the step is over
+        # The step is over; a busy computer may just leave frames out, and says so in place of numbers.
+        contact = daemon.wait_for(lambda contact: contact.seq > touched.seq + 100 and contact.health == "ok")
         # The default model's own errors on this pad, and the noise: its bound is 0.12 mm and 2 % at such a press.
         assert contact.x_m == pytest.approx(2e-3, abs=0.4e-3)
         assert contact.y_m == pytest.approx(-1e-3, abs=0.4e-3)

@@ -21,8 +21,8 @@ type = "simulated"
 [pad.tolerance]
 sensor_rotation_deg = 0
 cross_axis = 0
-[pad.geometry]
-sensors_mm = [[9, 9, 0], [9, -9, 0], [-9, 9, 0], [-9, -9, 0]]
+[pad.magnet]
+rest_mm = [0, 0, 11]
 """
 REASON = "no contact model for this pad"
 PRESSED_M = 1e-4  # the script's presses move the magnet farther

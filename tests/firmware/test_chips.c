@@ -66,7 +66,7 @@ static void marks_a_saturated_axis_alone_and_forgets_it(const struct promised *k
             for (size_t f = 0; f < sizeof factors / sizeof *factors; f++) {
                 double field[3] = {0.1, 0.1, 0.1};
                 // z of the MLX90393 is coarser, so that its range is larger.
-                double coarser = kind->counts_per_gauss[gain_code][0] / kind->counts_per_gauss[gain_code][axis];
+                double coarser = kind->counts_per_gauss[gain_code][0] / fabs(kind->counts_per_gauss[gain_code][axis]);
                 field[axis] = factors[f] * kind->beyond * kind->range_gauss[gain_code] * coarser;
                 chip_rig_set_field(2, field[0], field[1], field[2]);
                 rig_run_ms(100);

@@ -26,7 +26,7 @@ static uint64_t convert_numbered(struct emulated_magnetometer *chip)
 static int number_of(const int16_t counts[3])
 {
     CHECK_EQUAL(counts[1], -counts[0]);
-    CHECK_EQUAL(counts[2], counts[0] / 2);
+    CHECK_EQUAL(counts[2], -counts[0] / 2); // left-handed
     return (counts[0] + NUMBERS) / STEP;
 }
 

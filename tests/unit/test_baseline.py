@@ -10,6 +10,7 @@ from mounted_world import NOISE_T, TOLERANCE, World
 
 from fmfts import baseline as baselines
 from fmfts.baseline import Baseline, BaselineError, make_bare, make_rest, summarise
+from fmfts.baseline.recording import Recording
 from fmfts.baseline.unknowns import Unknowns
 from fmfts.pad import Pad, Tolerance
 from fmfts.pose import FREE_FIELD, FREE_PAPER, dipole_field, displacement, solve
@@ -178,6 +179,29 @@ class TestFile:
             baselines.load(path, replace(pad, rest_position_m=np.array([0.0, 0.0, 13e-3])))
 
 
+class TestZero:
+    """Chips whose own zero is off by 50 µT, as of many that are sold (docs/chips.md)."""
+
+    @pytest.fixture
+    def recordings(self, pad: Pad) -> tuple[Recording, Recording, World]:
+        world = World(pad, np.random.default_rng(2))
+        zero_t = np.random.default_rng(5).normal(0.0, 5e-5, (4, 3))
+        return world.recorded(world.bare() + zero_t), world.recorded(world.field() + zero_t), world
+
+    def test_bare_recording_takes_it_away(self, pad: Pad, recordings: tuple[Recording, Recording, World]) -> None:
+        bare, rest, world = recordings
+        _, mounting = make_rest(pad, TOLERANCE, rest, make_bare(pad, TOLERANCE, bare))
+        # The pad's own tolerances leave 0.1 mm.
+        assert np.linalg.norm(mounting.rest.position_m - world.rest.position_m) < 4 * 1e-4
+
+    def test_without_one_the_refusal_says_to_record_it(
+        self, pad: Pad, recordings: tuple[Recording, Recording, World]
+    ) -> None:
+        _, rest, _ = recordings
+        with pytest.raises(BaselineError, match="a chip's own zero is off, which only `baseline --bare` tells"):
+            make_rest(pad, TOLERANCE, rest, None)
+
+
 def _frames(count: int = 200, drift_t: float = 0.0) -> list[Frame]:
     random = np.random.default_rng(3)
     frames = []
@@ -221,7 +245,10 @@ def test_moving_field_is_refused_with_the_figure() -> None:
         (lambda f: replace(f, valid=np.array([1, 1, 0, 1], bool)), "sensor 3 answered in 0 of 200 frames"),
         (lambda f: replace(f, counts=np.where(np.eye(4, 3) > 0, -4096, f.counts).astype(np.int16)), "1 is saturated"),
         (lambda f: replace(f, counts=np.where(np.eye(4, 3) > 0, 9000, f.counts).astype(np.int16)), "1 is telling on x"),
-        (lambda f: replace(f, fresh=np.array([1, 1, 1, 0], bool)), "sensor 4 gave only 0 new samples"),
+        (
+            lambda f: replace(f, fresh=np.array([1, 1, 1, 0], bool)),
+            "sensor 4 gave only 0 new samples in 200 frames: its clock has stopped",
+        ),
         (lambda f: replace(f, gain_code=f.sequence % 2), "range was changed"),
     ],
 )
@@ -238,6 +265,14 @@ def test_sensor_that_is_silent_most_is_named_where_others_miss_frames() -> None:
         for frame in _frames()
     ]
     with pytest.raises(BaselineError, match="sensor 3 answered in 0 of 200 frames"):
+        summarise(frames)
+
+
+def test_few_frames_of_a_busy_computer_are_no_clock_that_has_stopped() -> None:
+    frames = _frames(52)
+    without_second = np.array([1, 0, 1, 1], bool)
+    frames[4:7] = [replace(frame, fresh=without_second) for frame in frames[4:7]]
+    with pytest.raises(BaselineError, match=r"sensor 2 gave only 49 new samples in 52 frames: .*the computer busy"):
         summarise(frames)
 
 

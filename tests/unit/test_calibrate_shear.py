@@ -48,6 +48,7 @@ def quiet(line: str) -> None:
     pass
 
 
+@pytest.mark.long
 def test_model_of_five_outputs_finds_place_force_and_shear(pad: Pad, tmp_path: Path) -> None:
     """Small layers, no noise, within 6 mm: tens of millinewtons, where shear is up to 0.5 N."""
     options = Options(hidden=8, presses=1500, shear=True)

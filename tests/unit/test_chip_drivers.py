@@ -33,6 +33,7 @@ class Kind:
     range_gauss: float
 
 
+# The MMC5983MA is left-handed: its z points into the board.
 # The MLX90393: 0.601 and 0.968 µT a count at GAIN_SEL 7, RES 2; its converter ends at 22000 counts.
 PROMISED = [
     Kind("qmc5883l", 0, (12000, 12000, 12000), 2.73),
@@ -41,7 +42,7 @@ PROMISED = [
     Kind("lis3mdl", 1, (3421, 3421, 3421), 8.0),
     Kind("lis3mdl", 2, (2281, 2281, 2281), 12.0),
     Kind("lis3mdl", 3, (1711, 1711, 1711), 16.0),
-    Kind("mmc5983ma", 0, (4096, 4096, 4096), 8.0),
+    Kind("mmc5983ma", 0, (4096, 4096, -4096), 8.0),
     Kind("mlx90393", 0, (100 / 0.601, 100 / 0.601, 100 / 0.968), 132.0),
     Kind("mlx90393", 3, (100 / 1.202, 100 / 1.202, 100 / 1.936), 264.0),
     Kind("mlx90393", 5, (100 / 1.803, 100 / 1.803, 100 / 2.904), 396.0),

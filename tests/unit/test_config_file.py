@@ -193,6 +193,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (PAD + "range_gauss = 3", "source.range_gauss = 3: the chip has no range of ±3.0 G: one of 0.88, 1.3,"),
         (PAD + 'trigger = "simultaneous"', 'source.rate_hz: at most 160 with trigger = "simultaneous"'),
         (PAD + 'chip = "hmc5883l"', 'source.rate_hz: at most 75 with chip = "hmc5883l" running free'),
+        (BRIDGE + 'chip = "hmc5883l"\nrate_hz = 75', "source.chip = 'hmc5883l': no firmware of a board reads an HMC5883L: connect it to an I2C bus"),
         *((I2C + f"mux_address = {address}", f"source.mux_address = {address}: a TCA9548A is at 0x70 to 0x77") for address in (0x50, 0x6F, 0x78)),
         (I2C + "channels = [0, 1]", "source.channels = [0, 1]: one channel for each of the 4 sensors"),
         (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),

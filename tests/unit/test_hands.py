@@ -49,9 +49,8 @@ def test_each_recording_is_accepted_and_turn_and_refine_make_the_baseline_more_a
     assert refined["press_1n_force_sd_n"] < rest["press_1n_force_sd_n"]
 
 
-@pytest.mark.parametrize(
-    "after_s", [pytest.param(0.0, marks=pytest.mark.long), 6.0, pytest.param(13.0, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("after_s", [0.0, 6.0, 13.0])
 def test_turn_and_presses_are_enough_whenever_they_begin(after_s: float) -> None:
     source = Simulated(CONFIG)
     source.poll(0)

@@ -15,7 +15,7 @@ from fmfts.config.file import load
 
 MOULD = Path(__file__).parents[2] / "hardware" / "mould.scad"
 PAD_MM, WALL_MM, DRAFT_MM = (40.0, 40.0, 4.0), 3.0, 0.3
-CLEARANCE_MM = 0.15
+CLEARANCE_MM, BAR_MM = 0.15, 3.0
 pytestmark = pytest.mark.needs("openscad")
 
 
@@ -59,10 +59,25 @@ def test_the_tray_holds_the_pad_of_the_shipped_configuration(tmp_path: Path) -> 
     assert hollow == pytest.approx(frustum + 6.96, abs=2.0)  # floor and rim are 0.01 mm thick in the source
 
 
+def lid_on_its_tray(folder: Path) -> np.ndarray:
+    """(K, 3) corners of the lid, which is printed lying on its back."""
+    printed = triangles(folder, "lid").reshape(-1, 3)
+    assert printed[:, 2].min() == pytest.approx(0.0, abs=1e-6)
+    return printed * [1.0, -1.0, -1.0] + [0.0, 0.0, PAD_MM[2] + BAR_MM]
+
+
+def test_the_lid_is_printed_without_supports(tmp_path: Path) -> None:
+    """Each of its faces that looks down lies on the printer's bed."""
+    body = triangles(tmp_path, "lid")
+    normals = np.cross(body[:, 1] - body[:, 0], body[:, 2] - body[:, 0])
+    down = normals[:, 2] < -1e-3 * np.linalg.norm(normals, axis=1)
+    assert np.abs(body[down][:, :, 2]).max() < 1e-6
+
+
 def test_the_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None:
     """In the middle, as wide and as deep as the magnet of the configuration, with room to put it in."""
     pad = load(EXAMPLE_PATH)[0].pad[0]
-    corners = triangles(tmp_path, "lid").reshape(-1, 3)
+    corners = lid_on_its_tray(tmp_path)
     pin = corners[(np.hypot(corners[:, 0], corners[:, 1]) < 3.0) & (corners[:, 2] < PAD_MM[2])]
     diameter_mm, length_mm = pad.magnet.diameter_mm, pad.magnet.length_mm
     assert np.hypot(pin[:, 0], pin[:, 1]).max() == pytest.approx(diameter_mm / 2 + CLEARANCE_MM, abs=1e-3)
@@ -71,7 +86,7 @@ def test_the_pin_of_the_lid_keeps_the_magnets_place_free(tmp_path: Path) -> None
 
 def test_the_lid_cannot_slide_on_the_tray(tmp_path: Path) -> None:
     """Its tabs hang outside the tray's four walls, nearer to them than the room that pin and magnet have."""
-    corners = triangles(tmp_path, "lid").reshape(-1, 3)
+    corners = lid_on_its_tray(tmp_path)
     tabs = corners[(np.hypot(corners[:, 0], corners[:, 1]) > 5.0) & (corners[:, 2] < PAD_MM[2] - 1e-6)]
     for axis in (0, 1):
         outside_mm = PAD_MM[axis] / 2 + WALL_MM

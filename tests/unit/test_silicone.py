@@ -59,6 +59,7 @@ def test_force_of_a_minute_s_hold_is_within_its_deviations() -> None:
     assert np.mean(errors < 2.0) > 0.95
 
 
+@pytest.mark.long
 def test_nothing_of_a_recovery_is_learnt_as_a_drift() -> None:
     """2 N for 100 s leave some ten micrometres, which go in minutes; the follower waits for them to go."""
     run = life(260.0, lambda time_s: Touch(0.0, 0.0, 2.0 * (10.0 < time_s < 110.0)), creeps=True)

@@ -76,6 +76,19 @@ def test_pad_without_a_fitting_model_tells_touch_pose_and_displacement_but_no_fo
         assert message.displacement_m > 0.1e-3
 
 
+def test_sensors_that_are_elsewhere_keep_the_model_as_it_goes_from_the_pose() -> None:
+    """Boards of 25 mm cannot lie 16 mm apart. A quarter turn of one of them is no other pad either."""
+    places = ((12.7, 12.7, 0), (12.7, -12.7, 0), (-12.7, 12.7, 0), (-12.7, -12.7, 0))
+    geometry = GeometryConfig(sensors_mm=places, sensor_rotations_deg=((0, 0, 0), (0, 0, 90), (0, 0, 0), (0, 0, 0)))
+    config = PadConfig(name="wide", source=SimulatedSource(turning_deg_per_s=0.0), geometry=geometry)
+    for message in messages_of(config, steady_finger(3e-3, -2e-3, 1.0))[-20:]:
+        assert message.health == "ok"
+        assert message.force_n == pytest.approx(1.0, abs=5 * message.force_sd_n)
+        assert message.force_sd_n < 0.2
+        assert message.x_m == pytest.approx(3e-3, abs=5 * message.x_sd_m)
+        assert message.y_m == pytest.approx(-2e-3, abs=5 * message.y_sd_m)
+
+
 def test_reason_says_who_chose_to_run_without_a_model() -> None:
     by_itself, chosen = contact_model_of(config_of("default")), contact_model_of(config_of("none", 8.0))
     assert isinstance(by_itself, NoContactModel)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 # A rotation or a gain is named if it is so many of its own deviations from the drawing's.
 NAMED_DEVIATIONS = 3.0
-# A rotation is said to be about one axis if this share of it is.
+# A direction is called by one axis of the pad if this share of it is along that.
 MOSTLY = 0.9
 
 

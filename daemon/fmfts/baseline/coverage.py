@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length, lengths, product, singular_values
+from fmfts.baseline.chips_found import MOSTLY
 from fmfts.baseline.turn import ORIENTATIONS, SMALLEST_SHARE, SMALLEST_SWEEP_T
 from fmfts.baseline.window_means import MEAN_OF
 from fmfts.pad import Pad
@@ -50,6 +51,7 @@ class TurnCoverage:
         self._means: list[Array] = []
         self._frames = 0
         self._sweep_t = np.zeros(3)
+        self._least_swept = np.zeros(3)
 
     def take(self, frame: Frame) -> None:
         field_t = frame.field_t
@@ -61,8 +63,9 @@ class TurnCoverage:
             self._block.clear()
         if self._frames % LOOK_FRAMES == 0 and len(self._means) >= 3:
             swept = np.array(self._means) - np.mean(self._means, axis=0)
-            sweep_t = np.ptp(product(swept, singular_values(swept)[2]), axis=0)
-            self._sweep_t = np.array(sorted(sweep_t.tolist(), reverse=True))
+            directions = singular_values(swept)[2]
+            self._sweep_t = np.array(sorted(np.ptp(product(swept, directions), axis=0).tolist(), reverse=True))
+            self._least_swept = directions[:, -1]
 
     @property
     def enough(self) -> bool:
@@ -85,8 +88,15 @@ class TurnCoverage:
         needed = max(SMALLEST_SWEEP_T, SWEEP_SHARE * first)
         if last < needed:
             # In steps of ten: a hint that changes all the time cannot be read.
-            return f"turn about another axis, across the first: {10 * int(10.0 * last / needed)} % of what it needs"
+            done = f"{10 * int(10.0 * last / needed)} % of what it needs"
+            return f"turn about another axis, across the first{self._first_axis}: {done}"
         return ""
+
+    @property
+    def _first_axis(self) -> str:
+        """The pad's axis about which the robot turned: the field has gone around it, and swept nothing along it."""
+        along = np.abs(self._least_swept)
+        return f" (the pad's {'xyz'[int(np.argmax(along))]})" if along.max() > MOSTLY else ""
 
 
 class PressCoverage:

@@ -29,6 +29,10 @@ LARGEST_AMBIENT_T = 2e-4
 # Two causes are alike if one is not ten times as probable as the other: in units of −2 ln of the evidence.
 ALIKE = 2.0 * 2.303
 MOST_TOLD = 3
+WITHOUT_BARE = (
+    "Or a chip's own zero is off, which only `baseline --bare` tells: take the pad off, record --bare, mount it, and "
+    "record --rest again."
+)
 # So many of the likeliest single faults are combined with so many; with all others only where that explains nothing.
 FIRST_FAULTS, LIKELY_SECONDS = 5, 24
 # That a second thing is wrong, too, is one in twenty: −2 ln.
@@ -63,7 +67,8 @@ def estimate_and_judge(
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place; "
         f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off."
     )
-    raise BaselineError(f"{facts} {_cause(pad, tolerance, rest, bare, measured)}")
+    cause = _cause(pad, tolerance, rest, bare, measured)
+    raise BaselineError(f"{facts} {cause}" + ("" if bare is not None else f" {WITHOUT_BARE}"))
 
 
 def _limit(mounting: Mounting) -> float:

@@ -88,7 +88,8 @@ class BaselineJob:
         self._source = source
         self._executor = executor
         self._unsettled = unsettled
-        self._collection = Collection(source, request.seconds, MINIMUM_FRAMES)
+        # Twice as many, as a sensor may be without a new sample in some.
+        self._collection = Collection(source, request.seconds, 2 * MINIMUM_FRAMES)
         self._coverage = request.coverage
         self._result: Future[Recorded] | None = None
 

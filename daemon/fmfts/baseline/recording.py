@@ -16,6 +16,9 @@ from fmfts.sensor.missing import saturated, untellable
 Array = NDArray[np.float64]
 
 MINIMUM_FRAMES = 50
+FEW_FRAMES = "is the pad streaming, the computer busy?"
+# A chip that measures gives most frames a new sample, also where its clock is slower than the frames.
+STOPPED_SHARE = 0.5
 MINIMUM_SHARE_VALID = 0.95
 BLOCKS = 8
 # With white noise, block means differ from the mean by less than so many deviations (of 96 means, once in 1e5 times).
@@ -67,9 +70,7 @@ class Recording:
 def summarise(frames: Sequence[Frame]) -> Recording:
     """The recording from these frames; BaselineError if they are too few, incomplete, saturated or moving."""
     if len(frames) < MINIMUM_FRAMES:
-        raise BaselineError(
-            f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
-        )
+        raise BaselineError(f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: {FEW_FRAMES}")
     gain_codes = {frame.gain_code for frame in frames}
     if len(gain_codes) > 1:
         raise BaselineError("the range was changed during the recording: record again")
@@ -93,11 +94,14 @@ def summarise(frames: Sequence[Frame]) -> Recording:
     fresh = np.array([frame.fresh & frame.valid for frame in frames])
     fields = np.array([frame.field_t for frame in frames])
     mean, noise, wander = np.empty(fields.shape[1:]), np.empty(fields.shape[1:]), np.empty(fields.shape[1:])
-    step_t = frames[0].chip.step_t[frames[0].gain_code]
+    step_t = frames[0].chip.coarseness_t(frames[0].gain_code)
     for sensor in range(fields.shape[1]):
         samples = fields[fresh[:, sensor], sensor]
         if len(samples) < MINIMUM_FRAMES:
-            raise BaselineError(f"sensor {sensor + 1} gave only {len(samples)} new samples: its clock has stopped")
+            raise BaselineError(
+                f"sensor {sensor + 1} gave only {len(samples)} new samples in {len(frames)} frames: "
+                + ("its clock has stopped" if len(samples) < STOPPED_SHARE * len(frames) else FEW_FRAMES)
+            )
         mean[sensor] = samples.mean(axis=0)
         # Differences of successive samples show the noise without a drift. Rounding to counts sets its lower limit.
         noise[sensor] = np.maximum(np.diff(samples, axis=0).std(axis=0) / np.sqrt(2.0), step_t / np.sqrt(12.0))

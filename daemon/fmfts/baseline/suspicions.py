@@ -87,6 +87,7 @@ def faults_in_company(drawing: Pad, tolerance: Tolerance) -> Iterator[Fault]:
         yield partial(_all_turned, tolerance=tolerance, rotation_deg=rotation_deg)
     yield partial(_all_gains, tolerance=tolerance)
     yield _upside_down
+    yield _mirrored
     yield _elsewhere
     yield _other_magnet
     for one, other in combinations(range(count), 2):
@@ -117,6 +118,12 @@ def _unexplained(before: Assumption) -> Assumption:
 def _upside_down(before: Assumption) -> Assumption:
     pad = replace(before.pad, rest_axis=-before.pad.rest_axis)
     return _with(before, lambda _: "The magnet is in upside down: turn it, or negate rest_axis.", pad=pad)
+
+
+def _mirrored(before: Assumption) -> Assumption:
+    pad = replace(before.pad, sensors=before.pad.sensors.mirrored())
+    text = "The chips read z the other way round than `chip` says: turn geometry.sensors_mirrored over."
+    return _with(before, lambda _: text, pad=pad)
 
 
 def _moved(mounting: Mounting, pad: Pad) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.arithmetic.elementary import square
-from fmfts.baseline.recording import MINIMUM_FRAMES, BaselineError
+from fmfts.baseline.recording import FEW_FRAMES, MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.missing import SILENT, missing_sensors
@@ -36,9 +36,7 @@ class Means:
 def means(frames: Sequence[Frame]) -> Means:
     """Average frames, each brought to one instant first (chips run free). BaselineError if too few are complete."""
     if len(frames) < MINIMUM_FRAMES:
-        raise BaselineError(
-            f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: is the pad streaming, the computer busy?"
-        )
+        raise BaselineError(f"only {len(frames)} frames arrived of at least {MINIMUM_FRAMES}: {FEW_FRAMES}")
     if len({frame.gain_code for frame in frames}) > 1:
         raise BaselineError("the range was changed during the recording: record again")
     fields, times = _aligned(frames)
@@ -86,7 +84,7 @@ def _noise(frames: Sequence[Frame]) -> Array:
     differences = (np.diff(fields[fresh[:, sensor], sensor], 2, axis=0) for sensor in range(fields.shape[1]))
     noise = np.array([_robust_deviation(of_sensor) for of_sensor in differences]) / np.sqrt(6.0)
     # Rounding to counts sets the lower limit of the noise.
-    floored: Array = np.maximum(noise, frames[0].chip.step_t[frames[0].gain_code] / np.sqrt(12.0))
+    floored: Array = np.maximum(noise, frames[0].chip.coarseness_t(frames[0].gain_code) / np.sqrt(12.0))
     return floored
 
 

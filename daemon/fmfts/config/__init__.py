@@ -129,6 +129,7 @@ SourceConfig = BridgeSource | I2cSource | AnyskinSource | SimulatedSource | Repl
 class GeometryConfig(_Section, frozen=True):
     sensors_mm: tuple[Vector, ...] = ((8, 8, 0), (8, -8, 0), (-8, 8, 0), (-8, -8, 0))
     sensor_rotations_deg: tuple[Vector, ...] = ()
+    sensors_mirrored: bool = False
 
 
 class MagnetConfig(_Section, frozen=True):
@@ -248,6 +249,8 @@ class PadConfig(_Section, frozen=True, kw_only=True):
         if self.geometry.sensor_rotations_deg:
             vectors = np.deg2rad(np.array(self.geometry.sensor_rotations_deg, dtype=float))
             sensors = SensorArray(positions, np.array([rotation_from_vector(vector) for vector in vectors]))
+        if self.geometry.sensors_mirrored:
+            sensors = sensors.mirrored()
         first, *others = (one.resting(positions) for one in (self.magnet, *self.other_magnets))
         return Pad(
             name=self.name,

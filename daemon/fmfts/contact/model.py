@@ -30,7 +30,7 @@ from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
 from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH, path_of
 from fmfts.contact.verified import check_versions, compared, inference_of, read
-from fmfts.pad import Array, Pad, differences
+from fmfts.pad import Array, Dimensions, Pad, differences
 
 REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
 
@@ -155,11 +155,10 @@ class ContactModel:
         if len(inference.contact) != len(facts.outputs):
             raise ValueError("it has another number of outputs than its metadata states")
         inference = compared(inference, content, facts)
-        if facts.geometry_hash != pad.geometry_hash:
+        if other := _difference(facts, pad):
             raise OtherPadError(
-                f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: "
-                f"{_difference(facts, pad)}: correct [pad.geometry] and [pad.magnet], or calibrate this pad and set "
-                "[pad.contact] model"
+                f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: {other}: "
+                "correct [pad.magnet], or calibrate this pad and set [pad.contact] model"
             )
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
             facts = msgspec.structs.replace(facts, friction_error=_shipped_friction_error(facts.geometry_hash))
@@ -315,8 +314,20 @@ def _shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
 
 
 def _difference(facts: Facts, pad: Pad) -> str:
-    """Which dimensions of the model's pad differ from those of `pad`, where the model tells them."""
+    """How the magnets of the model's pad differ from those of `pad`; "" if they do not.
+
+    It goes from a magnet's pose to a contact, so that it does not matter where the sensors are that the pose is from.
+    """
+    if facts.geometry_hash == pad.geometry_hash:
+        return ""
     its = STANDARD_DIMENSIONS if facts.geometry_hash == STANDARD_HASH else facts.dimensions
-    found = "" if its is None else differences(its, pad.dimensions, "in the model", "in the configuration")
-    hashes = f"the model's have the hash {facts.geometry_hash}, the pad's {pad.geometry_hash}"
-    return found or f"which ones, this file does not say ({hashes})"
+    if its is None:
+        hashes = f"the model's have the hash {facts.geometry_hash}, the pad's {pad.geometry_hash}"
+        return f"which ones, this file does not say ({hashes})"
+    theirs, ours = (_of_magnets(each) for each in (its, pad.dimensions))
+    found = differences(theirs, ours, "in the model", "in the configuration")
+    return found or ("" if theirs.keys() == ours.keys() else "it is of another number of magnets")
+
+
+def _of_magnets(dimensions: Dimensions) -> Dimensions:
+    return {name: values for name, values in dimensions.items() if name.startswith("magnet")}

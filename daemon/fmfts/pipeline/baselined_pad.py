@@ -51,7 +51,7 @@ class BaselinedPad:
         self.temperature_c = recorded.temperature_c if self.at_rest else None
         self.tracking = tracking if self.at_rest else PAPER
         self.magnet_off_m = (mounting.rest.position_m - drawing.rest_position_m)[:2]
-        self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.step_t[recorded.gain_code])
+        self.repeats_allowed = repeats_allowed(mounting.noise_t, drawing.chip.coarseness_t(recorded.gain_code))
         self.change_error = mounting.change_error(self.tracking.estimated)
         self._change_error_rows = self.change_error.reshape(8, -1)
 

@@ -120,7 +120,7 @@ class SeveralPipeline:
             self._model.response,
             self._scene,
             self._rate_hz,
-            repeats_allowed(mounting.noise_t, self.pad.chip.step_t[rest.gain_code]),
+            repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(rest.gain_code)),
             self._magnet_per_k,
             rest.temperature_c,
         )

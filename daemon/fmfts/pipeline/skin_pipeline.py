@@ -89,7 +89,7 @@ class SkinPipeline:
             self.model.response,
             self._ambient_t,
             self._rate_hz,
-            repeats_allowed(mounting.noise_t, self.pad.chip.step_t[baseline.rest.gain_code]),
+            repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code)),
             self._magnet_per_k,
         )
         return mounting

@@ -65,7 +65,7 @@ def _selftest(chip: Chip) -> str:
 
 def _steps(chip: Chip) -> str:
     """Of the finest range: one figure, or two where z differs."""
-    steps = sorted({f"{1e3 / counts:.2g}" for counts in chip.counts_per_gauss[0]})
+    steps = sorted({f"{1e3 / abs(counts):.2g}" for counts in chip.counts_per_gauss[0]})
     return " / ".join(steps)
 
 

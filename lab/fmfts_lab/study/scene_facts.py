@@ -79,7 +79,7 @@ def recommended_range_gauss(surroundings: Surroundings) -> float | None:
 
 def saturation_gauss(chip: Chip, range_gauss: float) -> float:
     """The field at the converter's last count, on the axis that reaches it first."""
-    return chip.largest_count / max(chip.counts_per_gauss[chip.gain_code_for_range(range_gauss)])
+    return chip.largest_count / max(map(abs, chip.counts_per_gauss[chip.gain_code_for_range(range_gauss)]))
 
 
 def largest_field_gauss(surroundings: Surroundings) -> float:

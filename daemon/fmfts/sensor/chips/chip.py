@@ -66,7 +66,8 @@ class Chip:
 
     driver: its registers. address: where it answers first; other_addresses: where its pins can put it.
     identity: what it says of itself where identity_mask has ones.
-    ranges_gauss, counts_per_gauss: by gain code; the second for each axis x, y, z.
+    ranges_gauss, counts_per_gauss: by gain code; the second for each axis x, y, z, negative where the axis is turned
+    over to make them right-handed, z out of the chip's face.
     largest_count: what the converter can tell, of either sign (and −largest_count − 1). saturated_count: what it says
     instead where the field is larger.
     output_rates_hz: by the chip's rate code, slowest first; free_rate_hz: the highest that this chip has.
@@ -112,7 +113,8 @@ class Chip:
     streamed: bool = False
     supply: str = ""
     remarks: str = ""
-    # (GAIN_CODES, 3) the field of one count in tesla, by gain code and axis; NaN where the chip has no such code.
+    # (GAIN_CODES, 3) the field of one count in tesla, by gain code and axis, negative as counts_per_gauss is; NaN where
+    # the chip has no such code.
     step_t: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -120,6 +122,11 @@ class Chip:
         steps[: len(self.counts_per_gauss)] = TESLA_PER_GAUSS / np.array(self.counts_per_gauss, dtype=float)
         steps.setflags(write=False)
         object.__setattr__(self, "step_t", steps)
+
+    def coarseness_t(self, gain_code: int) -> NDArray[np.float64]:
+        """(3,) how far two neighbouring counts of each axis are apart, in tesla."""
+        size: NDArray[np.float64] = np.abs(self.step_t[gain_code])
+        return size
 
     @property
     def named(self) -> str:

@@ -1,6 +1,7 @@
 """The HMC5983 three-axis magnetometer and its predecessor HMC5883L: facts and registers (Honeywell data sheet 900425).
 
-The predecessor measures at most 75 times a second and has neither temperature compensation nor thermometer.
+The predecessor measures at most 75 times a second and has neither temperature compensation nor thermometer. Boards do
+not read it.
 """
 
 from __future__ import annotations
@@ -98,7 +99,8 @@ HMC5883L = replace(
     name="hmc5883l",
     label="HMC5883L",
     free_rate_hz=75,
-    board_rates_hz=(75.0,),
+    # Firmware cannot tell it from an HMC5983, and writes that chip's rate of 220 Hz and compensation: reserved here.
+    board_rates_hz=(),
     sensitivity_per_k=-0.003,
     thermometer=None,
 )

@@ -72,7 +72,9 @@ MMC5983MA = Chip(
     address=0x30,
     identity=b"\x30\x00\x00",
     ranges_gauss=(8.0,),
-    counts_per_gauss=((4096, 4096, 4096),),  # 16384 of 18 bits
+    # 16384 of 18 bits. Its axes are left-handed: z grows into the board, where x and y are as on it. The drivers that
+    # fly it (ArduPilot, PX4 of 2024) turn all three over, which is the same but for half a turn about z.
+    counts_per_gauss=((4096, 4096, -4096),),
     largest_count=32766,
     saturated_count=-32768,
     output_rates_hz=(1.0, 10.0, 20.0, 50.0, 100.0, 200.0, 1000.0),
@@ -90,7 +92,8 @@ MMC5983MA = Chip(
     board_rates_hz=(100.0, 200.0, 1000.0),  # below 100 Hz the noise stays as it is
     board_single_hz=203,
     supply="made; boards 10 to 20 € each",
-    remarks="one address, so a mux; its thermometer (0.8 °C a step) is not used; its settings cannot be read back",
+    remarks="one address, so a mux; its thermometer (0.8 °C a step) is not used; its settings cannot be read back; "
+    "left-handed, as flight controllers take it: where `baseline --rest` finds it otherwise, it says so",
 )
 
 
