@@ -61,7 +61,7 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
         case BridgeSource():
             from fmfts.sensor.bridge.bridge import Bridge
 
-            return Bridge({index: on_board(pad) for index, pad in by_index.items()})
+            return Bridge({index: on_board(pad, pads) for index, pad in by_index.items()})
         case I2cSource():
             from fmfts.sensor.i2c.source import I2c
 
@@ -80,11 +80,16 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
             return simulated_pad(first, neighbours_of(first, pads))
 
 
-def on_board(pad: PadConfig) -> PadOnBoard:
-    """What the bridge's driver needs from the configuration."""
+def on_board(pad: PadConfig, pads: Sequence[PadConfig] = ()) -> PadOnBoard:
+    """What the bridge's driver needs from the configuration. pads: all that are configured, or none beside it."""
     source = pad.source
     assert isinstance(source, BridgeSource)
-    return PadOnBoard(**_chips_of(pad), port=source.port, baud=source.baud, uid=source.uid)
+    beside = tuple(
+        (other.source.pad_index, len(other.geometry.sensors_mm))
+        for other in pads
+        if isinstance(other.source, BridgeSource) and _device(other) == _device(pad) and other.name != pad.name
+    )
+    return PadOnBoard(**_chips_of(pad), port=source.port, baud=source.baud, uid=source.uid, beside=beside)
 
 
 def on_i2c(pad: PadConfig) -> PadOnI2c:

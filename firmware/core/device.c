@@ -2,105 +2,31 @@
 
 #include <string.h>
 
+#include "device_reports.h"
 #include "hmc5983.h"
 
 enum {
-    STATUS_INTERVAL_US = 1000000,
     STATUS_PAUSE_US = 50000, // least time between two status packets, when sensor states change
     HELLO_WAIT_US = 250000,  // the hello waits so long for sensors that were not tried yet
     SELFTEST_REPEAT_US = 5000000,
 };
 
-void device_init(struct device *device, const struct board *board)
+// Everything but the time starts as after a reset.
+static void start(struct device *device, const struct board *board, struct clock clock)
 {
+    struct pad_wiring wiring[WIRE_PADS_MAX];
+    uint8_t pad_count = pads_make(board->pads, board->pads->wanted, wiring);
     memset(device, 0, sizeof *device);
     device->board = board;
-    device->clock = (struct clock){.now_us = board->now_us, .context = board->context};
+    device->clock = clock;
     device->running = true;
-    sampler_init(&device->sampler, &device->clock, board->buses, board->bus_count, board->pads, board->pad_count);
+    device->status_us = clock_now(&device->clock) + HELLO_WAIT_US;
+    sampler_init(&device->sampler, &device->clock, board->buses, board->bus_count, wiring, pad_count);
 }
 
-static void send(struct device *device, const uint8_t *line, size_t count)
+void device_init(struct device *device, const struct board *board)
 {
-    if (!device->board->send(device->board->context, line, count))
-        device->transmit_dropped++;
-}
-
-static void send_hello(struct device *device)
-{
-    const struct board *board = device->board;
-    const struct sampler *sampler = &device->sampler;
-    uint8_t line[WIRE_LINE_MAX];
-    struct wire_hello hello = {
-        .firmware_version = {FIRMWARE_MAJOR, FIRMWARE_MINOR, FIRMWARE_PATCH},
-        .reset_cause = board->reset_cause,
-        .clock = board->clock_source,
-        .rate_hz = sampler->settings.rate_hz,
-        .gain_code = sampler->settings.gain_code,
-        .trigger = sampler->settings.trigger,
-        .flags = WIRE_CAN_SEND_EARLY | device->running, // bit 0 is WIRE_RUNNING
-        .pad_count = sampler->pad_count,
-    };
-    memcpy(hello.uid, board->uid, sizeof hello.uid);
-    for (int p = 0; p < sampler->pad_count; p++) {
-        const struct sampler_pad *pad = &sampler->pads[p];
-        hello.pads[p].i2c_port = board->i2c_ports[pad->wiring.bus];
-        hello.pads[p].mux_address = pad->wiring.mux_address;
-        hello.pads[p].sensor_count = pad->wiring.sensor_count;
-        for (int i = 0; i < pad->wiring.sensor_count; i++) {
-            hello.pads[p].sensors[i].channel = pad->wiring.channels[i];
-            hello.pads[p].sensors[i].state = pad->sensors[i].state;
-            memcpy(hello.pads[p].sensors[i].identification, pad->sensors[i].identification, 3);
-        }
-    }
-    send(device, line, wire_encode_hello(&hello, line));
-}
-
-static uint64_t states(const struct device *device)
-{
-    uint64_t packed = 0;
-    for (int p = 0; p < device->sampler.pad_count; p++)
-        for (int i = 0; i < device->sampler.pads[p].wiring.sensor_count; i++)
-            packed = packed << 4 | device->sampler.pads[p].sensors[i].state;
-    return packed;
-}
-
-static void send_status(struct device *device)
-{
-    const struct sampler *sampler = &device->sampler;
-    uint8_t line[WIRE_LINE_MAX];
-    struct wire_status status = {
-        .time_us = clock_now(&device->clock),
-        .transmit_dropped = device->transmit_dropped,
-        .receive_errors = device->receive_errors,
-        .pad_count = sampler->pad_count,
-    };
-    for (int p = 0; p < sampler->pad_count; p++) {
-        const struct sampler_pad *pad = &sampler->pads[p];
-        status.pads[p].bus_errors = pad->bus_errors;
-        status.pads[p].bus_recoveries = sampler->buses[pad->wiring.bus].recoveries;
-        status.pads[p].config_repairs = pad->config_repairs;
-        status.pads[p].sensor_count = pad->wiring.sensor_count;
-        for (int i = 0; i < pad->wiring.sensor_count; i++)
-            status.pads[p].state[i] = pad->sensors[i].state;
-    }
-    device->reported_states = states(device);
-    device->reported_us = status.time_us;
-    device->status_us = status.time_us + STATUS_INTERVAL_US;
-    send(device, line, wire_encode_status(&status, line));
-}
-
-static void send_selftest(struct device *device, uint8_t pad_index)
-{
-    uint8_t line[WIRE_LINE_MAX];
-    const struct wire_selftest selftest = {
-        .request_id = device->selftest_id,
-        .pad_index = pad_index,
-        .sensor_count = device->sampler.pads[pad_index].wiring.sensor_count,
-        .gain_code = HMC5983_SELFTEST_GAIN,
-        .sensors = device->results[pad_index],
-    };
-    send(device, line, wire_encode_selftest(&selftest, line));
+    start(device, board, (struct clock){.now_us = board->now_us, .context = board->context});
 }
 
 static bool selftest_runs(const struct device *device)
@@ -148,9 +74,36 @@ static enum wire_result begin_selftest(struct device *device, const struct wire_
     return RESULT_DONE;
 }
 
+// Notes what a hello request asks for, if those are other pads than there are.
+static enum wire_result want_pads(struct device *device, uint16_t wanted)
+{
+    const struct sampler *sampler = &device->sampler;
+    struct pad_wiring wiring[WIRE_PADS_MAX];
+    uint8_t count = pads_make(device->board->pads, wanted, wiring);
+    if (count == 0)
+        return RESULT_OUT_OF_RANGE;
+    bool other = count != sampler->pad_count;
+    for (int p = 0; p < count; p++)
+        other |= wiring[p].sensor_count != sampler->pads[p].wiring.sensor_count;
+    if (other && selftest_runs(device))
+        return RESULT_BUSY;
+    device->wanted_pads = other ? wanted : 0;
+    return RESULT_DONE;
+}
+
+// The hello follows once every sensor was tried.
+static void make_pads(struct device *device)
+{
+    device->board->pads->wanted = device->wanted_pads;
+    pads_seal(device->board->pads);
+    start(device, device->board, device->clock);
+}
+
 static enum wire_result execute(struct device *device, const struct wire_request *request, uint8_t pads)
 {
     switch (request->type) {
+    case WIRE_REQUEST_HELLO:
+        return request->argument ? want_pads(device, request->argument) : RESULT_DONE;
     case WIRE_REQUEST_RANGE:
     case WIRE_REQUEST_RATE:
     case WIRE_REQUEST_TRIGGER:
@@ -164,7 +117,7 @@ static enum wire_result execute(struct device *device, const struct wire_request
     case WIRE_REQUEST_SELFTEST:
         return begin_selftest(device, request, pads);
     default:
-        return RESULT_DONE; // hello and status: the answer follows the reply
+        return RESULT_DONE; // status: the answer follows the reply
     }
 }
 
@@ -177,18 +130,22 @@ static void answer(struct device *device, const struct wire_request *request)
     struct wire_reply reply = {.request_id = request->request_id, .request_type = request->type};
     reply.result = (uint8_t)(exists ? execute(device, request, pads) : RESULT_NO_SUCH_PAD);
     uint8_t line[WIRE_LINE_MAX];
-    send(device, line, wire_encode_reply(&reply, line));
+    device_send(device, line, wire_encode_reply(&reply, line));
     if (reply.result != RESULT_DONE)
         return;
+    if (device->wanted_pads) {
+        make_pads(device); // the request is gone with all else
+        return;
+    }
     if (request->type == WIRE_REQUEST_HELLO) {
         device->sampler.early = 0; // a host that does not know such packets asks who is there, too
-        send_hello(device);
+        device_send_hello(device);
     }
     if (request->type == WIRE_REQUEST_STATUS)
-        send_status(device);
+        device_send_status(device);
     for (uint8_t p = 0; p < pad_count && request->type == WIRE_REQUEST_SELFTEST; p++)
         if (had_results && !selftest_runs(device) && (pads >> p & 1))
-            send_selftest(device, p);
+            device_send_selftest(device, p);
 }
 
 void device_receive(struct device *device, const uint8_t *bytes, size_t count)
@@ -204,13 +161,12 @@ void device_receive(struct device *device, const uint8_t *bytes, size_t count)
 
 static void announce(struct device *device, uint64_t now_us)
 {
-    for (int p = 0; p < device->sampler.pad_count && now_us < HELLO_WAIT_US; p++)
-        for (int i = 0; i < device->sampler.pads[p].wiring.sensor_count; i++)
-            if (device->sampler.pads[p].sensors[i].state == SENSOR_NOT_STARTED)
-                return;
+    for (int i = 0; i < device->sampler.sensor_count && now_us < device->status_us; i++)
+        if (device->sampler.sensors[i].state == SENSOR_NOT_STARTED)
+            return;
     device->announced = true;
-    send_hello(device);
-    send_status(device);
+    device_send_hello(device);
+    device_send_status(device);
     sampler_stream(&device->sampler, device->running);
 }
 
@@ -218,10 +174,10 @@ static void poll_selftest(struct device *device)
 {
     uint8_t pad_index = device->selftest.pad_index;
     if (device->selftest.active) {
-        if (selftest_poll(&device->selftest, device->results[pad_index])) {
+        if (selftest_poll(&device->selftest, device_results_of(device, pad_index))) {
             device->selftest_waiting &= (uint8_t)~(1 << pad_index);
             device->selftest_us = clock_now(&device->clock);
-            send_selftest(device, pad_index);
+            device_send_selftest(device, pad_index);
         }
         return;
     }
@@ -241,7 +197,7 @@ static bool poll_load_cell(struct device *device)
         return false;
     uint8_t line[WIRE_LINE_MAX];
     device->load_sequence++;
-    send(device, line, wire_encode_load(&load, line));
+    device_send(device, line, wire_encode_load(&load, line));
     return true;
 }
 
@@ -255,15 +211,15 @@ bool device_poll(struct device *device)
     struct wire_early early;
     uint8_t line[WIRE_LINE_MAX];
     if (sampler_take_early(&device->sampler, &early))
-        send(device, line, wire_encode_early(&early, line));
+        device_send(device, line, wire_encode_early(&early, line));
     while (sampler_take(&device->sampler, &frame)) {
-        send(device, line, wire_encode_sample(&frame, line));
+        device_send(device, line, wire_encode_sample(&frame, line));
         worked = true;
     }
     if (!device->announced)
         announce(device, now_us);
     else if (now_us >= device->status_us ||
-             (states(device) != device->reported_states && now_us >= device->reported_us + STATUS_PAUSE_US))
-        send_status(device);
+             (device_states(device) != device->reported_states && now_us >= device->reported_us + STATUS_PAUSE_US))
+        device_send_status(device);
     return worked;
 }

@@ -8,6 +8,7 @@
 
 #include "bus.h"
 #include "load_cell.h"
+#include "pads.h"
 #include "sampler.h"
 #include "selftest.h"
 #include "wire.h"
@@ -31,8 +32,7 @@ struct board {
     const struct bus *buses;
     uint8_t bus_count;
     const uint8_t *i2c_ports; // per bus, the port number in the hello
-    const struct pad_wiring *pads;
-    uint8_t pad_count;
+    struct pads *pads; // a host may have them made anew
     const struct load_cell_pins *load_cell; // NULL: no pins for a load cell
     uint8_t uid[WIRE_UID_SIZE];
     uint8_t reset_cause;
@@ -49,14 +49,15 @@ struct device {
     struct sampler sampler;
     struct selftest selftest;
     struct wire_decoder decoder;
-    struct wire_selftest_sensor results[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
+    struct wire_selftest_sensor results[SAMPLER_SENSORS_MAX]; // in the order of the sampler's sensors
     uint32_t transmit_dropped;
     uint32_t receive_errors;
     uint32_t load_sequence;
-    uint64_t status_us; // when the next status is due
+    uint64_t status_us; // when the next status is due; before the first, when the hello is
     uint64_t reported_states; // sensor states in the last status, four bits a sensor
     uint64_t reported_us;
     uint64_t selftest_us; // when the last self-test ended
+    uint16_t wanted_pads; // as in `struct pads`, until the reply has been sent; else 0
     uint8_t selftest_id;
     uint8_t selftest_pads;    // bit i: request selftest_id asked for pad i
     uint8_t selftest_waiting; // bit i: pad i is asked for and has no result yet

@@ -46,7 +46,7 @@ void pad_bus_account(struct sampler *sampler, struct sampler_pad *pad, struct se
 
 uint8_t pad_bus_channel(const struct pad_wiring *wiring, int i)
 {
-    return (uint8_t)(wiring->mux_address == TCA9548A_NONE ? 0 : 1 << wiring->channels[i]);
+    return (uint8_t)(wiring->mux_address == TCA9548A_NONE ? 0 : 1 << (wiring->first + i));
 }
 
 struct sensor_link pad_bus_link(struct sampler *sampler, struct sampler_pad *pad)

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "bus.h"
+#include "pads.h"
 #include "sensor.h"
 #include "tca9548a.h"
 #include "wire.h"
@@ -14,14 +15,7 @@
 enum {
     SAMPLER_PADS_MAX = WIRE_PADS_MAX,
     SAMPLER_BUSES_MAX = 2,
-    SAMPLER_SENSORS_MAX = 4,
-};
-
-struct pad_wiring {
-    uint8_t bus; // index into the board's buses
-    uint8_t mux_address; // or TCA9548A_NONE
-    uint8_t sensor_count;
-    uint8_t channels[SAMPLER_SENSORS_MAX]; // of the mux; without one, the sensors' own addresses
+    SAMPLER_SENSORS_MAX = PADS_SENSORS_MAX,
 };
 
 struct sampler_settings {
@@ -32,7 +26,7 @@ struct sampler_settings {
 
 struct sampler_pad {
     struct pad_wiring wiring;
-    struct sensor sensors[SAMPLER_SENSORS_MAX];
+    struct sensor *sensors; // its part of the sampler's sensors
     uint32_t bus_errors;
     uint32_t config_repairs;
     uint32_t sequence;
@@ -60,10 +54,12 @@ struct sampler {
     bool streaming; // whether frames are made; sensors are polled in any case
     uint8_t early;  // bit i: samples of pad i also go one by one, before their frames; only while chips run free
     uint8_t pad_count;
-    uint8_t turn;
+    uint8_t sensor_count; // of all pads
+    uint8_t turn;         // the sensor, of all, that was looked after last
     uint32_t frame_remainder;
     uint64_t frame_us; // when the next frame is due
     struct sampler_pad pads[SAMPLER_PADS_MAX];
+    struct sensor sensors[SAMPLER_SENSORS_MAX]; // those of pad 0, then those of pad 1, ...
     struct sampler_bus buses[SAMPLER_BUSES_MAX];
 };
 

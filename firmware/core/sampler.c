@@ -25,12 +25,13 @@ void sampler_init(struct sampler *sampler, struct clock *clock, const struct bus
     for (int p = 0; p < pad_count; p++) {
         struct sampler_pad *pad = &sampler->pads[p];
         pad->wiring = pads[p];
+        pad->sensors = &sampler->sensors[sampler->sensor_count];
         bool has_mux = pad->wiring.mux_address != TCA9548A_NONE;
         if (has_mux)
             route_add_switch(&sampler->buses[pad->wiring.bus].route, pad->wiring.mux_address);
         for (int i = 0; i < pad->wiring.sensor_count; i++)
-            sensor_init(&pad->sensors[i], has_mux ? SENSOR_ANY_ADDRESS : pad->wiring.channels[i], now_us,
-                        now_us + (uint64_t)(CHORE_STAGGER_US * (p * SAMPLER_SENSORS_MAX + i)));
+            sensor_init(&pad->sensors[i], has_mux ? SENSOR_ANY_ADDRESS : (uint8_t)(pad->wiring.first + i), now_us,
+                        now_us + (uint64_t)(CHORE_STAGGER_US * sampler->sensor_count++));
     }
 }
 
@@ -59,21 +60,17 @@ void sampler_apply(struct sampler *sampler, const struct sampler_settings *setti
 // Chips that keep a sample while they measure are read then; of the others all are read before the next trigger.
 uint16_t sampler_rate_max(const struct sampler *sampler, enum trigger trigger)
 {
-    uint32_t rate_hz = RATE_MAX_HZ, sensors = 0;
-    for (int p = 0; p < sampler->pad_count; p++)
-        sensors += sampler->pads[p].wiring.sensor_count;
-    for (int p = 0; p < sampler->pad_count && trigger == TRIGGER_SIMULTANEOUS; p++) {
-        for (int i = 0; i < sampler->pads[p].wiring.sensor_count; i++) {
-            const struct sensor *sensor = &sampler->pads[p].sensors[i];
-            const struct chip_trigger *single = sensor_chip(sensor)->trigger;
-            if (!single || !sensor_is_identified(sensor))
-                continue;
-            uint32_t allowed_hz = single->rate_max_hz;
-            uint32_t bus_hz = 1000000U / (single->wait_us + READ_US * sensors);
-            if (!single->fastest_us && bus_hz < allowed_hz)
-                allowed_hz = bus_hz;
-            rate_hz = allowed_hz < rate_hz ? allowed_hz : rate_hz;
-        }
+    uint32_t rate_hz = RATE_MAX_HZ;
+    for (int i = 0; i < sampler->sensor_count && trigger == TRIGGER_SIMULTANEOUS; i++) {
+        const struct sensor *sensor = &sampler->sensors[i];
+        const struct chip_trigger *single = sensor_chip(sensor)->trigger;
+        if (!single || !sensor_is_identified(sensor))
+            continue;
+        uint32_t allowed_hz = single->rate_max_hz;
+        uint32_t bus_hz = 1000000U / (single->wait_us + (uint32_t)READ_US * sampler->sensor_count);
+        if (!single->fastest_us && bus_hz < allowed_hz)
+            allowed_hz = bus_hz;
+        rate_hz = allowed_hz < rate_hz ? allowed_hz : rate_hz;
     }
     return (uint16_t)rate_hz;
 }
@@ -136,17 +133,24 @@ static bool would_replace_unsent(const struct sampler *sampler, const struct sen
            sensor->phase == PHASE_RUN && now_us + READ_LATENESS_US > sampler->frame_us;
 }
 
+// The pad whose turn it is, and in `i` which of its sensors.
+static struct sampler_pad *pad_in_turn(struct sampler *sampler, int *i)
+{
+    struct sampler_pad *pad = sampler->pads;
+    for (*i = sampler->turn; *i >= pad->wiring.sensor_count; pad++)
+        *i -= pad->wiring.sensor_count;
+    return pad;
+}
+
 bool sampler_poll(struct sampler *sampler)
 {
     uint64_t now_us = clock_now(sampler->clock);
     if (schedule_frames(sampler, now_us) || simultaneous_poll(sampler, now_us))
         return true;
-    for (int n = 0; n < SAMPLER_PADS_MAX * SAMPLER_SENSORS_MAX; n++) {
-        sampler->turn = (uint8_t)((sampler->turn + 1) % (SAMPLER_PADS_MAX * SAMPLER_SENSORS_MAX));
-        struct sampler_pad *pad = &sampler->pads[sampler->turn / SAMPLER_SENSORS_MAX];
-        int i = sampler->turn % SAMPLER_SENSORS_MAX;
-        if (i >= pad->wiring.sensor_count || pad->borrowed || pad->sensors[i].due_us > now_us ||
-            sampler->buses[pad->wiring.bus].retry_us > now_us ||
+    for (int n = 0, i; n < sampler->sensor_count; n++) {
+        sampler->turn = (uint8_t)((sampler->turn + 1) % sampler->sensor_count);
+        struct sampler_pad *pad = pad_in_turn(sampler, &i);
+        if (pad->borrowed || pad->sensors[i].due_us > now_us || sampler->buses[pad->wiring.bus].retry_us > now_us ||
             would_replace_unsent(sampler, &pad->sensors[i], now_us))
             continue;
         turn(sampler, pad, i);
@@ -190,8 +194,10 @@ static void fill(struct sampler *sampler, struct sampler_pad *pad, struct wire_s
 
 bool sampler_take_early(struct sampler *sampler, struct wire_early *early)
 {
-    uint8_t p = sampler->turn / SAMPLER_SENSORS_MAX, i = sampler->turn % SAMPLER_SENSORS_MAX;
-    struct sensor *sensor = &sampler->pads[p].sensors[i];
+    int i;
+    const struct sampler_pad *pad = pad_in_turn(sampler, &i);
+    long p = pad - sampler->pads;
+    struct sensor *sensor = &pad->sensors[i];
     bool unsent = sensor->unsent;
     sensor->unsent = false;
     if (!unsent || !(sampler->early >> p & 1) || sampler->settings.trigger != TRIGGER_FREE)

@@ -36,7 +36,7 @@ static uint8_t channels_under_test(const struct selftest *selftest)
     uint8_t channels = 0;
     for (int i = 0; i < wiring->sensor_count; i++)
         if (selftest->state[i] == SENSOR_OK)
-            channels |= (uint8_t)(1 << wiring->channels[i]);
+            channels |= pad_bus_channel(wiring, i);
     return channels;
 }
 
@@ -82,7 +82,7 @@ static void visit(struct selftest *selftest)
     const struct bus *bus = sampler->buses[pad->wiring.bus].route.bus;
     if (selftest->state[selftest->sensor] != SENSOR_OK)
         return;
-    enum bus_result result = pad_bus_reach(sampler, pad, (uint8_t)(1 << pad->wiring.channels[selftest->sensor]));
+    enum bus_result result = pad_bus_reach(sampler, pad, pad_bus_channel(&pad->wiring, selftest->sensor));
     if (result == BUS_NO_ANSWER)
         selftest->state[selftest->sensor] = SENSOR_MUX_NO_ANSWER;
     if (result == BUS_OK) {
@@ -149,7 +149,7 @@ static void next_stage(struct selftest *selftest)
     }
 }
 
-bool selftest_poll(struct selftest *selftest, struct wire_selftest_sensor results[SAMPLER_SENSORS_MAX])
+bool selftest_poll(struct selftest *selftest, struct wire_selftest_sensor results[PAD_SENSORS_MAX])
 {
     if (!selftest->active || clock_now(selftest->sampler->clock) < selftest->due_us)
         return false;

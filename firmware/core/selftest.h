@@ -17,14 +17,14 @@ struct selftest {
     uint8_t bias;
     uint8_t round;
     uint8_t sensor;
-    uint8_t state[SAMPLER_SENSORS_MAX];
-    int16_t sums[SAMPLER_SENSORS_MAX][SELFTEST_BIASES][3];
+    uint8_t state[PAD_SENSORS_MAX];
+    int16_t sums[PAD_SENSORS_MAX][SELFTEST_BIASES][3];
     uint64_t due_us;
 };
 
 void selftest_start(struct selftest *selftest, struct sampler *sampler, uint8_t pad_index);
 
 // Does one step. True at the end: `results` holds the pad's result, and the sampler polls the pad again.
-bool selftest_poll(struct selftest *selftest, struct wire_selftest_sensor results[SAMPLER_SENSORS_MAX]);
+bool selftest_poll(struct selftest *selftest, struct wire_selftest_sensor results[PAD_SENSORS_MAX]);
 
 #endif

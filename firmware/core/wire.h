@@ -66,7 +66,7 @@ struct wire_sample {
     uint16_t age_us[WIRE_SENSORS_MAX];
 };
 
-enum { WIRE_RUNNING = 1, WIRE_CAN_SEND_EARLY = 2 };
+enum { WIRE_RUNNING = 1, WIRE_CAN_SEND_EARLY = 2, WIRE_CAN_MAKE_PADS = 4 };
 
 struct wire_hello {
     uint8_t firmware_version[3];
@@ -76,7 +76,7 @@ struct wire_hello {
     uint16_t rate_hz;
     uint8_t gain_code;
     uint8_t trigger;
-    uint8_t flags; // WIRE_RUNNING, WIRE_CAN_SEND_EARLY
+    uint8_t flags; // WIRE_RUNNING, ...
     uint8_t pad_count;
     struct {
         uint8_t i2c_port;

@@ -4,11 +4,14 @@
 
 const char *execute_field(struct session *session, const struct words *words, struct place place)
 {
-    double values[FIELD_NUMBERS];
-    for (int i = 0; i < FIELD_NUMBERS; i++)
+    double values[3 * PAD_SENSORS_MAX];
+    int count = 3 * session->emulation.chip_count[place.pad];
+    if (words->count != 2 + count)
+        return "three numbers for each of the pad's sensors are due";
+    for (int i = 0; i < count; i++)
         if (!number(words->word[2 + i], -1e5, 1e5, &values[i]))
             return wrong_number;
-    for (int i = 0; i < FIELD_NUMBERS; i++)
+    for (int i = 0; i < count; i++)
         session->emulation.chips[place.pad][i / 3].field_ut[i % 3] = values[i];
     return NULL;
 }
@@ -18,7 +21,7 @@ const char *execute_temperature(struct session *session, const struct words *wor
     double celsius;
     if (!number(words->word[2], -100, 200, &celsius))
         return wrong_number;
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
+    for (int i = 0; i < session->emulation.chip_count[place.pad]; i++)
         session->emulation.chips[place.pad][i].temperature_c = celsius;
     return NULL;
 }
@@ -28,7 +31,7 @@ const char *execute_noise(struct session *session, const struct words *words, st
     double microtesla;
     if (!number(words->word[2], 0, 1e4, &microtesla))
         return wrong_number;
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
+    for (int i = 0; i < session->emulation.chip_count[place.pad]; i++)
         session->emulation.chips[place.pad][i].noise_ut = microtesla;
     return NULL;
 }

@@ -5,8 +5,6 @@
 #include "commands.h"
 #include "words.h"
 
-enum { FIELD_NUMBERS = 3 * SAMPLER_SENSORS_MAX };
-
 struct place {
     int pad;
     int sensor;

@@ -6,8 +6,9 @@
 #include "chip_commands.h"
 
 const char commands_help[] =
-    "Commands on standard input, one a line; each is answered by `ok` or `error: …`. PAD and SENSOR count from 0.\n"
-    "  field PAD b1x b1y b1z … b4x b4y b4z   field at the sensors, microtesla, sensor axes; holds until changed\n"
+    "Commands on standard input, one a line; each is answered by `ok` or `error: …`. PAD (its mux) and SENSOR\n"
+    "(its channel) count from 0.\n"
+    "  field PAD b1x b1y b1z … b4x b4y b4z   field at the four (--array: eight) sensors, microtesla, sensor axes; holds until changed\n"
     "  temperature PAD CELSIUS\n"
     "  noise PAD MICROTESLA                  standard deviation per axis (0.2 at start)\n"
     "  ppm PAD SENSOR PPM                    how much faster than nominal this chip's clock runs\n"
@@ -17,6 +18,7 @@ const char commands_help[] =
     "  garbage N SEED                        N pseudo-random bytes into the stream, between packets\n"
     "  truncate                              the next packet loses its second half, closing zero included\n"
     "  reset                                 restart the core as a software reset does\n"
+    "  reset-pin                             the same by the reset pin: the board finds its pads anew\n"
     "  frames PAD                            `ok N`: frames made of this pad, those before a reset included\n"
     "  hold on|off                           stop the board's time; after `off` it catches up\n"
     "  time US                               jump the board's time forward\n"
@@ -56,6 +58,13 @@ static const char *reset(struct session *session, const struct words *words, str
 {
     (void)words, (void)place;
     emulation_reset(&session->emulation);
+    return NULL;
+}
+
+static const char *reset_by_pin(struct session *session, const struct words *words, struct place place)
+{
+    (void)words, (void)place;
+    emulation_reset_by_pin(&session->emulation);
     return NULL;
 }
 
@@ -137,11 +146,11 @@ static const char *quit(struct session *session, const struct words *words, stru
 
 static const struct command {
     const char *name;
-    int words;
+    int words; // 0: with a pad, and it counts the others itself
     bool has_pad, has_sensor;
     execute *execute;
 } commands[] = {
-    {"field", 2 + FIELD_NUMBERS, true, false, execute_field},
+    {"field", 0, true, false, execute_field},
     {"temperature", 3, true, false, execute_temperature},
     {"noise", 3, true, false, execute_noise},
     {"ppm", 4, true, true, execute_ppm},
@@ -151,6 +160,7 @@ static const struct command {
     {"garbage", 3, false, false, garbage},
     {"truncate", 1, false, false, cut},
     {"reset", 1, false, false, reset},
+    {"reset-pin", 1, false, false, reset_by_pin},
     {"frames", 2, true, false, frames},
     {"hold", 2, false, false, hold},
     {"time", 2, false, false, jump},
@@ -167,11 +177,12 @@ const char *commands_execute(struct session *session, char *line)
         const struct command *command = &commands[i];
         if (strcmp(words.word[0], command->name) != 0)
             continue;
-        if (words.count != command->words)
+        if (command->words ? words.count != command->words : words.count < 2)
             return "wrong number of words for this command: see --help";
-        if (command->has_pad && (place.pad = small_index(words.word[1], session->emulation.board.pad_count)) < 0)
+        if (command->has_pad && (place.pad = small_index(words.word[1], session->emulation.switch_count)) < 0)
             return wrong_pad;
-        if (command->has_sensor && (place.sensor = small_index(words.word[2], SAMPLER_SENSORS_MAX)) < 0)
+        if (command->has_sensor &&
+            (place.sensor = small_index(words.word[2], session->emulation.chip_count[place.pad])) < 0)
             return wrong_sensor;
         emulation_settle(&session->emulation);
         return command->execute(session, &words, place);

@@ -8,8 +8,8 @@ static const uint8_t i2c_ports[BENCH_BUSES] = {1, 2};
 static const double noise_ut = 0.2; // 2 mG: the data sheet's noise at the highest gain
 
 // Clock errors within the data sheet's ±3 %, one for each chip.
-static const double clock_ppm[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX] = {
-    {8000, -12000, 3000, -5000},
+static const double clock_ppm[SAMPLER_PADS_MAX][PAD_SENSORS_MAX] = {
+    {8000, -12000, 3000, -5000, 13000, -1000, -8000, 4000},
     {-9000, 14000, -2000, 6000},
     {11000, -7000, 1000, -15000},
 };
@@ -25,6 +25,29 @@ static bool send_line(void *context, const uint8_t *line, size_t count)
     return emulation->send(emulation->line_context, line, count);
 }
 
+static void add_chip(struct emulation *emulation, int s)
+{
+    int i = emulation->chip_count[s]++;
+    struct emulated_chip *chip = &emulation->chips[s][i];
+    emulated_chip_init(chip, (uint32_t)(s * PAD_SENSORS_FOUND + i + 1 + (i < PAD_SENSORS_FOUND ? 0 : 8)));
+    chip->noise_ut = noise_ut;
+    chip->ppm = clock_ppm[s][i];
+    emulation->switches[s]->chips[i] = &chip->part;
+}
+
+// As firmware/cortex_m/find_pads.c finds them.
+static void find_pads(struct emulation *emulation)
+{
+    struct pads *pads = &emulation->pads;
+    *pads = (struct pads){.count = 0};
+    for (int s = 0; s < emulation->switch_count; s++) {
+        const struct emulated_switch *sw = emulation->switches[s];
+        for (int first = 0; first < emulation->chip_count[s]; first += PAD_SENSORS_FOUND)
+            pads->found[pads->count++] = (struct pad_wiring){s == 2, sw->address, PAD_SENSORS_FOUND, (uint8_t)first};
+    }
+    pads_seal(pads);
+}
+
 void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_t uid[WIRE_UID_SIZE],
                     bool (*send)(void *line_context, const uint8_t *line, size_t count), void *line_context)
 {
@@ -32,25 +55,19 @@ void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_
     emulation->send = send;
     emulation->line_context = line_context;
     bench_init(&emulation->bench);
-    for (uint8_t p = 0; p < pad_count; p++) {
-        uint8_t bus = p == 2, address = (uint8_t)(p == 1 ? 0x71 : 0x70);
-        emulation->wiring[p] = (struct pad_wiring){bus, address, SAMPLER_SENSORS_MAX, {0, 1, 2, 3}};
-        emulation->switches[p] = bench_add_switch(&emulation->bench, bus, address);
-        for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
-            struct emulated_chip *chip = &emulation->chips[p][i];
-            emulated_chip_init(chip, (uint32_t)(p * SAMPLER_SENSORS_MAX + i + 1));
-            chip->noise_ut = noise_ut;
-            chip->ppm = clock_ppm[p][i];
-            emulation->switches[p]->chips[i] = &chip->part;
-        }
+    emulation->switch_count = pad_count;
+    for (int s = 0; s < pad_count; s++) {
+        emulation->switches[s] = bench_add_switch(&emulation->bench, s == 2, (uint8_t)(s == 1 ? 0x71 : 0x70));
+        for (int i = 0; i < PAD_SENSORS_FOUND; i++)
+            add_chip(emulation, s);
     }
+    find_pads(emulation);
     emulated_converter_init(&emulation->converter, &emulation->bench);
     emulation->board = (struct board){
         .buses = emulation->bench.buses,
         .bus_count = BENCH_BUSES,
         .i2c_ports = i2c_ports,
-        .pads = emulation->wiring,
-        .pad_count = pad_count,
+        .pads = &emulation->pads,
         .load_cell = &emulation->converter.pins,
         .reset_cause = RESET_POWER_ON,
         .clock_source = CLOCK_HOST,
@@ -62,14 +79,33 @@ void emulation_init(struct emulation *emulation, uint8_t pad_count, const uint8_
     device_init(&emulation->device, &emulation->board);
 }
 
-void emulation_reset(struct emulation *emulation)
+static void reset(struct emulation *emulation, enum reset_cause cause)
 {
     for (int p = 0; p < SAMPLER_PADS_MAX; p++)
         emulation->frames_before_reset[p] += emulation->device.sampler.pads[p].sequence;
     emulation->bench.reset_ns = emulation->bench.now_ns;
     emulation->bench.counter_at_reset = 0;
-    emulation->board.reset_cause = RESET_SOFTWARE;
+    emulation->board.reset_cause = (uint8_t)cause;
     device_init(&emulation->device, &emulation->board);
+}
+
+void emulation_reset(struct emulation *emulation)
+{
+    reset(emulation, RESET_SOFTWARE);
+}
+
+void emulation_reset_by_pin(struct emulation *emulation)
+{
+    find_pads(emulation);
+    reset(emulation, RESET_PIN);
+}
+
+void emulation_fill_switch(struct emulation *emulation)
+{
+    while (emulation->chip_count[0] < PAD_SENSORS_MAX)
+        add_chip(emulation, 0);
+    find_pads(emulation);
+    reset(emulation, RESET_POWER_ON);
 }
 
 void emulation_run_until(struct emulation *emulation, uint64_t virtual_ns)
@@ -91,7 +127,7 @@ void emulation_jump(struct emulation *emulation, uint64_t us)
 
 void emulation_settle(struct emulation *emulation)
 {
-    for (int p = 0; p < emulation->board.pad_count; p++)
-        for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
-            emulated_chip_advance(&emulation->chips[p][i], emulation->bench.now_ns);
+    for (int s = 0; s < emulation->switch_count; s++)
+        for (int i = 0; i < emulation->chip_count[s]; i++)
+            emulated_chip_advance(&emulation->chips[s][i], emulation->bench.now_ns);
 }

@@ -20,9 +20,11 @@ enum { SECOND_NS = 1000000000 };
 static const uint64_t LONGEST_DEBT_NS = 10ULL * SECOND_NS;
 
 static const char usage[] =
-    "usage: fmfts-host [--pads N] [--uid HEX24] [--link PATH] [--speed FACTOR | --stepped]\n"
+    "usage: fmfts-host [--pads N] [--array] [--uid HEX24] [--link PATH] [--speed FACTOR | --stepped]\n"
     "Streams an emulated board on a pty, whose path it prints, until standard input closes or SIGTERM comes.\n"
     "  --pads N        pads on the board, 1 to 3 (1)\n"
+    "  --array         the first pad has eight chips, on all channels of its mux; then at most 2 pads. The board finds\n"
+    "                  two pads of four there, until a host asks for one of eight (docs/wire.md, hello)\n"
     "  --uid HEX24     the board's 96-bit id (686f73740000000000000001)\n"
     "  --link PATH     make PATH a symbolic link to the pty, and remove it at the end\n"
     "  --speed FACTOR  board seconds per second, 0.01 to 20 (1)\n"
@@ -30,6 +32,7 @@ static const char usage[] =
 
 struct options {
     uint8_t pads;
+    bool array;
     uint8_t uid[WIRE_UID_SIZE];
     const char *link;
     double speed;
@@ -80,8 +83,8 @@ static struct options parse_options(int count, char **words)
     static const struct option known[] = {
         {"pads", required_argument, NULL, 'p'},  {"uid", required_argument, NULL, 'u'},
         {"link", required_argument, NULL, 'l'},  {"speed", required_argument, NULL, 's'},
-        {"stepped", no_argument, NULL, 'S'},     {"help", no_argument, NULL, 'h'},
-        {NULL, 0, NULL, 0},
+        {"stepped", no_argument, NULL, 'S'},     {"array", no_argument, NULL, 'a'},
+        {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
     };
     struct options options = {.pads = 1, .uid = {'h', 'o', 's', 't', [11] = 1}, .speed = 1.0};
     for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
@@ -95,11 +98,15 @@ static struct options parse_options(int count, char **words)
             options.speed = parse_number("speed", optarg, 0.01, 20, "a factor from 0.01 to 20");
         else if (option == 'S')
             options.stepped = true;
+        else if (option == 'a')
+            options.array = true;
         else {
             fprintf(option == 'h' ? stdout : stderr, "%s%s", usage, option == 'h' ? commands_help : "");
             exit(option == 'h' ? 0 : 2);
         }
     }
+    if (options.array && options.pads > 2)
+        refuse("pads", "3", "1 or 2 beside --array: a board keeps twelve sensors");
     if (optind < count)
         refuse("", words[optind], "no further words");
     return options;
@@ -225,6 +232,8 @@ int main(int count, char **words)
         return 1;
     }
     emulation_init(&session.emulation, options.pads, options.uid, line_send, &session.line);
+    if (options.array)
+        emulation_fill_switch(&session.emulation);
     session.stepped = options.stepped;
     say("pty: ", session.line.path);
     stream(&session, options.speed);

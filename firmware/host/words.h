@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-enum { WORDS_MAX = 16 };
+enum { WORDS_MAX = 32 };
 
 struct words {
     char *word[WORDS_MAX];

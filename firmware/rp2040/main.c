@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "../core/device.h"
-#include "../cortex_m/pads.h"
+#include "../cortex_m/find_pads.h"
 #include "board_id.h"
 #include "host_link.h"
 #include "i2c.h"
@@ -114,13 +114,12 @@ static void start_board(void)
     for (int i = 0; i < PORTS; i++)
         usable[i] = i2c_start(&ports[i], &buses[i]) == BUS_OK;
     bool remembered = cause == RESET_INDEPENDENT_WATCHDOG || cause == RESET_SOFTWARE;
-    const struct pads *pads = pads_find(buses, usable, PORTS, remembered);
+    struct pads *pads = find_pads(buses, usable, PORTS, remembered);
     board = (struct board){
         .buses = buses,
         .bus_count = PORTS,
         .i2c_ports = port_numbers,
-        .pads = pads->wiring,
-        .pad_count = pads->count,
+        .pads = pads,
         .load_cell = load_cell_pins_start(),
         .reset_cause = (uint8_t)cause,
         .clock_source = CLOCK_HSE,

@@ -7,7 +7,7 @@
 #include "gpio.h"
 #include "i2c.h"
 #include "load_cell_pins.h"
-#include "../cortex_m/pads.h"
+#include "../cortex_m/find_pads.h"
 #include "registers.h"
 #include "serial.h"
 #include "timer.h"
@@ -62,7 +62,7 @@ static void start_watchdog(void)
     IWDG->KR = WATCHDOG_FEED;
 }
 
-static const struct pads *start_buses(uint8_t apb1_mhz, enum reset_cause cause)
+static struct pads *start_buses(uint8_t apb1_mhz, enum reset_cause cause)
 {
     bool usable[PORTS];
     RCC->APB1ENR |= RCC_APB1ENR_I2C1EN | RCC_APB1ENR_I2C2EN;
@@ -74,7 +74,7 @@ static const struct pads *start_buses(uint8_t apb1_mhz, enum reset_cause cause)
         usable[i] = i2c_start(&ports[i], &buses[i]) == BUS_OK;
     }
     bool remembered = cause == RESET_INDEPENDENT_WATCHDOG || cause == RESET_SOFTWARE;
-    return pads_find(buses, usable, PORTS, remembered);
+    return find_pads(buses, usable, PORTS, remembered);
 }
 
 static void start_board(void)
@@ -84,13 +84,12 @@ static void start_board(void)
     struct clocks clocks = clocks_start();
     RCC->APB2ENR |= RCC_APB2ENR_IOPAEN | RCC_APB2ENR_IOPBEN | RCC_APB2ENR_USART1EN;
     serial_start(clocks.core_mhz);
-    const struct pads *pads = start_buses(clocks.apb1_mhz, cause);
+    struct pads *pads = start_buses(clocks.apb1_mhz, cause);
     board = (struct board){
         .buses = buses,
         .bus_count = PORTS,
         .i2c_ports = port_numbers,
-        .pads = pads->wiring,
-        .pad_count = pads->count,
+        .pads = pads,
         .load_cell = load_cell_pins_start(),
         .reset_cause = (uint8_t)cause,
         .clock_source = clocks.source,

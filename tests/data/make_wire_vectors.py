@@ -56,6 +56,7 @@ def sample(v):
 def hello(v):
     body = bytes(v["firmware_version"]) + u(v["reset_cause"], 1) + u(v["clock"], 1) + bytes(v["uid"])
     settings = v["gain_code"] + 8 * v["trigger"] + 16 * v["running"] + 32 * v["can_send_early"]
+    settings += 64 * v["can_make_pads"]
     body += u(v["rate_hz"], 2) + u(settings, 1) + u(v["pad_count"], 1)
     sensor = 0
     for pad in range(v["pad_count"]):
@@ -140,6 +141,7 @@ def make_hello(**fields):
     base |= {
         "running": 1,
         "can_send_early": 0,
+        "can_make_pads": 0,
         "pad_count": 1,
         "i2c_port": [1],
         "mux_address": [0x70],
@@ -242,6 +244,18 @@ VECTORS = {
             "negative": [-452, -454, -421, -450, -460, -418, -470, -464, -425, -441, -450, -420],
         },
     ),
+    "selftest_of_eight": (
+        "selftest",
+        {
+            "request_id": 10,
+            "pad_index": 1,
+            "sensor_count": 8,
+            "gain_code": 5,
+            "state": [0, 0, 0, 0, 0, 0, 1, 0],
+            "positive": [452, 455, 421] * 6 + [0, 0, 0] + [449, 460, 418],
+            "negative": [-452, -454, -421] * 6 + [0, 0, 0] + [-450, -460, -418],
+        },
+    ),
     "selftest_failures": (
         "selftest",
         {
@@ -258,10 +272,23 @@ VECTORS = {
     "load_least": ("load", {"sequence": 0xFFFFFFFF, "time_us": 2**48 - 1, "counts": -(2**23)}),
     "load_most": ("load", {"sequence": 0, "time_us": 0, "counts": 2**23 - 1}),
     "hello_that_can_send_early": make_hello(can_send_early=1, trigger=1, gain_code=7),
+    "hello_pad_of_eight_beside_one_of_four": make_hello(
+        can_send_early=1,
+        can_make_pads=1,
+        pad_count=2,
+        i2c_port=[1, 1],
+        mux_address=[0x70, 0x71],
+        sensor_count=[8, 4],
+        channel=[*range(8), *range(4)],
+        state=[0] * 6 + [1] + [0] * 5,
+        identification=H43 * 6 + [0] * 3 + H43 * 5,
+    ),
     "early": make_early(sensor=2, time_us=1_000_123, counts=[-112, 35, 901]),
     "early_all_zero": make_early(gain_code=0),
     "early_extremes": make_early(pad_index=15, sensor=7, gain_code=7, time_us=2**48 - 1, counts=[32767, -32768, -4096]),
     "request_hello": make_request(8, 1, 255, 0),
+    "request_pads_of_eight_and_four": make_request(8, 1, 255, 0x48),
+    "request_three_pads_of_four": make_request(8, 1, 255, 0x444),
     "request_range": make_request(9, 2, 255, 3),
     "request_rate": make_request(10, 3, 255, 220),
     "request_trigger": make_request(11, 4, 255, 1),

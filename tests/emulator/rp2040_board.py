@@ -32,7 +32,7 @@ class Rp2040Board:
         self.sent = bytearray()
         self.over_usb: list[bytes] = []
         self.found: dict[str, Any] = {}
-        self.chips = [make(number, lambda: self.now_s) for number in range(4)]
+        self.chips = [make(number, lambda: self.now_s) for number in range(4 if channels is None else len(channels))]
         self.mux = Tca9548a(0x70, dict(zip(channels or (), self.chips, strict=False)))
         self.buses = [Bus([], self.chips) if channels is None else Bus([self.mux]), Bus([])]
         self.complaints: list[str] = []

@@ -78,6 +78,23 @@ def test_init_says_where_chips_are_when_they_are_not_four() -> None:
     assert of_one.startswith("pad2: 1 chip found (mux 0x70, channels 4)")
 
 
+def test_init_says_which_pads_may_be_two_halves_of_one() -> None:
+    halves = [
+        {"i2c_port": 1, "mux_address": mux, "channels": channels, "identification": ["48 34 33"] * 4}
+        for mux, channels in ((0x70, [0, 1, 2, 3]), (0x70, [4, 5, 6, 7]), (0x71, [0, 1, 2, 3]))
+    ]
+    lower, upper, other = map(unusual, init_config._pads_of({"uid": UID, "pads": halves}, "/dev/ttyACM0"))
+    assert (lower, other) == (None, None)
+    assert upper is not None
+    assert upper.startswith("pad1 and pad2 are behind one mux. Where their eight sensors are one pad")
+    eight = {"i2c_port": 1, "mux_address": 0x70, "channels": list(range(8)), "identification": ["48 34 33"] * 8}
+    (found,) = map(unusual, init_config._pads_of({"uid": UID, "pads": [eight]}, "/dev/ttyACM0"))
+    assert found is not None
+    assert found.startswith(
+        "left: 8 chips found (mux 0x70, channels 0, 1, 2, 3, 4, 5, 6, 7), as the second standard pad"
+    )
+
+
 def test_init_leaves_out_what_the_daemon_does_not_read(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

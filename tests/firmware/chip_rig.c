@@ -4,12 +4,13 @@
 
 #include "harness.h"
 
-union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
+union any_chip others[SAMPLER_PADS_MAX][PAD_SENSORS_MAX];
 
-const double chip_field_gauss[SAMPLER_SENSORS_MAX][3] = {
+const double chip_field_gauss[PAD_SENSORS_MAX][3] = {
     {0.75, -1.5, 0.3}, {-0.25, 0.5, -1.0}, {1.25, 0.125, 0.75}, {-1.5, -0.75, 1.5},
+    {0.5, 1.0, -0.25}, {-1.0, 0.25, 0.5},  {0.125, -0.5, 1.0},  {1.5, 0.75, -0.75},
 };
-static const double clock_ppm[SAMPLER_SENSORS_MAX] = {-30000, 8000, -12000, 30000};
+static const double clock_ppm[PAD_SENSORS_MAX] = {-30000, 8000, -12000, 30000, 15000, -20000, 4000, -30000};
 
 static void init_mmc5983ma(union any_chip *chip, uint32_t seed)
 {
@@ -88,19 +89,30 @@ const struct promised lis3mdl = {
     .raw_per_kelvin = 8,
 };
 
+static void put(const struct promised *kind, int p, int i)
+{
+    union any_chip *chip = &others[p][i];
+    kind->init(chip, (uint32_t)(p * PAD_SENSORS_FOUND + i + 1));
+    chip->common.ppm = clock_ppm[i];
+    for (int axis = 0; axis < 3; axis++)
+        chip->common.field_gauss[axis] = chip_field_gauss[i][axis];
+    rig.emulation.switches[p]->chips[i] = &chip->common.part;
+}
+
 void chip_rig_begin(const struct promised *kind, uint8_t pads)
 {
     rig_begin(pads);
     for (int p = 0; p < pads; p++) {
-        for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
-            union any_chip *chip = &others[p][i];
-            kind->init(chip, (uint32_t)(p * SAMPLER_SENSORS_MAX + i + 1));
-            chip->common.ppm = clock_ppm[i];
-            for (int axis = 0; axis < 3; axis++)
-                chip->common.field_gauss[axis] = chip_field_gauss[i][axis];
-            rig.emulation.switches[p]->chips[i] = &chip->common.part;
-        }
+        for (int i = 0; i < PAD_SENSORS_FOUND; i++)
+            put(kind, p, i);
     }
+}
+
+void chip_rig_fill_switch(const struct promised *kind)
+{
+    emulation_fill_switch(&rig.emulation);
+    for (int i = PAD_SENSORS_FOUND; i < PAD_SENSORS_MAX; i++)
+        put(kind, 0, i);
 }
 
 void chip_rig_begin_streaming(const struct promised *kind, uint16_t gain_code, uint16_t rate_hz)
@@ -115,7 +127,7 @@ void chip_rig_begin_streaming(const struct promised *kind, uint16_t gain_code, u
 
 void chip_rig_settle(void)
 {
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++)
+    for (int i = 0; i < PAD_SENSORS_FOUND; i++)
         magnetometer_advance(&others[0][i].common.part, rig.emulation.bench.now_ns);
 }
 

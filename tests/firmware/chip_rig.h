@@ -35,13 +35,15 @@ struct promised {
 };
 
 extern const struct promised qmc5883l, mmc5983ma, mlx90393, lis3mdl;
-extern union any_chip others[SAMPLER_PADS_MAX][SAMPLER_SENSORS_MAX];
-extern const double chip_field_gauss[SAMPLER_SENSORS_MAX][3];
+extern union any_chip others[SAMPLER_PADS_MAX][PAD_SENSORS_MAX];
+extern const double chip_field_gauss[PAD_SENSORS_MAX][3];
 
 // Starts a board with four of these on each pad. Sensor i sees chip_field_gauss[i], without noise; clocks are off by up
 // to 3 %.
 void chip_rig_begin(const struct promised *kind, uint8_t pads);
-// The same, with this gain code and rate, streaming; its packets are forgotten.
+// Then puts such chips on the first switch's other channels, too, and resets the board as at power-on.
+void chip_rig_fill_switch(const struct promised *kind);
+// chip_rig_begin of one pad, with this gain code and rate, streaming; its packets are forgotten.
 void chip_rig_begin_streaming(const struct promised *kind, uint16_t gain_code, uint16_t rate_hz);
 void chip_rig_set_field(int sensor, double x, double y, double z);
 void chip_rig_settle(void); // what the chips convert from now on sees the field of now

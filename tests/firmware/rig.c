@@ -33,7 +33,7 @@ void rig_begin(uint8_t pads)
     rig.line_full = false;
     emulation_init(&rig.emulation, pads, uid, keep, NULL);
     for (int p = 0; p < pads; p++) {
-        for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
+        for (int i = 0; i < PAD_SENSORS_FOUND; i++) {
             struct emulated_chip *chip = &rig.emulation.chips[p][i];
             chip->noise_ut = 0;
             for (int axis = 0; axis < 3; axis++)
@@ -148,9 +148,14 @@ struct sample_view rig_sample(const uint8_t *packet)
 
 static const uint8_t *last_status(int pad)
 {
-    for (int i = rig.count - 1; i >= 0; i--)
-        if (rig.packets[i].bytes[0] == (WIRE_VERSION << 4 | WIRE_STATUS))
-            return rig.packets[i].bytes + 16 + 17 * pad;
+    for (int i = rig.count - 1; i >= 0; i--) {
+        const uint8_t *at = rig.packets[i].bytes + 16;
+        if (rig.packets[i].bytes[0] != (WIRE_VERSION << 4 | WIRE_STATUS))
+            continue;
+        for (int p = 0; p < pad; p++)
+            at += 13 + at[12];
+        return at;
+    }
     harness_fail(__FILE__, __LINE__, "no status came");
 }
 

@@ -8,7 +8,7 @@ line carries, and the clocks that free a bus, are not tried here. The USB contro
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ from fmfts.sensor.wire.packets import (
 
 pytestmark = pytest.mark.needs("arm-none-eabi-gcc", "node")
 LIBRARY = Path(os.environ.get("RP2040JS") or FIRMWARE.parent / ".venv/node_modules/rp2040js") / "dist/cjs/index.js"
-FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(4)]
+FIELDS_GAUSS = [(0.1 * (n + 1), -0.05 * (n + 1), 0.3) for n in range(8)]
 KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
     "hmc5983": (Hmc5983, 3, 220),
     "mmc5983ma": (Mmc5983ma, 0, 200),
@@ -51,11 +51,11 @@ KINDS: dict[str, tuple[type[Any], int, int]] = {  # gain code and rate
 class Stream:
     """A board and what it has said."""
 
-    def __init__(self, kind: str = "hmc5983") -> None:
+    def __init__(self, kind: str = "hmc5983", channels: Sequence[int] = range(4)) -> None:
         make("rp2040")
         self.decoder, self.packets = Decoder(), list[Packet]()
         self.board = Rp2040Board(
-            LIBRARY, FIRMWARE / "build/fmfts-rp2040.bin", lambda n, time_s: self._made(kind, n, time_s)
+            LIBRARY, FIRMWARE / "build/fmfts-rp2040.bin", lambda n, time_s: self._made(kind, n, time_s), channels
         )
 
     @staticmethod
@@ -101,8 +101,8 @@ class Stream:
 def opened() -> Iterator[Callable[[str], Stream]]:
     streams: list[Stream] = []
 
-    def open_stream(kind: str = "hmc5983") -> Stream:
-        streams.append(Stream(kind))
+    def open_stream(kind: str = "hmc5983", channels: Sequence[int] = range(4)) -> Stream:
+        streams.append(Stream(kind, channels))
         return streams[-1]
 
     yield open_stream
@@ -124,6 +124,24 @@ def test_it_boots_says_who_is_there_and_streams_every_frame(opened: Callable[...
     assert abs(stream.board.baud / 460_800 - 1) < 0.001
     assert (stream.decoder.crc_errors, stream.decoder.garbage_bytes, stream.board.mux.conflicts) == (0, 0, 0)
     assert stream.board.now_s == pytest.approx(samples[-1].time_us * 1e-6, abs=0.02)
+
+
+def test_eight_sensors_become_one_pad_and_stay_one_when_the_watchdog_bites(opened: Callable[..., Stream]) -> None:
+    stream = opened(channels=range(8))
+    stream.run(0.4)
+    assert [len(pad.sensors) for pad in stream.latest(Hello).pads] == [4, 4]
+    assert stream.ask(Verb.HELLO, 8) == 0
+    stream.run(0.3)
+    assert [len(pad.sensors) for pad in stream.latest(Hello).pads] == [8]
+    samples = stream.samples(1.0)
+    assert abs(len(samples) - 220) <= 1
+    assert all(sample.valid == 0xFF for sample in samples)
+    counts = np.mean([sample.counts for sample in samples], axis=0) / 660
+    assert counts == pytest.approx(np.array(FIELDS_GAUSS), abs=0.002)
+    stream.board.hang()
+    stream.packets.clear()
+    stream.run(0.6)
+    assert [len(pad.sensors) for pad in stream.latest(Hello).pads] == [8]
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "hmc5983"])

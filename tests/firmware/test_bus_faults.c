@@ -54,7 +54,7 @@ TEST(switch_that_browns_out_is_selected_again)
 TEST(switch_that_shows_another_sensor_is_set_right)
 {
     rig_begin(1);
-    rig.emulation.wiring[0].sensor_count = 1; // the channel is never changed, so only the read-back can notice
+    rig.emulation.pads.wanted = 1; // the channel is never changed, so only the read-back can notice
     device_init(&rig.emulation.device, &rig.emulation.board);
     rig_run_ms(500);
     struct emulated_switch *sw = rig.emulation.switches[0];

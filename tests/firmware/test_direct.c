@@ -12,8 +12,8 @@ static void begin(void)
     rig_begin(2);
     struct emulation *emulation = &rig.emulation;
     bench_plug_switch(emulation->switches[DIRECT], false);
-    emulation->wiring[DIRECT] = (struct pad_wiring){0, TCA9548A_NONE, SAMPLER_SENSORS_MAX, {12, 13, 14, 15}};
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
+    emulation->pads.found[DIRECT] = (struct pad_wiring){0, TCA9548A_NONE, PAD_SENSORS_FOUND, FIRST_ADDRESS};
+    for (int i = 0; i < PAD_SENSORS_FOUND; i++) {
         union any_chip *chip = &others[DIRECT][i];
         emulated_mlx90393_init(&chip->mlx90393, (uint8_t)(FIRST_ADDRESS + i), (uint32_t)(i + 1));
         memcpy(chip->common.field_gauss, chip_field_gauss[i], sizeof chip_field_gauss[i]);
@@ -51,9 +51,9 @@ TEST(pad_without_a_mux_tells_its_sensors_by_their_addresses)
     rig_run_ms(250);
     const uint8_t *hello = rig_next(WIRE_HELLO) + 22;
     CHECK_EQUAL(hello[1], 0x70);
-    hello += 3 + 5 * SAMPLER_SENSORS_MAX;
+    hello += 3 + 5 * PAD_SENSORS_FOUND;
     CHECK_EQUAL(hello[1], 0);
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
+    for (int i = 0; i < PAD_SENSORS_FOUND; i++) {
         CHECK_EQUAL(hello[3 + 5 * i], FIRST_ADDRESS + i);
         CHECK_EQUAL(hello[3 + 5 * i + 1], SENSOR_OK);
     }

@@ -8,7 +8,7 @@
 enum { NUMBERS = 4000, STEP = 2 };
 
 static uint64_t (*own_convert)(struct emulated_magnetometer *chip);
-static uint64_t ended_ns[SAMPLER_SENSORS_MAX][NUMBERS];
+static uint64_t ended_ns[PAD_SENSORS_FOUND][NUMBERS];
 
 static uint64_t convert_numbered(struct emulated_magnetometer *chip)
 {
@@ -34,7 +34,7 @@ static void begin_numbered(int frames_hz, bool holds_outputs)
 {
     chip_rig_begin(&mmc5983ma, 1);
     own_convert = others[0][0].common.convert;
-    for (int i = 0; i < SAMPLER_SENSORS_MAX; i++) {
+    for (int i = 0; i < PAD_SENSORS_FOUND; i++) {
         others[0][i].common.convert = convert_numbered;
         others[0][i].mmc5983ma.holds_outputs = holds_outputs;
     }
@@ -47,7 +47,7 @@ static void begin_numbered(int frames_hz, bool holds_outputs)
 }
 
 // How far the sample's time is from the end of its measurement, in µs.
-static double check_sample(const uint8_t *packet, int last[SAMPLER_SENSORS_MAX])
+static double check_sample(const uint8_t *packet, int last[PAD_SENSORS_FOUND])
 {
     int sensor = packet[1] >> 4 & 7;
     uint64_t time_us = 0;
@@ -64,10 +64,10 @@ static double check_sample(const uint8_t *packet, int last[SAMPLER_SENSORS_MAX])
 
 static void check_stream(int chips, int frames_hz, double period_us, bool holds_outputs)
 {
-    int last[SAMPLER_SENSORS_MAX] = {0}, samples = 0, frames = 0, fresh = 0;
+    int last[PAD_SENSORS_FOUND] = {0}, samples = 0, frames = 0, fresh = 0;
     double sum_us = 0;
     begin_numbered(frames_hz, holds_outputs);
-    for (int i = chips; i < SAMPLER_SENSORS_MAX; i++)
+    for (int i = chips; i < PAD_SENSORS_FOUND; i++)
         bench_plug_part(&others[0][i].common.part, false);
     rig_run_ms(300);
     rig_forget();
@@ -92,7 +92,7 @@ static void check_stream(int chips, int frames_hz, double period_us, bool holds_
 TEST(mmc5983ma_gives_no_measurement_twice_and_mixes_no_two)
 {
     for (int holds_outputs = 0; holds_outputs < 2; holds_outputs++) {
-        for (int chips = 1; chips <= SAMPLER_SENSORS_MAX; chips++) {
+        for (int chips = 1; chips <= PAD_SENSORS_FOUND; chips++) {
             check_stream(chips, 220, 1000 / 0.97, holds_outputs);
             check_stream(chips, 150, 500, holds_outputs);
         }

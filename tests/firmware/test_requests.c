@@ -53,7 +53,7 @@ TEST(arguments_out_of_range_change_nothing)
     rig_ask(WIRE_REQUEST_HELLO, 9, 255, 0);
     const uint8_t *hello = rig_next(WIRE_HELLO);
     CHECK_EQUAL(hello[18], 220);
-    CHECK_EQUAL(hello[20], 0x33);
+    CHECK_EQUAL(hello[20], 0x73);
 }
 
 TEST(pads_that_do_not_exist_are_refused)

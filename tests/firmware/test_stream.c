@@ -28,7 +28,7 @@ TEST(hello_and_status_come_before_the_first_sample)
     CHECK_EQUAL(hello[6], 1);
     CHECK_EQUAL(hello[17], 12);
     CHECK_EQUAL(hello[18], 220);
-    CHECK_EQUAL(hello[20], 0x33);
+    CHECK_EQUAL(hello[20], 0x73);
     CHECK_EQUAL(hello[21], 3);
     CHECK(memcmp(hello + 22, "\x01\x70\x04\x00\x00H43", 8) == 0);
     CHECK(memcmp(hello + 22 + 46, "\x02\x70\x04\x00\x00H43", 8) == 0);
@@ -250,8 +250,8 @@ TEST(three_pads_on_one_bus_keep_220_frames_a_second)
     struct emulated_switch *third = bench_add_switch(&e->bench, 0, 0x72);
     for (int i = 0; i < 4; i++)
         third->chips[i] = &e->chips[2][i].part;
-    e->wiring[2].bus = 0;
-    e->wiring[2].mux_address = 0x72;
+    e->pads.found[2].bus = 0;
+    e->pads.found[2].mux_address = 0x72;
     device_init(&e->device, &e->board);
     rig_run_ms(500);
     rig_forget();

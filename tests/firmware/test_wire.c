@@ -33,7 +33,8 @@ static size_t encode_hello(const struct vector *v, uint8_t *line)
         .rate_hz = (uint16_t)vector_get(v, "rate_hz"),
         .gain_code = (uint8_t)vector_get(v, "gain_code"),
         .trigger = (uint8_t)vector_get(v, "trigger"),
-        .flags = (uint8_t)(vector_get(v, "running") | vector_get(v, "can_send_early") << 1),
+        .flags = (uint8_t)(vector_get(v, "running") | vector_get(v, "can_send_early") << 1 |
+                           vector_get(v, "can_make_pads") << 2),
         .pad_count = (uint8_t)vector_get(v, "pad_count"),
     };
     for (int i = 0; i < 3; i++)

@@ -33,6 +33,10 @@ TWO_MUXES = (
 )
 
 
+def sensors(count: int) -> str:
+    return f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 2 * count, 2)]}\n"
+
+
 def write(folder: Path, text: str) -> Path:
     file = folder / "config.toml"
     file.write_text(text)
@@ -195,7 +199,9 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [-8, -8, 0]]", "at least 3 sensors are needed: with two, a diagonal pair is singular"),
         (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 34, 2)]}", "at most 16 sensors"),
-        (BRIDGE + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 10, 2)]}", 'the firmware of a board makes pads of 4 sensors: type = "i2c" reads more on a bus of this computer'),
+        (BRIDGE + sensors(9), 'a board makes pads of at most 8 sensors: type = "i2c" reads more on a bus of this computer'),
+        (BRIDGE + sensors(8) + BRIDGE.replace('"b"', '"c"') + "pad_index = 1\n" + sensors(5), "pad 'c' (second [[pad]]): source.pad_index = 1: with it, the pads of its board have 8, 5 sensors by their pad_index (one that is not configured has 4): at most 12 on a board"),
+        (BRIDGE + "pad_index = 2\n" + sensors(8), "source.pad_index = 2: with it, the pads of its board have 4, 4, 8 sensors"),
         (I2C + "channels = []\nmux_addresses = [0x70, 0x70, 0x71, 0x71]", "source.mux_addresses = [112, 112, 113, 113]: without a mux leave it out"),
         (I2C + "mux_addresses = [0x70, 0x71]", "source.mux_addresses = [112, 113]: one mux for each of the 4 sensors"),
         (I2C + "mux_addresses = [0x70, 0x70, 0x71, 0x78]", "source.mux_addresses, sensor 4 = 120: a TCA9548A is at 0x70 to 0x77"),
@@ -218,6 +224,10 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "clock_hz = 100000", 'source.rate_hz: at most 165: more than bus 1 can carry, 4 sensors with trigger = "free" and clock_hz = 100000'),
         (I2C + 'trigger = "simultaneous"\nrate_hz = 128', "source.rate_hz = 128: at most 127: more than bus 1 can carry, 4 sensors"),
         (BRIDGE + 'trigger = "simultaneous"\nrate_hz = 153', 'source.rate_hz = 153: at most 152 with trigger = "simultaneous" over a bridge'),
+        *(
+            (BRIDGE + f'chip = "{chip}"\nrange_gauss = {gauss}\ntrigger = "simultaneous"\nrate_hz = {most + 1}\n' + sensors(8), f'at most {most} with trigger = "simultaneous" and 8 sensors on the board')
+            for chip, gauss, most in (("mmc5983ma", 8, 130), ("mlx90393", 132, 117), ("lis3mdl", 4, 79))
+        ),
         (PAD + 'publish = "sample"', 'source.publish = \'sample\': only a "bridge" or "i2c" gives samples as they come'),
         (BRIDGE + 'publish = "sample"\ntrigger = "simultaneous"\nrate_hz = 150', "source.publish = 'sample': chips of one trigger have their samples at once"),
         ('[bus]\nendpoint = "tcp://0.0.0.0:5570"\n' + PAD, "bus.endpoint = 'tcp://0.0.0.0:5570': other machines are let in with keys alone"),
@@ -249,6 +259,10 @@ def test_what_cannot_be_is_refused_with_the_reason(tmp_path: Path, text: str, ex
         PAD + "[pad.magnet]\nrest_mm = [8, 8, 2]",
         BRIDGE + 'uid = "0123456789abcdefABCDEF01"',
         BRIDGE + BRIDGE.replace('"b"', '"c"') + "pad_index = 1",
+        BRIDGE + sensors(8) + BRIDGE.replace('"b"', '"c"') + "pad_index = 1",
+        BRIDGE + "pad_index = 1\n" + sensors(8),
+        BRIDGE + 'trigger = "simultaneous"\nrate_hz = 152\n' + sensors(8),
+        BRIDGE + 'chip = "mmc5983ma"\nrange_gauss = 8\ntrigger = "simultaneous"\nrate_hz = 130\n' + sensors(8),
         I2C + I2C.replace('"i"', '"j"') + "channels = [4, 5, 6, 7]",
         "\ufeff" + PAD,
     ],

@@ -20,7 +20,7 @@ from fmfts.config import BridgeSource
 from fmfts.pipeline.fast.compiled import NUMBERS
 from fmfts.pipeline.fast.template import INTEGERS
 from fmfts.sensor.chips import CHIPS, HMC5983, Chip, ChipName
-from fmfts.sensor.chips.rates import BRIDGE_HZ, highest_rate_hz
+from fmfts.sensor.chips.rates import BOARD_READ_US, BRIDGE_HZ, highest_rate_hz
 from fmfts.sensor.frame import AGE_UNKNOWN_US, READING_BYTES
 from fmfts.sensor.wire import codec, packets
 from fmfts.sensor.wire.framing import MAX_LINE_BYTES
@@ -166,11 +166,17 @@ def _words(enumerators: str) -> list[str]:
 
 
 def test_no_program_holds_more_than_the_wire_carries() -> None:
-    sampler = (CORE / "pad_bus.h").read_text()
-    assert constants(CORE / "pad_bus.h")["SAMPLER_SENSORS_MAX"] == packets.FIRMWARE_SENSORS <= packets.BOARD_SENSORS
+    sampler, pads = (CORE / "pad_bus.h").read_text(), (CORE / "pads.h").read_text()
+    assert constants(CORE / "pads.h")["PAD_SENSORS_FOUND"] == packets.FOUND_SENSORS
+    assert "PAD_SENSORS_MAX = WIRE_SENSORS_MAX" in pads
+    assert "PADS_SENSORS_MAX = WIRE_PADS_MAX * PAD_SENSORS_FOUND" in pads
+    assert packets.MAX_PADS * packets.FOUND_SENSORS == packets.ALL_BOARD_SENSORS
     assert "SAMPLER_PADS_MAX = WIRE_PADS_MAX" in sampler
+    assert "SAMPLER_SENSORS_MAX = PADS_SENSORS_MAX" in sampler
+    assert packets.BOARD_SENSORS < 1 << packets.COUNT_BITS
     assert packets.BOARD_SENSORS + 1 == packets.MORE_SENSORS < 16, "four bits hold it"
     assert constants(CORE / "sampler.h")["RATE_MAX_HZ"] == BRIDGE_HZ
+    assert constants(CORE / "sampler.c")["READ_US"] == BOARD_READ_US
 
 
 def test_configuration_takes_the_pads_that_a_board_may_have_and_no_more() -> None:

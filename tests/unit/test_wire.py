@@ -68,6 +68,7 @@ def packet_of(section: str) -> Packet:
                 v["running"],
                 tuple(HelloPad(port, mux, tuple(group)) for port, mux, group in pads),
                 v["can_send_early"],
+                v["can_make_pads"],
             )
         case "status":
             counters = zip(*(lists[key] for key in ("bus_errors", "bus_recoveries", "config_repairs")), strict=True)

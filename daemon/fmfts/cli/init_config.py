@@ -216,9 +216,14 @@ def _pads_of(board: dict[str, Any], port: str) -> list[FoundPad]:
             ],
             len(pad["identification"]),
             _places_of(pad),
+            names[index - 1] if index and _share_a_mux(pads[index - 1], pad) else "",
         )
         for index, (name, pad) in enumerate(zip(names, pads, strict=True))
     ]
+
+
+def _share_a_mux(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    return "mux_address" in one and all(one[key] == other.get(key) for key in ("i2c_port", "mux_address"))
 
 
 def _places_of(pad: dict[str, Any]) -> str:

@@ -16,6 +16,7 @@ from fmfts.config import (
     PadConfig,
     ReplaySource,
     SimulatedSource,
+    board_checks,
     collect,
     i2c_checks,
 )
@@ -26,7 +27,7 @@ from fmfts.contact.no_model import NO_MODEL
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
-from fmfts.sensor.wire.packets import FIRMWARE_SENSORS, MAX_SENSORS
+from fmfts.sensor.wire.packets import MAX_SENSORS
 from fmfts_client.endpoints import EndpointError, Endpoints
 from fmfts_client.keys import is_loopback
 
@@ -44,7 +45,7 @@ def problems_in(config: Config) -> list[Problem]:
     problems += ((("collect", *keys), text) for keys, text in collect.problems(config.collect))
     problems += _names(config.pad)
     if not problems:
-        for check in (_neighbours, _shared_sensors, i2c_checks.of_buses):
+        for check in (_neighbours, _shared_sensors, i2c_checks.of_buses, board_checks.of_boards):
             problems += check(config.pad)
     return problems
 
@@ -119,12 +120,8 @@ def _sensors(pad: PadConfig) -> Iterator[Problem]:
             f"at least {FEWEST_SENSORS} sensors are needed: with two, a diagonal pair is singular at rest "
             "and an adjacent pair is ten times less certain along one axis",
         )
-    if len(places) > FIRMWARE_SENSORS and isinstance(pad.source, BridgeSource):
-        yield (
-            ("geometry", "sensors_mm"),
-            f"the firmware of a board makes pads of {FIRMWARE_SENSORS} sensors: "
-            'type = "i2c" reads more on a bus of this computer',
-        )
+    if isinstance(pad.source, BridgeSource):
+        yield from board_checks.of_pad(len(places))
     elif len(places) > MAX_SENSORS:
         yield ("geometry", "sensors_mm"), f"at most {MAX_SENSORS} sensors"
     for (first, one), (second, other) in combinations(enumerate(places), 2):

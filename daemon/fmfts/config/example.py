@@ -19,13 +19,14 @@ COLLECTING = "# --- The machine and the gauge"
 @dataclass(frozen=True, slots=True)
 class FoundPad:
     """A pad that answered. source: the lines of its [pad.source]. sensors: how many chips it has. places: where, for
-    people.
+    people. other_half: the pad before it that is behind the same mux of a board, "": none is.
     """
 
     name: str
     source: Sequence[str]
     sensors: int
     places: str = ""
+    other_half: str = ""
 
 
 def written_for(pads: Sequence[FoundPad], where: str) -> str:
@@ -40,9 +41,19 @@ def written_for(pads: Sequence[FoundPad], where: str) -> str:
 
 
 def unusual(pad: FoundPad) -> str | None:
-    """What to look at where a pad has not the four chips of a standard one; None where it has."""
+    """What to look at where a pad has not the four chips of a standard one, or may be half of one; else None."""
+    if pad.other_half:
+        return (
+            f"{pad.other_half} and {pad.name} are behind one mux. Where their eight sensors are one pad "
+            f"(docs/several.md), give {pad.other_half} eight sensors_mm, and remove {pad.name}"
+        )
     if pad.sensors == 4:
         return None
+    if pad.sensors == 8:
+        return (
+            f"{pad.name}: 8 chips found ({pad.places}), as the second standard pad has: its sensors_mm and magnets are "
+            "in docs/several.md"
+        )
     chips = "1 chip" if pad.sensors == 1 else f"{pad.sensors} chips"
     return (
         f"{pad.name}: {chips} found ({pad.places}), and a standard pad has 4: look for a chip that answers elsewhere "

@@ -32,11 +32,15 @@ class WiredPad:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PadOnBoard(WiredPad):
-    """`uid`: 24 hex digits of the only board that is the right one; None: any board on `port`."""
+    """`uid`: 24 hex digits of the only board that is the right one; None: any board on `port`.
+
+    `beside`: index and number of sensors of each other pad that is configured on the board.
+    """
 
     port: str
     baud: int
     uid: str | None
+    beside: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

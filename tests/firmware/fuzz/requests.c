@@ -1,5 +1,5 @@
 // The whole board, on emulated chips, under a host that asks for anything at any time.
-// The first byte is the number of pads; then pieces of six bytes: a request of five bytes and how it is damaged, or, when
+// The first byte is the number of pads, and whether the first mux has eight chips; then pieces of six bytes: a request of five bytes and how it is damaged, or, when
 // the first of them has no request's header, how long the board works on in between.
 #include <string.h>
 
@@ -51,6 +51,28 @@ static void check_settings(void)
     require(emulation.bench.contentions == 0, "no two chips are read at once");
 }
 
+// Four bits for each pad: how many sensors it should have, 0 for four. More than four are a whole mux's.
+static bool pads_can_be(unsigned wanted)
+{
+    const struct pads *pads = &emulation.pads;
+    unsigned sensors = 0, left = pads->count;
+    for (unsigned mux = 0; left > 0; mux++) {
+        unsigned halves = mux == 0 && emulation.chip_count[0] == 8 ? 2 : 1;
+        for (unsigned half = 0; half < halves; half++, left--) {
+            unsigned count = wanted % 16 ? wanted % 16 : 4;
+            wanted /= 16;
+            sensors += count;
+            if (count > 8 || (count > 4 && half > 0))
+                return false;
+            if (count > 4) {
+                left -= halves;
+                break;
+            }
+        }
+    }
+    return wanted == 0 && sensors <= 12;
+}
+
 // What docs/wire.md says of a whole request, as long as no self-test keeps the board busy.
 static enum wire_result expected_result(uint8_t type, uint8_t pad_index, unsigned argument)
 {
@@ -60,7 +82,8 @@ static enum wire_result expected_result(uint8_t type, uint8_t pad_index, unsigne
     bool in_range = type == WIRE_REQUEST_RANGE ? argument <= 7
                     : type == WIRE_REQUEST_RATE
                         ? argument >= 1 && argument <= sampler_rate_max(sampler, sampler->settings.trigger)
-                    : type == WIRE_REQUEST_TRIGGER ? argument <= 1
+                    : type == WIRE_REQUEST_TRIGGER                 ? argument <= 1
+                    : type == WIRE_REQUEST_HELLO && argument > 0 ? pads_can_be(argument)
                                                    : true;
     return in_range ? RESULT_DONE : RESULT_OUT_OF_RANGE;
 }
@@ -76,7 +99,9 @@ static void ask(const uint8_t *piece)
     frame_request(piece, piece[REQUEST_BODY], line);
     device_receive(&emulation.device, line, sizeof line);
     if (whole) {
-        require(replies == 1 && emulation.device.receive_errors == errors, "a whole request gets one reply");
+        bool anew = type == WIRE_REQUEST_HELLO && !emulation.device.announced; // its counters, too
+        require(replies == 1, "a whole request gets one reply");
+        require(emulation.device.receive_errors == errors || anew, "and is no error");
         require(reply_id == piece[1] && reply_type == type, "the reply names its request");
         bool busy = reply_result == RESULT_BUSY && expected == RESULT_DONE;
         require(reply_result == expected || busy, "the reply's result is the one that the wire's definition demands");
@@ -99,6 +124,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (size == 0)
         return 0;
     emulation_init(&emulation, (uint8_t)(1 + data[0] % SAMPLER_PADS_MAX), uid, keep, NULL);
+    if (data[0] / SAMPLER_PADS_MAX % 2 && emulation.switch_count < SAMPLER_PADS_MAX)
+        emulation_fill_switch(&emulation);
     for (size_t at = 1; at + PIECE <= size; at += PIECE) {
         if (data[at] >> 4 == WIRE_VERSION && (data[at] & 15) >= WIRE_REQUEST_HELLO)
             ask(data + at);

@@ -8,6 +8,8 @@ from typing import NamedTuple, Self
 from fmfts.sensor.chips.chip import Chip
 
 BRIDGE_HZ = 220  # docs/wire.md, host → board: the most that the firmware accepts of any chip
+BOARD_READ_US = 680  # the firmware's time for one sensor between two triggers, and for how many board_single_hz is
+BOARD_READ_SENSORS = 4
 # On I2C. Select: START, address, control byte, STOP; then the chip's own transfer.
 BITS_PER_SELECTION = 20
 BITS_PER_GROUP = 20  # the mux's control byte read back
@@ -19,6 +21,17 @@ def highest_rate_hz(chip: Chip, trigger: str, *, over_bridge: bool) -> int:
     if not over_bridge:
         return chip_hz
     return min(chip_hz, BRIDGE_HZ, chip.board_single_hz if trigger == "simultaneous" else BRIDGE_HZ)
+
+
+def single_on_board_hz(chip: Chip, sensors: int) -> int:
+    """Simultaneous measurements a second of so many chips on one board. It reads all of them before the next trigger,
+    unless they keep their samples while they measure again."""
+
+    def read_hz(count: int) -> int:
+        return 1_000_000 // (round(chip.single_wait_s * 1e6) + BOARD_READ_US * count)
+
+    keeps = chip.board_single_hz > read_hz(BOARD_READ_SENSORS)
+    return chip.board_single_hz if keeps else min(chip.board_single_hz, read_hz(sensors))
 
 
 def fastest_on_board_hz(chip: Chip, rate_hz: int) -> float:

@@ -10,8 +10,9 @@ from msgspec.structs import replace
 from fmfts.sensor.chips.rates import fastest_on_board_hz
 from fmfts.sensor.source import SourceState
 from fmfts.sensor.wire import faults
+from fmfts.sensor.wire.board_pads import NOT_SAID, BoardPads
 from fmfts.sensor.wire.packets import EARLY_BYTES, Hello, Selftest, Status, StatusPad, Verb, frame_bytes
-from fmfts.sensor.wired_pad import Settings, WiredPad
+from fmfts.sensor.wired_pad import PadOnBoard, Settings, WiredPad
 
 # The field of the hello that each request changes.
 SETTING = {Verb.RANGE: "gain_code", Verb.RATE: "rate_hz", Verb.TRIGGER: "trigger"}
@@ -33,6 +34,12 @@ class Board:
         self._uid = uid
         self._early = sum(1 << index for index, pad in pads.items() if pad.early)
         self.line_bytes_per_s = math.inf
+        self._made = BoardPads(
+            dict(first.beside) | {index: pad.sensors for index, pad in pads.items()}
+            if isinstance(first, PadOnBoard)
+            else {}
+        )
+        self._has_said_its_pads = not self._made.differ_from_found
 
     @property
     def is_right(self) -> bool:
@@ -41,6 +48,8 @@ class Board:
 
     def forget(self) -> None:
         self.hello = None
+        self._made.forget()
+        self.was_reset()
         for book in (self._state.board, self._state.pad_faults, self._state.sensor_faults, self._state.warnings):
             book.clear()
 
@@ -54,8 +63,27 @@ class Board:
             return f"there is no gain code {selftest.gain_code}"
         return self.contradiction(selftest.pad_index, len(selftest.sensors))
 
+    def was_reset(self) -> bool:
+        """Its clock began anew. True: it may have other pads now, and has to say hello before its samples count."""
+        self._has_said_its_pads = not self._made.differ_from_found
+        return not self._has_said_its_pads
+
+    def pads_to_ask_for(self) -> int | None:
+        """The argument of the hello request that makes the configured pads; None: they are there, or cannot be."""
+        return None if self.hello is None else self._made.request(self.hello)
+
+    def cannot_make_pads(self) -> None:
+        """The board has refused that request."""
+        if self.hello is not None:
+            self._made.refuse(self.hello)
+            self.describe()
+
     def mismatch(self, pad_index: int, sensors: int) -> str | None:
         """Why samples of `sensors` sensors are not of the configured pad; None if they may be."""
+        if not self._has_said_its_pads:
+            return NOT_SAID
+        if self.hello is not None and (fault := self._made.fault(self.hello, pad_index)) is not None:
+            return fault
         pad = self._pads[pad_index]
         if sensors != pad.sensors:
             return faults.wrong_sensor_count(pad, sensors)
@@ -65,11 +93,13 @@ class Board:
         """Write into the state what the last hello says. Call it only for the right board."""
         hello = self.hello
         assert hello is not None
+        self._has_said_its_pads = True
         self._state.board.update(self._identity(hello))
         faults.note(self._state.warnings, "clock", faults.bad_clock(hello))
         faults.note(self._state.warnings, "early", self._why_not_early(hello))
         for pad_index, pad in self._pads.items():
-            faults.note(self._state.pad_faults, pad_index, faults.pad_mismatch(pad, pad_index, hello))
+            wrong = self._made.fault(hello, pad_index) or faults.pad_mismatch(pad, pad_index, hello)
+            faults.note(self._state.pad_faults, pad_index, wrong)
         self._state.sensor_faults.clear()
         for pad_index, described in enumerate(hello.pads):
             self._note_sensors(hello, pad_index, tuple(sensor.state for sensor in described.sensors))

@@ -142,12 +142,15 @@ def _unpack_hello(packet: bytes) -> Hello:
         offset = end
     _whole(packet, offset)
     major, minor, patch = version
-    gain_code, trigger, running, early = settings & 7, settings >> 3 & 1, settings >> 4 & 1, settings >> 5 & 1
-    return Hello((major, minor, patch), cause, clock, uid, rate_hz, gain_code, trigger, running, tuple(pads), early)
+    gain_code, trigger, running, early, makes = settings & 7, *(settings >> bit & 1 for bit in (3, 4, 5, 6))
+    return Hello(
+        (major, minor, patch), cause, clock, uid, rate_hz, gain_code, trigger, running, tuple(pads), early, makes
+    )
 
 
 def _pack_hello(hello: Hello) -> bytes:
-    settings = hello.gain_code | hello.trigger << 3 | hello.running << 4 | hello.can_send_early << 5
+    settings = hello.gain_code | hello.trigger << 3 | hello.running << 4
+    settings |= hello.can_send_early << 5 | hello.can_make_pads << 6
     header = VERSION << 4 | PacketType.HELLO
     fixed = (*hello.firmware_version, hello.reset_cause, hello.clock, hello.uid, hello.rate_hz, settings)
     parts = [_HELLO.pack(header, *fixed, len(hello.pads))]

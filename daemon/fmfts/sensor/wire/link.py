@@ -64,6 +64,7 @@ class Link:
         self._hello_due_ns: int | None = None
         self.strange = StrangeBytes()
         self._misfits = 0
+        self._hello_came = False  # after the last sample
         self._selftests = Selftests()
         self._guard = LineGuard(self.requests)
         self._accepted: dict[tuple[int, int], Chip] = {}  # by (pad index, bytes of readings): they agree with the hello
@@ -216,8 +217,12 @@ class Link:
             return None
         restarts = self._clock.restarts
         host_time_ns = self._clock.to_host_ns(time_us, now_ns)
+        hello_came, self._hello_came = self._hello_came, False
         if self._clock.restarts != restarts:
             self.requests.ask(Verb.HELLO)  # after a reset the board has its default settings, and its hello may be lost
+            if not hello_came and self._board.was_reset():
+                self._accepted.clear()
+                return None
         return host_time_ns
 
     def _admitted(self, pad_index: int, sensors: int, time_us: int, now_ns: int) -> int | None:
@@ -284,12 +289,16 @@ class Link:
 
     def _take_hello(self, hello: Hello) -> None:
         self._board.hello, self._hello_due_ns = hello, None
+        self._hello_came = True
         self._accepted.clear()
         if not self.is_right_board:
             return
         if isinstance(self._clock, DeviceClock):
             self._clock.tolerance = CLOCK_TOLERANCE.get(hello.clock, 0.02)
         self._board.describe()
+        if (pads := self._board.pads_to_ask_for()) is not None:
+            self.requests.ask(Verb.HELLO, argument=pads)  # settings follow with the hello of those pads
+            return
         for verb, argument in self._board.wishes():
             self.requests.ask(verb, argument=argument)
 
@@ -330,6 +339,9 @@ class Link:
             self._hello_due_ns = now_ns + REPEAT_NS  # if the hello is lost; after a hello, settings are requested again
         if not refused and request.verb in SETTING:
             self._board.granted(Verb(request.verb), request.argument)
+        if refused and request.verb == Verb.HELLO and request.argument and reply.result != Result.BUSY:
+            self._board.cannot_make_pads()  # and says so of the pads
+            return
         faults.note(self._state.warnings, subject, faults.refusal(request, reply) if refused else None)
         if refused and request.verb == Verb.SELFTEST:
             self._selftests.fail(request.pad_index, faults.refusal(request, reply))

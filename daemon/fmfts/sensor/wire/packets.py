@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 MAX_SENSORS = 16  # of a pad
 BOARD_SENSORS = 8  # of a pad in the packets of a board; only a bus of this computer reads more
-FIRMWARE_SENSORS = 4  # of a pad in the firmware: four channels of a TCA9548A are one
+FOUND_SENSORS = 4  # of a pad as a board finds it: half the channels of a TCA9548A
+ALL_BOARD_SENSORS = 12  # of all pads of a board together
+COUNT_BITS = 4  # of a hello request's argument, for the sensors of each pad
 MOST_DESCRIBED = 44  # sensors of all pads together: a hello of three pads holds no more
 MORE_SENSORS = 9  # in place of their number in four bits: more than a board's, and the packet's length says how many
 MUX_BASE, MUX_MASK = 0x70, 0x07  # of muxes' addresses: they differ in the last three bits
@@ -130,6 +132,7 @@ class Hello(Struct, frozen=True):
     running: int
     pads: tuple[HelloPad, ...]
     can_send_early: int = 0
+    can_make_pads: int = 0
 
 
 class StatusPad(Struct, frozen=True):

@@ -1,39 +1,27 @@
-#include "pads.h"
+#include "find_pads.h"
 
 #include <stddef.h>
 
 #include "../core/chips/chip.h"
 #include "../core/tca9548a.h"
-#include "../core/wire.h"
 
 enum {
     ATTEMPTS = 3,
-    CHANNELS_PER_PAD = SAMPLER_SENSORS_MAX,
     LOWER_CHANNELS = 0x0F,
     UPPER_CHANNELS = 0xF0,
 };
 
-static const struct pad_wiring assumed_pad = {0, TCA9548A_FIRST_ADDRESS, CHANNELS_PER_PAD, {0, 1, 2, 3}};
+static const struct pad_wiring assumed_pad = {0, TCA9548A_FIRST_ADDRESS, PAD_SENSORS_FOUND, 0};
 
 // Of the MLX90393: its pins A1 and A0 choose one of four from here on; two makers' boards have these (data sheet, ordering).
 static const uint8_t direct_addresses[] = {0x0C, 0x18};
 
 __attribute__((section(".noinit"))) static struct pads pads;
 
-static uint16_t crc(void)
+static void add(uint8_t bus, uint8_t mux_address, uint8_t first)
 {
-    return wire_crc((const uint8_t *)&pads, offsetof(struct pads, crc));
-}
-
-// first_channel: without a mux, the first address.
-static void add(uint8_t bus, uint8_t mux_address, uint8_t first_channel)
-{
-    if (pads.count == SAMPLER_PADS_MAX)
-        return;
-    struct pad_wiring *wiring = &pads.wiring[pads.count++];
-    *wiring = (struct pad_wiring){.bus = bus, .mux_address = mux_address, .sensor_count = CHANNELS_PER_PAD};
-    for (uint8_t i = 0; i < CHANNELS_PER_PAD; i++)
-        wiring->channels[i] = (uint8_t)(first_channel + i);
+    if (pads.count < WIRE_PADS_MAX)
+        pads.found[pads.count++] = (struct pad_wiring){bus, mux_address, PAD_SENSORS_FOUND, first};
 }
 
 static bool select(const struct bus *bus, uint8_t mux_address, uint8_t channels)
@@ -72,7 +60,7 @@ static void find_behind(const struct bus *bus, uint8_t bus_index, uint8_t mux_ad
     if (!upper || (select(bus, mux_address, LOWER_CHANNELS) && answering(bus, direct)))
         add(bus_index, mux_address, 0);
     if (upper)
-        add(bus_index, mux_address, CHANNELS_PER_PAD);
+        add(bus_index, mux_address, PAD_SENSORS_FOUND);
     select(bus, mux_address, 0);
 }
 
@@ -93,16 +81,16 @@ static void find_on(const struct bus *bus, uint8_t bus_index)
     }
 }
 
-const struct pads *pads_find(const struct bus *buses, const bool *usable, uint8_t bus_count, bool remembered)
+struct pads *find_pads(const struct bus *buses, const bool *usable, uint8_t bus_count, bool remembered)
 {
-    if (remembered && pads.count >= 1 && pads.count <= SAMPLER_PADS_MAX && pads.crc == crc())
+    if (remembered && pads_are_whole(&pads))
         return &pads;
-    pads.count = 0;
+    pads = (struct pads){.count = 0};
     for (uint8_t bus = 0; bus < bus_count; bus++)
         if (usable[bus])
             find_on(&buses[bus], bus);
     if (pads.count == 0)
-        pads.wiring[pads.count++] = assumed_pad;
-    pads.crc = crc();
+        pads.found[pads.count++] = assumed_pad;
+    pads_seal(&pads);
     return &pads;
 }

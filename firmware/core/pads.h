@@ -1,0 +1,40 @@
+// The pads of a board: as they were found, and how many sensors a host wants in each.
+#ifndef FMFTS_PADS_H
+#define FMFTS_PADS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "wire.h"
+
+enum {
+    PAD_SENSORS_FOUND = 4, // a pad as it is found: half the channels of a mux
+    PAD_SENSORS_MAX = WIRE_SENSORS_MAX,
+    PADS_SENSORS_MAX = WIRE_PADS_MAX * PAD_SENSORS_FOUND, // of all pads together
+};
+
+struct pad_wiring {
+    uint8_t bus; // index into the board's buses
+    uint8_t mux_address; // or TCA9548A_NONE
+    uint8_t sensor_count;
+    uint8_t first; // channel of the first sensor, without a mux its own address; the others follow it
+};
+
+// A target keeps them in memory that survives a reset.
+struct pads {
+    uint8_t count;
+    struct pad_wiring found[WIRE_PADS_MAX]; // of PAD_SENSORS_FOUND each
+    uint16_t wanted; // sensors of pad 0 in the lowest four bits, of pad 1 in the next, ...; 0: PAD_SENSORS_FOUND
+    uint16_t crc;
+};
+
+void pads_seal(struct pads *pads);
+
+// Whether they are as they were when sealed.
+bool pads_are_whole(const struct pads *pads);
+
+// Makes the pads with so many sensors in each, and returns how many pads there are then; 0: it cannot be. A pad of more
+// than PAD_SENSORS_FOUND sensors is all that is behind its mux.
+uint8_t pads_make(const struct pads *pads, uint16_t wanted, struct pad_wiring wiring[WIRE_PADS_MAX]);
+
+#endif
