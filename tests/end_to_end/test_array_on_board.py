@@ -17,7 +17,7 @@ from fmfts.simulation.finger import Touch
 from fmfts.simulation.mounted_magnets import MountedMagnets
 from fmfts_client import Contact, Status
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.slow
 
 ALL_EIGHT = 0xFF
 BESIDE = """
