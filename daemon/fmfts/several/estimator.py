@@ -221,14 +221,14 @@ class FingersEstimator:
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
         health, reason = reasons.health_of_axes(used, missing, left_out)
-        over_range = is_over_range(self.response, fit)
+        over_range, doubt = is_over_range(self.response, fit), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
         if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
-            is_doubted = fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN
-            if is_doubted or counted.search == "due":
-                why = reasons.MAYBE_TWO if is_doubted else reasons.SEARCH_IS_DUE
-                health, reason = "degraded", "; ".join(filter(None, (reason, why)))
+            if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:
+                doubt = reasons.MAYBE_TWO
             hidden = np.diag(hidden_variance(fit.fingers[0], another))
             fit = replace(fit, covariance=fit.covariance + hidden)
+        if doubt:
+            health, reason = "degraded", "; ".join(filter(None, (reason, doubt)))
         seen = measured.only(used)
         least = valley_variance(self.fitter, fit, seen, self._around_t) if len(fit.fingers) > 1 else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
