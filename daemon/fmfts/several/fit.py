@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 ITERATIONS = 12
 # A fit that begins at the right fingers ends within so many; any other is of no use where this many are asked for.
-FEW_ITERATIONS = 4
+FEW_ITERATIONS = 3
 # A step counts as none when it is below this share of each unknown's deviation.
 SETTLED = 0.03
 # χ² that is larger by this share is not larger: it is rounding.

@@ -179,15 +179,15 @@ def run(options: Namespace) -> None:
             socket.close()
     if len(heard.numbers) < pads:
         raise SystemExit(f"only {len(heard.numbers)} of {pads} pads were heard")
-    handing = handing_us * 1e-6 * RATE_HZ * pads
     rate_hz, ages_ms = len(heard.age_ns) / taken_s, np.percentile(heard.age_ns, [50, 99, 100]) * 1e-6
     print(
-        "| pads | processor: main thread, % of a core | of it handing out frames | other threads | published, Hz a pad "
-        "| left out | age of samples: median, p99, worst ms | health | fingers |\n"
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
-        f"| {pads} | {main:.1%} | {handing:.1%} | {others:.1%} | {rate_hz / pads:.1f} | {heard.left_out} of "
-        f"{len(heard.age_ns)} | {', '.join(f'{age:.1f}' for age in ages_ms)} | {_shares(heard.health)} "
-        f"| {_shares(heard.fingers)} |\n\nload of the computer: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+        "| pads | main thread, % of a core | of it handing out frames | other threads | main thread, µs a frame | published, "
+        "Hz a pad | left out | age of samples: median, p99, worst ms | health | fingers |\n"
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+        f"| {pads} | {main:.1%} | {handing_us * 1e-6 * RATE_HZ * pads:.1%} | {others:.1%} | {main / rate_hz * 1e6:.0f} "
+        f"| {rate_hz / pads:.1f} | {heard.left_out} of {len(heard.age_ns) + heard.left_out} "
+        f"| {', '.join(f'{age:.1f}' for age in ages_ms)} | {_shares(heard.health)} | {_shares(heard.fingers)} |\n\n"
+        f"load of the computer: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
     )
 
 
