@@ -173,7 +173,11 @@ def main() -> None:
     verb.add_argument("--no-echo", dest="echo", action="store_false", help="without what an echo can carry beside")
     verb.set_defaults(run=overload.run)
     verb = verbs.add_parser("frame", help="what a frame costs by stage, on hot and on cold caches")
-    verb.add_argument("--beside", type=Path, metavar="FOLDER", help="only compare it with the package `fmfts` there")
+    verb.add_argument(
+        "--beside",
+        metavar="COMMIT",
+        help="only compare time and messages with those of a commit, or of a FOLDER's package",
+    )
     verb.add_argument(
         "--states", action="store_true", help="instead: by the state of its pad (faults, models, recorders)"
     )

@@ -181,8 +181,8 @@ def run(options: Namespace) -> None:
         raise SystemExit(f"only {len(heard.numbers)} of {pads} pads were heard")
     rate_hz, ages_ms = len(heard.age_ns) / taken_s, np.percentile(heard.age_ns, [50, 99, 100]) * 1e-6
     print(
-        "| pads | main thread, % of a core | of it handing out frames | other threads | main thread, µs a frame | published, "
-        "Hz a pad | left out | age of samples: median, p99, worst ms | health | fingers |\n"
+        "| pads | main thread, % of a core | of it handing out frames | other threads | main thread, µs a frame "
+        "| published, Hz a pad | left out | age of samples: median, p99, worst ms | health | fingers |\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
         f"| {pads} | {main:.1%} | {handing_us * 1e-6 * RATE_HZ * pads:.1%} | {others:.1%} | {main / rate_hz * 1e6:.0f} "
         f"| {rate_hz / pads:.1f} | {heard.left_out} of {len(heard.age_ns) + heard.left_out} "
