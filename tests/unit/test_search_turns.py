@@ -154,14 +154,14 @@ def test_one_finger_beside_which_a_second_one_may_press_is_degraded_until_that_i
 
 def test_frames_that_wait_for_their_search_use_up_no_search_and_leave_the_finger_where_it_was() -> None:
     """The first of them holds few new samples, and one finger explains it: what follows is left as after it."""
-    made, kept = ready(), list[bytes]()
+    made, kept = ready(), list[tuple[int, int, bytes]]()
     for frame in map(beside_steel, frames(26)):
         made.process(frame if frame.sequence < STEEL.start else forbidden(frame))
         memory = made.memory.fingers
         assert memory is not None
-        kept.append(memory.counter.fingers.tobytes())
+        kept.append((memory.unexplained, memory.counter.count, memory.counter.fingers.tobytes()))
     assert {*kept[STEEL.start :]} == {kept[STEEL.start]}
-    assert (memory.unexplained, memory.counter.count) == (0, 1)
+    assert kept[-1][:2] == (0, 1)
     assert made.search == "due"
 
 
