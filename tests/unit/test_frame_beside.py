@@ -7,7 +7,15 @@ import numpy as np
 
 from fmfts_lab.bench.frame_beside import Compared
 
-TOLD = {"seq": 1, "utc_ns": 5, "t_publish_ns": 6, "x_m": 1e-3, "force_n": None, "pose": {"axis": [0.0, 0.6, 0.8]}}
+TOLD = {
+    "seq": 1,
+    "baseline": "a",
+    "utc_ns": 5,
+    "t_publish_ns": 6,
+    "x_m": 1e-3,
+    "force_n": None,
+    "pose": {"axis": [0.0, 0.6, 0.8]},
+}
 
 
 def compared(**changes: object) -> Compared:
@@ -17,7 +25,7 @@ def compared(**changes: object) -> Compared:
 
 
 def test_messages_that_were_only_sent_at_other_times_are_the_same() -> None:
-    assert str(compared(utc_ns=7, t_publish_ns=8)) == "1 of 1 messages the same to the last bit"
+    assert str(compared(baseline="b", utc_ns=7, t_publish_ns=8)) == "1 of 1 messages the same to the last bit"
 
 
 def test_one_bit_of_one_number_is_told_with_its_field_and_its_size() -> None:

@@ -53,12 +53,12 @@ for _ in sys.stdin:
     taken = time.process_time_ns() - begun
     print(taken, base64.b64encode(msgspec.msgpack.encode(told)).decode(), flush=True)
 """
-OF_A_RUN = ("t_publish_ns", "utc_ns")
+OF_A_RUN = ("t_publish_ns", "utc_ns", "baseline")  # whose identity holds when it was recorded
 
 
 @dataclass
 class Compared:
-    """Messages of two builds, but for when they were sent. fields: which differ, of how many messages."""
+    """Messages of two builds, but for what differs in each run. fields: which differ, of how many messages."""
 
     messages: int = 0
     same: int = 0
