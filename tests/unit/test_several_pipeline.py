@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -18,6 +19,8 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import BARE_ONLY, SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
 from fmfts.sensor import Frame
+from fmfts.several import estimator
+from fmfts.several.poses import Poses, poses_of
 from fmfts.simulation.array import SimulatedArray
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch, no_finger, steady_finger
@@ -104,6 +107,21 @@ def test_the_poses_go_with_the_fingers() -> None:
     down = [after.position_m[2] - before.position_m[2] for before, after in zip(rest.poses, pressed.poses, strict=True)]
     assert down[3] < -4e-4
     assert down[3] < min(down[:3])
+
+
+def test_poses_are_computed_once_a_frame_also_where_a_pad_beside_it_needs_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[int] = []
+
+    def counted(*of: Any) -> Poses:
+        computed.append(1)
+        return poses_of(*of)
+
+    monkeypatch.setattr(estimator, "poses_of", counted)
+    made = ready()
+    made.be_felt()
+    said = told(made, frames(5, LEFT))
+    assert all(message.poses and message.contacts for message in said)
+    assert len(computed) == len(said)
 
 
 def test_a_silent_sensor_degrades_and_two_fingers_are_still_told() -> None:

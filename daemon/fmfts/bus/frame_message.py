@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 
 from fmfts.bus.messages import EarlyMessage, FrameMessage
@@ -26,6 +27,7 @@ def frame_message(frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = T
         valid=frame.valid.tolist(),
         temperature_c=frame.temperature_c,
         used=used,
+        may_search=msgspec.UNSET if frame.may_search else False,
     )
 
 
@@ -64,4 +66,5 @@ def frame_of(message: FrameMessage, pad_index: int = 0, chip: Chip = DEFAULT_CHI
         valid=np.array(message.valid, dtype=np.bool_),
         temperature_c=chip.believed_c(message.temperature_c),
         chip=chip,
+        may_search=message.may_search is not False,
     )

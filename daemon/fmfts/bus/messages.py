@@ -192,6 +192,8 @@ class FrameMessage(_Message, frozen=True, kw_only=True):
     valid: list[bool]
     temperature_c: float | None
     used: bool
+    # Of a pad with several magnets; left out where it is true.
+    may_search: bool | msgspec.UnsetType = msgspec.UNSET
 
 
 class EarlyMessage(_Message, frozen=True, kw_only=True):

@@ -24,6 +24,7 @@ from fmfts.pose.neighbour import NeighbourView, Sighting, SightingMemory
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.missing import missing_sensors
+from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import Scene
 from fmfts.several.reading import FingersMemory, FingersReading
@@ -73,6 +74,7 @@ class SeveralPipeline:
         self._sighting = Sighting.unseen(pad)
         self._neighbours: list[NeighbourView] = []
         self._is_felt = False
+        self.search: Search = "none"  # what became of the search for fingers in the last frame
 
     @property
     def baseline(self) -> Baseline | None:
@@ -146,6 +148,7 @@ class SeveralPipeline:
 
     def process(self, frame: Frame) -> ContactMessage:
         """Make the message of one frame."""
+        self.search = "none"
         self._frame_times = frame.device_time_us, frame.host_time_ns
         field_t = frame.field_t
         aligned = self._alignment.push(field_t, frame.sampled_us, frame.fresh, frame.timed, frame.device_time_us)
@@ -163,7 +166,8 @@ class SeveralPipeline:
             is_whole = np.isfinite(field_t).all() and not stuck.any()
             self._missing = {} if is_whole else missing_sensors(frame, stuck)
             seen = [view.at(sampled_ns) for view in self._neighbours]
-            reading = estimator.read(aligned, frame.temperature_c, self._missing, seen)
+            reading = estimator.read(aligned, frame.temperature_c, self._missing, seen, frame.may_search)
+            self.search = reading.search
             if self._is_felt and (sighted := estimator.sighted(reading)) is not None:
                 self._sighting.saw(*sighted, sampled_ns)
         return self._writer.message(reading, sampled_ns, frame.temperature_c, estimator, self._baseline)

@@ -16,10 +16,12 @@ from fmfts.pipeline.configured import Pipeline
 from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Lane
 from fmfts.pipeline.pad_pipeline import PadPipeline
+from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.announcer import Announcer
 from fmfts.runtime.lateness import Lateness
 from fmfts.runtime.rebaselining import Rebaselining
 from fmfts.runtime.recorders import Recorders
+from fmfts.runtime.search_turns import SearchTurns
 from fmfts.runtime.statistics import PadStatistics
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
@@ -41,6 +43,7 @@ class Channel:
         self.pad_index = pad_index
         self.pipeline = pipeline
         self.job: BaselineJob | None = None
+        self.turns = SearchTurns(1)  # shared by all pads with several magnets
         self.origin: Origin | None = None  # the pad's sensors, as the configuration names them; None: do not ask
         self._baseline: Baseline | None = None  # the last that was to be used, whose board may be away
         self._board: object = None  # uid of the board that the baseline was last compared with
@@ -88,12 +91,16 @@ class Channel:
         if not unusable and not self._board_is_known():
             self._statistics.dropped += 1
             unusable = True
+        if isinstance(self.pipeline, SeveralPipeline) and not unusable:
+            frame = self.turns.allowed(self.name, frame)
         self.is_recorded = self.recorders.are_there(arrived_ns)
         if self.is_recorded:
             self.recorders.frame(frame, used=not unusable)
         if unusable:
             return
         answer = self._answered(frame)
+        if isinstance(self.pipeline, SeveralPipeline):
+            self.turns.told(self.name, self.pipeline.search)
         if self._lateness.is_to_be_left_out(frame.host_time_ns, answer.t_publish_ns):  # by now
             return
         self.announcer.send(answer)

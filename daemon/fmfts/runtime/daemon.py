@@ -26,6 +26,7 @@ from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.opening import channel_of, introduce_neighbours, load_models, tell_models
 from fmfts.runtime.requests import Verbs
 from fmfts.runtime.schedule import Schedule
+from fmfts.runtime.search_turns import turns_of
 from fmfts.runtime.summary import one_line
 from fmfts.sensor import ByteSource, Frame, Source
 from fmfts.sensor.early import EarlySample
@@ -85,6 +86,9 @@ class Daemon:
                     by_name[name], source, pad_index, models[name], self._publisher, self._boot, config.pad
                 )
             self._fast_loop.add(source, [self._channels[id(source), pad_index] for pad_index in names])
+        turns = turns_of(channel.pipeline for channel in self._channels.values())
+        for channel in self._channels.values():
+            channel.turns = turns
         introduce_neighbours(config.pad, {channel.name: channel.pipeline for channel in self._channels.values()})
         self._byte_sources = {id(source): source for source in self._sources if isinstance(source, ByteSource)}
         self._schedule = Schedule(self._sources, self._fast_loop)

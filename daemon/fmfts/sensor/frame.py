@@ -30,6 +30,8 @@ class Frame:
     temperature_c: None where the source has no thermometer.
     run: another number after each restart of the source, whose sequence and clock begin anew then.
     chip: what made the counts, all of them alike.
+    may_search: the pipeline of a pad with several magnets may search fingers anew, which takes long. A recording keeps
+    it, so that a replay does the same (runtime/search_turns.py).
     """
 
     pad_index: int
@@ -44,6 +46,7 @@ class Frame:
     temperature_c: float | None
     run: int = 0
     chip: Chip = DEFAULT_CHIP
+    may_search: bool = True
 
     @property
     def packed(self) -> Packed:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,11 @@ SMALLEST_SHARE = 0.05  # a second finger has at least this share of the force
 # many frames in a row.
 RELEASE_DEVIATIONS, KEEPS, RELEASES, RELEASE_FRAMES = 3.0, 0.5, 0.25, 5
 TOGETHER_MM = 6.5  # nearer than this two become one; two are told from APART_MM on
+
+
+# What became of the search that a frame wants where the fingers of the frame before do not explain it: it wants none,
+# the search was made, or it is due.
+Search = Literal["none", "made", "due"]
 
 
 @dataclass(slots=True)
@@ -63,10 +68,11 @@ class CounterMemory:
 
 
 class Counted(NamedTuple):
-    """fit: of the fingers that there are. ids: of each."""
+    """fit: of the fingers that there are. ids: of each. search: for a second finger."""
 
     fit: Fit
     ids: tuple[int, ...]
+    search: Search = "none"
 
 
 class FingerCounter:
@@ -89,19 +95,25 @@ class FingerCounter:
         size = fitter.sizes(fitter.whitener(nobody, quiet, np.zeros(3)), quiet)
         return float(GRID_FORCE_N * np.sqrt(self._first_gain / size.min()))
 
-    def update(self, measured: Measured, ambient_t: Array) -> Counted:
-        """The fingers of the next frame. SingularError where the values determine nothing."""
+    def update(self, measured: Measured, ambient_t: Array, may_search: bool = True) -> Counted:
+        """The fingers of the next frame. SingularError where the values determine nothing.
+
+        may_search: a second finger may be searched, which takes ten times as long as all else.
+        """
         memory = self.memory
         fit, ids = self._fitter.fit(memory.fingers, measured, ambient_t), memory.ids[: memory.count].tolist()
         # Another finger lowers χ² by at most all of it.
         nobody, one = not ids, len(ids) == 1
         if nobody and fit.chi2 > self._first_gain and (found := self._first(fit, measured, ambient_t)) is not None:
             fit, ids, memory.doubtful_frames, one = found, [self._new_id()], 0, True
-        if one and fit.chi2 > SECOND_GAIN and (pair := self._second(fit, measured, ambient_t)) is not None:
-            fit, ids, memory.doubtful_frames = pair, self._split(fit, pair, ids[0]), 0
+        search: Search = "none"
+        if one and fit.chi2 > SECOND_GAIN:
+            search = "made" if may_search else "due"
+            if may_search and (pair := self._second(fit, measured, ambient_t)) is not None:
+                fit, ids, memory.doubtful_frames = pair, self._split(fit, pair, ids[0]), 0
         fit, ids = self._fewer(fit, ids, measured, ambient_t)
         memory.put(fit.fingers, ids)
-        return Counted(fit, tuple(ids))
+        return Counted(fit, tuple(ids), search)
 
     def _first(self, before: Fit, measured: Measured, ambient_t: Array) -> Fit | None:
         root = self._fitter.whitener(before.fingers, measured, ambient_t)

@@ -20,13 +20,14 @@ from fmfts.pose.alignment import has_jumped
 from fmfts.pose.magnets import CHANGE, Magnets
 from fmfts.pose.neighbour import NeighbourEstimate, change_of
 from fmfts.pose.state import Neighbour
-from fmfts.several import reasons
-from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter
+from fmfts.several import reasons, searches
+from fmfts.several.count import MOST_FINGERS, RELEASE_FRAMES, CounterMemory, FingerCounter, Search
 from fmfts.several.field_model import FINGER, FieldModel, Scene
 from fmfts.several.fit import Fit, Fitter, Measured
 from fmfts.several.hidden import hidden_variance
-from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, limit, odd_sensor
-from fmfts.several.poses import UNFELT, poses_of
+from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, limit, odd_sensor
+from fmfts.several.over_range import is_over_range
+from fmfts.several.poses import UNFELT, Poses, poses_of
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
@@ -35,6 +36,7 @@ from fmfts.several.trust import trusted
 from fmfts.several.valley import valley_variance
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # A third finger is looked for where χ² is larger than one in so many healthy frames has it, and believed where it
 # lowers χ² by so much: none of 1,200 healthy frames of two fingers has such a place.
@@ -44,16 +46,12 @@ SUSPICIOUS, THIRD_GAIN = 0.02, 20.0
 DOUBTED, DOUBTED_GAIN = 0.005, 20.0
 # A finger that may hide beside one is looked for in the half of the healthy frames that one explains less well.
 EXPLAINED_WELL = 0.5
-# After so many frames in a row that nothing explains, fingers are searched in each tenth frame only.
-SEARCHED_FRAMES, SEARCHED_EVERY = 20, 10
 # A third finger is gone when two explain so many frames in a row: by chance they explain one of three now and then.
 GONE_FRAMES = 10
 # After so many frames in a row in which a sensor that was left out agrees again, it is used again.
 AGREES_FRAMES = 20
 # A sensor that was left out agrees when its values fit as well as those of one in a thousand healthy frames do.
 AGREES = 1e-3
-EDGE_MM = 0.5  # a search that goes beyond the table's edge ends so near to it
-CERTAIN_DEVIATIONS = 6.0  # of its force: such a finger's place is known to less than the table's width
 REST = 6  # numbers of a magnet at rest: position, tilt and log moment
 # A gap after which fingers are searched anew.
 LONGEST_GAP_S = 0.05
@@ -100,6 +98,7 @@ class FingersEstimator:
         self._ambient_error = mean_error.swapaxes(1, 2)
         noise = square(mounting.noise_t / mounting.gain).ravel()
         self._ambient_noise_t2 = product(square(by_ambient).T, noise) / square(float(len(pad.sensors)))
+        self._poses: tuple[FingersReading, Poses] | None = None  # of the last reading that was asked for
         self._quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
 
     @property
@@ -119,13 +118,13 @@ class FingersEstimator:
         fit = reading.fit
         if fit is None or reading.measured is None or not len(fit.fingers):
             return self.mounting.magnets, self._unfelt_variance
-        poses = poses_of(self.fitter, fit, reading.measured, self._around_t)
+        poses = self._poses_of(reading, fit, reading.measured)
         return poses.magnets, poses.variance.reshape(-1, CHANGE)
 
     def recall(self, memory: FingersMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
         self.memory = memory
-        self._counter.memory = memory.counter
+        self._remember(memory.counter)
 
     def forget_touch(self) -> None:
         self._counter.forget()
@@ -134,8 +133,14 @@ class FingersEstimator:
         """The magnets in the last frame, and the covariance (6M, 6M) of a step from there; None if it does not tell."""
         if reading.fit is None or reading.measured is None or reading.over_range:
             return None
-        poses = poses_of(self.fitter, reading.fit, reading.measured, self._around_t)
+        poses = self._poses_of(reading, reading.fit, reading.measured)
         return sighted(self.mounting, poses, self._moment, self.scene.moment)
+
+    def _poses_of(self, reading: FingersReading, fit: Fit, measured: Measured) -> Poses:
+        """Once a frame, though its message and the pads beside it need them."""
+        if self._poses is None or self._poses[0] is not reading:
+            self._poses = reading, poses_of(self.fitter, fit, measured, self._around_t)
+        return self._poses[1]
 
     def read(
         self,
@@ -143,9 +148,10 @@ class FingersEstimator:
         temperature_c: float | None,
         missing: Mapping[int, str],
         neighbours: Sequence[NeighbourEstimate] = (),
+        may_search: bool = True,
     ) -> FingersReading:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
-        other pads at the time of this frame."""
+        other pads at the time of this frame. may_search: it may take as long as a search for fingers takes."""
         memory = self.memory
         elapsed_s = 0.0 if memory.last_us is None else max(aligned.time_us - memory.last_us, 0) * 1e-6
         memory.last_us = aligned.time_us
@@ -161,7 +167,7 @@ class FingersEstimator:
             self._counter.forget()
             return FingersReading("lost", reasons.too_few(missing, used), used)
         try:
-            reading = self._judged(measured, used, there, missing)
+            reading = self._judged(measured, used, there, missing, may_search)
         except SingularError:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
@@ -170,77 +176,89 @@ class FingersEstimator:
     def _judged(
         self,
         measured: Measured,
-        used: NDArray[np.bool_],
-        there: NDArray[np.bool_],
+        used: Mask,
+        there: Mask,
         missing: Mapping[int, str],
+        may_search: bool,
     ) -> FingersReading:
         memory = self.memory
         # A search takes long, and steel that lies beside the pad would make it each frame.
-        is_searched = memory.unexplained <= SEARCHED_FRAMES or memory.unexplained % SEARCHED_EVERY == 0
+        is_searched, number = searches.is_searched(memory.unexplained), searches.number_of(memory.unexplained)
         if not (is_searched or memory.more):
             nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._around_t)
             if nobody.chi2 > limit(UNEXPLAINED, used, nobody):
                 return self._unexplained(nobody, used)
         before = memory.counter.copy()
-        counted = self._counter.update(measured.only(used), self._around_t)
+        for_finger = may_search and (number % 2 == 0 or not is_searched)
+        counted = self._counter.update(measured.only(used), self._around_t, for_finger)
         fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
-        odd = self._odd_sensor(measured, there, before) if is_searched and not explained else None
-        if self._is_third(fit, used, measured, odd):
+        odd, search = None, counted.search
+        if is_searched and not explained:
+            search = "made" if may_search else "due"
+            odd = self._odd_sensor(measured, there, before, number) if may_search else None
+        if (search != "due" or memory.more) and self._is_third(fit, used, measured, odd):
             memory.more = GONE_FRAMES
         elif memory.more:
             memory.more = memory.more - 1 if explained else 0
         if memory.more:
-            memory.unexplained += 1
-            return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True)
+            memory.unexplained += search != "due"
+            return FingersReading("degraded", reasons.THREE, used, ids=counted.ids, more=True, search=search)
+        if search == "due" and not explained:
+            self._remember(before)  # as if this frame had not been
+            return FingersReading("disturbed", reasons.not_searched(fit.chi2), used, search=search)
         if odd is not None:
             used = there.copy()
             used[odd.sensor] = False
             memory.left_out, memory.agrees_frames = odd.sensor, 0
-            memory.counter = self._counter.memory = odd.memory
-            counted = self._counter.update(measured.only(used), self._around_t)
+            self._remember(odd.memory)
+            counted = self._counter.update(measured.only(used), self._around_t, may_search=False)
             fit, explained = counted.fit, counted.fit.chi2 <= limit(UNEXPLAINED, used, counted.fit)
         left_out = memory.left_out
         if odd is None and explained and left_out >= 0:
             self._try_again(measured, there, fit)
         if not explained:
-            return self._unexplained(fit, used)
+            return self._unexplained(fit, used, search)
         if not np.isfinite(fit.covariance).all():
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t
         memory.recovery.remember(measured.field_t - fit.misfit_t)
         health, reason = reasons.health_of_axes(used, missing, left_out)
-        over_range = self._is_over_range(fit)
+        over_range, doubt = is_over_range(self.response, fit), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
         if len(fit.fingers) == 1 and (another := self._another(fit, used, measured, EXPLAINED_WELL)) is not None:
             if fit.chi2 > limit(DOUBTED, used, fit) and float(another.gain.max()) > DOUBTED_GAIN:
-                health, reason = "degraded", "; ".join(filter(None, (reason, reasons.MAYBE_TWO)))
+                doubt = reasons.MAYBE_TWO
             hidden = np.diag(hidden_variance(fit.fingers[0], another))
             fit = replace(fit, covariance=fit.covariance + hidden)
+        if doubt:
+            health, reason = "degraded", "; ".join(filter(None, (reason, doubt)))
         seen = measured.only(used)
         least = valley_variance(self.fitter, fit, seen, self._around_t) if len(fit.fingers) > 1 else None
-        return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least)
+        return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
 
-    def _odd_sensor(self, measured: Measured, there: NDArray[np.bool_], before: CounterMemory) -> Odd | None:
-        memory = self.memory
-        self._cold.memory.next_id = memory.counter.next_id
-        memories = (before, memory.counter.copy())
-        searched = memory.unexplained % len(there)
-        return odd_sensor(self.fitter, measured, there, self._around_t, memories, searched, self._cold)
+    def _odd_sensor(self, measured: Measured, there: Mask, before: CounterMemory, number: int) -> Odd | None:
+        if number % 2 == 0:
+            return odd_sensor(self.fitter, measured, there, self._around_t, before)
+        self._cold.memory.next_id = self.memory.counter.next_id
+        return is_odd(number // 2 % len(there), measured, there, self._around_t, self._cold)
 
-    def _is_third(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, odd: Odd | None) -> bool:
+    def _remember(self, counter: CounterMemory) -> None:
+        self.memory.counter = self._counter.memory = counter
+
+    def _is_third(self, fit: Fit, used: Mask, measured: Measured, odd: Odd | None) -> bool:
         """Whether one more finger explains what two leave, and better than that a sensor is wrong."""
         another = self._another(fit, used, measured, SUSPICIOUS) if len(fit.fingers) == MOST_FINGERS else None
         gain = 0.0 if another is None else float(another.gain.max())
         return gain > THIRD_GAIN and (odd is None or fit.chi2 - gain < odd.chi2)
 
-    def _another(self, fit: Fit, used: NDArray[np.bool_], measured: Measured, suspicious: float) -> Another | None:
+    def _another(self, fit: Fit, used: Mask, measured: Measured, suspicious: float) -> Another | None:
         """What one more finger would explain; None where more than `suspicious` of healthy frames have such a χ²."""
         if fit.chi2 <= limit(suspicious, used, fit):
             return None
         seen = measured.only(used)
         return self.fitter.another(self.fitter.whitener(fit.fingers, seen, self._around_t), fit, seen)
 
-    def _try_again(self, measured: Measured, there: NDArray[np.bool_], fit: Fit) -> None:
+    def _try_again(self, measured: Measured, there: Mask, fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
         memory = self.memory
         again = self.fitter.fit(fit.fingers, measured.only(there), self._around_t)
@@ -249,16 +267,16 @@ class FingersEstimator:
         if memory.agrees_frames >= AGREES_FRAMES:
             memory.left_out, memory.agrees_frames = -1, 0
 
-    def _unexplained(self, fit: Fit, used: NDArray[np.bool_]) -> FingersReading:
+    def _unexplained(self, fit: Fit, used: Mask, search: Search = "none") -> FingersReading:
         self._counter.forget()
         self.memory.unexplained += 1
-        return FingersReading("disturbed", reasons.unexplained(fit.chi2), used)
+        return FingersReading("disturbed", reasons.unexplained(fit.chi2), used, search=search)
 
     def _measured(
         self,
         aligned: Aligned,
         temperature_c: float | None,
-        there: NDArray[np.bool_],
+        there: Mask,
         neighbours: Sequence[NeighbourEstimate],
     ) -> Measured:
         """The change of the magnets' field since the baseline, at the baseline's temperature."""
@@ -283,12 +301,3 @@ class FingersEstimator:
         left_t = self.silicone * memory.recovery.beyond_t(now_t)
         variance_t2 = (square(noise) + square(bend)).ravel() + square(left_t)
         return Measured((own - mounting.rest_field_t).ravel(), variance_t2, there.ravel(), foreign_t2)
-
-    def _is_over_range(self, fit: Fit) -> bool:
-        """Beyond the table, in force or in place, the place and the force are not known. The place of a weak finger is
-        so uncertain that the search may end at the table's edge."""
-        first, last, most = self.response.first_mm + EDGE_MM, self.response.last_mm - EDGE_MM, self.response.scale_n
-        return any(
-            force > most or (force > CERTAIN_DEVIATIONS * force_sd and not first < min(x, y) <= max(x, y) < last)
-            for (x, y, force), force_sd in zip(fit.fingers.tolist(), fit.force_deviations_n, strict=True)
-        )

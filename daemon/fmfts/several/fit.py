@@ -24,6 +24,8 @@ __all__ = ["APART_MM", "GRID_FORCE_N", "GRID_MM", "STARTS", "Fit", "Fitter", "Me
 Array = NDArray[np.float64]
 
 ITERATIONS = 12
+# A fit that begins at the right fingers ends within so many; any other is of no use where this many are asked for.
+FEW_ITERATIONS = 3
 # A step counts as none when it is below this share of each unknown's deviation.
 SETTLED = 0.03
 # χ² that is larger by this share is not larger: it is rounding.
@@ -80,7 +82,9 @@ class Fitter:
         self._scan: Scan | CompiledScan = self.reference_scan
         if self.compiled:
             grid, scan_room = self.reference_scan.packed()
-            self.search = np.concatenate([self._head().values, grid])
+            self.search, self._short_search = (
+                np.concatenate([self._head(iterations).values, grid]) for iterations in (ITERATIONS, FEW_ITERATIONS)
+            )
             self._scan = CompiledScan(self.reference_scan, self.search, model.work, scan_room)
 
     def whitener(self, fingers: Array, measured: Measured, ambient_t: Array) -> Array:
@@ -118,10 +122,13 @@ class Fitter:
         refuse(wrong, size, measured, root=root, fingers=fingers)
         return chi2
 
-    def fit(self, start: Array, measured: Measured, ambient_t: Array) -> Fit:
-        """The most likely fingers near `start` (K, 3). SingularError where the values do not determine them."""
+    def fit(self, start: Array, measured: Measured, ambient_t: Array, few_iterations: bool = False) -> Fit:
+        """The most likely fingers near `start` (K, 3). SingularError where the values do not determine them.
+
+        few_iterations: to see soon whether they are near it, FEW_ITERATIONS in place of ITERATIONS.
+        """
         if not (self.compiled and room(fingers=len(start))):
-            return self.reference_fit(start, measured, ambient_t)
+            return self.reference_fit(start, measured, ambient_t, few_iterations)
         unknowns, values = FINGER * len(start), len(measured.field_t)
         fingers, covariance = np.empty((len(start), FINGER)), np.empty((unknowns, unknowns))
         misfit, ambient = np.empty(values), np.empty(3)
@@ -129,7 +136,7 @@ class Fitter:
         wrong, size, chi2 = _several.fit(
             self.model.packed,
             self.model.work,
-            self.search,
+            self._short_search if few_iterations else self.search,
             doubles(start),
             doubles(measured.field_t),
             doubles(measured.variance_t2),
@@ -180,7 +187,7 @@ class Fitter:
         white = solve_lower(root, residual)
         return float(product(white, white))
 
-    def reference_fit(self, start: Array, measured: Measured, ambient_t: Array) -> Fit:
+    def reference_fit(self, start: Array, measured: Measured, ambient_t: Array, few_iterations: bool = False) -> Fit:
         """fit() in NumPy."""
         measured.checked("field_t", "variance_t2", start=start, ambient_t=ambient_t)
         fingers, used = np.clip(start, self._lowest, self._highest), measured.used
@@ -188,7 +195,8 @@ class Fitter:
         root = self._root(fingers, predicted, measured, ambient_t)
         damping, white = DAMPING, solve_lower(root, (measured.field_t - predicted.field_t)[used])
         floor = np.tile(FLOOR, len(fingers))
-        for _ in range(ITERATIONS if len(fingers) else 0):
+        most = FEW_ITERATIONS if few_iterations else ITERATIONS
+        for _ in range(most if len(fingers) else 0):
             slope = solve_lower(root, predicted.slope[used])
             normal = product(slope.T, slope)
             diagonal = np.diagonal(normal)
@@ -255,11 +263,11 @@ class Fitter:
         share = np.sqrt(np.maximum(1.0 - size + spent, 0.0))
         return (prior_n * product(by_shear.T, white)).reshape(-1, 2), (prior_n * share).reshape(-1, 2)
 
-    def _head(self) -> DoubleTable:
+    def _head(self, iterations: int) -> DoubleTable:
         """The constants of the search, as fit.h has them."""
         head = DoubleTable(_several.SEARCH_HEAD)
         numbers: dict[str, Numbers] = {
-            "iterations": ITERATIONS,
+            "iterations": iterations,
             "settled": SETTLED,
             "rounding": ROUNDING,
             "damping": DAMPING,

@@ -42,14 +42,11 @@ def odd_sensor(
     measured: Measured,
     there: NDArray[np.bool_],
     ambient_t: Array,
-    memories: tuple[CounterMemory, ...],
-    searched: int,
-    cold: FingerCounter,
+    before: CounterMemory,
 ) -> Odd | None:
     """The sensor whose absence leaves the least χ²; None where no absence is enough.
 
-    there (N, 3): the values that there are. memories: of counters whose fingers may be the right ones. searched: a
-    sensor without which `cold`, a counter without memory, searches fingers anew; one a frame, for that takes long.
+    there (N, 3): the values that there are. before: of a counter whose fingers may be the right ones.
     """
     found: list[Odd] = []
     for sensor in np.flatnonzero(there.any(axis=1)).tolist():
@@ -59,15 +56,25 @@ def odd_sensor(
             continue
         without = measured.only(used)
         try:
-            for memory in memories:
-                fit = fitter.fit(memory.fingers, without, ambient_t)
-                if fit.chi2 <= limit(UNEXPLAINED, used, fit):
-                    found.append(Odd(sensor, fit.chi2, memory))
-            if sensor == searched:
-                cold.forget()
-                fit = cold.update(without, ambient_t).fit
-                if fit.chi2 <= limit(UNEXPLAINED, used, fit):
-                    found.append(Odd(sensor, fit.chi2, cold.memory.copy()))
+            fit = fitter.fit(before.fingers, without, ambient_t, few_iterations=True)
         except SingularError:
             continue  # without this sensor the others do not tell
+        if fit.chi2 <= limit(UNEXPLAINED, used, fit):
+            found.append(Odd(sensor, fit.chi2, before))
     return min(found, key=lambda one: one.chi2, default=None)
+
+
+def is_odd(
+    sensor: int, measured: Measured, there: NDArray[np.bool_], ambient_t: Array, cold: FingerCounter
+) -> Odd | None:
+    """This sensor, if fingers that `cold`, a counter without memory, searches anew explain the frame without it."""
+    used = there.copy()
+    used[sensor] = False
+    if used.sum() < FEWEST_VALUES or not there[sensor].any():
+        return None
+    cold.forget()
+    try:
+        fit = cold.update(measured.only(used), ambient_t).fit
+    except SingularError:
+        return None
+    return Odd(sensor, fit.chi2, cold.memory.copy()) if fit.chi2 <= limit(UNEXPLAINED, used, fit) else None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.bus.messages import Health
-from fmfts.several.count import CounterMemory
+from fmfts.several.count import CounterMemory, Search
 from fmfts.several.fit import Fit
 from fmfts.several.measured import Measured
 from fmfts.several.recovery import Recovery
@@ -21,10 +21,11 @@ Array = NDArray[np.float64]
 class FingersMemory:
     """What a frame leaves to the next. ambient_t (3,): the change of the ambient field since the baseline.
 
-    unexplained: how many frames in a row nothing explained. more: for how many frames two fingers have to explain the
-    field before a third one is taken for gone. left_out: a sensor that contradicts all others, −1: none.
-    agrees_frames: for how many frames it has not. last_us: the board's time of the last frame. last_c: the last
-    temperature that was told. unsettled: how many frames more have to be explained until fingers are trusted again.
+    unexplained: how many frames in a row nothing explained, but those whose search is due. more: for how many frames
+    two fingers have to explain the field before a third one is taken for gone. left_out: a sensor that contradicts all
+    others, −1: none. agrees_frames: for how many frames it has not. last_us: the board's time of the last frame.
+    last_c: the last temperature that was told. unsettled: how many frames more have to be explained until fingers are
+    trusted again.
     """
 
     counter: CounterMemory
@@ -43,7 +44,8 @@ class FingersReading(NamedTuple):
     """What one frame says. used (N, 3): the axes that it was made from. fit: None without a trustworthy one.
 
     more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (1 + K, 3): of the
-    place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says.
+    place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says. search: what
+    became of the search for fingers, which takes long.
     """
 
     health: Health
@@ -55,6 +57,7 @@ class FingersReading(NamedTuple):
     over_range: bool = False
     measured: Measured | None = None
     least_variance: Array | None = None
+    search: Search = "none"
 
     @property
     def has_fingers(self) -> bool:

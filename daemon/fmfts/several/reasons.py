@@ -19,6 +19,7 @@ JUMPED = (
     "the field jumped by more than a finger changes it between two samples: a wire that was moved, a blow, or a magnet"
 )
 UNSETTLED = "nothing explained the field a moment ago: these fingers may be others than those that press"
+SEARCH_IS_DUE = "a search for another finger is due, and waits for the searches of other pads"
 UNDETERMINED = "the sensors that are left do not tell where the fingers are"
 
 
@@ -27,6 +28,10 @@ def unexplained(chi2: float) -> str:
         f"no fingers explain the field (χ² = {chi2:.0f}): steel or a magnet nearby, more than two fingers, a bad chip, "
         "or a press that the pad was not calibrated for"
     )
+
+
+def not_searched(chi2: float) -> str:
+    return f"the fingers of before do not explain the field (χ² = {chi2:.0f}); {SEARCH_IS_DUE}"
 
 
 def too_few(missing: Mapping[int, str], used: NDArray[np.bool_]) -> str:

@@ -14,7 +14,8 @@ def trusted(reading: FingersReading, memory: FingersMemory, has_jumped: bool) ->
     """The reading of a frame as it may be told. has_jumped: some of its samples are from before the field jumped, some
     from after it, and fingers that are not there may explain both."""
     if reading.health == "disturbed":
-        memory.unsettled = SETTLED_FRAMES
+        if reading.search != "due":  # one that waits may be explained as soon as it is searched
+            memory.unsettled = SETTLED_FRAMES
         return reading
     doubt = reasons.JUMPED if has_jumped else reasons.UNSETTLED if memory.unsettled else ""
     memory.unsettled = max(memory.unsettled - 1, 0)

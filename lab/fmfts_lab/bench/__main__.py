@@ -76,6 +76,10 @@ def main() -> None:
     )
     verb.add_argument("--speed", action="store_true", help="only the time of a frame")
     verb.add_argument("--repeats", type=int, default=400, help="frames that are timed")
+    verb.add_argument(
+        "--running", type=int, nargs="?", const=16, metavar="PADS", help="only a daemon with so many such pads (16)"
+    )
+    verb.add_argument("--seconds", type=float, default=20.0, help="with --running: how long it is measured")
     verb.add_argument("--drills", action="store_true", help="faults, steel, turning and warming instead")
     verb.add_argument("--merged", action="store_true", help="only two fingers that come nearer to each other")
     verb.add_argument("--chart", type=Path, metavar="FILE", help="with --merged: draw it")
@@ -169,7 +173,11 @@ def main() -> None:
     verb.add_argument("--no-echo", dest="echo", action="store_false", help="without what an echo can carry beside")
     verb.set_defaults(run=overload.run)
     verb = verbs.add_parser("frame", help="what a frame costs by stage, on hot and on cold caches")
-    verb.add_argument("--beside", type=Path, metavar="FOLDER", help="only compare it with the package `fmfts` there")
+    verb.add_argument(
+        "--beside",
+        metavar="COMMIT",
+        help="only compare time and messages with those of a commit, or of a FOLDER's package",
+    )
     verb.add_argument(
         "--states", action="store_true", help="instead: by the state of its pad (faults, models, recorders)"
     )

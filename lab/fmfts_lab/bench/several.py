@@ -22,6 +22,7 @@ from fmfts_lab.bench import (
     several_drills,
     several_merged,
     several_poses,
+    several_running,
     several_speed,
     several_whole,
 )
@@ -75,6 +76,7 @@ HEAD = (
 def run(options: Namespace) -> None:
     for asked, other in (
         (options.speed, several_speed),
+        (options.running, several_running),
         (options.drills, several_drills),
         (options.merged, several_merged),
         (options.doubted, several_doubted),

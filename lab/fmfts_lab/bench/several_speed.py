@@ -20,6 +20,7 @@ from fmfts.sensor import Frame
 from fmfts.several.poses import poses_of, reference_poses
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
+from fmfts_lab.bench import several_searches
 from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.several_world import BUILT, Press, world
 from fmfts_lab.bench.tool_ways import Tool, Way
@@ -45,6 +46,7 @@ def run(options: Namespace) -> None:
     _searches(options)
     _poses(options)
     _chains(options)
+    several_searches.run(PADS)
 
 
 def _searches(options: Namespace) -> None:

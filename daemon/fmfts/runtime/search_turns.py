@@ -1,0 +1,67 @@
+"""Which pad may search fingers anew: one at most in each round of frames, and each in its turn.
+
+A frame whose fingers follow from those of the frame before takes a pad with several magnets some 0.4 ms. Where nothing
+explains the field, it searches: up to 3 ms, more than half of the time between two frames. Steel near a hand of sixteen
+pads would make all of them search at once. So one pad searches in each round; the others say of their frames what they
+can without, and search in later rounds.
+
+Rounds are counted in frames, not in time, and each frame says whether it may search. A recording keeps that, so that a
+replay of one pad alone says the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from fmfts.pipeline.several_pipeline import SeveralPipeline
+from fmfts.sensor import Frame
+from fmfts.several.count import Search
+
+# The first pad that waits loses its turn where no frame of it comes in so many rounds: it is away.
+PATIENCE_ROUNDS = 10
+
+
+class SearchTurns:
+    """A round ends when the pad that searched comes again, or, if it is away, after as many frames as there are pads.
+
+    pads: with several magnets.
+    """
+
+    def __init__(self, pads: int) -> None:
+        self._pads = pads
+        self._searched: str | None = None  # who searched in the round that goes on
+        self._waiting: dict[str, None] = {}  # pads whose search is due, the first that asked first
+        self._frames = 0  # since the search; or, in a new round, since the first that waits had a frame
+
+    def allowed(self, pad: str, frame: Frame) -> Frame:
+        """The next frame of a pad, as it may search. Then `told` has to be called."""
+        return frame if self._may_search(pad) else replace(frame, may_search=False)
+
+    def told(self, pad: str, search: Search) -> None:
+        """What became of the search in this frame."""
+        if search == "due":
+            self._waiting.setdefault(pad)
+            return
+        self._waiting.pop(pad, None)
+        if search == "made":
+            self._searched, self._frames = pad, 0
+
+    def _may_search(self, pad: str) -> bool:
+        self._frames += 1
+        if self._searched is not None:
+            if pad != self._searched and self._frames < self._pads:
+                return False
+            self._searched, self._frames = None, 0
+        if self._waiting and self._frames > PATIENCE_ROUNDS * self._pads:
+            del self._waiting[next(iter(self._waiting))]
+            self._frames = 0
+        if pad != next(iter(self._waiting), pad):
+            return False
+        self._frames = 0
+        return True
+
+
+def turns_of(pipelines: Iterable[object]) -> SearchTurns:
+    """For all pads with several magnets among these pipelines."""
+    return SearchTurns(sum(isinstance(pipeline, SeveralPipeline) for pipeline in pipelines))
