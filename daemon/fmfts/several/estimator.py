@@ -174,12 +174,7 @@ class FingersEstimator:
         return trusted(reading, memory, has_jumped(aligned))
 
     def _judged(
-        self,
-        measured: Measured,
-        used: Mask,
-        there: Mask,
-        missing: Mapping[int, str],
-        may_search: bool,
+        self, measured: Measured, used: Mask, there: Mask, missing: Mapping[int, str], may_search: bool
     ) -> FingersReading:
         memory = self.memory
         # A search takes long, and steel that lies beside the pad would make it each frame.

@@ -22,7 +22,7 @@ from fmfts.runtime.search_turns import turns_of
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, no_finger, steady_finger
-from fmfts_lab.bench.several_drills import BesideTool
+from fmfts_lab.bench.several_faults import BesideTool
 from fmfts_lab.bench.tool_ways import Tool, Way
 from fmfts_lab.finite_elements.array_model import array_config
 
