@@ -20,7 +20,6 @@ from fmfts.simulation.mounted import MountedPad
 from fmfts_lab.bench.drills import (
     RATE_HZ,
     Ambient,
-    DrillSource,
     Fault,
     FieldFault,
     field_faults,
@@ -29,7 +28,7 @@ from fmfts_lab.bench.drills import (
     sensor_faults,
     spoiled,
 )
-from fmfts_lab.bench.faults import AFTER_S, FAULT_S, GRACE_S, WARM_S, Healthy
+from fmfts_lab.bench.faults import FAULT_S, GRACE_S, WARM_S, Healthy
 
 RIGHT_SHARE = 0.9
 # A sentence that blames one sensor, and the parts of one that blames one of several: "sensor 1 or 2".
@@ -135,8 +134,7 @@ def frames_with(healthy: Healthy, case: Sequence[Defect]) -> list[Frame]:
     fields = [one.fault.field for one in case if one.fault.field is not None]
     frames = healthy.frames
     if fields:
-        source = DrillSource(healthy.config, _together(fields), WARM_S, WARM_S + FAULT_S)
-        frames = record(source, healthy.finger, WARM_S + FAULT_S + AFTER_S)
+        frames = record(healthy.source(_together(fields)), healthy.finger, WARM_S + FAULT_S)
     for one in case:
         frames = spoiled(frames, one.fault, healthy.begin, healthy.end)
     return frames
