@@ -282,6 +282,10 @@ class Tracker:
         if not (foreign or is_plausible(whole, self._rest)):
             return "lost", "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?"
         alone = "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
-        if complete.all():
+        # A sensor that was left out, as it contradicted the others, is not to blame: without it they do not fit either.
+        blamed, told = self.blamed, complete.copy()
+        if blamed is not None and blamed not in self._missing:
+            told[blamed] = True
+        if told.all():
             return "disturbed", f"{alone}; or two sensors are wrong (run selftest)"
-        return "disturbed", f"{self._why_not(complete)}, and {alone}; or another sensor is wrong (run selftest)"
+        return "disturbed", f"{self._why_not(told)}, and {alone}; or another sensor is wrong (run selftest)"

@@ -33,6 +33,8 @@ from fmfts_lab.bench.faults import FAULT_S, GRACE_S, WARM_S, Healthy
 RIGHT_SHARE = 0.9
 # A sentence that blames one sensor, and the parts of one that blames one of several: "sensor 1 or 2".
 BLAMED = re.compile(r"sensors? (\d)(?: (?:or|and) (\d))*", re.IGNORECASE)
+# No blame: that an axis is saturated is read from its counts. A strong field does that to sound sensors, too.
+SEEN_SATURATED = re.compile(r"sensor \d is saturated")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +110,8 @@ class Said:
         self.reasons[re.sub(r"\d+", "#", reason) if "χ²" in reason or "%" in reason else reason] += 1
         self.named += any(re.search(one.says, reason) or (one.alike and re.search(one.alike, reason)) for one in case)
         broken = set().union(*(one.sensors for one in case))
-        sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(reason)]
+        inferred = SEEN_SATURATED.sub("", reason)
+        sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(inferred)]
         self.blamed_wrongly += any(not named & broken for named in sensors)
 
     @property
