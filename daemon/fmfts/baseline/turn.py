@@ -217,8 +217,8 @@ def _judged(turn: Turn, expected_t: Array, by_field: Array) -> float:
         )
     raise BaselineError(
         f"the pad was touched, or passed steel, {when}: the sensors disagree by "
-        f"{np.abs(misfit[worst]).max() * 1e7:.0f} mG there ({touched.sum()} of {len(chi2)} orientations): leave it untouched: turn again, and hold the robot, "
-        "not the pad"
+        f"{np.abs(misfit[worst]).max() * 1e7:.0f} mG there ({touched.sum()} of {len(chi2)} orientations): leave it "
+        "untouched: turn again, and hold the robot, not the pad"
     )
 
 

@@ -39,8 +39,8 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
-        "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | frame | resident | "
-        "now | several | eflesh",
+        "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | frame | "
+        "resident | now | several | eflesh",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")

@@ -184,8 +184,8 @@ class Tally:
     @property
     def line(self) -> str:
         return (
-            f"{self.name:46} {self.cases:4d} cases, right {self.right / max(self.cases, 1):6.1%}, a sound part blamed in "
-            f"{self.blamed / max(self.frames, 1):6.2%} of {self.frames} frames; wrong: ok {self.wrong}, degraded "
+            f"{self.name:54} {self.cases:3d} cases, right {self.right / max(self.cases, 1):6.1%}, a sound part blamed "
+            f"in {self.blamed / max(self.frames, 1):6.2%} of {self.frames} frames; wrong: ok {self.wrong}, degraded "
             f"{self.wrong_degraded}, in the first half second {self.wrong_early}; refused {self.refused}"
         )
 
