@@ -35,6 +35,14 @@ FIRST_FAULTS, LIKELY_SECONDS = 5, 24
 SECOND_FAULT = 6.0
 
 
+class MisfitError(BaselineError):
+    """The recordings fit no unloaded pad. facts: how badly, without the cause that the text names."""
+
+    def __init__(self, facts: str, cause: str) -> None:
+        super().__init__(f"{facts} {cause}")
+        self.facts = facts
+
+
 def check_bare(pad: Pad, bare: Recording) -> None:
     """BaselineError if the field without the pad is too strong for the robot's surroundings."""
     size = lengths(bare.mean_t)
@@ -49,7 +57,7 @@ def check_bare(pad: Pad, bare: Recording) -> None:
 def estimate_and_judge(
     pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, measured: Sensitivity | None = None
 ) -> Mounting:
-    """The estimated mounting if it is plausible, else BaselineError with the misfit and its likely cause."""
+    """The estimated mounting if it is plausible, else MisfitError with the misfit and its likely cause."""
     mounting = estimate_mounting(pad, tolerance, rest, bare, measured=measured)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
@@ -63,7 +71,7 @@ def estimate_and_judge(
         f"at most {_limit(mounting):.0f}; magnet {np.abs(mounting.rest_strain).max():.1f} deviations from its place; "
         f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off."
     )
-    raise BaselineError(f"{facts} {_cause(pad, tolerance, rest, bare, measured)}")
+    raise MisfitError(facts, _cause(pad, tolerance, rest, bare, measured))
 
 
 def _limit(mounting: Mounting) -> float:

@@ -47,6 +47,10 @@ SMALLEST_SWEEP_T, SMALLEST_SHARE = 2e-5, 0.5
 # Steel that turns with the pad makes the field's strength depend on the attitude. The workshop's own share, which no
 # gain explains, is below STRENGTH_DEVIATION; screws that reach three times that made a sound sensor look wrong.
 LARGEST_UNEVENNESS = 3.0
+STEEL_TURNS = (
+    "Steel turns with the pad, as screws in its mount do, or stands near: move it 30 mm away from the sensors, and "
+    "turn again; bare and rest alone do not mind it"
+)
 # Probability that an orientation of an untouched pad counts as touched; larger misfits than this, in expected
 # deviations, are not caused by a touch.
 FALSE_TOUCH = 1e-6
@@ -183,8 +187,7 @@ def _require_even(field: Array, strength: float) -> None:
     if share > LARGEST_UNEVENNESS * STRENGTH_DEVIATION:
         raise BaselineError(
             f"the ambient field became stronger and weaker by {share * 1e2:.1f} % (mean) while the robot turned, "
-            f"where {STRENGTH_DEVIATION * 1e2:.1f} % is usual: steel turns with the pad, as screws in its mount do, or "
-            "stands near: move it 30 mm away from the sensors, and turn again; bare and rest alone do not mind it"
+            f"where {STRENGTH_DEVIATION * 1e2:.1f} % is usual. {STEEL_TURNS}"
         )
 
 

@@ -233,6 +233,8 @@ def run(options: Namespace) -> None:
     for turned in [name == "turn" for name in options.baselines]:
         for ambient in ambients:
             for name, pads in groups(ambient).items():
+                if options.only and name not in options.only:
+                    continue
                 tally = Tally(f"{'+ turn' if turned else 'bare + rest'}, {ambient}, {name}")
                 for seed in range(options.seed, options.seed + options.pads):
                     for said in told(pads, ambient, seed, turned):
