@@ -85,10 +85,7 @@ def _source(pad: PadConfig) -> Iterator[Problem]:
         yield ("source", "range_gauss"), str(error)
     most_hz = highest_rate_hz(chip, source.trigger, over_bridge=isinstance(source, BridgeSource))
     if isinstance(source, BridgeSource) and not chip.on_boards:
-        yield (
-            ("source", "chip"),
-            f"no firmware of a board reads {chip.named}: connect it to an I2C bus of this computer",
-        )
+        yield ("source", "chip"), f"no firmware of a board reads {chip.named}: connect it to an I2C bus of this computer"
     if chip.streamed is not isinstance(source, AnyskinSource) and not isinstance(
         source, SimulatedSource | ReplaySource
     ):
