@@ -27,6 +27,7 @@ def test_neighbour_beside_bits_that_flip_blames_no_sound_sensor() -> None:
     judge([pad.said(by_name["neighbour"], by_name["bit errors"]), pad.said(by_name["offset"])])
 
 
+@pytest.mark.long
 def test_chip_that_a_strong_field_left_magnetised_is_named_and_drifting_offsets_are_no_news() -> None:
     by_name = {one.name: one for one in imperfections()}
     disturbed = ImperfectPad(by_name["disturbed chip"], "constant", 2, turned=True).said()
