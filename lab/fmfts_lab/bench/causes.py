@@ -33,6 +33,8 @@ from fmfts_lab.bench.faults import FAULT_S, GRACE_S, WARM_S, Healthy
 RIGHT_SHARE = 0.9
 # A sentence that blames one sensor, and the parts of one that blames one of several: "sensor 1 or 2".
 BLAMED = re.compile(r"sensors? (\d)(?: (?:or|and) (\d))*", re.IGNORECASE)
+# Two causes that are alike, both said.
+OR_FOREIGN = "or a weak foreign field is near"
 # No blame: that an axis is saturated is read from its counts. A strong field does that to sound sensors, too.
 SEEN_SATURATED = re.compile(r"sensor \d is saturated")
 
@@ -63,7 +65,9 @@ def _thimble(time_s: float, built: MountedPad, touch: Touch) -> np.ndarray:
 
 
 FOREIGN = r"steel|magnet|foreign"
-UNCLEAR = r"is a little off: it is not clear|may be at fault|two sensors are wrong|another sensor is wrong"
+UNCLEAR = (
+    rf"is a little off(, {OR_FOREIGN})?: it is not clear|may be at fault|two sensors are wrong|another sensor is wrong"
+)
 
 
 def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
@@ -79,7 +83,7 @@ def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
         Defect("offset", two["offset 100 mG"], rf"{second} (contradicts|still contradicts|is at odds)", UNCLEAR),
         Defect("gain", one["gain 5 %"], rf"{first} (contradicts|still contradicts|is at odds)", UNCLEAR),
         Defect("neighbour", fields["neighbour 30 mm, moving"], FOREIGN),
-        Defect("turned", fields["turning 20 deg/s"], r"ambient field moves|turned robot"),
+        Defect("turned", fields["turning 20 deg/s"], r"ambient field moves|turned robot|robot has turned"),
         Defect("thimble", Fault("thimble", field=_thimble), FOREIGN),
         Defect("no magnet", Fault("no magnet", field=_gone), r"is the pad mounted|magnet whole"),
     ]
@@ -112,7 +116,9 @@ class Said:
         broken = set().union(*(one.sensors for one in case))
         inferred = SEEN_SATURATED.sub("", reason)
         sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(inferred)]
-        self.blamed_wrongly += any(not named & broken for named in sensors)
+        # That is no wrong blame where one of them is right.
+        either = OR_FOREIGN in reason and any(one.fault.field is not None for one in case)
+        self.blamed_wrongly += not either and any(not named & broken for named in sensors)
 
     @property
     def flagged(self) -> int:
