@@ -35,6 +35,7 @@ RIGHT_SHARE = 0.9
 BLAMED = re.compile(r"sensors? (\d)(?: (?:or|and) (\d))*", re.IGNORECASE)
 # Two causes that are alike, both said.
 OR_FOREIGN = "or a weak foreign field is near"
+OR_DRIFTED = "or offsets of chips drifted"
 # No blame: that an axis is saturated is read from its counts. A strong field does that to sound sensors, too.
 SEEN_SATURATED = re.compile(r"sensor \d is saturated")
 
@@ -117,7 +118,9 @@ class Said:
         inferred = SEEN_SATURATED.sub("", reason)
         sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(inferred)]
         # That is no wrong blame where one of them is right.
-        either = OR_FOREIGN in reason and any(one.fault.field is not None for one in case)
+        either = (OR_FOREIGN in reason and any(one.fault.field is not None for one in case)) or (
+            OR_DRIFTED in reason and any(one.says == OR_DRIFTED for one in case)
+        )
         self.blamed_wrongly += not either and any(not named & broken for named in sensors)
 
     @property

@@ -20,7 +20,7 @@ from fmfts.simulation.imperfect_chips import DISTURBED_AT_S
 from fmfts.simulation.imperfections import Imperfections, PadNow
 from fmfts.simulation.neighbour import seeded
 from fmfts.simulation.source import Simulated
-from fmfts_lab.bench.causes import RIGHT_SHARE, UNCLEAR, Defect, Said, defects, frames_with
+from fmfts_lab.bench.causes import OR_DRIFTED, RIGHT_SHARE, UNCLEAR, Defect, Said, defects, frames_with
 from fmfts_lab.bench.drills import RATE_HZ, SATURATED, Ambient, CountFault, Counts, Fault
 from fmfts_lab.bench.faults import GRACE_S, WARM_S, Healthy
 from fmfts_lab.bench.silicone import EFFECTS, Effect, RealPad, RealTruth, baseline_of
@@ -86,11 +86,12 @@ def disturbed_sensor(config: PadConfig) -> int:
 
 def cause_of(effect: Effect, config: PadConfig) -> list[Defect]:
     """What may be said of an imperfection. Of most nothing: they are within the deviations."""
+    drifted = [Defect("offset drift", Fault("offset drift"), OR_DRIFTED)] if effect.warming_k_per_minute else []
     if "disturbed" not in effect.imperfections:
-        return []
+        return drifted
     sensor = disturbed_sensor(config)
     says = rf"sensor {sensor + 1} (contradicts|still contradicts|is at odds)"
-    return [Defect("disturbed chip", Fault("disturbed chip", sensor), says, UNCLEAR)]
+    return [*drifted, Defect("disturbed chip", Fault("disturbed chip", sensor), says, UNCLEAR)]
 
 
 @dataclass(slots=True)
