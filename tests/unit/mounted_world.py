@@ -131,10 +131,13 @@ def _rotations(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(turn) * cross + (1.0 - np.cos(turn)) * (cross @ cross)
 
 
-def turned(world: World, *, about: float = 1.0, touched: bool = False, seconds: float = 12.0) -> Means:
+def turned(
+    world: World, *, about: float = 1.0, touched: bool = False, seconds: float = 12.0, soft_iron: float = 0.0
+) -> Means:
     """The robot turned by hand in a workshop, at up to 2 rad/s: the field is as uneven as `--turn` counts with.
 
-    about: share of the tilting that makes one turn three-dimensional.
+    about: share of the tilting that makes one turn three-dimensional. soft_iron: steel in the mount makes the field
+    along x larger by this share, and smaller along y.
     """
     random = world.random
     strength = random.normal(0.0, STRENGTH_DEVIATION, (3, 3))
@@ -155,6 +158,7 @@ def turned(world: World, *, about: float = 1.0, touched: bool = False, seconds: 
         earth = attitude @ world.earth_t * (1.0 + np.einsum("...i,ij,...j", unit, strength, unit))[..., None]
         here = attitude @ gradient @ attitude.swapaxes(-1, -2) @ world.places[:, :, None]
         pressing = (touched & (times_s > 8.0) & (times_s < 9.0))[..., None]
+        earth = earth * (1.0 + soft_iron * np.array([1.0, -1.0, 0.0]))
         return at_rest + world.sensed(earth + here[..., 0]) + pressing * press
 
     return means(frames_of(fields, seconds, random))

@@ -27,6 +27,7 @@ from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.source import Simulated
 
 UNTESTED = replace(TOLERANCE, gain=0.05)
+GAINS_KNOWN = replace(TOLERANCE, sensor_rotation_rad=math.radians(1.5), cross_axis=0.002)
 HAND_PLACED = replace(UNTESTED, sensor_rotation_rad=math.radians(1.5), cross_axis=0.002)
 
 
@@ -127,6 +128,41 @@ def test_touch_while_turning_is_refused_with_its_time(pad: Pad) -> None:
     world = _world(pad, 3)
     with pytest.raises(BaselineError, match=r"disagree by \d+.* mG.* [89]\.\d s after the start.*untouched"):
         make_turn(pad, turned(world, touched=True), world.baseline(UNTESTED))
+
+
+def test_chip_whose_offset_jumps_while_turning_is_named_and_no_touch(pad: Pad) -> None:
+    """By 10 mG, as after a field that is too strong for it. Late in the turn, too, when few orientations show it."""
+    world = _world(pad, 4, HAND_PLACED)
+    means = turned(world)
+    for share in (0.2, 0.9):
+        field_t = means.field_t.copy()
+        field_t[round(share * len(field_t)) :, 2] += [1e-6, -6e-7, 8e-7]
+        with pytest.raises(
+            BaselineError, match=r"sensor 3 alone does not see .*offset jumped, .* run selftest"
+        ) as told:
+            make_turn(pad, replace(means, field_t=field_t), world.baseline(HAND_PLACED))
+        assert "touched" not in str(told.value)
+
+
+def test_bit_that_flips_while_turning_is_no_touch(pad: Pad) -> None:
+    """64 counts in one of the eleven frames of a mean."""
+    world = _world(pad, 5, HAND_PLACED)
+    means = turned(world)
+    field_t = means.field_t.copy()
+    field_t[::20, 0, 1] += 64 / 660 * 1e-4 / 11
+    with pytest.raises(BaselineError, match=r"sensor 1 alone does not see .* bits of its readings flip"):
+        make_turn(pad, replace(means, field_t=field_t), world.baseline(HAND_PLACED))
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "share", "said"),
+    [(HAND_PLACED, 0.06, "the turn contradicts the rest"), (GAINS_KNOWN, 0.08, r"stronger and weaker by \d\.\d %")],
+)
+def test_steel_in_the_mount_that_turns_along_is_named(pad: Pad, tolerance: Tolerance, share: float, said: str) -> None:
+    """Gains that are hardly known take it in, and then the magnet does not fit; known ones leave it in the strength."""
+    world = _world(pad, 9, tolerance)
+    with pytest.raises(BaselineError, match=said + ".*Steel turns with the pad"):
+        make_turn(pad, turned(world, soft_iron=share), world.baseline(tolerance))
 
 
 def test_turn_needs_a_rest_baseline(pad: Pad) -> None:

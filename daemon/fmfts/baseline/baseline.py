@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fmfts.arithmetic.matrix import length
 from fmfts.baseline.array_mounting import ArrayMounting, estimate_array_mounting, moved_since
-from fmfts.baseline.diagnosis import check_bare, estimate_and_judge
+from fmfts.baseline.diagnosis import MisfitError, check_bare, estimate_and_judge
 from fmfts.baseline.file_format import StoredGains, StoredPresses, StoredRecording, StoredTurn
 from fmfts.baseline.mounting import Mounting, nominal_mounting
 from fmfts.baseline.origin import Origin, foreign
@@ -20,7 +20,7 @@ from fmfts.baseline.recording import BaselineError, ForeignError, Recording, sol
 from fmfts.baseline.refine import AtRest, pick, refined
 from fmfts.baseline.sensitivity import Sensitivity
 from fmfts.baseline.skin_mounting import SkinMounting
-from fmfts.baseline.turn import Turn, sensitivity_from_turn
+from fmfts.baseline.turn import STEEL_TURNS, Turn, sensitivity_from_turn
 from fmfts.baseline.window_means import Means
 from fmfts.common.reading import damage_told, read_regular
 from fmfts.pad import Pad, Tolerance
@@ -202,7 +202,12 @@ def make_turn(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline
     with solvable("the sensors do not see one field turn: leave the pad untouched, keep steel away, and turn again"):
         stored = StoredTurn.of(Turn.of(means))
         baseline = msgspec.structs.replace(before, turn=stored).sealed()
-        return baseline, baseline.array_mounting(pad) if pad.other_magnets else baseline._mounting(pad)
+        try:
+            return baseline, baseline.array_mounting(pad) if pad.other_magnets else baseline._mounting(pad)
+        except MisfitError as error:
+            # Bare and rest fitted: nothing is new but the turn. Steel that turns along acts on the ambient field alone,
+            # so what it adds to the chips' gains is wrong for the magnet's field.
+            raise BaselineError(f"the turn contradicts the rest: {error.facts} {STEEL_TURNS}") from error
 
 
 def make_refined(pad: Pad, means: Means, before: Baseline | None) -> tuple[Baseline, Mounting]:

@@ -39,6 +39,14 @@ FIRST_FAULTS, LIKELY_SECONDS = 5, 24
 SECOND_FAULT = 6.0
 
 
+class MisfitError(BaselineError):
+    """The recordings fit no unloaded pad. facts: how badly, without the cause that the text names."""
+
+    def __init__(self, facts: str, cause: str) -> None:
+        super().__init__(f"{facts} {cause}")
+        self.facts = facts
+
+
 def check_bare(pad: Pad, bare: Recording) -> None:
     """BaselineError if the field without the pad is too strong for the robot's surroundings."""
     size = lengths(bare.mean_t)
@@ -53,7 +61,7 @@ def check_bare(pad: Pad, bare: Recording) -> None:
 def estimate_and_judge(
     pad: Pad, tolerance: Tolerance, rest: Recording, bare: Recording | None, measured: Sensitivity | None = None
 ) -> Mounting:
-    """The estimated mounting if it is plausible, else BaselineError with the misfit and its likely cause."""
+    """The estimated mounting if it is plausible, else MisfitError with the misfit and its likely cause."""
     mounting = estimate_mounting(pad, tolerance, rest, bare, measured=measured)
     if _fits(mounting) and np.abs(mounting.rest_strain).max() < LARGEST_STRAIN:
         return mounting
@@ -68,7 +76,7 @@ def estimate_and_judge(
         f"worst: sensor {worst[0] + 1}, axis {'xyz'[worst[1]]}, {misfit[worst] * 1e6:+.1f} µT off."
     )
     cause = _cause(pad, tolerance, rest, bare, measured)
-    raise BaselineError(f"{facts} {cause}" + ("" if bare is not None else f" {WITHOUT_BARE}"))
+    raise MisfitError(facts, cause if bare is not None else f"{cause} {WITHOUT_BARE}")
 
 
 def _limit(mounting: Mounting) -> float:

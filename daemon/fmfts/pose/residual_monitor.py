@@ -123,10 +123,14 @@ class ResidualMonitor:
         if found.sensor is not None:
             return "degraded", f"sensor {found.sensor + 1} still contradicts the others: it is left out"
         if found.foreign:
-            return "disturbed", "a weak foreign field: steel or another magnet is near"
+            # Where the scene holds the ambient field fixed, a robot that turned is a uniform foreign field.
+            turned = ", or the robot has turned" if self._ambient_is_known else ""
+            return "disturbed", f"a weak foreign field: steel or another magnet is near{turned}"
         if self._single_frames_agree and health == "degraded":
             return None
         named = " or ".join(str(sensor + 1) for sensor in found.suspects)
+        if len(found.suspects) == 1:  # no other sensor explains it as well, so what is left is no sensor
+            return "lost", f"sensor {named} is a little off, or a weak foreign field is near: it is not clear which"
         return "lost", f"sensor {named} is a little off: it is not clear which one"
 
     def _predicted(self, state: State) -> Array:

@@ -29,6 +29,11 @@ STEEL_ABOVE = (
     "the magnet looks {stronger:.0%} stronger than its baseline says: steel touches the pad or is near it, or it is "
     "another magnet: then record `fmfts-daemon baseline --rest --replaced`"
 )
+# The mean of residuals shows 20 nT, and offsets of chips drift by some 10 nT/K: from here on they may be what it shows.
+WARMED_K = 5.0
+OR_DRIFTED = (
+    "; or offsets of chips drifted, as the pad is over {:g} K from its baseline's temperature: record --rest again"
+)
 NOTHING_SAID: Mapping[int, str] = MappingProxyType({})
 # Solve to a thousandth of a deviation: before rest is recorded, deviations include the mounting's tolerances (0.4 mm).
 STOP_TRACKING = 1e-6
@@ -134,6 +139,9 @@ class Tracker:
         if overruling is None:
             return track
         health, reason = overruling
+        warmed_k = abs((temperature_c or 0.0) - (self._rest_temperature_c or 0.0))
+        if health != "degraded" and None not in (temperature_c, self._rest_temperature_c) and warmed_k > WARMED_K:
+            reason += OR_DRIFTED.format(WARMED_K * (warmed_k // WARMED_K))
         is_left_out = health == "degraded" and track.is_steady and blamed is not None and self._monitor.blamed == blamed
         return Track(
             track.estimate if health == "degraded" else None, track.used, health, reason, is_steady=is_left_out
@@ -282,6 +290,10 @@ class Tracker:
         if not (foreign or is_plausible(whole, self._rest)):
             return "lost", "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?"
         alone = "the field does not come from this magnet alone: steel, a magnet, or a turned robot"
-        if complete.all():
+        # A sensor that was left out, as it contradicted the others, is not to blame: without it they do not fit either.
+        blamed, told = self.blamed, complete.copy()
+        if blamed is not None and blamed not in self._missing:
+            told[blamed] = True
+        if told.all():
             return "disturbed", f"{alone}; or two sensors are wrong (run selftest)"
-        return "disturbed", f"{self._why_not(complete)}, and {alone}; or another sensor is wrong (run selftest)"
+        return "disturbed", f"{self._why_not(told)}, and {alone}; or another sensor is wrong (run selftest)"

@@ -17,6 +17,7 @@ from fmfts_lab.bench import (
     eflesh,
     faults,
     frame_cost,
+    imperfect_causes,
     latency,
     long_squeeze,
     moment,
@@ -38,8 +39,8 @@ def main() -> None:
     verbs = parser.add_subparsers(
         required=True,
         metavar="speed | accuracy | convergence | faults | moment | turning | baselines | as-built | tools | "
-        "neighbours | silicone | long-squeeze | causes | contact | chips | latency | overload | frame | resident | "
-        "now | several | eflesh",
+        "neighbours | silicone | long-squeeze | causes | imperfect-causes | contact | chips | latency | overload | "
+        "frame | resident | now | several | eflesh",
     )
     verb = verbs.add_parser("speed", help="time per solve beside other solvers, one run, one table")
     verb.add_argument("--chart", type=Path, metavar="FILE.svg", help="draw the growth (needs matplotlib)")
@@ -134,6 +135,12 @@ def main() -> None:
     verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS)
     verb.add_argument("--verbose", action="store_true", help="also the cases that are named right")
     verb.set_defaults(run=causes.run)
+    verb = verbs.add_parser("imperfect-causes", help="what pads with turned chips and imperfections say of defects")
+    verb.add_argument("--pads", type=int, default=2, help="how many pads are built, for each row")
+    verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS)
+    verb.add_argument("--baselines", nargs="+", choices=("rest", "turn"), default=("rest", "turn"))
+    verb.add_argument("--only", nargs="+", metavar="GROUP", help='rows: "two defects"')
+    verb.set_defaults(run=imperfect_causes.run)
     verb = verbs.add_parser("tools", help="a magnetic tool passes, is put down, turns: wrong frames, false contacts")
     verb.add_argument("--pads", type=int, default=1, help="how many pads are built, for each row")
     verb.add_argument("--scenes", nargs="+", choices=tools.SCENES, default=tools.SCENES)

@@ -15,13 +15,18 @@ from fmfts.pipeline.configured import load_contact_model
 from fmfts.sensor import Frame
 from fmfts.simulation.finger_shape import thimble_field
 from fmfts.simulation.imperfections import TOP_M
-from fmfts_lab.bench.drills import RATE_HZ, Ambient, DrillSource, pad_config, record, spoiled
+from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config, record, spoiled
 from fmfts_lab.bench.fault_kinds import Fault, FieldFault, PadThen, field_faults, sensor_faults, weaker
-from fmfts_lab.bench.faults import AFTER_S, FAULT_S, GRACE_S, WARM_S, Healthy
+from fmfts_lab.bench.faults import FAULT_S, GRACE_S, WARM_S, Healthy
 
 RIGHT_SHARE = 0.9
 # A sentence that blames one sensor, and the parts of one that blames one of several: "sensor 1 or 2".
 BLAMED = re.compile(r"sensors? (\d)(?: (?:or|and) (\d))*", re.IGNORECASE)
+# Two causes that are alike, both said.
+OR_FOREIGN = "or a weak foreign field is near"
+OR_DRIFTED = "or offsets of chips drifted"
+# No blame: that an axis is saturated is read from its counts. A strong field does that to sound sensors, too.
+SEEN_SATURATED = re.compile(r"sensor \d is saturated")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +54,9 @@ def _thimble(time_s: float, then: PadThen) -> np.ndarray:
 
 
 FOREIGN = r"steel|magnet|foreign"
-UNCLEAR = r"is a little off: it is not clear|may be at fault|two sensors are wrong|another sensor is wrong"
+UNCLEAR = (
+    rf"is a little off(, {OR_FOREIGN})?: it is not clear|may be at fault|two sensors are wrong|another sensor is wrong"
+)
 
 
 def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
@@ -65,7 +72,7 @@ def defects(sensor: int = 1, other: int = 2) -> list[Defect]:
         Defect("offset", two["offset 100 mG"], rf"{second} (contradicts|still contradicts|is at odds)", UNCLEAR),
         Defect("gain", one["gain 5 %"], rf"{first} (contradicts|still contradicts|is at odds)", UNCLEAR),
         Defect("neighbour", fields["neighbour 30 mm, moving"], FOREIGN),
-        Defect("turned", fields["turning 20 deg/s"], r"ambient field moves|turned robot"),
+        Defect("turned", fields["turning 20 deg/s"], r"ambient field moves|turned robot|robot has turned"),
         Defect("thimble", Fault("thimble", field=_thimble), FOREIGN),
         Defect("no magnet", Fault("no magnet", field=weaker(1.0)), r"is the pad mounted|magnet whole"),
     ]
@@ -91,8 +98,13 @@ class Said:
         self.reasons[re.sub(r"\d+", "#", reason) if "χ²" in reason or "%" in reason else reason] += 1
         self.named += any(re.search(one.says, reason) or (one.alike and re.search(one.alike, reason)) for one in case)
         broken = set().union(*(one.sensors for one in case))
-        sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(reason)]
-        self.blamed_wrongly += any(not named & broken for named in sensors)
+        inferred = SEEN_SATURATED.sub("", reason)
+        sensors = [{int(number) for number in re.findall(r"\d", found.group())} for found in BLAMED.finditer(inferred)]
+        # That is no wrong blame where one of them is right.
+        either = (OR_FOREIGN in reason and any(one.fault.field is not None for one in case)) or (
+            OR_DRIFTED in reason and any(one.says == OR_DRIFTED for one in case)
+        )
+        self.blamed_wrongly += not either and any(not named & broken for named in sensors)
 
     @property
     def flagged(self) -> int:
@@ -117,8 +129,7 @@ def frames_with(healthy: Healthy, case: Sequence[Defect]) -> list[Frame]:
     fields = [one.fault.field for one in case if one.fault.field is not None]
     frames = healthy.frames
     if fields:
-        source = DrillSource(healthy.config, _together(fields), WARM_S, WARM_S + FAULT_S)
-        frames = record(source, healthy.finger, WARM_S + FAULT_S + AFTER_S)
+        frames = record(healthy.source(_together(fields)), healthy.finger, WARM_S + FAULT_S)
     for one in case:
         frames = spoiled(frames, one.fault, healthy.begin, healthy.end)
     return frames

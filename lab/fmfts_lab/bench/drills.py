@@ -47,12 +47,18 @@ FINGERS: dict[str, Finger] = {"rest": no_finger, "pressed": live_finger}
 
 
 class DrillSource(Simulated):
-    """A simulated pad with a foreign field from `begin_s` on."""
+    """A simulated pad with a foreign field from `begin_s` on. Its first frame is that at `start_s` of its clock."""
 
     def __init__(
-        self, config: PadConfig, field: FieldFault | None = None, begin_s: float = 0.0, end_s: float = inf
+        self,
+        config: PadConfig,
+        field: FieldFault | None = None,
+        begin_s: float = 0.0,
+        end_s: float = inf,
+        start_s: float = 0.0,
     ) -> None:
         super().__init__(config)
+        self._start_ns, self._sequence = 0, round(start_s * RATE_HZ)
         self._foreign = field
         self._begin_s, self._end_s = begin_s, end_s
 
@@ -78,8 +84,8 @@ class DrillSource(Simulated):
 
 
 def record(source: Simulated, finger: Finger, seconds: float) -> list[Frame]:
-    source.finger = finger
-    return [frame for step in range(round(seconds * RATE_HZ)) for frame in source.poll(step * FRAME_NS)]
+    source.finger, first = finger, round(source.time_s * RATE_HZ)
+    return [frame for step in range(round(seconds * RATE_HZ)) for frame in source.poll((first + step) * FRAME_NS)]
 
 
 def spoiled(frames: Sequence[Frame], fault: Fault, begin: int, end: int) -> list[Frame]:

@@ -9,15 +9,19 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from fmfts.baseline import Baseline
 from fmfts.bus.messages import ContactMessage
+from fmfts.config import PadConfig
 from fmfts.contact import ContactModel
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.snapshot import restore, snapshot
 from fmfts.sensor import Frame
+from fmfts.simulation.baseline import simulated_baseline
+from fmfts.simulation.finger import Finger
 from fmfts_lab.bench.drills import FINGERS, RATE_HZ, Ambient, DrillSource, pad_config, record, spoiled
-from fmfts_lab.bench.fault_kinds import Fault, field_faults, sensor_faults
-from fmfts_lab.bench.tapped import Well, pipeline_of, tapped, without_baseline
+from fmfts_lab.bench.fault_kinds import Fault, FieldFault, field_faults, sensor_faults
+from fmfts_lab.bench.tapped import Well, tapped, without_baseline
 from fmfts_lab.bench.truth import WRONG_DEVIATIONS, Truth
 
 # AFTER_S: mean residuals forget a fault in half a second; a moved field is reported for a second more.
@@ -73,13 +77,26 @@ def _spread(times: Sequence[float]) -> str:
 class Healthy:
     """A healthy mounted pad, with a pipeline that has tracked it up to the beginning of the fault."""
 
-    def __init__(self, ambient: Ambient, touch: str, seed: int, model: ContactModel) -> None:
+    def __init__(
+        self,
+        ambient: Ambient,
+        touch: str,
+        seed: int,
+        model: ContactModel,
+        *,
+        config: PadConfig | None = None,
+        baseline: Baseline | None = None,
+        start_s: float = 0.0,
+    ) -> None:
+        """config: of another pad than `pad_config`. baseline: None records it. start_s: the first frame's time."""
         self.ambient, self.touch = ambient, touch
-        self.config = pad_config(ambient, seed)
-        self.finger = FINGERS[touch]
+        self.config = config or pad_config(ambient, seed)
+        self._start_s = start_s
+        self.finger: Finger = lambda time_s: FINGERS[touch](time_s - start_s)
         self.model = model
-        before = pipeline_of(self.config, model)
-        source = DrillSource(self.config)
+        before = without_baseline(self.config, model)
+        before.use(baseline or simulated_baseline(self.config))
+        source = self.source()
         self.truth = Truth(source.built, self.finger)
         self.frames = record(source, self.finger, WARM_S + FAULT_S + AFTER_S)
         self.begin = round(WARM_S * RATE_HZ)
@@ -87,6 +104,11 @@ class Healthy:
         for frame in self.frames[: self.begin]:
             before.process(frame)
         self._baseline, self._mounting, self._memory = before.baseline, before.mounting, snapshot(before)
+
+    def source(self, field: FieldFault | None = None) -> DrillSource:
+        """The pad with a foreign field while the fault lasts."""
+        begin_s = self._start_s + WARM_S
+        return DrillSource(self.config, field, begin_s, begin_s + FAULT_S, self._start_s)
 
     def pipeline(self) -> PadPipeline:
         """A copy of the pipeline, in its state when the fault begins."""
@@ -99,8 +121,7 @@ class Healthy:
     def frames_with(self, fault: Fault) -> list[Frame]:
         if fault.field is None:
             return spoiled(self.frames, fault, self.begin, self.end)
-        source = DrillSource(self.config, fault.field, WARM_S, WARM_S + FAULT_S)
-        return record(source, self.finger, WARM_S + FAULT_S + AFTER_S)
+        return record(self.source(fault.field), self.finger, WARM_S + FAULT_S + AFTER_S)
 
     def drill(self, fault: Fault, outcome: Outcome) -> None:
         frames, pipeline = self.frames_with(fault), self.pipeline()

@@ -26,6 +26,7 @@ from fmfts.simulation.finger import Finger, Touch, no_finger
 from fmfts.simulation.finger_shape import SHAPES
 from fmfts.simulation.imperfections import Imperfections
 from fmfts.simulation.silicone import CREEP_PER_DECADE, Silicone
+from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.built_world import Presses
 from fmfts_lab.bench.drills import RATE_HZ, Ambient
 from fmfts_lab.bench.tapped import ManyFrames, without_baseline
@@ -107,7 +108,7 @@ class RealPad(ManyFrames):
 class RealTruth(Truth):
     """The truth of a pad whose magnet creeps: it follows the times of the messages, which must come in order."""
 
-    def __init__(self, source: RealPad, config: PadConfig, finger: Finger) -> None:
+    def __init__(self, source: Simulated, config: PadConfig, finger: Finger) -> None:
         assert isinstance(config.source, SimulatedSource)
         super().__init__(source.built, finger)
         shape, seeded = SHAPES[config.source.finger_shape], np.random.default_rng(0)
