@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -19,6 +19,7 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.runtime.search_turns import PATIENCE_ROUNDS, SearchTurns, turns_of
 from fmfts.sensor import Frame
+from fmfts.sensor.frame import WireFrame
 from fmfts.several import fit
 from fmfts.several.searches import SEARCHED_FRAMES, number_of
 from fmfts.simulation.array import SimulatedArray
@@ -208,3 +209,14 @@ def test_of_pads_beside_steel_one_searches_in_a_round_and_a_replay_of_each_alone
         assert [essence(again.process(frame)) for frame, _ in recorded[name]] == [
             essence(message) for _, message in recorded[name]
         ]
+
+
+def test_packed_frame_of_a_board_has_all_that_a_frame_has_and_may_be_told_to_wait() -> None:
+    readings = np.arange(16, dtype="<i2").tobytes()
+    packed = WireFrame(0, 7, 5000, 6000, (3, 0b1111, 0b1011, readings), 25.0, run=2)
+    waiting = packed.without_search()
+    assert (packed.may_search, waiting.may_search) == (True, False)
+    for each in fields(Frame):
+        if each.name != "may_search":
+            assert np.array_equal(getattr(packed, each.name), getattr(waiting, each.name)), each.name
+    assert waiting.packed == packed.packed

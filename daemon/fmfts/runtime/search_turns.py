@@ -12,7 +12,6 @@ replay of one pad alone says the same.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
@@ -36,7 +35,7 @@ class SearchTurns:
 
     def allowed(self, pad: str, frame: Frame) -> Frame:
         """The next frame of a pad, as it may search. Then `told` has to be called."""
-        return frame if self._may_search(pad) else replace(frame, may_search=False)
+        return frame if self._may_search(pad) else frame.without_search()
 
     def told(self, pad: str, search: Search) -> None:
         """What became of the search in this frame."""

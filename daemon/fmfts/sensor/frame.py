@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -47,6 +47,10 @@ class Frame:
     run: int = 0
     chip: Chip = DEFAULT_CHIP
     may_search: bool = True
+
+    def without_search(self) -> Frame:
+        """The same frame, which may not search."""
+        return replace(self, may_search=False)
 
     @property
     def packed(self) -> Packed:
@@ -112,6 +116,7 @@ class WireFrame(Frame):
         temperature_c: float | None,
         run: int = 0,
         chip: Chip = DEFAULT_CHIP,
+        may_search: bool = True,
     ) -> None:
         _put_pad_index(self, pad_index)
         _put_sequence(self, sequence)
@@ -120,11 +125,25 @@ class WireFrame(Frame):
         _put_temperature_c(self, temperature_c)
         _put_run(self, run)
         _put_chip(self, chip)
+        _put_may_search(self, may_search)
         _put_packed(self, packed)
 
     @property
     def packed(self) -> Packed:
         return self._packed
+
+    def without_search(self) -> WireFrame:
+        return WireFrame(
+            self.pad_index,
+            self.sequence,
+            self.device_time_us,
+            self.host_time_ns,
+            self._packed,
+            self.temperature_c,
+            self.run,
+            self.chip,
+            may_search=False,
+        )
 
     @property
     def gain_code(self) -> int:
@@ -159,6 +178,7 @@ _put_host_time_ns = Frame.__dict__["host_time_ns"].__set__
 _put_temperature_c = Frame.__dict__["temperature_c"].__set__
 _put_run = Frame.__dict__["run"].__set__
 _put_chip = Frame.__dict__["chip"].__set__
+_put_may_search = Frame.__dict__["may_search"].__set__
 _put_packed = WireFrame.__dict__["_packed"].__set__
 
 
