@@ -129,10 +129,12 @@ def _is_named(pad: Pad, name: str, seeds: range) -> None:
 @pytest.mark.long
 def test_two_defects_at_once_are_named_or_said_to_be_unexplained(pad: Pad) -> None:
     """One of the two is named in nine of ten, and no sound sensor is blamed alone in more than one of fifty."""
+    # A magnet upside down above left-handed chips makes each sensor read what the one across should read: two swaps.
+    alike = [{"all chips by 4°", "a chip by 12°"}, {"upside down", "left-handed chips"}]
     pairs = [
         (one, other)
         for one, other in combinations(DEFECTS, 2)
-        if "no magnet" not in (one, other) and {"all chips by 4°", "a chip by 12°"} != {one, other}
+        if "no magnet" not in (one, other) and {one, other} not in alike
     ]
     said = {(pair, seed): refusal(pad, seed, *pair) for pair in pairs for seed in range(TOGETHER)}
     named = [any(re.search(DEFECTS[name][1], one) for name in pair) for (pair, _), one in said.items()]
