@@ -14,7 +14,6 @@ from fmfts.arithmetic.matrix import cholesky, product, root_of_squares, solve_lo
 from fmfts.contact.bend import bend_of, larger_force
 from fmfts.contact.contract import (
     SHEAR_OUTPUT_ORDER,
-    ErrorTables,
     Facts,
     ModelError,
     OtherPadError,
@@ -28,9 +27,10 @@ from fmfts.contact.onnx_file import parse
 from fmfts.contact.refinement import Refiner
 from fmfts.contact.response import CHANGE, Response
 from fmfts.contact.seal import hash_of, unsealed
-from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH, path_of
+from fmfts.contact.shipped import path_of
+from fmfts.contact.structure import magnets_differ, shipped_friction_error
 from fmfts.contact.verified import check_versions, compared, inference_of, read
-from fmfts.pad import Array, Dimensions, Pad, differences
+from fmfts.pad import Array, Pad
 
 REMEDY = "make it again with `fmfts-daemon calibrate`, or set [pad.contact] model to one that fits"
 
@@ -155,13 +155,13 @@ class ContactModel:
         if len(inference.contact) != len(facts.outputs):
             raise ValueError("it has another number of outputs than its metadata states")
         inference = compared(inference, content, facts)
-        if other := _difference(facts, pad):
+        if other := magnets_differ(facts, pad):
             raise OtherPadError(
                 f"contact model {file} was trained for a pad of other dimensions than pad {pad.name!r} has: {other}: "
                 "correct [pad.magnet], or calibrate this pad and set [pad.contact] model"
             )
         if friction > 0.0 and facts.friction_error is None and facts.outputs != SHEAR_OUTPUT_ORDER:
-            facts = msgspec.structs.replace(facts, friction_error=_shipped_friction_error(facts.geometry_hash))
+            facts = msgspec.structs.replace(facts, friction_error=shipped_friction_error(facts.geometry_hash))
         refiner = Refiner(response) if refine and response is not None else None
         of_shape = shape_deviation_of(facts, response) if friction > 0.0 and response is not None else 0.0
         of_shape = of_shape * CONTACT_UNIT[: len(facts.outputs)]
@@ -302,32 +302,3 @@ class ContactModel:
         self.inference.pose[:] = pose
         self.inference.run()
         return self.inference.contact.astype(np.float64), self.inference.jacobian.astype(np.float64)
-
-
-def _shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
-    """What shear does to the answers of the shipped model, if it is for a pad of this geometry; else None.
-
-    Shear moves the magnet of any pad of one structure alike, whoever measured the presses.
-    """
-    shipped = parse_facts(parse(read(DEFAULT_PATH)).metadata)
-    return shipped.friction_error if shipped.geometry_hash == geometry_hash else None
-
-
-def _difference(facts: Facts, pad: Pad) -> str:
-    """How the magnets of the model's pad differ from those of `pad`; "" if they do not.
-
-    It goes from a magnet's pose to a contact, so that it does not matter where the sensors are that the pose is from.
-    """
-    if facts.geometry_hash == pad.geometry_hash:
-        return ""
-    its = STANDARD_DIMENSIONS if facts.geometry_hash == STANDARD_HASH else facts.dimensions
-    if its is None:
-        hashes = f"the model's have the hash {facts.geometry_hash}, the pad's {pad.geometry_hash}"
-        return f"which ones, this file does not say ({hashes})"
-    theirs, ours = (_of_magnets(each) for each in (its, pad.dimensions))
-    found = differences(theirs, ours, "in the model", "in the configuration")
-    return found or ("" if theirs.keys() == ours.keys() else "it is of another number of magnets")
-
-
-def _of_magnets(dimensions: Dimensions) -> Dimensions:
-    return {name: values for name, values in dimensions.items() if name.startswith("magnet")}

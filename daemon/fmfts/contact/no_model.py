@@ -24,6 +24,6 @@ def no_model_for(configured: str) -> NoContactModel:
     why = (
         f'[pad.contact] model is "{NO_MODEL}"'
         if configured == NO_MODEL
-        else f'"{configured}" is for the pad of the shipped config.toml, whose magnet has another size or place'
+        else f'"{configured}" is for the pad of the shipped config.toml, and the magnet here has another size or place'
     )
     return NoContactModel(f"no contact model for this pad: {why}; to get forces, calibrate it (docs/calibration.md)")

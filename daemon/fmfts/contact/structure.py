@@ -1,0 +1,38 @@
+"""Which pads a contact model is for: those of the same structure, wherever their sensors are."""
+
+from __future__ import annotations
+
+from fmfts.contact.contract import ErrorTables, Facts, parse_facts
+from fmfts.contact.onnx_file import parse
+from fmfts.contact.shipped import DEFAULT_PATH, STANDARD_DIMENSIONS, STANDARD_HASH
+from fmfts.contact.verified import read
+from fmfts.pad import Dimensions, Pad, differences
+
+
+def magnets_differ(facts: Facts, pad: Pad) -> str:
+    """How the magnets of the model's pad differ from those of `pad`; "" if they do not.
+
+    A model goes from a magnet's pose to a contact, so that it does not matter where the sensors are that tell the pose.
+    """
+    if facts.geometry_hash == pad.geometry_hash:
+        return ""
+    its = STANDARD_DIMENSIONS if facts.geometry_hash == STANDARD_HASH else facts.dimensions
+    if its is None:
+        hashes = f"the model's have the hash {facts.geometry_hash}, the pad's {pad.geometry_hash}"
+        return f"which ones, this file does not say ({hashes})"
+    theirs, ours = (_of_magnets(each) for each in (its, pad.dimensions))
+    found = differences(theirs, ours, "in the model", "in the configuration")
+    return found or ("" if theirs.keys() == ours.keys() else "it is of another number of magnets")
+
+
+def _of_magnets(dimensions: Dimensions) -> Dimensions:
+    return {name: values for name, values in dimensions.items() if name.startswith("magnet")}
+
+
+def shipped_friction_error(geometry_hash: str) -> ErrorTables | None:
+    """What shear does to the answers of the shipped model, if it is for a pad of this geometry; else None.
+
+    Shear moves the magnet of any pad of one structure alike, whoever measured the presses.
+    """
+    shipped = parse_facts(parse(read(DEFAULT_PATH)).metadata)
+    return shipped.friction_error if shipped.geometry_hash == geometry_hash else None
