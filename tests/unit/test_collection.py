@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
-from fmfts.baseline.job import EXTRA_S, SETTLING_S, Collection
+import numpy as np
+import pytest
+
+from fmfts.baseline.job import EXTRA_S, SETTLING_S, BaselineJob, Collection
+from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
+from fmfts.simulation.baseline import hold_still
 from fmfts.simulation.finger import no_finger
 from fmfts.simulation.source import Simulated
 from fmfts_lab.bench.drills import record
@@ -61,3 +68,22 @@ def test_recording_begins_when_the_board_has_the_configured_range() -> None:
     for number, frame in enumerate(frames[:400]):
         collection.take(frame if number < settled else replace(frame, gain_code=7))
     assert len({frame.gain_code for frame in collection.frames}) == 2
+
+
+def test_baseline_of_a_busy_computer_goes_on_until_each_sensor_has_enough_new_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fifth of the frames arrives, and one sensor has no new sample in every tenth of them."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    config = PadConfig(name="left", source=SimulatedSource())
+    source = Simulated(config)
+    hold_still(source, mounted=False)
+    request = BaselineRequest(config.pad(), config.tolerance.si(), bare=True, replaced=False, duration_s=1.0)
+    sparse = record(source, no_finger, 5.0)[::5]
+    late = np.array([True, False, True, True])
+    sparse[::10] = [replace(frame, fresh=late) for frame in sparse[::10]]
+    with ThreadPoolExecutor(1) as executor:
+        job = BaselineJob(request, None, source, executor)
+        for frame in sparse:
+            job.take(frame)
+    assert job.recorded is not None
