@@ -54,14 +54,14 @@ def test_samples_come_before_their_frames_where_they_are_wanted(kernel: KernelBu
 
     def polled(frames: list[Frame]) -> bool:
         early.extend(one for _, one in source.take_early())
-        return len(frames) > 50 and len(early) > 40
+        # Two chips are off by 1 %: it takes them up to a hundred frames until a sample falls between two of these.
+        return len(frames) > 50 and len(early) > 40 and len({one.sensor for one in early}) == 4
 
     for frame in run(source, polled):
         held |= {(sensor, int(time_us)) for sensor, time_us in enumerate(frame.sampled_us)}
     ours = [(one.sensor, one.device_time_us) for one in early]
     assert len(set(ours)) == len(ours)
     assert len(held.intersection(ours)) > 0.5 * len(ours)  # others were followed by a newer one in the same frame
-    assert {one.sensor for one in early} == {0, 1, 2, 3}
     expected = expected_counts(gain_code=3)
     assert all(one.counts == tuple(expected[one.sensor]) for one in early)
     assert source.state.warnings == {}
