@@ -199,7 +199,7 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "channels = [0, 1, 2, 2]", "source.channels = [0, 1, 2, 2]: each sensor needs a channel of its own"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [-8, -8, 0]]", "at least 3 sensors are needed: with two, a diagonal pair is singular"),
         (PAD + f"[pad.geometry]\nsensors_mm = {[[i, 0, 0] for i in range(0, 34, 2)]}", "at most 16 sensors"),
-        (BRIDGE + sensors(9), 'a board makes pads of at most 8 sensors: type = "i2c" reads more on a bus of this computer'),
+        (BRIDGE + sensors(9), '[12, 0, …: a board makes pads of at most 8 sensors: type = "i2c" reads more on a bus of this computer'),
         (BRIDGE + sensors(8) + BRIDGE.replace('"b"', '"c"') + "pad_index = 1\n" + sensors(5), "pad 'c' (second [[pad]]): source.pad_index = 1: with it, the pads of its board have 8, 5 sensors by their pad_index (one that is not configured has 4): at most 12 on a board"),
         (BRIDGE + "pad_index = 2\n" + sensors(8), "source.pad_index = 2: with it, the pads of its board have 4, 4, 8 sensors"),
         (I2C + "channels = []\nmux_addresses = [0x70, 0x70, 0x71, 0x71]", "source.mux_addresses = [112, 112, 113, 113]: without a mux leave it out"),

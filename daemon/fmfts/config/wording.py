@@ -22,6 +22,7 @@ ITEMS = {
     "neighbours": "name",
     "pad": "pad",
 }
+MOST_SHOWN = 80  # characters of a value
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
 UNITS = {
     "mm": "millimetres",
@@ -97,7 +98,8 @@ def value_shown(data: dict[str, Any], keys: Sequence[Key]) -> str:
     value = value_at(data, keys)
     if value is None or isinstance(value, dict):
         return ""
-    return f" = {value if not isinstance(value, str) else repr(value)!s}"[:80]
+    text = f" = {value if not isinstance(value, str) else repr(value)!s}"
+    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 1]}…"
 
 
 def numbers(value: Any, keys: tuple[Key, ...] = ()) -> Iterator[tuple[tuple[Key, ...], float]]:
