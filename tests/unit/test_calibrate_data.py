@@ -264,7 +264,7 @@ def _is_judged_as_the_pad_runs_it(
 
 def _is_told_that_shear_is_unknown(target: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fmfts.contact.model.DEFAULT_PATH", target)  # it was made without --sheared, too
+        patch.setattr("fmfts.contact.structure.DEFAULT_PATH", target)  # it was made without --sheared, too
         assert main(["check-config", "--config", str(folder / "runs.toml")]) == 0
     assert "friction = 0.3 has no effect: the contact model was made without --sheared" in capsys.readouterr().err
 
