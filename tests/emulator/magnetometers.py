@@ -174,16 +174,22 @@ class Lis3mdl(RegisterChip):
 
 
 class Mmc5983ma(RegisterChip):
-    """A field of more than 10 G leaves it magnetised until a set pulse. Controls read as zero. Its z points into the
-    board: its axes are left-handed."""
+    """A pulse magnetises its bridges: a reset pulse turns over what they make of a field, and not their own zero.
+
+    A field of more than 10 G leaves them magnetised otherwise until the next pulse. Controls read as zero. Its z points
+    into the board: its axes are left-handed. Along them: zero_gauss, what the bridges say of no field, and coil_gauss,
+    what the coil makes with St_enp.
+    """
 
     address = 0x30
     remanence_gauss = 0.3
+    zero_gauss = (0.0, 0.0, 0.0)
+    coil_gauss = (0.125, 0.125, 0.125)
 
     def power_on(self) -> None:
         self.reset({0x08: 0x10, 0x2F: 0x30})
         self.controls = bytearray(4)
-        self.magnetised = False
+        self.magnetised, self.sense = False, 1
         self.resets_until_s = 0.0
 
     def written(self, register: int, value: int) -> None:
@@ -192,9 +198,10 @@ class Mmc5983ma(RegisterChip):
         if register == 0x08:
             self.registers[0x08] &= ~(value & 0x03)
         elif register == 0x0A and value & 0x80:  # SW_RST
-            magnetised = self.magnetised
+            magnetised, sense = self.magnetised, self.sense
             self.power_on()
-            self.magnetised, self.resets_until_s = magnetised, self.time_s() + 9e-3
+            self.magnetised, self.sense = magnetised, sense
+            self.resets_until_s = self.time_s() + 9e-3
         elif 0x09 <= register <= 0x0C:
             self._control(register - 0x09, value)
 
@@ -202,7 +209,7 @@ class Mmc5983ma(RegisterChip):
         if number == 0:
             self.controls[0] = value & 0x64  # the other bits clear themselves
             if value & 0x18:  # set, or reset
-                self.magnetised = False
+                self._pulse(1 if value & 0x08 else -1)
             if value & 0x01:  # TM_M
                 self.registers[0x08] &= ~0x01
                 self.begin(self._measurement_s())
@@ -212,6 +219,9 @@ class Mmc5983ma(RegisterChip):
             self.next_conversion_s = None
             if value & 0x08 and value & 0x07:
                 self.begin(self._period_s())
+
+    def _pulse(self, sense: int) -> None:
+        self.magnetised, self.sense = False, sense
 
     def _measurement_s(self) -> float:
         return (8e-3, 4e-3, 2e-3, 0.5e-3)[self.controls[1] & 3]
@@ -227,14 +237,16 @@ class Mmc5983ma(RegisterChip):
     def convert(self) -> None:
         single = not self.controls[2] & 0x08
         if self.controls[0] & 0x20 and (single or self.controls[2] & 0x80):  # Auto_SR_en; in a stream En_prd_set, too
-            self.magnetised = False
+            self._pulse(1)
         x, y, out = self.sensed_gauss()
         sensed = (x, y, -out)
         self.magnetised |= max(map(abs, sensed)) > 10.0
+        current = (self.controls[3] >> 1 & 1) - (self.controls[3] >> 2 & 1)  # St_enp, St_enm
         low = 0
         for axis, gauss in enumerate(sensed):
-            offset = self.remanence_gauss if self.magnetised else 0.0
-            whole = max(0, min(0x3FFFF, 0x20000 + round((gauss + offset) * 16384)))
+            offset = self.zero_gauss[axis] + (self.remanence_gauss if self.magnetised else 0.0)
+            felt = self.sense * (gauss + current * self.coil_gauss[axis])
+            whole = max(0, min(0x3FFFF, 0x20000 + round((felt + offset) * 16384)))
             self.registers[2 * axis : 2 * axis + 2] = (whole >> 2).to_bytes(2, "big")
             low |= (whole & 3) << (6 - 2 * axis)
         self.registers[0x06] = low

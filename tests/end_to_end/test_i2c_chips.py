@@ -234,3 +234,20 @@ def test_a_selftest_of_lis3mdl_names_the_broken_axis_and_streaming_goes_on() -> 
         ]
         assert good["gain_factor"] == [None, None, None]
         assert run(source, all_valid)[-1].gain_code == 0
+
+
+def test_a_selftest_of_mmc5983ma_tells_zeros_and_the_one_that_is_too_large() -> None:
+    with wired("mmc5983ma", trigger="simultaneous") as (kernel, source):
+        run(source, all_valid)
+        assert "self_test" not in source.state.board  # there is one
+        kernel.chip(0, zero_gauss=[0.25, 0.0, -0.125])
+        kernel.chip(2, zero_gauss=[0.0, 0.75, 0.0])
+        source.request_selftest(0)
+        run(source, lambda frames: source.selftest_result(0))
+        result = source.selftest_result(0)
+        assert [sensor["passed"] for sensor in result["sensors"]] == [True, True, False, True]
+        # Of the chip's axes z is turned over; two counts of 0.024 µT.
+        assert result["sensors"][0]["zero_t"] == pytest.approx([25e-6, 0.0, 12.5e-6], abs=0.05e-6)
+        (reason,) = result["sensors"][2]["failures"]
+        assert reason.startswith("y: its zero is +75.0 µT, where ±50 are due: magnetised, or broken:")
+        assert run(source, all_valid)[-1].field_t[0] == pytest.approx([35e-6, -5e-6, 42.5e-6], abs=0.05e-6)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from test_chip_drivers import FIELD_GAUSS, KINDS, PROMISED
 
 import fmfts.sensor.chips as chips_package
 from fmfts.sensor.chips import CHIPS, Chip
+from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.wire.packets import SensorState
 
 __all__ = ["clock"]
@@ -56,7 +57,7 @@ MUTATIONS = [
     ("lis3mdl", "another chip's name", 'identity=b"\\x3d\\x00\\x00"', 'identity=b"\\x3e\\x00\\x00"'),
     ("mmc5983ma", "signed, though zero is in the middle", 'Struct(">HHH")', 'Struct(">hhh")'),
     ("mmc5983ma", "low byte first", 'Struct(">HHH")', 'Struct("<HHH")'),
-    ("mmc5983ma", "no set pulse: stays magnetised", "MEASURE_FIELD, AUTOMATIC_SET = 0x01, 0x20", "MEASURE_FIELD, AUTOMATIC_SET = 0x01, 0x00"),
+    ("mmc5983ma", "no set pulse: stays magnetised", "AUTOMATIC_SET = 0x01, 0x08, 0x10, 0x20", "AUTOMATIC_SET = 0x01, 0x08, 0x10, 0x00"),
     ("mmc5983ma", "no set pulse in a stream", "CONTINUOUS, PERIODIC_SET = 0x08, 0x80", "CONTINUOUS, PERIODIC_SET = 0x08, 0x00"),
     ("mmc5983ma", "bandwidth too small for its rate", "(6, 1), (7, 3)", "(6, 0), (7, 0)"),
     ("mmc5983ma", "code of the rate one less", "(5, 0), (6, 1)", "(4, 0), (5, 1)"),
@@ -67,6 +68,12 @@ MUTATIONS = [
     ("mmc5983ma", "scale of 18 bits with 16", "(4096, 4096, -4096)", "(16384, 16384, -16384)"),
     ("mmc5983ma", "right-handed, though it is not", "(4096, 4096, -4096)", "(4096, 4096, 4096)"),
     ("mmc5983ma", "triggers the thermometer", "trigger = bytes((CONTROL_0, AUTOMATIC_SET | MEASURE_FIELD))", "trigger = bytes((CONTROL_0, AUTOMATIC_SET | 0x02))"),
+    ("mmc5983ma", "self-test: the automatic set undoes the reset", "measure=bytes((CONTROL_0, MEASURE_FIELD))", "measure=bytes((CONTROL_0, AUTOMATIC_SET | MEASURE_FIELD))"),
+    ("mmc5983ma", "self-test: sets in place of the reset", "reset_pulse=bytes((CONTROL_0, RESET_PULSE))", "reset_pulse=bytes((CONTROL_0, SET_PULSE))"),
+    ("mmc5983ma", "self-test: the coil's bits are one lower", "COIL_ONE_WAY, COIL_OTHER_WAY = 0x02, 0x04", "COIL_ONE_WAY, COIL_OTHER_WAY = 0x01, 0x02"),
+    ("mmc5983ma", "self-test: the coil's current is never turned over", "bytes((CONTROL_3, COIL_OTHER_WAY))", "bytes((CONTROL_3, COIL_ONE_WAY))"),
+    ("mmc5983ma", "self-test: calls a dead axis good", "least_coil_gauss=10e-3", "least_coil_gauss=0.0"),
+    ("mmc5983ma", "self-test: the limit of the zero is ten times too large", "largest_zero_gauss=0.5", "largest_zero_gauss=5.0"),
     ("mlx90393", "RES 0, which wraps around", "RESOLUTION = 2", "RESOLUTION = 0"),
     ("mlx90393", "RES 3, its zero is elsewhere", "RESOLUTION = 2", "RESOLUTION = 3"),
     ("mlx90393", "signed, though zero is in the middle", 'Struct(">HHHH")', 'Struct(">hhhh")'),
@@ -188,6 +195,25 @@ def trigger(clock: Clock, kind: str) -> None:
     assert np.abs(run(pad, clock, 0.2, 50)[-1].counts[0] - counts).max() <= 1
 
 
+def selftest(clock: Clock, kind: str) -> None:
+    """Of bridges that pulses turn over; a LIS3MDL's has a test of its own (test_own_field.py)."""
+    if CHIPS[kind].set_reset is None:
+        return
+    zeros_gauss, dead, magnetised = (0.3, -0.2, 0.1), made(clock, kind), made(clock, kind)
+    good = made(clock, kind)
+    good.zero_gauss, dead.coil_gauss, magnetised.zero_gauss = zeros_gauss, (0.125, 0.0, 0.125), (0.0, 0.0, 0.6)
+    pad, _ = emulated_pad(clock, kind, [good, dead, magnetised], rate_hz=100)
+    run(pad, clock, 0.1, 100)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
+        sensors = i2c_selftest.measure(pad, 1).sensors
+    step_gauss = CHIPS[kind].step_t[0, 0] * 1e4
+    assert np.array(sensors[0].positive) * step_gauss == pytest.approx(zeros_gauss, abs=2 * step_gauss)
+    assert np.abs(sensors[0].negative) * step_gauss == pytest.approx(2 * np.array(good.coil_gauss), abs=2 * step_gauss)
+    failed = SensorState.SELFTEST_FAILED
+    assert [sensor.state for sensor in sensors] == [SensorState.OK, failed, failed]
+
+
 def identity(clock: Clock, kind: str) -> None:
     one = made(clock, kind)
     pad, _ = emulated_pad(clock, kind, [one], rate_hz=100)
@@ -203,6 +229,7 @@ CHECKS: tuple[Callable[[Clock, str], None], ...] = (
     temperature,
     trigger,
     reset_is_noticed,
+    selftest,
     stream,
     scale_and_saturation,
 )

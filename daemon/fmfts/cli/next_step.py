@@ -23,7 +23,8 @@ def after_selftest(facts: Mapping[str, Any], config: str, pad: str) -> str:
     if not facts.get("passed"):
         return f"check supply and wires of the sensors that failed, then `fmfts-daemon selftest{config}{pad}` again"
     if facts.get("gain_factor_sd") is None:
-        return f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted"
+        measures = ": it takes these zeros off, so that they do not matter" if _has_zeros(facts) else ""
+        return f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted{measures}"
     return (
         f"`fmfts-daemon baseline --bare{config}{pad}` while the pad is not mounted; if that is recorded already, "
         f"`fmfts-daemon baseline --rest{config}{pad}` uses the new gains"
@@ -39,6 +40,10 @@ def after_baseline(facts: Mapping[str, Any], config: str, pad: str) -> str:
         worth = next((step for step in ("--turn", "--refine") if _is_worth(step, facts)), "")
         return f"{run}; for better accuracy first `fmfts-daemon baseline {worth}{config}{pad}`" if worth else run
     return ""
+
+
+def _has_zeros(facts: Mapping[str, Any]) -> bool:
+    return any("zero_t" in sensor for sensor in facts.get("sensors", ()))
 
 
 def _is_worth(step: str, facts: Mapping[str, Any]) -> bool:

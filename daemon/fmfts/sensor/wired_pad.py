@@ -58,7 +58,7 @@ class PadOnI2c(WiredPad):
 
     @property
     def has_selftest(self) -> bool:
-        return self.chip.bias_strap is not None or self.chip.own_field is not None
+        return self.chip.bias_strap is not None or self.chip.tested_on_i2c
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,8 @@ UNITS = {
 # Keys whose own words tell a person too little, with the unit's place in the sentence.
 LABELS = {
     "gain_sd": "gains, relative to each other",
+    "zero_t": "zero of each axis",
+    "coil_t": "moved by its own coil",
     "sensor_place_sd_m": "places of the sensors",
     "press_1n_sideways_sd_m": "press of 1 N: place",
     "press_1n_force_sd_n": "press of 1 N: force",

@@ -60,6 +60,8 @@ def _abilities() -> str:
 def _selftest(chip: Chip) -> str:
     if chip.bias_strap is not None:
         return f"gains to ±{chip.bias_strap.deviation:.1%}"
+    if chip.set_reset is not None:
+        return "zeros and broken axes, on I2C"
     return "no" if chip.own_field is None else "broken axes, on I2C"
 
 

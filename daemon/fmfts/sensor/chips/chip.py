@@ -60,6 +60,27 @@ class OwnField:
     samples: int
 
 
+@dataclass(frozen=True, slots=True)
+class SetReset:
+    """A self-test of bridges that a pulse turns over: the field changes its sign, and the bridge's own zero does not.
+
+    stop: what to write to end a stream. set_pulse, reset_pulse: for either pulse; settle_s: the time after `stop`, and
+    after a pulse. measure: for one measurement without a pulse of the chip's own; samples: that are averaged.
+    coil: for a current through its own coil one way, and the other, until it is set up; its field is hardly known.
+    largest_zero_gauss: of a good axis, of either sign. least_coil_gauss: what turning the current over must do to it.
+    """
+
+    stop: bytes
+    set_pulse: bytes
+    reset_pulse: bytes
+    settle_s: tuple[float, float]
+    measure: bytes
+    samples: int
+    coil: tuple[bytes, bytes]
+    largest_zero_gauss: float
+    least_coil_gauss: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chip:
     """The facts of one kind of chip. `name` is for the configuration, `label` for people.
@@ -77,7 +98,7 @@ class Chip:
     empty where it is the same at all. single_noise_t: of a measurement at the host's word; None: noise_t.
     sensitivity_per_k: relative change of the counts with temperature.
     thermometer: None where the chip has none that can be used. bias_strap: None where it has no self-test of its gains.
-    own_field: the self-test of others, on I2C only.
+    own_field, set_reset: the self-tests of others, on I2C only.
     board_rates_hz: those of output_rates_hz that the firmware of boards uses; empty: it does not read this chip.
     board_single_hz: the highest rate of simultaneous measurements there, of one pad.
     streamed: a board of others reads it, and nothing here does.
@@ -108,6 +129,7 @@ class Chip:
     thermometer: Thermometer | None
     bias_strap: BiasStrap | None
     own_field: OwnField | None = None
+    set_reset: SetReset | None = None
     board_rates_hz: tuple[float, ...] = ()
     board_single_hz: int = 0
     streamed: bool = False
@@ -141,6 +163,11 @@ class Chip:
     def on_boards(self) -> bool:
         """The firmware of boards reads it, too."""
         return bool(self.board_rates_hz)
+
+    @property
+    def tested_on_i2c(self) -> bool:
+        """It has a self-test that measures no gains, and that only an I2C bus of the computer carries out."""
+        return self.own_field is not None or self.set_reset is not None
 
     @property
     def has_trigger(self) -> bool:

@@ -1,10 +1,10 @@
-"""Judges a self-test: is each axis of a chip within its limits, and, with a bias strap, what is its real gain?"""
+"""Judges a self-test: is each axis of a chip within its limits, and what is its real gain, or its own zero?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fmfts.sensor.chips.chip import Axes, BiasStrap, Chip, OwnField
+from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, BiasStrap, Chip, OwnField, SetReset
 
 SATURATED = "saturated: the field outside leaves no room for the bias; move the magnet away and repeat"
 
@@ -37,17 +37,32 @@ def strap_of(chip: Chip) -> BiasStrap:
 
 
 def no_selftest(chip: Chip) -> str:
-    """The sentence for who asks for the self-test of a chip that has none."""
+    """The sentence for who asks for the self-test of a chip that has none, or none here."""
+    if chip.tested_on_i2c:
+        return (
+            f"{chip.named} is tested only on an I2C bus of the computer, neither by a board nor in the simulation: "
+            "`fmfts-daemon baseline --bare` measures its zeros, `--turn` its gains"
+        )
     return f"{chip.named} has no self-test that could measure its gains: `fmfts-daemon baseline --turn` measures them"
 
 
 def own_field_counts(chip: Chip, without: Sequence[Axes], with_field: Sequence[Axes]) -> Axes:
     """What the chip's own field did, from samples without and with it; saturated where one of them was."""
+    return _of_both(chip, without, with_field, (-1.0, 1.0))
+
+
+def bridge_zero_counts(chip: Chip, after_set: Sequence[Axes], after_reset: Sequence[Axes]) -> Axes:
+    """What the bridges say without a field, from samples after either pulse; saturated where one of them was."""
+    return _of_both(chip, after_set, after_reset, (0.5, 0.5))
+
+
+def _of_both(chip: Chip, first: Sequence[Axes], second: Sequence[Axes], weights: tuple[float, float]) -> Axes:
+    """The weighted sum of both means, axis by axis."""
     x, y, z = (
         chip.saturated_count
-        if chip.saturated_count in (*before, *after)
-        else round(sum(after) / len(after) - sum(before) / len(before))
-        for before, after in zip(zip(*without, strict=True), zip(*with_field, strict=True), strict=True)
+        if chip.saturated_count in (*ones, *others)
+        else round(weights[0] * sum(ones) / len(ones) + weights[1] * sum(others) / len(others))
+        for ones, others in zip(zip(*first, strict=True), zip(*second, strict=True), strict=True)
     )
     return x, y, z
 
@@ -70,7 +85,8 @@ def selftest_facts(
     """What a bias-strap measurement tells: per sensor and axis counts, gain relative to nominal, and what failed.
 
     positive, negative: counts per sensor under either bias, the external field subtracted; with an own field it is the
-    first of them, and no gain is known.
+    first of them, and no gain is known. With set and reset pulses: the bridges' zeros, and what turning over the coil's
+    current did; told as `zero_t` and `coil_t`, as the frames' fields are turned, None where an axis is saturated.
     faults: per sensor, why there is no measurement at all.
     `gain_factor` multiplies the nominal counts per gauss of an axis; None where its counts are out of limits. Its
     deviation `gain_factor_sd` is that of the straps' fields.
@@ -84,8 +100,7 @@ def selftest_facts(
                 "sensor": index + 1,
                 "passed": not failures,
                 "failures": failures,
-                "positive_counts": list(up),
-                "negative_counts": list(down),
+                **_measured(chip, gain_code, up, down, fault),
                 "gain_factor": [
                     None
                     if fault or chip.bias_strap is None
@@ -102,9 +117,25 @@ def selftest_facts(
     }
 
 
+def _measured(chip: Chip, gain_code: int, up: Axes, down: Axes, fault: str | None) -> dict[str, object]:
+    if chip.set_reset is None:
+        return {"positive_counts": list(up), "negative_counts": list(down)}
+    fields_t = [
+        [
+            None if fault or counts == chip.saturated_count else counts * float(step_t)
+            for counts, step_t in zip(axes, chip.step_t[gain_code], strict=True)
+        ]
+        for axes in (up, down)
+    ]
+    return {"zero_t": fields_t[0], "coil_t": fields_t[1]}
+
+
 def selftest_failures(chip: Chip, gain_code: int, up: Axes, down: Axes) -> list[str]:
-    """What is wrong with one sensor's counts under the positive and the negative bias; empty if nothing is."""
-    if chip.own_field is not None:
+    """What is wrong with one sensor's counts, as `selftest_facts` has them; empty if nothing is."""
+    if chip.set_reset is not None:
+        test = chip.set_reset
+        reasons = [_set_reset_failure(chip, test, gain_code, axis, up[axis], down[axis]) for axis in range(3)]
+    elif chip.own_field is not None:
         reasons = [_own_field_failure(chip, chip.own_field, axis, up[axis]) for axis in range(3)]
     else:
         reasons = [_axis_failure(chip, gain_code, axis, up[axis], down[axis]) for axis in range(3)]
@@ -133,4 +164,19 @@ def _own_field_failure(chip: Chip, test: OwnField, axis: int, counts: int) -> st
         return SATURATED
     if not low <= abs(counts) <= high:
         return f"{counts:+d} counts of the chip's own field, where {low} to {high} are due: the chip is damaged"
+    return None
+
+
+def _set_reset_failure(chip: Chip, test: SetReset, gain_code: int, axis: int, zero: int, coil: int) -> str | None:
+    if chip.saturated_count in (zero, coil):
+        return SATURATED
+    step_t = float(chip.step_t[gain_code, axis])
+    if abs(coil * step_t) < test.least_coil_gauss * TESLA_PER_GAUSS:
+        return f"does not feel the chip's own coil ({coil * step_t * 1e6:+.1f} µT): the axis is dead, replace the chip"
+    largest_t = test.largest_zero_gauss * TESLA_PER_GAUSS
+    if abs(zero * step_t) > largest_t:
+        return (
+            f"its zero is {zero * step_t * 1e6:+.1f} µT, where ±{largest_t * 1e6:.0f} are due: magnetised, or broken: "
+            "take magnets away, switch it off and on, and repeat; if it stays, replace the chip"
+        )
     return None
