@@ -105,6 +105,12 @@ def emulated_pad(
     return I2cPad(bus, switches, wiring, 0, settings, CHIPS[chip]), bus  # type: ignore[arg-type]
 
 
+def read(chip: Any, register: int, count: int = 1) -> bytes:
+    """What an emulated chip answers, without a driver."""
+    chip.write(bytes((register,)))
+    return bytes(chip.read(count))
+
+
 def run(pad: I2cPad, clock: Clock, duration_s: float, rate_hz: float, watch_s: float = 0.25) -> list[Any]:
     """Samples of the pad, read as the reader does it: at a rate, with a watch of one sensor now and then."""
     samples = []
