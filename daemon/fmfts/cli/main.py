@@ -116,7 +116,7 @@ def _parser(requested: str | None) -> argparse.ArgumentParser:
     baseline.add_argument(
         "--duration-s", type=seconds, help="duration of the recording: 0.5 to 60 (3; --turn 20; --refine 40)"
     )
-    selftest = verb("selftest", _selftest, "measure every axis with the chips' own bias straps")
+    selftest = verb("selftest", _selftest, "measure every axis in a field that the chip makes itself")
     for added in (baseline, selftest):
         added.add_argument("--pad", metavar="NAME", help="needed if there are several")
         facts(added)
