@@ -31,6 +31,7 @@ UNITS = {
 # Keys whose own words tell a person too little, with the unit's place in the sentence.
 LABELS = {
     "gain_sd": "gains, relative to each other",
+    "largest_zero_t": "largest good zero",
     "zero_t": "zero of each axis",
     "coil_t": "moved by its own coil",
     "sensor_place_sd_m": "places of the sensors",

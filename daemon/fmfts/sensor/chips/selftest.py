@@ -109,9 +109,13 @@ def selftest_facts(
                 ],
             }
         )
+    good_up_to = (
+        {} if chip.set_reset is None else {"largest_zero_t": chip.set_reset.largest_zero_gauss * TESLA_PER_GAUSS}
+    )
     return {
         "gain_code": gain_code,
         "passed": all(one["passed"] for one in sensors),
+        **good_up_to,
         "sensors": sensors,
         "gain_factor_sd": None if chip.bias_strap is None else chip.bias_strap.deviation,
     }
