@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,9 +14,11 @@ from emulator.chips import Bus, NackError, Tca9548a
 from fmfts.sensor.chips import CHIPS, mlx90393, mmc5983ma
 from fmfts.sensor.chips.tca9548a import Switches
 from fmfts.sensor.i2c import pad as pad_module
+from fmfts.sensor.i2c import selftest as i2c_selftest
 from fmfts.sensor.i2c import sensor as sensor_module
 from fmfts.sensor.i2c.pad import I2cPad
 from fmfts.sensor.i2c.reader_config import PadWiring
+from fmfts.sensor.wire.packets import Selftest
 from fmfts.sensor.wired_pad import Settings
 
 TRANSFER_S = 2e-4
@@ -45,6 +48,7 @@ def patched(clock: Clock) -> Iterator[None]:
             patch.setattr(module.time, "sleep", clock.sleep)
         for module in (pad_module, sensor_module):
             patch.setattr(module, "now_us", clock.now_us)
+        patch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
         yield
 
 
@@ -129,3 +133,21 @@ def run(pad: I2cPad, clock: Clock, duration_s: float, rate_hz: float, watch_s: f
             pad.watch()
         next_s = max(next_s + 1.0 / rate_hz, clock.now_s)
     return samples
+
+
+def selftest_of(clock: Clock, kind: str, chips: Sequence[Any], trigger: int = 0) -> Selftest:
+    """The self-test of a pad of these chips, whose samples before and after must be alike."""
+    pad, _ = emulated_pad(clock, kind, chips, rate_hz=50, trigger=trigger)
+    before = run(pad, clock, 0.5, 50)[-1]
+    result = i2c_selftest.measure(pad, 7)
+    after = run(pad, clock, 0.5, 50)[-1]
+    assert after.valid == before.valid
+    assert (after.counts == before.counts).all()
+    return result
+
+
+def with_(chip: Any, **own: Any) -> Any:
+    """The emulated chip, with attributes of its own."""
+    for name, value in own.items():
+        setattr(chip, name, value)
+    return chip

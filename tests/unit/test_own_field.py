@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from emulated_bus import Clock, clock, emulated_pad, run
+from emulated_bus import Clock, clock, emulated_pad, run, selftest_of, with_
 
 from emulator.magnetometers import Lis3mdl
 from fmfts.cli.next_step import after_selftest
@@ -21,33 +20,18 @@ FIELD_GAUSS = (0.75, -1.5, 0.3)
 COUNTS_PER_GAUSS = 2281  # at ±12 G (table 3)
 
 
-@pytest.fixture
-def measured(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Measures a pad of these chips, whose samples before and after must be alike."""
-    monkeypatch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
-
-    def measure(*chips: Lis3mdl, trigger: int = 0) -> Selftest:
-        pad, _ = emulated_pad(clock, "lis3mdl", list(chips), rate_hz=50, trigger=trigger)
-        before = run(pad, clock, 0.5, 50)[-1]
-        result = i2c_selftest.measure(pad, 7)
-        after = run(pad, clock, 0.5, 50)[-1]
-        assert after.valid == before.valid
-        assert (after.counts == before.counts).all()
-        return result
-
-    return measure
+def measured(clock: Clock, *chips: Lis3mdl, trigger: int = 0) -> Selftest:
+    return selftest_of(clock, "lis3mdl", chips, trigger)
 
 
-def chip(clock: Clock, **own: Any) -> Lis3mdl:
-    made = Lis3mdl(clock, own.pop("field_gauss", FIELD_GAUSS))
-    for name, value in own.items():
-        setattr(made, name, value)
+def chip(clock: Clock, field_gauss: tuple[float, float, float] = FIELD_GAUSS, **own: Any) -> Lis3mdl:
+    made: Lis3mdl = with_(Lis3mdl(clock, field_gauss), **own)
     return made
 
 
 @pytest.mark.parametrize("trigger", [0, 1])
-def test_good_chips_pass_and_stream_as_before(clock: Clock, measured: Any, trigger: int) -> None:
-    result = measured(chip(clock), chip(clock, own_field_gauss=(-1.1, 2.9, 0.95)), trigger=trigger)
+def test_good_chips_pass_and_stream_as_before(clock: Clock, trigger: int) -> None:
+    result = measured(clock, chip(clock), chip(clock, own_field_gauss=(-1.1, 2.9, 0.95)), trigger=trigger)
     assert (result.request_id, result.gain_code) == (7, 2)
     assert [sensor.state for sensor in result.sensors] == [SensorState.OK] * 2
     due = round(2.0 * COUNTS_PER_GAUSS), round(2.0 * COUNTS_PER_GAUSS), round(0.5 * COUNTS_PER_GAUSS)
@@ -64,11 +48,11 @@ def test_it_is_set_up_as_the_makers_note_says() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_an_axis_beyond_its_limits_fails_alone(clock: Clock, measured: Any, axis: int) -> None:
+def test_an_axis_beyond_its_limits_fails_alone(clock: Clock, axis: int) -> None:
     for gauss in ((0.9, 3.1), (0.9, 3.1), (0.09, 1.01))[axis]:
         own = [2.0, 2.0, 0.5]
         own[axis] = gauss
-        result = measured(chip(clock, own_field_gauss=tuple(own)), chip(clock))
+        result = measured(clock, chip(clock, own_field_gauss=tuple(own)), chip(clock))
         assert [sensor.state for sensor in result.sensors] == [SensorState.SELFTEST_FAILED, SensorState.OK]
         (reason,) = selftest_failures(LIS3MDL, 2, result.sensors[0].positive, result.sensors[0].negative)
         name, counts, rest = reason.split(" ", 2)
@@ -77,15 +61,14 @@ def test_an_axis_beyond_its_limits_fails_alone(clock: Clock, measured: Any, axis
         assert rest.endswith("the chip is damaged")
 
 
-def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock, measured: Any) -> None:
-    result = measured(chip(clock, field_gauss=(11.0, 0.0, 0.0)))
+def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock) -> None:
+    result = measured(clock, chip(clock, field_gauss=(11.0, 0.0, 0.0)))
     assert result.sensors[0].state == SensorState.SELFTEST_FAILED
     (reason,) = selftest_failures(LIS3MDL, 2, result.sensors[0].positive, result.sensors[0].negative)
     assert reason.startswith("x: saturated: the field outside")
 
 
-def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
+def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> None:
     one = chip(clock)
     pad, _ = emulated_pad(clock, "lis3mdl", [one], rate_hz=50)
     run(pad, clock, 0.5, 50)

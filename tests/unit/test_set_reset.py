@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from emulated_bus import Clock, clock, emulated_pad, run
+from emulated_bus import Clock, clock, emulated_pad, run, selftest_of, with_
 
 from emulator.magnetometers import Mmc5983ma
 from fmfts.cli.next_step import after_selftest
@@ -23,33 +22,18 @@ COUNTS_PER_GAUSS = 4096  # of 16 bits
 ZERO_GAUSS = (0.31, -0.08, 0.45)  # along the chip's own axes, z into the board
 
 
-@pytest.fixture
-def measured(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Measures a pad of these chips, whose samples before and after must be alike."""
-    monkeypatch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
-
-    def measure(*chips: Mmc5983ma, trigger: int = 0) -> Selftest:
-        pad, _ = emulated_pad(clock, "mmc5983ma", list(chips), rate_hz=50, trigger=trigger)
-        before = run(pad, clock, 0.5, 50)[-1]
-        result = i2c_selftest.measure(pad, 7)
-        after = run(pad, clock, 0.5, 50)[-1]
-        assert after.valid == before.valid
-        assert (after.counts == before.counts).all()
-        return result
-
-    return measure
+def measured(clock: Clock, *chips: Mmc5983ma, trigger: int = 0) -> Selftest:
+    return selftest_of(clock, "mmc5983ma", chips, trigger)
 
 
-def chip(clock: Clock, **own: Any) -> Mmc5983ma:
-    made = Mmc5983ma(clock, own.pop("field_gauss", FIELD_GAUSS))
-    for name, value in own.items():
-        setattr(made, name, value)
+def chip(clock: Clock, field_gauss: tuple[float, float, float] = FIELD_GAUSS, **own: Any) -> Mmc5983ma:
+    made: Mmc5983ma = with_(Mmc5983ma(clock, field_gauss), **own)
     return made
 
 
 @pytest.mark.parametrize("trigger", [0, 1])
-def test_zeros_are_told_apart_from_the_field(clock: Clock, measured: Any, trigger: int) -> None:
-    result = measured(chip(clock, zero_gauss=ZERO_GAUSS), chip(clock), trigger=trigger)
+def test_zeros_are_told_apart_from_the_field(clock: Clock, trigger: int) -> None:
+    result = measured(clock, chip(clock, zero_gauss=ZERO_GAUSS), chip(clock), trigger=trigger)
     assert (result.request_id, result.gain_code) == (7, 0)
     assert [sensor.state for sensor in result.sensors] == [SensorState.OK] * 2
     # Half a count from the mean, one from each conversion, which cuts two bits off.
@@ -70,8 +54,7 @@ def test_the_zero_is_what_a_frame_without_a_field_says(clock: Clock) -> None:
     assert sensor["zero_t"] == pytest.approx([31e-6, -8e-6, -45e-6], abs=0.05e-6)
 
 
-def test_noise_fails_no_good_chip(clock: Clock, measured: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
+def test_noise_fails_no_good_chip(clock: Clock) -> None:
     chips = [Mmc5983ma(clock, FIELD_GAUSS, noise_gauss=0.8e-3, seed=seed) for seed in range(8)]
     pad, _ = emulated_pad(clock, "mmc5983ma", chips, rate_hz=50)
     run(pad, clock, 0.2, 50)
@@ -83,10 +66,10 @@ def test_noise_fails_no_good_chip(clock: Clock, measured: Any, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_zero_beyond_its_limit_fails_alone(clock: Clock, measured: Any, axis: int) -> None:
+def test_a_zero_beyond_its_limit_fails_alone(clock: Clock, axis: int) -> None:
     zero = [0.49, -0.49, 0.49]
     zero[axis] = -0.52
-    result = measured(chip(clock, zero_gauss=tuple(zero)), chip(clock))
+    result = measured(clock, chip(clock, zero_gauss=tuple(zero)), chip(clock))
     assert [sensor.state for sensor in result.sensors] == [SensorState.SELFTEST_FAILED, SensorState.OK]
     (reason,) = selftest_failures(MMC5983MA, 0, result.sensors[0].positive, result.sensors[0].negative)
     told_ut = "+52.0" if axis == 2 else "-52.0"
@@ -94,23 +77,23 @@ def test_a_zero_beyond_its_limit_fails_alone(clock: Clock, measured: Any, axis: 
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_an_axis_that_does_not_feel_the_coil_is_dead(clock: Clock, measured: Any, axis: int) -> None:
+def test_an_axis_that_does_not_feel_the_coil_is_dead(clock: Clock, axis: int) -> None:
     coil = [0.08, -0.175, 0.08]  # its sign does not matter
     coil[axis] = 0.002
-    result = measured(chip(clock, coil_gauss=tuple(coil)), chip(clock, coil_gauss=(0.08, 0.175, -0.08)))
+    result = measured(clock, chip(clock, coil_gauss=tuple(coil)), chip(clock, coil_gauss=(0.08, 0.175, -0.08)))
     assert [sensor.state for sensor in result.sensors] == [SensorState.SELFTEST_FAILED, SensorState.OK]
     (reason,) = selftest_failures(MMC5983MA, 0, result.sensors[0].positive, result.sensors[0].negative)
     assert reason.startswith(f"{'xyz'[axis]}: does not feel the chip's own coil")
 
 
-def test_what_a_strong_field_left_does_not_count(clock: Clock, measured: Any) -> None:
+def test_what_a_strong_field_left_does_not_count(clock: Clock) -> None:
     one = chip(clock)
     one.magnetised = True
-    assert measured(one).sensors[0].state == SensorState.OK
+    assert measured(clock, one).sensors[0].state == SensorState.OK
 
 
-def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock, measured: Any) -> None:
-    result = measured(chip(clock, field_gauss=(0.0, 8.2, 0.0)))
+def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock) -> None:
+    result = measured(clock, chip(clock, field_gauss=(0.0, 8.2, 0.0)))
     (reason,) = selftest_failures(MMC5983MA, 0, result.sensors[0].positive, result.sensors[0].negative)
     assert reason.startswith("y: saturated: the field outside")
     (sensor,) = selftest_facts(MMC5983MA, 0, [result.sensors[0].positive], [result.sensors[0].negative])[  # type: ignore[misc]
@@ -120,8 +103,7 @@ def test_a_field_that_leaves_no_room_is_no_damage(clock: Clock, measured: Any) -
     assert sensor["zero_t"][0] is not None
 
 
-def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(i2c_selftest, "time", SimpleNamespace(sleep=clock.sleep, monotonic=clock))
+def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> None:
     one = chip(clock)
     pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=50)
     run(pad, clock, 0.5, 50)
@@ -129,9 +111,9 @@ def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock, monke
     assert i2c_selftest.measure(pad, 1).sensors[0].state == SensorState.NO_NEW_DATA
 
 
-def test_the_coil_is_off_afterwards(clock: Clock, measured: Any) -> None:
+def test_the_coil_is_off_afterwards(clock: Clock) -> None:
     one = chip(clock)
-    measured(one)
+    measured(clock, one)
     assert one.controls[3] == 0
 
 
@@ -162,6 +144,6 @@ def test_only_the_i2c_bus_has_this_test() -> None:
     wiring = {"bus": 1, "clock_hz": 400_000, "mux_addresses": (0x70,), "channels": (0,), "addresses": (0x30,)}
     assert PadOnI2c(**common, **wiring).has_selftest
     assert not PadOnBoard(**common, port="/dev/null", baud=460_800, uid=None).has_selftest
-    for tested in (MMC5983MA, LIS3MDL):
-        assert f"{tested.named} is tested only on an I2C bus of the computer" in no_selftest(tested)
+    for one in (MMC5983MA, LIS3MDL):
+        assert f"{one.named} is tested only on an I2C bus of the computer" in no_selftest(one)
     assert "a QMC5883L has no self-test" in no_selftest(QMC5883L)
