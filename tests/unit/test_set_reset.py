@@ -111,6 +111,36 @@ def test_a_chip_that_gives_no_samples_any_more_is_not_judged(clock: Clock) -> No
     assert i2c_selftest.measure(pad, 1).sensors[0].state == SensorState.NO_NEW_DATA
 
 
+class Restless(Mmc5983ma):
+    """Its first measurement after a pulse is off. `settings`: of each measurement, its bandwidth and its stream."""
+
+    def __init__(self, *arguments: Any) -> None:
+        self.since_pulse = 0
+        self.settings: list[tuple[int, int]] = []
+        super().__init__(*arguments)
+
+    def _pulse(self, sense: int) -> None:
+        super()._pulse(sense)
+        self.since_pulse = 0
+
+    def convert(self) -> None:
+        self.settings.append((self.controls[1], self.controls[2]))
+        self.since_pulse += 1
+        self.zero_gauss = (float(self.since_pulse == 1),) * 3
+        super().convert()
+
+
+def test_the_stream_rests_and_the_first_measurement_after_a_pulse_does_not_count(clock: Clock) -> None:
+    one = Restless(clock, FIELD_GAUSS)
+    pad, _ = emulated_pad(clock, "mmc5983ma", [one], rate_hz=200)
+    run(pad, clock, 0.1, 200)
+    one.settings.clear()
+    result = i2c_selftest.measure(pad, 1)
+    assert set(one.settings) == {(2, 0)}  # 2 ms, and no stream
+    assert result.sensors[0].positive == pytest.approx((0, 0, 0), abs=1.5)
+    assert result.sensors[0].negative == pytest.approx((-1024, -1024, -1024), abs=2)
+
+
 def test_the_coil_is_off_afterwards(clock: Clock) -> None:
     one = chip(clock)
     measured(clock, one)
