@@ -248,6 +248,9 @@ class Estimator:
         not_stuck = aligned.repeats <= self.baselined.repeats_allowed
         field = self.mounting.magnet_field(np.where(not_stuck, aligned.field_t, np.nan))
         lasting, elsewhere = self.mounting.lasting_deviation_t(field, self._tracker.ambient_t), aligned.bend_t
+        drift_t = self.baselined.offset_drift_t(temperature_c)
+        if drift_t > 0.0:
+            elsewhere = root_of_squares(elsewhere, drift_t)
         if neighbours:
             field = with_rest(field, self.baselined.pad.sensors, neighbours)
             elsewhere = root_of_squares(elsewhere, placement_deviation(self.baselined.pad.sensors, neighbours))

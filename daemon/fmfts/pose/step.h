@@ -44,6 +44,7 @@ enum {
     X(sensitivity_deviation, 3 * FMFTS_AXES)                                                                           \
     X(place_deviation, FMFTS_SENSORS)                                                                                  \
     X(systematic_t, 1)                                                                                                 \
+    X(offset_t_per_k, 1)                                                                                               \
     X(noise_t, FMFTS_AXES)                                                                                             \
     X(place_m, FMFTS_AXES)                                                                                             \
     X(direction, 3 * FMFTS_AXES)                                                                                       \
@@ -139,6 +140,7 @@ typedef struct {
     double field_t[FMFTS_AXES];
     double lasting_t2[FMFTS_AXES]; /* part of variance_t2: from curvature, which averaging does not reduce */
     double unknown_t2[FMFTS_AXES]; /* part of variance_t2: from what the baseline leaves unknown */
+    double drift_t2;               /* part of variance_t2 of each axis: from warming, which averaging does not reduce */
     double variance_t2[FMFTS_AXES];
 } fmfts_field;
 

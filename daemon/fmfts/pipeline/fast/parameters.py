@@ -77,6 +77,7 @@ def put_tracking(
     values = mounting.gain.size
     parameters.put("part", model.parts[:SIZE])
     parameters.put("walk_per_s", model.walk_per_s[:SIZE])
+    parameters.put("offset_t_per_k", model.offset_t_per_k)
     parameters.put("moment_per_k", model.moment_per_k)
     parameters.put("moment_per_k_deviation", model.moment_per_k_deviation)
     parameters.put("rest_temperature_c", np.nan if rest_temperature_c is None else rest_temperature_c)
