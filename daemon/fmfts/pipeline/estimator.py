@@ -120,10 +120,19 @@ class Estimator:
                 None if self._now is None else self._now.parameters,
             )
 
-    def hand_over(self, alignment: Alignment, reading: Reading, missing: Missing, gain_code: int) -> FastPath | None:
+    def hand_over(
+        self,
+        alignment: Alignment,
+        reading: Reading,
+        missing: Missing,
+        gain_code: int,
+        own: Sighting,
+        neighbours: Sequence[NeighbourView],
+    ) -> FastPath | None:
         """Give the memory to the compiled path, and return that path. None if only Python can judge the next frame.
 
-        reading, missing, gain_code: of the last frame. C goes on while the same is missing.
+        reading, missing, gain_code: of the last frame. C goes on while the same is missing. own: where C tells that the
+        magnet was seen; neighbours: the pads that are felt.
         """
         is_whole, blamed = reading.health == "ok", self._tracker.blamed
         if blamed is not None:
@@ -144,9 +153,10 @@ class Estimator:
             return None
         if self._model.smoothing_s > 0.0 and self.memory.smoother.pose is None:
             return None
-        if not self._tracker.can_be_handed_over or (is_whole and not (self._now is None or self._now.runs)):
+        follows_now = is_whole and self._now is not None and not neighbours
+        if not self._tracker.can_be_handed_over or (follows_now and not self._now.runs):
             return None
-        if alignment.memory.without_news:
+        if alignment.memory.without_news or not self._path.be_among(own, neighbours):
             return None
         self._path.take_over(missing, reading.health, reading.reason, alignment.memory, self.memory)
         return self._path

@@ -24,9 +24,10 @@ from fmfts.contact.refinement import STEPS
 from fmfts.contact.smoothing import COMPONENTS, JUMP_PROBABILITY
 from fmfts.contact.touch import RELEASE_FRAMES
 from fmfts.pad import Pad
-from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, tracker
+from fmfts.pose import alignment, gate, hidden_gradient, mean_residuals, neighbour, tracker
 from fmfts.pose.change import shortest_rotation
 from fmfts.pose.hidden_gradient import HiddenGradient
+from fmfts.pose.neighbour import NeighbourView
 from fmfts.pose.problem import MAX_ITERATIONS, Part
 from fmfts.pose.silicone import TIMES_S, SiliconeFollower
 from fmfts.pose.state import SIZE
@@ -125,6 +126,21 @@ def put_hidden_gradient(parameters: DoubleTable, hidden: HiddenGradient) -> None
     parameters.put("ambient_errors", hidden.ambient_error.shape[-1])
     parameters.put("ambient_error", hidden.ambient_error)
     parameters.put("unit_gradient", hidden.unit)
+
+
+def put_neighbours(parameters: DoubleTable, neighbours: Sequence[NeighbourView]) -> None:
+    """Neighbours with one magnet each."""
+    placed, magnets = [each.placement for each in neighbours], [each.sighting.magnets[0] for each in neighbours]
+    parameters.put("neighbours", len(neighbours))
+    parameters.put("neighbour_turn", np.array([each.rotation for each in placed]))
+    parameters.put("neighbour_place_m", np.array([each.position_m for each in placed]))
+    parameters.put("neighbour_placement_m", np.array([each.tolerance_m for each in placed]))
+    parameters.put("neighbour_magnet", np.array([(each.strength_t_m3, each.modelled_octupole_m2) for each in magnets]))
+    parameters.put("speed_m_per_s", neighbour.SPEED_M_PER_S)
+    parameters.put("turn_rad_per_s", neighbour.TURN_RAD_PER_S)
+    parameters.put("farthest_m", neighbour.REACH_M)
+    parameters.put("farthest_rad", neighbour.REACH_RAD)
+    parameters.put("moment_deviation", neighbour.MOMENT_DEVIATION)
 
 
 def put_contact(

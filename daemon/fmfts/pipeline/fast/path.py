@@ -9,6 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import Buffer
 
 from fmfts.baseline import Mounting
 from fmfts.bus.messages import Health
@@ -23,16 +24,18 @@ from fmfts.pipeline.fast.parameters import (
     put_contact,
     put_hidden_gradient,
     put_message,
+    put_neighbours,
     put_sensors,
     put_silicone,
     put_tracking,
 )
 from fmfts.pipeline.fast.template import Template
 from fmfts.pose.hidden_gradient import HiddenGradient
+from fmfts.pose.neighbour import NeighbourView, Sighting
 from fmfts.pose.silicone import SiliconeFollower
 from fmfts.pose.tracking_model import TrackingModel
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.frame import Frame, Packed
+from fmfts.sensor.frame import Frame
 
 Array = NDArray[np.float64]
 
@@ -171,7 +174,9 @@ class FastPath:
         self._memory = DoubleTable(_fast.MEMORY)
         self._judged = np.zeros(_fast.OUTCOME_BYTES // 8)  # what the last frame left for the samples that follow
         self._outcome = self._judged.data
-        self._pad = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
+        self._alone = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
+        self._pad: tuple[Buffer | None, ...] = self._alone
+        self._around: tuple[Sighting, Sequence[NeighbourView]] | None = None
         self._lane: Lane | None = None
         self._tells_shear = model.has_shear
         self.verdict = Verdict("ok", "", (), False, False)
@@ -214,16 +219,34 @@ class FastPath:
         response = None if now is None else now.response
         return cls(parameters, model, response if model.refiner is None else model.refiner.packed)
 
-    def judge(self, packed: Packed, sequence: int, device_time_us: int, temperature_c: float | None) -> Judged | None:
+    def be_among(self, own: Sighting, neighbours: Sequence[NeighbourView]) -> bool:
+        """From now on, tell in `own` where the magnet is seen, and reckon with these neighbours. False if C cannot."""
+        if self._around is not None and self._around[0] is own and self._around[1] == neighbours:
+            return True
+        if len(neighbours) > _fast.NEIGHBOURS or any(len(each.sighting.magnets) > 1 for each in neighbours):
+            return False
+        put_neighbours(self._parameters, neighbours)
+        seen = (own, *(each.sighting for each in neighbours))
+        self._pad, self._lane = (*self._alone, *(each.table.buffer for each in seen)), None
+        self._around = own, tuple(neighbours)
+        return True
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether it feels no neighbour."""
+        return self._around is None or not self._around[1]
+
+    def judge(self, frame: Frame) -> Judged | None:
         """Judge one frame. None, and the memory is unchanged, if the frame is not healthy in every respect."""
-        temperature_c = np.nan if temperature_c is None else temperature_c
-        judged = _fast.judge(*self._pad, packed, sequence, device_time_us, temperature_c)
+        temperature_c = np.nan if frame.temperature_c is None else frame.temperature_c
+        times = frame.device_time_us, frame.host_time_ns
+        judged = _fast.judge(self._pad, frame.packed, frame.sequence, *times, temperature_c)
         return None if judged is None else Judged(judged[0], judged[1], KINDS[judged[2]])
 
     def early(self, early: EarlySample) -> float | None:
         """Follow a sample that came before its frame, after judge() of a healthy one. Returns the board's time of the
         `now` that it tells, None if it tells none."""
-        return _fast.early(*self._pad, early.sensor, early.gain_code, *early.counts, early.device_time_us)
+        return _fast.early(self._pad, early.sensor, early.gain_code, *early.counts, early.device_time_us)
 
     def message(
         self, template: Template, seq: int, t_sample_ns: int, t_publish_ns: int, utc_ns: int, now_ns: int
@@ -256,7 +279,7 @@ class FastPath:
         frame wait for it: what Python judged, C does not know.
         """
         whole = tuple(bool(sensor.all()) for sensor in missing.used)
-        tells_now = self.tells_now and missing.gain_code < 0
+        tells_now = self.tells_now and missing.gain_code < 0 and self.is_alone
         self.verdict = Verdict(health, reason, whole, tells_now, self._tells_shear)
         self._judged.fill(0.0)
         for memory in memories:
