@@ -98,10 +98,8 @@ class Estimator:
             self.memory.now = self._now.memory
         self.detection_limit_n = 0.0
         self._path: FastPath | None = None
-        if isinstance(model, NoContactModel):
-            return  # its frames are judged in Python
         resting = baselined.resting_covariance()
-        if resting is not None:
+        if resting is not None and isinstance(model, ContactModel):
             self.detection_limit_n = model.detection_limit_n(resting, self._touch.onset_chi2)
         if baselined.at_rest:
             self._path = FastPath.of(
@@ -336,4 +334,5 @@ def _without_model(
 ) -> Reading:
     """Touch and displacement, but neither place nor force. Whether a press can lift this pad's magnet is not known."""
     reason = f"{track.reason}; {model.reason}" if track.reason else model.reason
-    return Reading(track.health, reason, track.used, track.estimate, touching=touching, distance_m=distance_m)
+    parts = track.health, reason, track.used, track.estimate
+    return Reading(*parts, touching=touching, distance_m=distance_m, is_steady=track.is_steady)

@@ -246,6 +246,9 @@ void fmfts_change(const fmfts_pose_parameters *parameters, const double *state, 
 void fmfts_displace(const fmfts_pose_parameters *parameters, const fmfts_pose_memory *memory, const double *state,
                     const fmfts_pose *pose, const double overlap[5][5], fmfts_displacement *d);
 
+/* change.c: how far (m) the change moved the magnet's centre, and the deviation along that direction: distance of change.py. */
+void fmfts_distance(const fmfts_displacement *d, double *moved_m, double *deviation_m);
+
 /* silicone.c: notes in `memory` the load of its state. elapsed_s: since the last frame. */
 void fmfts_follow_creep(const fmfts_pose_parameters *parameters, fmfts_pose_memory *memory, double elapsed_s);
 

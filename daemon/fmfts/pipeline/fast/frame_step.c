@@ -110,6 +110,19 @@ static bool solve(const fmfts_pad *pad, const fmfts_frame *frame, fmfts_pose_mem
            fmfts_follow_foreign(parameters, &reference, next, pose);
 }
 
+/* The contact from a change of pose. False if only Python can say it. */
+static bool estimate_contact(const fmfts_pad *pad, fmfts_memory *next, const fmfts_pose *pose,
+                             const fmfts_displacement *displacement, fmfts_estimate *estimate)
+{
+    const fmfts_contact_parameters *contact = &pad->parameters->contact;
+    fmfts_question question;
+    fmfts_draw(&pad->parameters->pose, next->pose.state, displacement, MM_PER_M, question.pose, question.covariance);
+    return fmfts_smooth(contact, &next->contact, pose->elapsed_s, &question) && fmfts_keep_inside(contact, &question) &&
+           fmfts_estimate_contact(contact, &question, &pad->network, contact->refine_steps[0] > 0.0 ? pad->response : NULL,
+                                  pad->response_bytes, estimate) &&
+           !(estimate->refused && next->contact.touched[0] != 0.0); /* Python says that the place is not known */
+}
+
 int64_t fmfts_sampled_ns(int64_t host_ns, double time_us, double instant_us)
 {
     return host_ns - 1000 * ((int64_t)time_us - (int64_t)instant_us);
@@ -132,7 +145,6 @@ fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, co
     fmfts_field field;
     fmfts_pose pose;
     fmfts_displacement displacement;
-    fmfts_question question;
     fmfts_estimate estimate;
     double slopes[FMFTS_AXES][FMFTS_STEP], overlap[5][5];
     memcpy(next, memory, sizeof *next);
@@ -154,15 +166,12 @@ fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, co
                      pose.elapsed_s)) {
         return FMFTS_NO_NUMBER;
     }
-    fmfts_draw(&parameters->pose, state, &displacement, MM_PER_M, question.pose, question.covariance);
-    if (!fmfts_smooth(&parameters->contact, &next->contact, pose.elapsed_s, &question) ||
-        !fmfts_keep_inside(&parameters->contact, &question) ||
-        !fmfts_estimate_contact(&parameters->contact, &question, &pad->network,
-                                parameters->contact.refine_steps[0] > 0.0 ? pad->response : NULL, pad->response_bytes,
-                                &estimate) ||
-        (estimate.refused && next->contact.touched[0] != 0.0) || /* Python says that the place is not known */
-        (parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) && is_alone &&
-         !fmfts_tell_now(pad, next, frame, &pose, &estimate, outcome))) {
+    bool has_model = parameters->message.has_model[0] != 0.0, touching = next->contact.touched[0] != 0.0;
+    if (has_model && !estimate_contact(pad, next, &pose, &displacement, &estimate)) {
+        return FMFTS_NO_NUMBER;
+    }
+    if (has_model && parameters->now.tells_now[0] != 0.0 && is_whole(&next->pose) && is_alone &&
+        !fmfts_tell_now(pad, next, frame, &pose, &estimate, outcome)) {
         return FMFTS_NO_NUMBER;
     }
     outcome->instant_us = field.instant_us;
@@ -171,7 +180,12 @@ fmfts_kind fmfts_frame_step(const fmfts_pad *pad, const fmfts_memory *memory, co
     for (int i = 0; i < FMFTS_MOVES; i++) {
         memcpy(outcome->seen + FMFTS_MOVES * i, pose.covariance + FMFTS_STEP * i, FMFTS_MOVES * sizeof(double));
     }
-    fmfts_kind kind = put_contact(&parameters->message, &estimate, next->contact.touched[0] != 0.0, numbers);
+    fmfts_kind kind = touching ? FMFTS_TOUCHED : FMFTS_QUIET;
+    if (has_model) {
+        kind = put_contact(&parameters->message, &estimate, touching, numbers);
+    } else {
+        fmfts_distance(&displacement, numbers->displacement_m, numbers->displacement_sd_m);
+    }
     bool is_healthy = all_finite(numbers, !isnan(frame->temperature_c), !isnan(parameters->message.ambient_t[0]));
     bool is_doubtful = kind == FMFTS_OVER_RANGE && fmfts_has_jumped(&parameters->pose, &field);
     return is_healthy && !is_doubtful ? kind : FMFTS_NO_NUMBER;

@@ -143,16 +143,10 @@ def put_neighbours(parameters: DoubleTable, neighbours: Sequence[NeighbourView])
     parameters.put("moment_deviation", neighbour.MOMENT_DEVIATION)
 
 
-def put_contact(
-    parameters: DoubleTable,
-    mounting: Mounting,
-    drawing: Pad,
-    change_error: Array,
-    touch: TouchDetector,
-    model: ContactModel,
-    detection_limit_n: float,
+def put_touch(
+    parameters: DoubleTable, mounting: Mounting, drawing: Pad, change_error: Array, touch: TouchDetector
 ) -> None:
-    """change_error (8, 5, M): see Leftover.change_error. detection_limit_n: see ContactModel.detection_limit_n."""
+    """change_error (8, 5, M): see Leftover.change_error."""
     parameters.put("leftovers", change_error.shape[-1])
     parameters.put("change_error", change_error)
     parameters.put("onset_chi2", touch.onset_chi2)
@@ -161,6 +155,13 @@ def put_contact(
     parameters.put("longest_gap_s", touch.longest_gap_s)
     parameters.put("drawn_rest_m", drawing.rest_position_m)
     parameters.put("drawn_turn", shortest_rotation(mounting.rest.axis, drawing.rest_axis))
+
+
+def put_contact(
+    parameters: DoubleTable, mounting: Mounting, drawing: Pad, model: ContactModel, detection_limit_n: float
+) -> None:
+    """detection_limit_n: see ContactModel.detection_limit_n."""
+    parameters.put("has_model", 1.0)
     parameters.put("refine_steps", STEPS if model.refines else 0)
     parameters.put("least_variance", TINY[0, 0])
     parameters.put("model_rest", model.rest_pose)

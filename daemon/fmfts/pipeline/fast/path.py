@@ -15,7 +15,7 @@ from fmfts.baseline import Mounting
 from fmfts.bus.messages import Health
 from fmfts.common.double_table import DoubleTable
 from fmfts.common.memory import hand_over, resume
-from fmfts.contact import ContactModel, TouchDetector
+from fmfts.contact import ContactModel, NoContactModel, TouchDetector
 from fmfts.contact.inference import CompiledInference
 from fmfts.pad import Pad
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
@@ -27,6 +27,7 @@ from fmfts.pipeline.fast.parameters import (
     put_neighbours,
     put_sensors,
     put_silicone,
+    put_touch,
     put_tracking,
 )
 from fmfts.pipeline.fast.template import Template
@@ -66,6 +67,7 @@ class Verdict(NamedTuple):
     reason: str
     whole: tuple[bool, ...]
     tells_now: bool
+    tells_force: bool
     tells_shear: bool
 
 
@@ -168,18 +170,19 @@ class FastPath:
     Python judges the next frame.
     """
 
-    def __init__(self, parameters: DoubleTable, model: ContactModel, response: bytes | None) -> None:
-        assert isinstance(model.inference, CompiledInference)
+    def __init__(
+        self, parameters: DoubleTable, model: ContactModel | NoContactModel, network: bytes | None, response: bytes | None
+    ) -> None:
         self._parameters = parameters
         self._memory = DoubleTable(_fast.MEMORY)
         self._judged = np.zeros(_fast.OUTCOME_BYTES // 8)  # what the last frame left for the samples that follow
         self._outcome = self._judged.data
-        self._alone = parameters.buffer, self._memory.buffer, self._outcome, response, model.inference.network
+        self._alone = parameters.buffer, self._memory.buffer, self._outcome, response, network
         self._pad: tuple[Buffer | None, ...] = self._alone
         self._around: tuple[Sighting, Sequence[NeighbourView]] | None = None
         self._lane: Lane | None = None
-        self._tells_shear = model.has_shear
-        self.verdict = Verdict("ok", "", (), False, False)
+        self._tells = isinstance(model, ContactModel), isinstance(model, ContactModel) and model.has_shear
+        self.verdict = Verdict("ok", "", (), False, *self._tells)
 
     @classmethod
     def of(
@@ -188,7 +191,7 @@ class FastPath:
         mounting: Mounting,
         tracking: TrackingModel,
         rest_temperature_c: float | None,
-        model: ContactModel,
+        model: ContactModel | NoContactModel,
         touch: TouchDetector,
         silicone: SiliconeFollower,
         hidden_gradient: HiddenGradient,
@@ -203,21 +206,28 @@ class FastPath:
         C serves contact models of the compiled network, whose error tables fit into tables.h. change_error (8, 5, M),
         repeats_allowed (N, 3).
         """
-        if not (AVAILABLE and model.plain and isinstance(model.inference, CompiledInference)):
+        if not AVAILABLE:
             return None
+        network, refiner = None, None
+        if isinstance(model, ContactModel):
+            if not (model.plain and isinstance(model.inference, CompiledInference)):
+                return None
+            network, refiner = model.inference.network, model.refiner
         parameters = DoubleTable(_fast.PARAMETERS)
         try:
             put_sensors(parameters, mounting, mounting.mounted(drawing), repeats_allowed, stopped_us)
             put_tracking(parameters, mounting, tracking, rest_temperature_c)
             put_silicone(parameters, silicone)
             put_hidden_gradient(parameters, hidden_gradient)
-            put_contact(parameters, mounting, drawing, change_error, touch, model, detection_limit_n)
+            put_touch(parameters, mounting, drawing, change_error, touch)
+            if isinstance(model, ContactModel):
+                put_contact(parameters, mounting, drawing, model, detection_limit_n)
             put_message(parameters, mounting, drawing.magnet.remanence_t)
             put_now(parameters, now)
         except ValueError:
             return None
         response = None if now is None else now.response
-        return cls(parameters, model, response if model.refiner is None else model.refiner.packed)
+        return cls(parameters, model, network, response if refiner is None else refiner.packed)
 
     def be_among(self, own: Sighting, neighbours: Sequence[NeighbourView]) -> bool:
         """From now on, tell in `own` where the magnet is seen, and reckon with these neighbours. False if C cannot."""
@@ -280,7 +290,7 @@ class FastPath:
         """
         whole = tuple(bool(sensor.all()) for sensor in missing.used)
         tells_now = self.tells_now and missing.gain_code < 0 and self.is_alone
-        self.verdict = Verdict(health, reason, whole, tells_now, self._tells_shear)
+        self.verdict = Verdict(health, reason, whole, tells_now, *self._tells)
         self._judged.fill(0.0)
         for memory in memories:
             hand_over(memory, self._memory)
