@@ -76,7 +76,7 @@ def test_a_session_says_the_same_in_c_and_in_python(model: str) -> None:
 
 
 @LONG
-@pytest.mark.parametrize("model", ["shear", "smoothed"])
+@pytest.mark.parametrize("model", ["shear", "smoothed", "none"])
 def test_a_session_with_faults_says_the_same_and_comes_back(model: str) -> None:
     config = config_of(32)
     source = Simulated(config)
