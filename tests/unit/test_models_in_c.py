@@ -1,4 +1,4 @@
-"""A contact model that tells shear, smoothing, and no contact model, in C: the same messages as by the stages in Python."""
+"""A contact model that tells shear, smoothing, and no model, in C: the same messages as by the stages in Python."""
 
 from __future__ import annotations
 

@@ -32,7 +32,9 @@ def taps(later_s: float) -> Finger:
 
     def finger(time_s: float) -> Touch:
         number, within_s = divmod(time_s - later_s, 0.8)
-        return Touch(2e-3, -1e-3, 0.3 + 0.5 * (number % 4)) if within_s > 0.4 and number >= 0.0 else Touch(0.0, 0.0, 0.0)
+        return (
+            Touch(2e-3, -1e-3, 0.3 + 0.5 * (number % 4)) if within_s > 0.4 and number >= 0.0 else Touch(0.0, 0.0, 0.0)
+        )
 
     return finger
 

@@ -137,7 +137,9 @@ class MessageWriter:
             now = ContactNow(0.0, none, none, none, none, kind != Kind.QUIET)
         used = np.repeat(np.array(verdict.whole)[:, None], 3, axis=1)
         reading = Reading(
-            *(verdict.health, verdict.reason, used, estimate, contact, kind != Kind.QUIET), now=now, distance_m=distance_m
+            *(verdict.health, verdict.reason, used, estimate, contact, kind != Kind.QUIET),
+            now=now,
+            distance_m=distance_m,
         )
         number, sampled_ns = self.number, self.sampled_ns
         message = self.message(reading, 0, frame.temperature_c, mounting, baseline, frame)

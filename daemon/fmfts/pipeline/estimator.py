@@ -23,7 +23,7 @@ from fmfts.pose.alignment import has_jumped
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
 from fmfts.pose.hidden_gradient import HiddenGradientMemory
-from fmfts.pose.neighbour import NeighbourEstimate, placement_deviation, with_rest
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, Sighting, placement_deviation, with_rest
 from fmfts.pose.overlap import overlap
 from fmfts.pose.residual_monitor import FEWEST_SENSORS
 from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
@@ -151,8 +151,8 @@ class Estimator:
             return None
         if self._model.smoothing_s > 0.0 and self.memory.smoother.pose is None:
             return None
-        follows_now = is_whole and self._now is not None and not neighbours
-        if not self._tracker.can_be_handed_over or (follows_now and not self._now.runs):
+        begins_now = self._now is not None and not self._now.runs and not neighbours
+        if not self._tracker.can_be_handed_over or (is_whole and begins_now):
             return None
         if alignment.memory.without_news or not self._path.be_among(own, neighbours):
             return None

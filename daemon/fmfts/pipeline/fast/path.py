@@ -171,7 +171,11 @@ class FastPath:
     """
 
     def __init__(
-        self, parameters: DoubleTable, model: ContactModel | NoContactModel, network: bytes | None, response: bytes | None
+        self,
+        parameters: DoubleTable,
+        model: ContactModel | NoContactModel,
+        network: bytes | None,
+        response: bytes | None,
     ) -> None:
         self._parameters = parameters
         self._memory = DoubleTable(_fast.MEMORY)
