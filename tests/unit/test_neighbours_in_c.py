@@ -17,7 +17,7 @@ from fmfts.pipeline.contact_message import PackedMessage
 from fmfts.pipeline.fast import Kind
 from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
-from fmfts.pose.neighbour import sighting_layout
+from fmfts.pose.sighting import sighting_layout
 from fmfts.sensor import Frame
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch

@@ -23,9 +23,10 @@ from fmfts.pose.alignment import has_jumped
 from fmfts.pose.ambient_motion import AmbientMotionMemory
 from fmfts.pose.change import change_from, distance
 from fmfts.pose.hidden_gradient import HiddenGradientMemory
-from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, Sighting, placement_deviation, with_rest
+from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView, placement_deviation, with_rest
 from fmfts.pose.overlap import overlap
 from fmfts.pose.residual_monitor import FEWEST_SENSORS
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.silicone import SiliconeFollower, SiliconeMemory
 from fmfts.pose.track import Track, TrackerMemory
 from fmfts.pose.tracker import NOTHING_SAID

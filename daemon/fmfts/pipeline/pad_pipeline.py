@@ -18,7 +18,8 @@ from fmfts.pipeline.fast import FastPath, Lane, Missing, Passed
 from fmfts.pipeline.now import Early, Lead, Taken
 from fmfts.pose import Alignment, State, TrackingModel
 from fmfts.pose.alignment import AlignmentMemory
-from fmfts.pose.neighbour import NeighbourView, Sighting
+from fmfts.pose.neighbour import NeighbourView
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.state import NEIGHBOUR_SIZE
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample

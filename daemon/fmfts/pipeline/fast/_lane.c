@@ -200,9 +200,9 @@ fmfts_published_lane *fmfts_lane_of(PyObject *object)
 }
 
 static PyMethodDef methods[] = {
-    {"begin", lane_begin, METH_VARARGS, "Let C handle frames from now on; see path.py."},
-    {"end", lane_end, METH_NOARGS, "Stop, and tell what was handled; see path.py."},
-    {"last_ns", lane_last_ns, METH_NOARGS, "When the last handled frame arrived; see path.py."},
+    {"begin", lane_begin, METH_VARARGS, "Let C handle frames from now on; see lane.py."},
+    {"end", lane_end, METH_NOARGS, "Stop, and tell what was handled; see lane.py."},
+    {"last_ns", lane_last_ns, METH_NOARGS, "When the last handled frame arrived; see lane.py."},
     {NULL, NULL, 0, NULL},
 };
 
