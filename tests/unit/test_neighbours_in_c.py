@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fast_loop_host import Bus, Host, sample_of
+from test_fast_loop import at_no_time
 from test_healthy_path import assert_same, python_only
+from test_link import hello
 
 from fmfts.baseline import Baseline
 from fmfts.config import PadConfig, neighbours_of
@@ -19,6 +22,7 @@ from fmfts.pipeline.fast.compiled import AVAILABLE, _fast
 from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pose.sighting import sighting_layout
 from fmfts.sensor import Frame
+from fmfts.sensor.wire.framing import encode
 from fmfts.simulation.baseline import simulated_baseline
 from fmfts.simulation.finger import Finger, Touch
 from fmfts_lab.bench.drills import FRAME_NS, RATE_HZ, Ambient
@@ -81,3 +85,32 @@ def test_two_pads_that_feel_each_other_say_the_same_in_c_and_in_python(distance_
 
 def test_where_a_magnet_was_seen_is_laid_out_in_c_as_in_python() -> None:
     assert list(_fast.SIGHTING.items()) == list(sighting_layout(1).items())
+
+
+def test_two_boards_whose_pads_feel_each_other_say_the_same_by_express() -> None:
+    """From the bytes of both boards to the bus in C, and by way of frames: equal to the last bit."""
+    pads = pair(30.0, "drifting", seed=4)
+    baselines = {pad.name: simulated_baseline(pad, neighbours_of(pad, pads)) for pad in pads}
+    frames, told = list(frames_of(pads, 1.5)), {}
+    for may_express in (True, False):
+        bus = Bus()
+        hosts = {
+            pad.name: Host(pad, baselines[pad.name], bus, may_express, line)
+            for line, pad in zip((3, 4), pads, strict=True)
+        }
+        pipelines: dict[str, Any] = {name: host.pipeline for name, host in hosts.items()}
+        for pad in pads:
+            feel_neighbours(pad, pads, pipelines)
+            hosts[pad.name].take(encode(hello(4)), 0)
+        for name, frame in frames:
+            hosts[name].take(encode(sample_of(frame)), 10**9 + 1000 * frame.device_time_us)
+        for host in hosts.values():
+            if host.lane is not None:
+                host.end()
+        told[may_express] = hosts
+        bus.close()
+    for pad in pads:
+        by_express, by_frames = (told[may_express][pad.name].told for may_express in (True, False))
+        assert at_no_time(by_express.messages) == at_no_time(by_frames.messages)
+        assert by_express.expressed > 0.85 * len(by_frames.messages)
+        assert by_frames.expressed == 0
